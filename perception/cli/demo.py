@@ -19,13 +19,16 @@ def demo(
         seed: Seed of the street.
     """
     from data.open_drive import open_drive
+    from data.results.run_drive import RunConfig, run_drive
     from data.synthetic.collection import SynthConfig, write_drives
+    from perception.cli.drive_results import drive_results
     from perception.cli.progress import counting_bar
-    from perception.cli.run_drive import RunConfig, run_drive
     from perception.sensor import load_sensor
 
     config = SynthConfig(frames=frames, sensor=load_sensor(sensor), seed=seed)
     with counting_bar("writing a street", frames) as bar:
         (folder,) = write_drives(out / "drive", config, bar.update)
-    print(run_drive(open_drive(folder), out, RunConfig()).text())
+    drive, run_config = open_drive(folder), RunConfig()
+    results = drive_results(drive, run_config.pipeline, limit=None, on_bad_frame="stop")
+    print(run_drive(drive, results, out, run_config).text())
     print(f"video: {out / 'video.mp4'}")

@@ -25,7 +25,7 @@ Method = Literal["default", "thesis", "author"]
 _PIPELINE, _PROTOCOL = PipelineConfig.for_motion("none"), DatmoProtocol()
 
 
-def datmo(
+def evaluate_datmo(
     root: Path,
     *,
     drive: DriveFlags,

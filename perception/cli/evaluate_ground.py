@@ -14,7 +14,7 @@ from perception.pipeline import PipelineConfig
 _PIPELINE = PipelineConfig.for_obstacles()
 
 
-def ground(
+def evaluate_ground(
     root: Path,
     *,
     drive: DriveFlags,

@@ -15,7 +15,7 @@ from perception.pipeline import PipelineConfig
 _PIPELINE, _PROTOCOL = PipelineConfig.for_obstacles(), ObstacleProtocol()
 
 
-def obstacles(
+def evaluate_obstacles(
     root: Path,
     *,
     drive: DriveFlags,

@@ -36,7 +36,7 @@ class EvaluatedObjects:
     absent: dict[str, str]
 
 
-def otd(  # noqa: PLR0913 - flags of a command
+def evaluate_otd(  # noqa: PLR0913 - flags of a command
     root: Path,
     *,
     drive: DriveFlags,

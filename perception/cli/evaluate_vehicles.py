@@ -44,7 +44,7 @@ class LabelNoise:
 _NOISE = LabelNoise()
 
 
-def vehicles(  # noqa: PLR0913 - flags of a command
+def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
     root: Path,
     *,
     drive: DriveFlags,

@@ -46,88 +46,42 @@ class Command:
         return function
 
 
-# Modules are imported when their command is asked for, so that `trifuse --help` is quick.
-COMMANDS: Mapping[str, Command] = {
-    "demo": Command(
-        "perception.cli.demo:demo",
-        "make a short synthetic drive and run every stage on it; needs no data",
-    ),
-    "run": Command(
-        "perception.cli.run:run",
-        "run the pipeline on a drive; write results, a video and a summary",
-    ),
-    "track": Command(
-        "perception.cli.track:track", "track one object: trajectory, speed, box and a video"
-    ),
-    "maps": Command(
-        "perception.cli.maps:maps", "write dense depth and reflectance maps as the camera sees them"
-    ),
-    "synth": Command(
-        "perception.cli.synth:synth",
-        "write synthetic drives in KITTI's layouts, with exact point truth",
-    ),
-    "check": Command(
-        "perception.cli.check:check",
-        "read a drive; report what is missing, damaged or implausible",
-    ),
-    "export": Command(
-        "perception.cli.export:export",
-        "write a trained network as an ONNX file with a parity report",
-    ),
-    "bench": Command(
-        "perception.cli.bench:bench",
-        "time every stage beside its reference implementation and the best library",
-    ),
-    "train detector": Command(
-        "perception.cli.train_detector:detector", "image detector of one modality"
-    ),
-    "train fusion": Command(
-        "perception.cli.train_fusion:fusion", "fusion of the three modalities' detectors"
-    ),
-    "train depthcn": Command(
-        "perception.cli.train_depthcn:depthcn", "network that verifies DepthCN's proposals"
-    ),
-    "train proposals": Command(
-        "perception.cli.train_proposals:proposals", "search of the proposals' parameters"
-    ),
-    "detect": Command(
-        "perception.cli.detect:detect", "detect vehicles by DepthCN; write KITTI result files"
-    ),
-    "evaluate detection": Command(
-        "perception.cli.evaluate_detection:evaluate_detection",
-        "average precision of the vehicle detectors and their fusion",
-    ),
-    "evaluate robustness": Command(
-        "perception.cli.evaluate_robustness:evaluate_robustness",
-        "average precision under sensor corruptions",
-    ),
-    "evaluate results": Command(
-        "perception.cli.evaluate_results:evaluate_results",
-        "metrics of result files of any program",
-    ),
-    "evaluate ground": Command(
-        "perception.cli.evaluate_ground:ground", "error of the estimated ground at labelled objects"
-    ),
-    "evaluate obstacles": Command(
-        "perception.cli.evaluate_obstacles:obstacles", "objects missed, false moving clusters"
-    ),
-    "evaluate datmo": Command(
-        "perception.cli.evaluate_datmo:datmo", "tracks of moving objects, several methods compared"
-    ),
-    "evaluate otd": Command(
-        "perception.cli.evaluate_otd:otd", "trackers of one object, on the sequences of the thesis"
-    ),
-    "evaluate vehicles": Command(
-        "perception.cli.evaluate_vehicles:vehicles", "detected vehicles as objects on the road"
-    ),
-    **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
-}
-
-# Commands that have subcommands.
-GROUPS: Mapping[str, str] = {
+# Commands by their words. "evaluate ground" is the function `evaluate_ground` of perception/cli/evaluate_ground.py;
+# modules are imported when their command is called, so that `trifuse --help` is quick.
+SUMMARIES: Mapping[str, str] = {
+    "demo": "make a short synthetic drive and run every stage on it; needs no data",
+    "run": "run the pipeline on a drive; write results, a video and a summary",
+    "track": "track one object: trajectory, speed, box and a video",
+    "detect": "detect vehicles by DepthCN; write KITTI result files",
+    "maps": "write dense depth and reflectance maps as the camera sees them",
+    "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
+    "check": "read a drive; report what is missing, damaged or implausible",
     "evaluate": "measure a stage against labels or exact truth",
+    "evaluate ground": "error of the estimated ground at labelled objects",
+    "evaluate obstacles": "objects missed, false moving clusters",
+    "evaluate datmo": "tracks of moving objects, several methods compared",
+    "evaluate otd": "trackers of one object, on the sequences of the thesis",
+    "evaluate vehicles": "detected vehicles as objects on the road",
+    "evaluate detection": "average precision of the vehicle detectors and their fusion",
+    "evaluate robustness": "average precision under sensor corruptions",
+    "evaluate results": "metrics of result files of any program",
     "train": "train networks, or search the parameters of the proposals",
+    "train detector": "image detector of one modality",
+    "train fusion": "fusion of the three modalities' detectors",
+    "train depthcn": "network that verifies DepthCN's proposals",
+    "train proposals": "search of the proposals' parameters",
+    "export": "write a trained network as an ONNX file with a parity report",
     "study": "repeat a study of the thesis: a figure and a table",
+    "bench": "time every stage beside its reference implementation and the best library",
+}
+GROUPS = ("evaluate", "train", "study")
+COMMANDS: Mapping[str, Command] = {
+    **{
+        name: Command("perception.cli.{0}:{0}".format(name.replace(" ", "_")), summary)
+        for name, summary in SUMMARIES.items()
+        if name not in GROUPS
+    },
+    **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }
 
 _HELP = """usage: trifuse COMMAND [flags]
@@ -192,8 +146,7 @@ def _run(words: list[str]) -> None:
     is_help = not rest or rest[0] in ("-h", "--help")
     if subcommands and is_help:
         lines = _lines({name: one.summary for name, one in subcommands.items()})
-        summary = GROUPS[group]
-        print(f"usage: trifuse {group} COMMAND [flags]\n\n{summary.capitalize()}.\n\n{lines}")
+        print(f"usage: trifuse {group} COMMAND [flags]\n\n{SUMMARIES[group]}:\n\n{lines}")
     else:
         known = [name.removeprefix(f"{group} ") for name in subcommands] or _top_level()
         raise UsageError(
@@ -212,14 +165,12 @@ def _run_command(name: str, words: list[str]) -> None:
         call(prog, function, words)
 
 
-def _top_level() -> dict[str, str]:
-    """Return the summary of each command and of each group of commands."""
-    single = {name: one.summary for name, one in COMMANDS.items() if " " not in name}
-    return {**single, **GROUPS}
-
-
 def _overview() -> str:
     return _HELP.format(commands=_lines(_top_level()))
+
+
+def _top_level() -> dict[str, str]:
+    return {name: summary for name, summary in SUMMARIES.items() if " " not in name}
 
 
 def _lines(summaries: Mapping[str, str]) -> str:

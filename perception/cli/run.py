@@ -29,12 +29,14 @@ def run(
         pipeline: Pipeline configuration.
     """
     from data.open_drive import open_drive
+    from data.results.run_drive import RunConfig, run_drive
     from data.results.run_folder import make_results_folder
-    from perception.cli.run_drive import RunConfig, run_drive
+    from perception.cli.drive_results import drive_results
     from perception.pipeline.camera_stages import enabled_modalities
 
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor, images=images)
     config = RunConfig(frames.frames, video, frames.on_bad_frame, pipeline, track)
-    print(run_drive(opened, out or make_results_folder(), config).text())
+    results = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
+    print(run_drive(opened, results, out or make_results_folder(), config).text())

@@ -42,7 +42,8 @@ def track(  # noqa: PLR0913 - flags of a command
     from data.derived.track_start import TrackStartConfig, find_start
     from data.open_drive import open_drive
     from data.results.run_folder import make_results_folder
-    from perception.cli.track_object import TrackConfig, track_object
+    from data.results.track_object import TrackConfig, track_object
+    from perception.cli.progress import progress_bar
 
     start_config = TrackStartConfig(track_id, box, start_frame)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor)
@@ -50,4 +51,4 @@ def track(  # noqa: PLR0913 - flags of a command
     config = TrackConfig(
         tracker, frames.frames, video, frames.on_bad_frame, pipeline, tracker_config
     )
-    print(track_object(opened, start, out or make_results_folder(), config).text())
+    print(track_object(opened, start, out or make_results_folder(), config, progress_bar).text())

@@ -25,7 +25,7 @@ _DATA, _OPTIMIZER, _TRAINER = (
 @defaults_by(
     "method", {name: {"optimizer": one.optimizer} for name, one in VERIFIER_CONFIGS.items()}
 )
-def depthcn(  # noqa: PLR0913 - flags of a command
+def train_depthcn(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     training: TrainingFlags,

@@ -41,7 +41,7 @@ _OPTIMIZER, _TRAINER = DETECTOR_PRESETS["default"].optimizer, TrainerConfig(prec
         for name, one in DETECTOR_PRESETS.items()
     },
 )
-def detector(  # noqa: PLR0913 - flags of a command
+def train_detector(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     modality: Modality,

@@ -28,7 +28,7 @@ _MODELS, _DATA, _FIT, _TRAINER = (
 
 
 @defaults_by("variant", {name: {"fit": one} for name, one in FUSION_VARIANTS.items()})
-def fusion(  # noqa: PLR0913 - flags of a command
+def train_fusion(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     training: TrainingFlags,

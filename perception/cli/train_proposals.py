@@ -29,7 +29,7 @@ _OBJECTIVE = (
 )
 
 
-def proposals(  # noqa: PLR0913 - flags of a command
+def train_proposals(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     grid: SearchGrid = _GRID,

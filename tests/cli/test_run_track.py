@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
+from data.results.run_drive import TRACKING_STAGE, HandoverTracking, NoObjectTracking
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
-from perception.cli.run_drive import TRACKING_STAGE, HandoverTracking, NoObjectTracking
 from perception.geometry.grids import EgoVehicle
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render import palette

@@ -15,10 +15,11 @@ from data.derived.track_start import TrackStart, TrackStartConfig, find_start, p
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.results.records import to_fields
+from data.results.track_object import TrackConfig, track_object
 from data.results.trajectory import TrajectoryRecord, TrajectoryRows, read_trajectory
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
-from perception.cli.track_object import TrackConfig, track_object
+from perception.cli.progress import progress_bar
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary, path_length_m
 from perception.pipeline import PipelineConfig
@@ -81,7 +82,7 @@ def track_scripted(street, out, states, *, in_space=True, start=None) -> Traject
     config = TrackConfig(
         "scripted", len(states), video=False, make=lambda *_: Scripted(list(states), in_space)
     )
-    return track_object(drive, start, out, config)
+    return track_object(drive, start, out, config, progress_bar)
 
 
 def lines_of(path: Path) -> list[dict]:
@@ -229,14 +230,16 @@ def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
     drive = open_drive(street, images=False)
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     with pytest.raises(PerceptionError) as caught:
-        track_object(drive, TrackStart(0, box), tmp_path, TrackConfig("ms-i", 1, video=False))
+        track_object(
+            drive, TrackStart(0, box), tmp_path, TrackConfig("ms-i", 1, video=False), progress_bar
+        )
     assert caught.value.expected == "an image and a camera calibration in the first frame"
 
 
 def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path, labelled_id):
     start = find_start(open_drive(street), TrackStartConfig(track_id=labelled_id))
     bare = replace(open_drive(street, images=False), calibration=None)
-    summary = track_object(bare, start, tmp_path, TrackConfig("default", 2))
+    summary = track_object(bare, start, tmp_path, TrackConfig("default", 2), progress_bar)
     assert len(summary.positions_world) == 2
     assert (tmp_path / "video.mp4").is_file()
     assert not (tmp_path / "trajectory.txt").exists()

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,11 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from data.derived.track_start import TrackStart
-from data.frames import OnBadFrame, frame_count, read_frames
+from data.frames import frame_count, read_frames
 from data.results.documents import write_config, write_json
 from data.results.trajectory import TrajectoryRecord, TrajectoryRows, trajectory_writer
-from perception.cli.flags import require_positive
-from perception.cli.progress import progress_bar
 from perception.evaluation.single_object.track import TrueTrack
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
@@ -37,10 +35,12 @@ from perception.tracking.single_object.tracker import (
     TrackerInput,
 )
 from perception.tracking.single_object.trackers import single_object_tracker
-from perception.types import Boxes3D, Drive, Result, UInt8
+from perception.types import Boxes3D, Drive, Frame, OnBadFrame, Result, UInt8
 
 log = logging.getLogger(__name__)
 
+# Iterates over frames with a name and their number, and may show how many are done.
+FrameProgress = Callable[[Iterable[Frame], str, int], Iterable[Frame]]
 TrackerFactory = Callable[[str, LidarModel, SingleObjectTrackerConfig], SingleObjectTracker]
 
 
@@ -66,13 +66,9 @@ class TrackConfig:
     tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
     make: TrackerFactory = single_object_tracker
 
-    def __post_init__(self) -> None:
-        """Validate the number of frames."""
-        require_positive("--frames", self.frames)
-
 
 def track_object(
-    drive: Drive, start: TrackStart, out: Path, config: TrackConfig
+    drive: Drive, start: TrackStart, out: Path, config: TrackConfig, progress: FrameProgress
 ) -> TrajectorySummary:
     """Track one object; every result file is complete after each frame.
 
@@ -81,6 +77,7 @@ def track_object(
         start: First box of the object.
         out: Folder of the results.
         config: Configuration of the tracking.
+        progress: Shows the progress over the frames.
 
     Raises:
         PerceptionError: the tracker cannot start, or a frame cannot be used; the results before it stay.
@@ -110,7 +107,7 @@ def track_object(
             open_video(out / "video.mp4" if config.video else None, drive.sensor.rate_hz)
         )
         try:
-            for frame in progress_bar(frames, drive.name, count):
+            for frame in progress(frames, drive.name, count):
                 result, _ = chain.segment(frame)
                 tracker_input = tracker_input_of(result, config.pipeline.ego_vehicle)
                 if not summary.frames:

@@ -1,7 +1,8 @@
-"""Run the pipeline over a drive and write its results."""
+"""The results of the pipeline over a drive: written, drawn and summed up."""
 
 import logging
 import time
+from collections.abc import Generator
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,13 +10,11 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from data.frames import OnBadFrame, frame_count
+from data.frames import frame_count
 from data.results.documents import write_config
 from data.results.run_folder import RunFolderWriter
 from data.results.run_video import NoRunVideo, RunVideo, RunVideoWriter
 from data.results.trajectory import TrajectoryRecord, trajectory_writer
-from perception.cli.drive_results import drive_results
-from perception.cli.flags import require_positive
 from perception.errors import PerceptionError
 from perception.evaluation.run_summary import RunSummary
 from perception.geometry.threads import limit_blas_threads
@@ -26,7 +25,7 @@ from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.trails import TrackedObjectTrail
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
-from perception.types import Drive, Result
+from perception.types import Drive, OnBadFrame, Result
 
 log = logging.getLogger(__name__)
 
@@ -53,16 +52,15 @@ class RunConfig:
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     track: int | None = None
 
-    def __post_init__(self) -> None:
-        """Validate the number of frames."""
-        require_positive("--frames", self.frames)
 
-
-def run_drive(drive: Drive, out: Path, config: RunConfig) -> RunSummary:
-    """Run the pipeline over a drive; every result file is complete after each frame.
+def run_drive(
+    drive: Drive, results: Generator[Result, None, None], out: Path, config: RunConfig
+) -> RunSummary:
+    """Write the results of the pipeline; every result file is complete after each frame.
 
     Args:
-        drive: Drive to run on.
+        drive: Drive of the run.
+        results: Results of the pipeline, frame by frame; closed at the end.
         out: Folder of the results.
         config: Configuration of the run.
 
@@ -71,7 +69,6 @@ def run_drive(drive: Drive, out: Path, config: RunConfig) -> RunSummary:
     """
     pipeline = config.pipeline
     summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
-    results = drive_results(drive, pipeline, limit=config.frames, on_bad_frame=config.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:
         folder = files.enter_context(RunFolderWriter(out, drive, pipeline.area))
