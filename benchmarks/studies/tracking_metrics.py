@@ -52,7 +52,7 @@ class StudyTrackingMetrics:
         """Return the values that are shown, by name with unit."""
         minutes = self.duration_s / 60
         return {
-            "HOTA [%]": 100 * self.scores.hota.hota,
+            "HOTA [%]": 100 * self.scores.hota.hota.mean(),
             "MOTA [%]": 100 * self.scores.clear.mota,
             "IDF1 [%]": 100 * self.scores.identity.idf1,
             "false tracks [/min]": self.false_tracks / minutes if minutes else np.nan,

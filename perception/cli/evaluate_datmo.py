@@ -55,7 +55,7 @@ def evaluate_datmo(
         )
     labelled = open_labelled_drive(root, drive)
     comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
-    data = EvaluatedDrive.of(labelled, drive.frames, comparison.frames)
+    data = EvaluatedDrive.of(labelled, drive.frames, next(iter(comparison.reports.values())).frames)
     words = {**PROTOCOL_WORDS, "values": protocol}
     publish_report(
         f"{data}, method {pipeline.method}, evaluated view: {protocol.view}",

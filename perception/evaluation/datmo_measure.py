@@ -1,6 +1,14 @@
-"""Metrics of tracked moving objects on the ground plane, against labels or exact truth."""
+"""Metrics of tracked moving objects on the ground plane, against labels or exact truth.
 
-import dataclasses
+- HOTA, CLEAR and identity are computed by distance (similarity 1 less the distance of the centres over
+  `max_distance_m`) and by overlap (IoU of the outlines); CLEAR and identity at the thresholds given.
+- An object moves while its box travels over the ground, by label boxes and INS poses or by exact positions of
+  a synthetic drive, with hysteresis; its velocity is the median of those between all pairs of its positions
+  within `window_s`, or exact.
+- Errors are those of matched tracks; the heading is that of tracks faster than 1 m/s.
+- False tracks match no object in more than half of the frames in which they are evaluated or ignored.
+"""
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -8,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from perception.evaluation.config import DatmoProtocol
+from perception.evaluation.multi_object import track_assignment
 from perception.evaluation.multi_object.false_tracks import (
     FalseTracks,
     TrackOutcomes,
@@ -17,12 +26,10 @@ from perception.evaluation.multi_object.false_tracks import (
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.multi_object.target_errors import (
-    ObjectSummary,
+    ERROR_COLUMNS,
+    OBJECT_COLUMNS,
     TargetErrors,
-    TrackErrors,
-    summarise_objects,
     target_errors,
-    track_errors,
 )
 from perception.evaluation.multi_object.track_assignment import (
     SimilarityFrames,
@@ -32,45 +39,7 @@ from perception.evaluation.multi_object.track_assignment import (
 from perception.evaluation.report import Column, Table
 from perception.types import Float64, Frame, Labels, PointTruth, Result
 
-PROTOCOL_WORDS = {
-    "objects": (
-        "an object must be tracked in every frame in which it moves, its box's bottom centre is in the "
-        "area, the middle of its box is in the camera's view and its box holds min_points points from "
-        "clearance_m above its bottom, from the first such frame on: frames before a tracker confirms a "
-        "track are misses"
-    ),
-    "motion": (
-        "an object moves while its box travels over the ground, by label boxes and INS poses or by exact "
-        "positions of a synthetic drive, with hysteresis; its velocity is the median of those between "
-        "all pairs of its positions within window_s, or exact"
-    ),
-    "pairs": (
-        "tracks and objects of a similarity of at least min_similarity are assigned for the greatest sum of "
-        "similarity: 1 less the distance of the centres over max_distance_m, or the overlap (IoU) of the "
-        "outlines, whichever is greater"
-    ),
-    "ignored": (
-        "a track is neither right nor wrong where it matches an object that moves in some frame of the "
-        "drive but need not be tracked in this one, or one of unknown motion, and is more similar to it than "
-        "to its own object; it matches by min_similarity or where half of its outline lies on the object; "
-        "tracks on parked objects are not ignored"
-    ),
-    "left_out": (
-        "tracks without an object outside the area, outside the view, or with half of their box in the "
-        "image in one DontCare region"
-    ),
-    "metrics": (
-        "HOTA, CLEAR and identity on the ground plane, twice: by distance (similarity 1 less the distance "
-        "of the centres over max_distance_m) and by overlap (IoU of the outlines); CLEAR and identity at "
-        "the thresholds given"
-    ),
-    "errors": "errors of the matched tracks; heading of tracks faster than 1 m/s; extent as mean absolute error",
-    "false_tracks": (
-        "ids that match no object in more than half of the frames in which they are evaluated or ignored; "
-        "never_matched: those that match no object in any of these frames; on_parked: those that lie on a "
-        "parked object in one of them"
-    ),
-}
+PROTOCOL_WORDS = {"tracks": track_assignment.__doc__, "metrics": __doc__}
 
 
 class MovingObjectTruth(Protocol):
@@ -91,69 +60,77 @@ class DatmoReport:
 
     Attributes:
         protocol: Protocol of the evaluation.
-        frames: Number of evaluated frames.
-        duration_s: Duration of these frames in s.
+        duration_s: Duration of the evaluated frames in s.
         by_distance: Metrics by distance of the centres.
         by_overlap: Metrics by overlap of the outlines.
         by_loose_overlap: Metrics by overlap with CLEAR and identity at the loose threshold.
-        errors: Errors of the matched tracks.
-        objects: Summary of each object that must be tracked.
+        errors: Errors at the objects that must be tracked, in each frame.
         types: Class name of each labelled object.
         false_tracks: Tracks that match no moving object.
-        seconds: (frames,) Time in s of detection and tracking.
+        seconds: (F,) Time in s of detection and tracking in each evaluated frame.
     """
 
     protocol: DatmoProtocol
-    frames: int
     duration_s: float
     by_distance: MotMetrics
     by_overlap: MotMetrics
     by_loose_overlap: MotMetrics
-    errors: TrackErrors
-    objects: Sequence[ObjectSummary]
+    errors: TargetErrors
     types: Mapping[int, str]
     false_tracks: FalseTracks
     seconds: Float64
 
     @property
-    def never_tracked(self) -> list[int]:
-        """Ids of the objects that no track ever matched."""
-        return [summary.object_id for summary in self.objects if summary.is_never_tracked]
+    def frames(self) -> int:
+        """Number of evaluated frames."""
+        return len(self.seconds)
 
     def time_ms(self, quantile: float | None = None) -> float:
-        """Return the mean time per frame, or a quantile of it; NaN without a frame."""
+        """Return the mean time per frame in ms, or a quantile; NaN without a frame."""
         if not self.frames:
             return float("nan")
         seconds = self.seconds
         return 1000 * float(seconds.mean() if quantile is None else np.quantile(seconds, quantile))
 
+    @property
+    def never_tracked(self) -> list[int]:
+        """Ids of the objects that no track ever matched."""
+        return [number for number, rows in self.errors.by_object().items() if not len(rows.matched)]
 
-_TRACK_COLUMNS = (
-    Column[DatmoReport]("never tracked", lambda r: len(r.never_tracked)),
-    Column[DatmoReport]("false tracks", lambda r: len(r.false_tracks.ids)),
-    Column[DatmoReport]("/min", lambda r: r.false_tracks.per_minute, ".1f"),
-    Column[DatmoReport]("never matched", lambda r: len(r.false_tracks.never_matched)),
-    Column[DatmoReport]("of these on parked vehicles", lambda r: len(r.false_tracks.on_parked)),
-    Column[DatmoReport]("centre [m]", lambda r: r.errors.center_m, ".3f"),
-    Column[DatmoReport]("velocity [m/s]", lambda r: r.errors.velocity_m_s, ".3f"),
-    Column[DatmoReport]("mean [m/s]", lambda r: r.errors.mean_velocity_m_s, ".3f"),
-    Column[DatmoReport]("heading [rad]", lambda r: r.errors.heading_rad, ".3f"),
-    Column[DatmoReport]("length [m]", lambda r: r.errors.length_m, ".3f"),
-    Column[DatmoReport]("width [m]", lambda r: r.errors.width_m, ".3f"),
-    Column[DatmoReport]("mean [ms]", lambda r: r.time_ms(), ".1f"),
-    Column[DatmoReport]("p99 [ms]", lambda r: r.time_ms(0.99), ".1f"),
-)
+    def object_table(self, method: str) -> Table[TargetErrors]:
+        """Return the table of the objects that must be tracked."""
+        kind = Column[TargetErrors](
+            "type", lambda e: self.types.get(int(e.object_ids[0])), "", "type"
+        )
+        rows = {str(number): rows for number, rows in self.errors.by_object().items()}
+        title = f"Objects that must be tracked: {method}"
+        return Table(title, (kind, *OBJECT_COLUMNS), rows, heading="object")
 
-_OBJECT_COLUMNS = (
-    Column[ObjectSummary]("[m/s]", lambda s: s.speed_m_s, ".1f"),
-    Column[ObjectSummary]("frames", lambda s: s.frames),
-    Column[ObjectSummary]("tracked", lambda s: s.frames_tracked),
-    Column[ObjectSummary]("tracked [%]", lambda s: 100 * s.share, ".0f"),
-    Column[ObjectSummary]("ids", lambda s: s.tracks),
-    Column[ObjectSummary]("switches", lambda s: s.switches),
-    Column[ObjectSummary]("time to first track [s]", lambda s: s.time_to_first_track_s, ".1f"),
-    Column[ObjectSummary]("centre [m]", lambda s: s.center_m, ".3f"),
-    Column[ObjectSummary]("velocity [m/s]", lambda s: s.velocity_m_s, ".3f"),
+    def to_json(self) -> dict[str, Any]:
+        """Return all metrics by name."""
+        return {
+            "frames": self.frames,
+            "duration_s": self.duration_s,
+            "by_distance": self.by_distance.to_json(),
+            "by_overlap": self.by_overlap.to_json(),
+            "by_loose_overlap": self.by_loose_overlap.to_json(),
+            "never_tracked": self.never_tracked,
+            "false_tracks": self.false_tracks,
+            "objects": self.object_table("").to_json(),
+            **Table("", _TRACK_COLUMNS, {"": self}).to_json()[""],
+        }
+
+
+_Report = Column[DatmoReport]
+_TRACK_COLUMNS: tuple[Column[DatmoReport], ...] = (
+    _Report("never tracked", lambda r: len(r.never_tracked)),
+    _Report("false tracks", lambda r: len(r.false_tracks.ids)),
+    _Report("/min", lambda r: r.false_tracks.per_minute, ".1f"),
+    _Report("never matched", lambda r: len(r.false_tracks.never_matched)),
+    _Report("of these on parked vehicles", lambda r: len(r.false_tracks.on_parked)),
+    *(column.of(lambda r: r.errors.matched) for column in ERROR_COLUMNS),
+    _Report("mean [ms]", lambda r: r.time_ms(), ".1f", "ms_per_frame"),
+    _Report("p99 [ms]", lambda r: r.time_ms(0.99), ".1f", "ms_p99"),
 )
 
 
@@ -167,73 +144,29 @@ class DatmoComparison:
 
     reports: Mapping[str, DatmoReport]
 
-    @property
-    def frames(self) -> int:
-        """Number of evaluated frames."""
-        return next(iter(self.reports.values())).frames
-
     def tables(self) -> list[Table[Any]]:
         """Return the metrics with methods as rows, then the objects of each method."""
-        title = "False tracks, and errors of matched tracks (medians; extent: means)"
-        return [
-            *self._mot_tables(),
-            Table(title, _TRACK_COLUMNS, self.reports),
-            *(_object_table(method, report) for method, report in self.reports.items()),
-        ]
-
-    def _mot_tables(self) -> list[Table[Any]]:
         protocol = next(iter(self.reports.values())).protocol
         within_m = protocol.targets.max_distance_m * (1 - protocol.distance_threshold)
-        tight, loose = protocol.overlap_threshold, protocol.loose_overlap_threshold
-        where = "on the ground plane; CLEAR and identity"
+        where, unit = "on the ground plane; CLEAR and identity", "ratios in percent"
+        distance = f"By distance of the centres {where} within {within_m:g} m; {unit}"
+        overlap = f"By overlap {where} at IoU {protocol.overlap_threshold:g}; {unit}"
+        loose = f"By overlap {where} at IoU {protocol.loose_overlap_threshold:g}; {unit}"
+        reports, errors = (
+            self.reports,
+            "False tracks, and errors of matched tracks (medians; extent: means)",
+        )
         return [
-            mot_table(
-                f"By distance of the centres {where} within {within_m:g} m; ratios in percent",
-                {method: report.by_distance for method, report in self.reports.items()},
-            ),
-            mot_table(
-                f"By overlap {where} at IoU {tight:g}; ratios in percent",
-                {method: report.by_overlap for method, report in self.reports.items()},
-            ),
-            mot_table(
-                f"By overlap {where} at IoU {loose:g}; ratios in percent",
-                {method: report.by_loose_overlap for method, report in self.reports.items()},
-            ),
+            mot_table(distance, {name: report.by_distance for name, report in reports.items()}),
+            mot_table(overlap, {name: report.by_overlap for name, report in reports.items()}),
+            mot_table(loose, {name: report.by_loose_overlap for name, report in reports.items()}),
+            Table(errors, _TRACK_COLUMNS, reports),
+            *(report.object_table(name) for name, report in reports.items()),
         ]
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics by method."""
-        return {method: _report_json(report) for method, report in self.reports.items()}
-
-
-def _object_table(method: str, report: DatmoReport) -> Table[ObjectSummary]:
-    kind = Column[ObjectSummary]("type", lambda s: report.types.get(s.object_id))
-    rows = {str(summary.object_id): summary for summary in report.objects}
-    title = f"Objects that must be tracked: {method}"
-    return Table(title, (kind, *_OBJECT_COLUMNS), rows, heading="object")
-
-
-def _report_json(report: DatmoReport) -> dict[str, Any]:
-    return {
-        "frames": report.frames,
-        "duration_s": report.duration_s,
-        "by_distance": report.by_distance.to_json(),
-        "by_overlap": report.by_overlap.to_json(),
-        "by_loose_overlap": report.by_loose_overlap.to_json(),
-        "errors": report.errors,
-        "never_tracked": report.never_tracked,
-        "false_tracks": report.false_tracks,
-        "objects": [
-            {
-                **dataclasses.asdict(summary),
-                "type": report.types.get(summary.object_id),
-                "share": summary.share,
-            }
-            for summary in report.objects
-        ],
-        "ms_per_frame": report.time_ms(),
-        "ms_per_frame_p99": report.time_ms(0.99),
-    }
+        return {method: report.to_json() for method, report in self.reports.items()}
 
 
 class DatmoMeasure:
@@ -282,13 +215,11 @@ class DatmoMeasure:
         by_overlap = [frame.by_overlap for frame in self._similarities]
         return DatmoReport(
             protocol=protocol,
-            frames=len(self._similarities),
             duration_s=duration_s,
             by_distance=evaluate_tracks(by_distance, protocol.distance_threshold),
             by_overlap=evaluate_tracks(by_overlap, protocol.overlap_threshold),
             by_loose_overlap=evaluate_tracks(by_overlap, protocol.loose_overlap_threshold),
-            errors=track_errors(errors),
-            objects=summarise_objects(errors),
+            errors=errors,
             types=self._truth.types(),
             false_tracks=find_false_tracks(TrackOutcomes.concatenate(self._outcomes), duration_s),
             seconds=np.array(self._seconds, np.float64),

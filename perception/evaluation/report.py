@@ -8,6 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from perception.types import Labels, PointTruth, Result
 
 Row = TypeVar("Row")
+Whole = TypeVar("Whole")
 Report_co = TypeVar("Report_co", bound="Report", covariant=True)
 Value = str | int | float | None
 
@@ -27,6 +28,10 @@ class Column(Generic[Row]):
     value: Callable[[Row], Value]
     spec: str = ""
     key: str | None = None
+
+    def of(self, part: Callable[[Whole], Row]) -> "Column[Whole]":
+        """Return the column of a row that holds this column's row as a part."""
+        return Column(self.name, lambda row: self.value(part(row)), self.spec, self.key)
 
     def cell(self, row: Row) -> str:
         """Return the value as text, a dash where it is unknown."""

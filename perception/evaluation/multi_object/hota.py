@@ -31,10 +31,10 @@ def _no_sums() -> Float64:
 
 @dataclass(frozen=True)
 class Hota:
-    """Counts and sums at the 19 thresholds `alphas`; those of several sequences are added.
+    """Counts and sums at the 19 thresholds of similarity `ALPHAS`, 0.05 to 0.95; those of several sequences are added.
 
-    Ratios without a denominator are 0, except the localisation accuracy, which is 1. Properties named
-    `..._by_alpha` are arrays (19,); those without the suffix are their means.
+    Ratios without a denominator are 0, except the localisation accuracy, which is 1. Every ratio
+    is an array (19,); the metric that is reported is its mean over the thresholds.
 
     Attributes:
         true_positives: (19,) Number of matched boxes.
@@ -67,91 +67,46 @@ class Hota:
         )
 
     @property
-    def alphas(self) -> Float64:
-        """(19,) Thresholds of similarity, 0.05 to 0.95."""
-        return ALPHAS
+    def hota(self) -> Float64:
+        """Geometric mean of detection and association accuracy; its mean is not the root of their means."""
+        return np.sqrt(self.det_a * self.ass_a)
 
     @property
-    def hota_by_alpha(self) -> Float64:
-        """Geometric mean of detection and association accuracy."""
-        return np.sqrt(self.det_a_by_alpha * self.ass_a_by_alpha)
-
-    @property
-    def det_a_by_alpha(self) -> Float64:
+    def det_a(self) -> Float64:
         """Detection accuracy: IoU of the true and the predicted boxes as sets."""
         wrong = self.false_negatives + self.false_positives
         return _ratio(self.true_positives, self.true_positives + wrong)
 
     @property
-    def det_re_by_alpha(self) -> Float64:
+    def det_re(self) -> Float64:
         """Detection recall."""
         return _ratio(self.true_positives, self.true_positives + self.false_negatives)
 
     @property
-    def det_pr_by_alpha(self) -> Float64:
+    def det_pr(self) -> Float64:
         """Detection precision."""
         return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
     @property
-    def ass_a_by_alpha(self) -> Float64:
+    def ass_a(self) -> Float64:
         """Association accuracy: mean IoU in time of an object and its track."""
         return _ratio(self.association_sum, self.true_positives)
 
     @property
-    def ass_re_by_alpha(self) -> Float64:
+    def ass_re(self) -> Float64:
         """Association recall."""
         return _ratio(self.association_recall_sum, self.true_positives)
 
     @property
-    def ass_pr_by_alpha(self) -> Float64:
+    def ass_pr(self) -> Float64:
         """Association precision."""
         return _ratio(self.association_precision_sum, self.true_positives)
 
     @property
-    def loc_a_by_alpha(self) -> Float64:
+    def loc_a(self) -> Float64:
         """Localisation accuracy: mean similarity of the true positives, 1 without any."""
         mean = _ratio(self.similarity_sum, self.true_positives)
         return np.where(self.true_positives > 0, mean, 1.0)
-
-    @property
-    def hota(self) -> float:
-        """Mean over the thresholds, which is not the root of the mean accuracies."""
-        return float(self.hota_by_alpha.mean())
-
-    @property
-    def det_a(self) -> float:
-        """Mean detection accuracy."""
-        return float(self.det_a_by_alpha.mean())
-
-    @property
-    def det_re(self) -> float:
-        """Mean detection recall."""
-        return float(self.det_re_by_alpha.mean())
-
-    @property
-    def det_pr(self) -> float:
-        """Mean detection precision."""
-        return float(self.det_pr_by_alpha.mean())
-
-    @property
-    def ass_a(self) -> float:
-        """Mean association accuracy."""
-        return float(self.ass_a_by_alpha.mean())
-
-    @property
-    def ass_re(self) -> float:
-        """Mean association recall."""
-        return float(self.ass_re_by_alpha.mean())
-
-    @property
-    def ass_pr(self) -> float:
-        """Mean association precision."""
-        return float(self.ass_pr_by_alpha.mean())
-
-    @property
-    def loc_a(self) -> float:
-        """Mean localisation accuracy."""
-        return float(self.loc_a_by_alpha.mean())
 
 
 def hota(sequence: TrackedSequence) -> Hota:

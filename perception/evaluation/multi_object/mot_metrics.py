@@ -1,6 +1,6 @@
 """HOTA, CLEAR and identity of one sequence, or of several, together."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,7 +33,11 @@ class MotMetrics:
 
     def to_json(self) -> dict[str, Any]:
         """Return ratios from 0 to 1 and counts, by the names of the literature."""
-        return {**_hota_json(self.hota), **_clear_json(self.clear), **_identity_json(self.identity)}
+        hota = self.hota
+        at_each = {"HOTA": hota.hota, "DetA": hota.det_a, "AssA": hota.ass_a, "LocA": hota.loc_a}
+        counts = {"TP": hota.true_positives, "FP": hota.false_positives, "FN": hota.false_negatives}
+        scalars = {name: value(self) for name, value in {**_RATIOS, **_COUNTS}.items()}
+        return {**scalars, "per_alpha": {**at_each, **counts}}
 
 
 def evaluate_tracks(sequence: TrackedSequence, threshold: float = 0.5) -> MotMetrics:
@@ -46,77 +50,50 @@ def evaluate_tracks(sequence: TrackedSequence, threshold: float = 0.5) -> MotMet
     return MotMetrics(hota(sequence), clear(sequence, threshold), identity(sequence, threshold))
 
 
-_COLUMNS = (
-    Column[MotMetrics]("HOTA", lambda m: 100 * m.hota.hota, ".3f"),
-    Column[MotMetrics]("DetA", lambda m: 100 * m.hota.det_a, ".3f"),
-    Column[MotMetrics]("AssA", lambda m: 100 * m.hota.ass_a, ".3f"),
-    Column[MotMetrics]("LocA", lambda m: 100 * m.hota.loc_a, ".3f"),
-    Column[MotMetrics]("MOTA", lambda m: 100 * m.clear.mota, ".3f"),
-    Column[MotMetrics]("MOTP", lambda m: 100 * m.clear.motp, ".3f"),
-    Column[MotMetrics]("IDF1", lambda m: 100 * m.identity.idf1, ".3f"),
-    Column[MotMetrics]("TP", lambda m: m.clear.true_positives),
-    Column[MotMetrics]("FP", lambda m: m.clear.false_positives),
-    Column[MotMetrics]("FN", lambda m: m.clear.false_negatives),
-    Column[MotMetrics]("IDSW", lambda m: m.clear.id_switches),
-    Column[MotMetrics]("Frag", lambda m: m.clear.fragmentations),
-    Column[MotMetrics]("MT", lambda m: m.clear.mostly_tracked),
-    Column[MotMetrics]("PT", lambda m: m.clear.partly_tracked),
-    Column[MotMetrics]("ML", lambda m: m.clear.mostly_lost),
-)
+_RATIOS: dict[str, Callable[[MotMetrics], float]] = {
+    "HOTA": lambda m: float(m.hota.hota.mean()),
+    "DetA": lambda m: float(m.hota.det_a.mean()),
+    "AssA": lambda m: float(m.hota.ass_a.mean()),
+    "LocA": lambda m: float(m.hota.loc_a.mean()),
+    "DetRe": lambda m: float(m.hota.det_re.mean()),
+    "DetPr": lambda m: float(m.hota.det_pr.mean()),
+    "AssRe": lambda m: float(m.hota.ass_re.mean()),
+    "AssPr": lambda m: float(m.hota.ass_pr.mean()),
+    "HOTA(0)": lambda m: float(m.hota.hota[0]),
+    "LocA(0)": lambda m: float(m.hota.loc_a[0]),
+    "MOTA": lambda m: m.clear.mota,
+    "MODA": lambda m: m.clear.moda,
+    "sMOTA": lambda m: m.clear.smota,
+    "MOTP": lambda m: m.clear.motp,
+    "IDF1": lambda m: m.identity.idf1,
+    "IDP": lambda m: m.identity.idp,
+    "IDR": lambda m: m.identity.idr,
+}
+_COUNTS: dict[str, Callable[[MotMetrics], int]] = {
+    "TP": lambda m: m.clear.true_positives,
+    "FP": lambda m: m.clear.false_positives,
+    "FN": lambda m: m.clear.false_negatives,
+    "IDSW": lambda m: m.clear.id_switches,
+    "Frag": lambda m: m.clear.fragmentations,
+    "MT": lambda m: m.clear.mostly_tracked,
+    "PT": lambda m: m.clear.partly_tracked,
+    "ML": lambda m: m.clear.mostly_lost,
+    "IDTP": lambda m: m.identity.true_positives,
+    "IDFP": lambda m: m.identity.false_positives,
+    "IDFN": lambda m: m.identity.false_negatives,
+}
 
 
 def mot_table(title: str, metrics: Mapping[str, MotMetrics]) -> Table[MotMetrics]:
     """Return the table of several sequences or trackers: ratios in percent, then counts."""
-    return Table(title, _COLUMNS, metrics)
+    ratios = [_percent_column(n) for n in ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1")]
+    counts = [
+        Column(name, value)
+        for name, value in _COUNTS.items()
+        if len(name) < 3 or name in ("IDSW", "Frag")
+    ]
+    return Table(title, [*ratios, *counts], metrics)
 
 
-def _hota_json(hota: Hota) -> dict[str, Any]:
-    return {
-        "HOTA": hota.hota,
-        "DetA": hota.det_a,
-        "AssA": hota.ass_a,
-        "LocA": hota.loc_a,
-        "DetRe": hota.det_re,
-        "DetPr": hota.det_pr,
-        "AssRe": hota.ass_re,
-        "AssPr": hota.ass_pr,
-        "HOTA(0)": float(hota.hota_by_alpha[0]),
-        "LocA(0)": float(hota.loc_a_by_alpha[0]),
-        "per_alpha": {
-            "HOTA": hota.hota_by_alpha,
-            "DetA": hota.det_a_by_alpha,
-            "AssA": hota.ass_a_by_alpha,
-            "LocA": hota.loc_a_by_alpha,
-            "TP": hota.true_positives,
-            "FP": hota.false_positives,
-            "FN": hota.false_negatives,
-        },
-    }
-
-
-def _clear_json(clear: Clear) -> dict[str, Any]:
-    return {
-        "MOTA": clear.mota,
-        "MODA": clear.moda,
-        "sMOTA": clear.smota,
-        "MOTP": clear.motp,
-        "TP": clear.true_positives,
-        "FP": clear.false_positives,
-        "FN": clear.false_negatives,
-        "IDSW": clear.id_switches,
-        "Frag": clear.fragmentations,
-        "MT": clear.mostly_tracked,
-        "PT": clear.partly_tracked,
-        "ML": clear.mostly_lost,
-    }
-
-
-def _identity_json(identity: Identity) -> dict[str, Any]:
-    return {
-        "IDF1": identity.idf1,
-        "IDP": identity.idp,
-        "IDR": identity.idr,
-        "IDTP": identity.true_positives,
-        "IDFP": identity.false_positives,
-        "IDFN": identity.false_negatives,
-    }
+def _percent_column(name: str) -> Column[MotMetrics]:
+    return Column(name, lambda metrics: 100 * _RATIOS[name](metrics), ".3f")

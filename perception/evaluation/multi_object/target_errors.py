@@ -1,12 +1,14 @@
 """Errors of the tracks of objects that must be tracked: position, velocity, heading and extent."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.multi_object.track_assignment import FrameAssignment
-from perception.types import ArrayTable, Bool, Float64, Int, Tracks
+from perception.evaluation.report import Column
+from perception.types import ArrayTable, Float64, Int, Tracks
 
 NO_TRACK = -1
 
@@ -40,9 +42,23 @@ class TargetErrors(ArrayTable):
     track_speeds_m_s: Float64
 
     @property
-    def is_tracked(self) -> Bool:
-        """(K,) Whether a track matches the object."""
-        return np.asarray(self.track_ids != NO_TRACK)
+    def matched(self) -> Self:
+        """Rows with a matched track."""
+        return self[self.track_ids != NO_TRACK]
+
+    def by_object(self) -> dict[int, Self]:
+        """Return the rows of each object by its id, in ascending order."""
+        return {int(n): self[self.object_ids == n] for n in np.unique(self.object_ids)}
+
+    @property
+    def switches(self) -> int:
+        """Number of times that the matched track changes, of the rows of one object."""
+        return int(np.count_nonzero(np.diff(self.matched.track_ids)))
+
+    @property
+    def time_to_first_track_s(self) -> float:
+        """Time from the first row to the first match, of the rows of one object; NaN without a match."""
+        return _median(self.matched.stamps_s[:1] - self.stamps_s[0])
 
 
 def target_errors(
@@ -82,104 +98,7 @@ def target_errors(
     )
 
 
-@dataclass(frozen=True)
-class TrackErrors:
-    """Summary of the errors of matched tracks; NaN without a match.
-
-    Attributes:
-        pairs: Number of pairs of an object and its track.
-        center_m: Median distance of the centres.
-        velocity_m_s: Median difference of the velocities.
-        mean_velocity_m_s: Mean difference of the velocities.
-        heading_rad: Median heading error of tracks faster than 1 m/s.
-        length_m: Mean absolute error of the length.
-        width_m: Mean absolute error of the width.
-    """
-
-    pairs: int
-    center_m: float
-    velocity_m_s: float
-    mean_velocity_m_s: float
-    heading_rad: float
-    length_m: float
-    width_m: float
-
-
 _HEADING_SPEED_M_S = 1.0  # the heading of a slower track is not defined by its motion
-
-
-def track_errors(tracked: TargetErrors) -> TrackErrors:
-    """Summarise the errors of any number of frames."""
-    pairs = tracked[tracked.is_tracked]
-    fast = pairs.track_speeds_m_s > _HEADING_SPEED_M_S
-    return TrackErrors(
-        pairs=len(pairs),
-        center_m=_median(pairs.center_errors_m),
-        velocity_m_s=_median(pairs.velocity_errors_m_s),
-        mean_velocity_m_s=_mean(pairs.velocity_errors_m_s),
-        heading_rad=_median(pairs.heading_errors_rad[fast]),
-        length_m=_mean(np.abs(pairs.length_errors_m)),
-        width_m=_mean(np.abs(pairs.width_errors_m)),
-    )
-
-
-@dataclass(frozen=True)
-class ObjectSummary:
-    """Tracking of one object over the drive.
-
-    Attributes:
-        object_id: Track id of the object in the labels.
-        frames: Number of frames in which it must be tracked.
-        frames_tracked: Number of these frames in which a track matches it.
-        tracks: Number of different tracks that match it.
-        switches: Number of times that the matched track changes.
-        time_to_first_track_s: Time from its first frame to the first match; NaN without a match.
-        center_m: Median distance of the centres.
-        velocity_m_s: Median difference of the velocities.
-        speed_m_s: Median speed by the labels.
-    """
-
-    object_id: int
-    frames: int
-    frames_tracked: int
-    tracks: int
-    switches: int
-    time_to_first_track_s: float
-    center_m: float
-    velocity_m_s: float
-    speed_m_s: float
-
-    @property
-    def share(self) -> float:
-        """Share of its frames in which a track matches it."""
-        return self.frames_tracked / self.frames
-
-    @property
-    def is_never_tracked(self) -> bool:
-        """Whether no track ever matches it."""
-        return self.frames_tracked == 0
-
-
-def summarise_objects(tracked: TargetErrors) -> list[ObjectSummary]:
-    """Return a summary of every object in ascending order of their ids."""
-    numbers = np.unique(tracked.object_ids)
-    return [_summarise(int(n), tracked[tracked.object_ids == n]) for n in numbers]
-
-
-def _summarise(object_id: int, rows: TargetErrors) -> ObjectSummary:
-    pairs = rows[rows.is_tracked]
-    waited_s = pairs.stamps_s[:1] - rows.stamps_s[0]
-    return ObjectSummary(
-        object_id=object_id,
-        frames=len(rows),
-        frames_tracked=len(pairs),
-        tracks=len(np.unique(pairs.track_ids)),
-        switches=int(np.count_nonzero(np.diff(pairs.track_ids))),
-        time_to_first_track_s=_median(waited_s),
-        center_m=_median(pairs.center_errors_m),
-        velocity_m_s=_median(pairs.velocity_errors_m_s),
-        speed_m_s=_median(rows.object_speeds_m_s),
-    )
 
 
 def _median(values: Float64) -> float:
@@ -190,3 +109,43 @@ def _median(values: Float64) -> float:
 def _mean(values: Float64) -> float:
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else float("nan")
+
+
+def _heading_error_rad(errors: TargetErrors) -> float:
+    is_fast = errors.track_speeds_m_s > _HEADING_SPEED_M_S
+    return _median(errors.heading_errors_rad[is_fast])
+
+
+_Errors = Column[TargetErrors]
+_CENTER = _Errors("centre [m]", lambda e: _median(e.center_errors_m), ".3f", "center_m")
+_VELOCITY = _Errors(
+    "velocity [m/s]", lambda e: _median(e.velocity_errors_m_s), ".3f", "velocity_m_s"
+)
+
+# Medians of position, velocity and heading, means of the extent, over all matched rows.
+ERROR_COLUMNS = (
+    _CENTER,
+    _VELOCITY,
+    _Errors("mean [m/s]", lambda e: _mean(e.velocity_errors_m_s), ".3f", "mean_velocity_m_s"),
+    _Errors("heading [rad]", _heading_error_rad, ".3f", "heading_rad"),
+    _Errors("length [m]", lambda e: _mean(np.abs(e.length_errors_m)), ".3f", "length_m"),
+    _Errors("width [m]", lambda e: _mean(np.abs(e.width_errors_m)), ".3f", "width_m"),
+)
+
+# Of the rows of one object.
+OBJECT_COLUMNS = (
+    _Errors("[m/s]", lambda e: _median(e.object_speeds_m_s), ".1f", "speed_m_s"),
+    _Errors("frames", len, "", "frames"),
+    _Errors("tracked", lambda e: len(e.matched), "", "frames_tracked"),
+    _Errors("tracked [%]", lambda e: 100 * len(e.matched) / len(e), ".0f", "tracked_percent"),
+    _Errors("ids", lambda e: len(np.unique(e.matched.track_ids)), "", "tracks"),
+    _Errors("switches", lambda e: e.switches, "", "switches"),
+    _Errors(
+        "time to first track [s]",
+        lambda e: e.time_to_first_track_s,
+        ".1f",
+        "time_to_first_track_s",
+    ),
+    _CENTER,
+    _VELOCITY,
+)
