@@ -84,11 +84,6 @@ def kitti_root() -> Path:
 
 
 @pytest.fixture
-def one_torch_thread() -> None:
-    """Train on one thread, as all tests do."""
-
-
-@pytest.fixture
 def car_frames(tmp_path: Path) -> Path:
     """Return object frames 0, 2 and 3, without images, with two cars each."""
     root = write_car_frames(tmp_path / "cars", frames=4)

@@ -9,8 +9,6 @@ from perception.cli.main import main
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import load_verifier
 
-pytestmark = pytest.mark.usefixtures("one_torch_thread")
-
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):

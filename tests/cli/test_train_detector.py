@@ -10,8 +10,6 @@ from tests.car_frames import write_car_frames
 from train.checkpoints import read_checkpoint
 from train.detector.networks import load_detector
 
-pytestmark = pytest.mark.usefixtures("one_torch_thread")
-
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):

@@ -21,8 +21,6 @@ from perception.errors import UsageError
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.detection.bright_cells import bright_cells
 
-pytestmark = pytest.mark.usefixtures("one_torch_thread")
-
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):

@@ -42,7 +42,7 @@ PLAN = DetectorTrainingConfig(
 
 
 @pytest.fixture(autouse=True)
-def tiny(monkeypatch, one_torch_thread):
+def tiny(monkeypatch):
     """Offer a small network."""
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
 

@@ -23,8 +23,6 @@ from train.verifier.metrics import VerifierMetrics
 from train.verifier.run import MONITOR
 from train.verifier.training import VerifierTraining, box_loss
 
-pytestmark = pytest.mark.usefixtures("one_torch_thread")
-
 
 def run_of(epochs, **other):
     return TrainingRun(epochs=epochs, accelerator="cpu", **other)
