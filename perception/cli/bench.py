@@ -20,8 +20,8 @@ log = logging.getLogger(__name__)
 
 BenchmarkPart = Literal[
     "all", "chain", "pipeline", "registration", "ground", "voxels", "motion",
-    "objects", "map", "filters", "following", "colors", "maps",
-    "clusters", "turns", "proposals", "depthcn", "average-precision", "detectors",
+    "objects", "short-term-map", "kalman-filters", "single-object", "color-model", "maps",
+    "clusters", "clusters-full-scan", "proposals", "depthcn", "average-precision", "detectors",
 ]  # fmt: skip
 
 _DETECTION = DetectionConfig()
@@ -90,7 +90,7 @@ def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkP
     from data.synthetic.drive import SyntheticDrive
     from perception.sensor import HDL_64E, load_sensor
 
-    needs_images = part in ("all", "pipeline", "following", "detectors")
+    needs_images = part in ("all", "pipeline", "single-object", "detectors")
     if drive is None:
         sensor = load_sensor(source.sensor) if source.sensor else HDL_64E
         return SyntheticDrive(frames, sensor=sensor, images=needs_images)
