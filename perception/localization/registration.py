@@ -9,7 +9,7 @@ from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig, WindowIcpConfig
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.types import Float32, Frame, Method
+from perception.types import Frame, Int, Method
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,12 @@ class RegisteredScans:
 
     Attributes:
         window: Scans and poses, the newest last.
+        rows: Indices of the newest scan's points in its frame.
         is_reset: Whether poses of earlier scans no longer fit to the newest.
     """
 
     window: ScanWindow
+    rows: Int
     is_reset: bool
 
 
@@ -45,19 +47,21 @@ class Registration:
         """Whether there is no scan yet."""
         return len(self._window) == 0
 
-    def update(self, frame: Frame, points_velo: Float32) -> RegisteredScans:
+    def update(self, frame: Frame, rows: Int) -> RegisteredScans:
         """Register the scan of a frame.
 
         Args:
             frame: Frame with its stamp and, where there is an INS, its pose.
-            points_velo: (N, 4) points of the frame's scan that are registered.
+            rows: Indices of the frame's points that are registered.
 
         Raises:
             PoseError: the INS pose jumps, or the stamps do not rise.
         """
+        points_velo = frame.points_velo.take(rows, axis=0)
         if self._method == "thesis" and frame.world_SE3_velo is not None:
             self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
-            return RegisteredScans(register_window(self._window, self._config.icp), is_reset=False)
+            window = register_window(self._window, self._config.icp)
+            return RegisteredScans(window, rows, is_reset=False)
         pose = self._odometry.update(points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source)
         if pose.is_reset:
             self._window.clear()
@@ -65,7 +69,7 @@ class Registration:
         if pose.origin is PoseOrigin.REPEATED:
             self._window.pop()
         self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
-        return RegisteredScans(self._window, pose.is_reset)
+        return RegisteredScans(self._window, rows, pose.is_reset)
 
 
 def register_window(window: ScanWindow, config: WindowIcpConfig | None = None) -> ScanWindow:

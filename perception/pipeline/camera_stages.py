@@ -1,7 +1,7 @@
 """The stages that need a camera: dense maps, detectors of three modalities and their fusion, DepthCN, vehicles."""
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from perception.detection.config import DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
@@ -19,26 +19,13 @@ from perception.detection.vehicles.locate import locate
 from perception.errors import CalibrationError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_frame
-from perception.pipeline.lidar_stages import LidarResult
+from perception.pipeline.stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
-from perception.tracking.vehicles.tracker import VehicleTracker
+from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import MODALITIES, Detections, Frame, Modality, Result
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class DetectionResult:
-    """Detections of one frame, None of a detector that did not run.
-
-    Attributes:
-        multimodal: Detections of three modalities and their fusion.
-        depthcn: Detections of DepthCN.
-    """
-
-    multimodal: MultimodalOutput | None = None
-    depthcn: Detections | None = None
 
 
 class CameraStages:
@@ -67,40 +54,10 @@ class CameraStages:
         """Forget the vehicles of the drive so far."""
         self._tracker = VehicleTracker(self._vehicles.tracker)
 
-    def detect(self, frame: Frame, clock: StageClock) -> DetectionResult:
-        """Run the stages that need this frame alone; without a camera there is nothing to detect."""
-        if (self._detectors is None and self._depthcn is None) or not self._has_camera(frame):
-            return DetectionResult()
-        with clock.stage("maps"):
-            maps = densify(project_frame(frame))
-        multimodal = self._detect_multimodal(frame, maps, clock)
-        depthcn = self._detect_by_depthcn(frame, maps, clock)
-        return DetectionResult(multimodal, depthcn)
-
-    def locate(
-        self, frame: Frame, detected: DetectionResult, lidar: LidarResult, clock: StageClock
-    ) -> Result:
-        """Add detections to the result of the LiDAR stages, and track them as vehicles on the road."""
-        if lidar.is_reset:
-            self._tracker.clear()
-        result = replace(lidar.of_frame(frame), depthcn=detected.depthcn)
-        multimodal = detected.multimodal
-        if multimodal is not None:
-            with clock.stage("vehicles"):
-                located = locate(multimodal.fused, frame, lidar.ground, self._vehicles)
-                tracked = self._tracker.update(located, frame, lidar.world_SE3_velo, lidar.tracks)
-            result = replace(
-                result,
-                modality_detections=multimodal.modality_detections,
-                map_images=multimodal.map_images,
-                vehicles=tracked.vehicles,
-                tracks=tracked.tracks,
-            )
-        return replace(
-            result, timings_s=result.timings_s | clock.seconds, spans=lidar.spans + clock.spans
-        )
-
-    def _has_camera(self, frame: Frame) -> bool:
+    def can_detect(self, frame: Frame) -> bool:
+        """Tell whether a detector runs and the frame has a camera; warn once where it has none."""
+        if self._detectors is None and self._depthcn is None:
+            return False
         try:
             camera_of(frame)
         except CalibrationError as error:
@@ -110,26 +67,77 @@ class CameraStages:
             return False
         return True
 
-    def _detect_multimodal(
-        self, frame: Frame, maps: DenseMaps, clock: StageClock
+    def maps(self, frame: Frame) -> DenseMaps:
+        """Return the dense maps, which are made once for all detectors."""
+        return densify(project_frame(frame))
+
+    def detect(
+        self, frame: Frame, maps: DenseMaps | None, clock: StageClock
     ) -> MultimodalOutput | None:
+        """Return the detections of three modalities and their fusion; None where they are off or lack an image."""
         detectors = self._detectors
-        if detectors is None or (frame.image is None and detectors.detectors.keys() == {"rgb"}):
+        if maps is None or detectors is None:
+            return None
+        if frame.image is None and detectors.detectors.keys() == {"rgb"}:
             return None
         with clock.nested() as spans:
             multimodal = detectors.detect(frame, maps)
             spans.extend(multimodal.spans)
         return multimodal
 
-    def _detect_by_depthcn(
-        self, frame: Frame, maps: DenseMaps, clock: StageClock
+    def detect_by_depthcn(
+        self, frame: Frame, maps: DenseMaps | None, clock: StageClock
     ) -> Detections | None:
-        if self._depthcn is None:
+        """Return the detections of DepthCN; None where it is off."""
+        if maps is None or self._depthcn is None:
             return None
         # A network that was trained on maps of another method makes its own.
         is_same = self._depthcn.verifier.method == "default"
-        with clock.stage("DepthCN"):
-            return self._depthcn.verify_frame(frame, maps if is_same else None).detections
+        return clock.run(
+            "DepthCN", self._depthcn.verify_frame, frame, maps if is_same else None
+        ).detections
+
+    def locate_and_track(
+        self,
+        frame: Frame,
+        detections: MultimodalOutput | None,
+        lidar: LidarResult,
+        clock: StageClock,
+    ) -> VehicleTrackerResult | None:
+        """Return the detections as tracked vehicles on the road."""
+        if lidar.is_reset:
+            self._tracker.clear()
+        if detections is None:
+            return None
+        with clock.stage("vehicles"):
+            located = locate(detections.fused, frame, lidar.ground, self._vehicles)
+            return self._tracker.update(located, frame, lidar.world_SE3_velo, lidar.tracks)
+
+    def result(
+        self,
+        frame: Frame,
+        lidar: LidarResult,
+        detections: MultimodalOutput | None,
+        vehicles: VehicleTrackerResult | None,
+        depthcn: Detections | None,
+        clock: StageClock,
+    ) -> Result:
+        """Join the results of all stages."""
+        result = lidar.of_frame(frame)
+        if detections is not None and vehicles is not None:
+            result = replace(
+                result,
+                modality_detections=detections.modality_detections,
+                map_images=detections.map_images,
+                vehicles=vehicles.vehicles,
+                tracks=vehicles.tracks,
+            )
+        return replace(
+            result,
+            depthcn=depthcn,
+            timings_s=result.timings_s | clock.seconds,
+            spans=lidar.spans + clock.spans,
+        )
 
 
 def is_detection_enabled(config: DetectionConfig) -> bool:

@@ -22,7 +22,8 @@ from typing import IO, Any, cast
 from perception.errors import PerceptionError
 from perception.geometry.threads import limit_blas_threads, limit_opencv_threads
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.lidar_stages import LidarResult, LidarStages
+from perception.pipeline.lidar_stages import LidarStages
+from perception.pipeline.stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.types import Frame
@@ -128,7 +129,11 @@ def _write(message: object, stream: IO[bytes]) -> None:
 def _serve_requests(requests: IO[bytes], responses: IO[bytes]) -> None:
     """Answer one request after another, until there are no more."""
     stages = LidarStages(*pickle.load(requests))
-    tasks: dict[str, Callable[..., object]] = {"step": stages.step, "reset": stages.reset}
+
+    def step(frame: Frame, clock: StageClock) -> LidarResult:
+        return replace(stages.step(frame, clock), scan=None)  # it repeats the points of the frame
+
+    tasks: dict[str, Callable[..., object]] = {"step": step, "reset": stages.reset}
     while True:
         try:
             name, arguments = pickle.load(requests)

@@ -18,7 +18,8 @@ from perception.geometry.threads import limit_opencv_threads
 from perception.pipeline.camera_stages import CameraStages, is_detection_enabled
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_process import LidarProcess
-from perception.pipeline.lidar_stages import LidarResult, LidarStages
+from perception.pipeline.lidar_stages import LidarStages
+from perception.pipeline.stages import LidarResult, run_camera_stages
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
@@ -120,8 +121,7 @@ class Pipeline:
     ) -> Result:
         """Run maps, detectors, fusion and DepthCN; then, with the LiDAR stages' result, vehicles."""
         clock = StageClock(self._camera_worker.name, arrival_s)
-        detected = self._camera.detect(frame, clock)
-        return self._camera.locate(frame, detected, lidar.result(), clock)
+        return run_camera_stages(self._camera, frame, lidar, clock)
 
     def _submit_independent(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         self._submit_reset()

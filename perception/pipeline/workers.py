@@ -40,6 +40,18 @@ class StageClock:
         stop_s = time.perf_counter() - self._arrival_s
         self.spans += (StageSpan(name, self._worker, start_s, stop_s),)
 
+    def run(
+        self,
+        name: str,
+        stage: Callable[Params, Returned],
+        /,
+        *args: Params.args,
+        **kwargs: Params.kwargs,
+    ) -> Returned:
+        """Run a stage and measure its time."""
+        with self.stage(name):
+            return stage(*args, **kwargs)
+
     @contextmanager
     def nested(self) -> Iterator[list[StageSpan]]:
         """Take over stages that were measured elsewhere: append their spans, relative to now, to the list.
