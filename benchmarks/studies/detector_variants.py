@@ -218,7 +218,7 @@ def _measured(
 
 
 def _of_drive(measured: DriveReport) -> dict[str, Any]:
-    data, (precision,) = measured.data, measured.report.precision.to_json().values()
+    data, (precision,) = measured.data, measured.report.to_json()["classes"].values()
     return {"data": data.kind, "frames": data.frames_evaluated, "iou": precision}
 
 

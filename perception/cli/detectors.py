@@ -108,7 +108,7 @@ def measured_network(
     def start(drive: Drive) -> tuple[Detect, DetectorMeasure]:
         del drive  # the network is the same for all
         title = f"average precision of {modality}"
-        return detect, DetectorMeasure(title, known, metric, (), _progress())
+        return detect, DetectorMeasure(known, metric, _progress(), title=title)
 
     return OpenedDetector(
         f"{network.model.name}: {modality}, {size.height_px}x{size.width_px}",
@@ -134,7 +134,7 @@ def _measured_depthcn(
             output = run_depthcn(network, frame)
             return FrameDetections(output.detections, output.timings_s, output.proposals_px)
 
-        return detect, DetectorMeasure(title, known, metric, notes, _progress())
+        return detect, DetectorMeasure(known, metric, _progress(), title=title, notes=notes)
 
     return OpenedDetector("DepthCN", {"depthcn": dict(model.metadata)}, known, start, _camera_image)
 
@@ -172,7 +172,7 @@ def open_fusion(
         def detect(frame: Frame) -> DetectedScene:
             return detected_scene(drive, frame.index, cached, store)
 
-        return detect, FusionMeasure(fusions, known[0], metric, _progress())
+        return detect, FusionMeasure(known, metric, _progress(), fusions=fusions)
 
     metadata = {str(name): dict(one.metadata) for name, one in networks.items()}
     metadata |= {f"fusion {name}": dict(one.metadata) for name, one in fusions.items()}

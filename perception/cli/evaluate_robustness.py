@@ -83,7 +83,9 @@ def evaluate_robustness(  # noqa: PLR0913 - flags of a command
     corruptions = _corruptions(levels, has_images=frames.has_images)
     detector = open_modalities(detection)
     fusion = open_fusions(detection, (), detector)["default"]
-    measure = RobustnessMeasure(corruptions, fusion, kitti_class(class_name), metric)
+    measure = RobustnessMeasure(
+        [kitti_class(class_name)], metric, corruptions=corruptions, fusion=fusion
+    )
     corrupted = CorruptedDetector(detector, corruptions, metric.seed)
     data = feed_measure(source, frames, drive, corrupted.detect, measure)
     computed = measure.compute()

@@ -1,8 +1,8 @@
 """Average precision of object classes at several IoUs and difficulties, with its table, JSON and curves."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from perception.evaluation.detection.precision_curve import PrecisionCurve, max_
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
-from perception.types import Float64, Progress
+from perception.types import Detections, Float64, Labels, Progress
+
+Output = TypeVar("Output")
 
 LEVELS = tuple(one.name for one in DIFFICULTIES)
 CONFIDENCE = 0.95
@@ -196,6 +198,49 @@ def _average_columns(points: int) -> list[Column[PrecisionMetrics]]:
         Column("95 % high", lambda row: row.interval(points).high, ".2f", f"{key}_high_percent"),
         Column(f"AOS R{points} [%]", lambda row: row.aos(points), ".2f", f"aos_r{points}_percent"),
     ]
+
+
+@dataclass
+class PrecisionMeasure(Generic[Output]):
+    """Base of the measures that compare the output of a detector with the labels, frame by frame.
+
+    Attributes:
+        classes: Classes that are measured.
+        config: Metric configuration.
+        progress: Iterates over the resamples and may show a progress bar.
+        outputs: Output of the detector of each frame so far.
+        labels: Labels of each frame so far.
+    """
+
+    classes: Sequence[DetectionClass]
+    config: PrecisionConfig
+    progress: Progress = iter
+    outputs: list[Output] = field(default_factory=list, init=False)
+    labels: list[Labels] = field(default_factory=list, init=False)
+
+    def update(self, output: Output, labels: Labels) -> None:
+        """Add one frame."""
+        self.outputs.append(output)
+        self.labels.append(labels)
+
+    @property
+    def truths(self) -> TrueBoxes:
+        """Labelled boxes of all frames so far."""
+        return TrueBoxes.of_frames(self.labels)
+
+    def detected(self, detections_of: Callable[[Output], Detections]) -> DetectedBoxes:
+        """Return the detections of all frames so far, as a function makes them of an output."""
+        return DetectedBoxes.of_frames([detections_of(output) for output in self.outputs])
+
+    def precision(
+        self, detections: DetectedBoxes, config: PrecisionConfig | None = None
+    ) -> list[ClassPrecision]:
+        """Return the metrics of the detections of each class."""
+        settings, frames = config or self.config, len(self.outputs)
+        return [
+            measure_precision(self.truths, detections, frames, one, settings, self.progress)
+            for one in self.classes
+        ]
 
 
 @dataclass(frozen=True)

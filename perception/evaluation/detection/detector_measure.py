@@ -1,4 +1,4 @@
-"""Metrics of a single detector: average precision, recall of its proposals, and time a frame."""
+"""Metrics of a single detector: average precision, recall of its proposals, and time per frame."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,15 +9,12 @@ import numpy as np
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.class_precision import (
     ClassPrecision,
+    PrecisionMeasure,
     PrecisionReport,
-    measure_precision,
 )
-from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
-from perception.evaluation.detection.protocol import DetectionClass
 from perception.evaluation.report import Table
-from perception.render.curve_plots import CurvePanel
-from perception.types import Detections, Float64, Labels, Progress
+from perception.types import Detections, Float64
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class FrameDetections:
 
     Attributes:
         detections: Objects of all classes, best first.
-        timings_s: Time of each stage.
+        timings_s: Time of each stage in seconds.
         proposals_px: (P, 4) boxes before verification; None of a detector without proposals.
     """
 
@@ -35,120 +32,85 @@ class FrameDetections:
     proposals_px: Float64 | None = None
 
 
-@dataclass(frozen=True)
-class DetectorReport:
+@dataclass(frozen=True, kw_only=True)
+class DetectorReport(PrecisionReport):
     """Metrics of a detector on one drive.
 
     Attributes:
-        precision: Average precision of each class.
-        seconds: (F,) time of each stage; of all frames.
+        seconds: (F,) time of each stage in all frames, in seconds.
         proposals_per_frame: Mean number of proposals; None of a detector without proposals.
     """
 
-    precision: PrecisionReport
     seconds: Mapping[str, Float64]
     proposals_per_frame: float | None = None
 
-    @property
-    def frame_ms(self) -> Float64:
-        """(F,) time of all stages."""
-        return np.asarray(1e3 * np.sum(list(self.seconds.values()), axis=0))
-
     def median_ms(self, stage: str) -> float:
-        """Return the median time of a stage."""
+        """Return the median time of a stage in milliseconds."""
         return 1e3 * float(np.median(self.seconds[stage]))
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return the table of average precision, with the times below it."""
-        (table,) = self.precision.tables()
-        times = [f"p50 {np.median(self.frame_ms):.1f} ms/frame, p99 {self._p99_ms():.1f} ms/frame"]
+        (table,) = super().tables()
+        note = ", ".join(f"{name} {ms:.1f} ms/frame" for name, ms in self._frame_ms().items())
         if self.proposals_per_frame is not None:
-            times.append(f"{self.proposals_per_frame:.1f} proposals/frame")
-        notes = [*table.notes, ", ".join(times)]
-        return [Table(table.title, table.columns, table.rows, table.heading, notes)]
+            note += f", {self.proposals_per_frame:.1f} proposals/frame"
+        return [replace(table, notes=[*table.notes, note])]
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics."""
         return {
-            "ms_per_frame": {"p50": float(np.median(self.frame_ms)), "p99": self._p99_ms()},
+            "ms_per_frame": self._frame_ms(),
             "proposals_per_frame": self.proposals_per_frame,
-            "classes": self.precision.to_json(),
+            "classes": super().to_json(),
         }
 
-    def panels(self) -> list[CurvePanel]:
-        """Return the precision-recall curves."""
-        return self.precision.panels()
-
-    def _p99_ms(self) -> float:
-        return float(np.percentile(self.frame_ms, 99))
+    def _frame_ms(self) -> dict[str, float]:
+        frame_ms = 1e3 * np.sum(list(self.seconds.values()), axis=0)
+        return {"p50": float(np.median(frame_ms)), "p99": float(np.percentile(frame_ms, 99))}
 
 
-class DetectorMeasure:
-    """Accumulates the detections of one detector frame by frame."""
+@dataclass(kw_only=True)
+class DetectorMeasure(PrecisionMeasure[FrameDetections]):
+    """Accumulates the detections of one detector frame by frame.
 
-    def __init__(
-        self,
-        title: str,
-        classes: Sequence[DetectionClass],
-        config: PrecisionConfig,
-        notes: Sequence[str] = (),
-        progress: Progress = iter,
-    ) -> None:
-        """Start without a frame.
+    Attributes:
+        title: Title of the report.
+        notes: Lines below the table.
+    """
 
-        Args:
-            title: Title of the report.
-            classes: Classes that are measured.
-            config: Metric configuration.
-            notes: Lines below the table.
-            progress: Iterates over the resamples and may show a progress bar.
-        """
-        self._title, self._classes, self._config = title, tuple(classes), config
-        self._notes, self._progress = notes, progress
-        self._outputs: list[FrameDetections] = []
-        self._labels: list[Labels] = []
-
-    def update(self, output: FrameDetections, labels: Labels) -> None:
-        """Add one frame."""
-        self._outputs.append(output)
-        self._labels.append(labels)
+    title: str
+    notes: Sequence[str] = ()
 
     def boxes(self) -> tuple[TrueBoxes, DetectedBoxes]:
         """Return the labelled and the detected boxes of all frames so far."""
-        return TrueBoxes.of_frames(self._labels), DetectedBoxes.of_frames(
-            [output.detections for output in self._outputs]
-        )
+        return self.truths, self.detected(lambda output: output.detections)
 
     def compute(self) -> DetectorReport:
         """Return the metrics of all frames so far."""
         truths, detections = self.boxes()
-        frames = len(self._outputs)
-        classes = [
-            measure_precision(truths, detections, frames, one, self._config, self._progress)
-            for one in self._classes
-        ]
-        stages = self._outputs[0].timings_s
+        classes, recall = self.precision(detections), None
+        name, ious = self.classes[0].name, self.config.iou
+        proposals = [one.proposals_px for one in self.outputs if one.proposals_px is not None]
+        if proposals:
+            boxes = DetectedBoxes.of_frames([_unscored(one, name) for one in proposals])
+            recall = proposal_recall(truths, boxes, len(self.outputs), name, ious)
+            classes[0] = _with_recall(classes[0], recall)
         seconds = {
-            name: np.array([output.timings_s[name] for output in self._outputs]) for name in stages
+            stage: np.array([output.timings_s[stage] for output in self.outputs])
+            for stage in self.outputs[0].timings_s
         }
-        proposals = [
-            _unscored(output.proposals_px, self._classes[0].name)
-            for output in self._outputs
-            if output.proposals_px is not None
-        ]
-        if not proposals:
-            report = PrecisionReport(self._title, classes, self._config, self._notes)
-            return DetectorReport(report, seconds)
-        recall = proposal_recall(
-            truths, DetectedBoxes.of_frames(proposals), frames, classes[0].name, self._config.iou
+        per_frame = recall.proposals_per_frame if recall else None
+        return DetectorReport(
+            self.title,
+            classes,
+            self.config,
+            self.notes,
+            seconds=seconds,
+            proposals_per_frame=per_frame,
         )
-        classes[0] = _with_recall(classes[0], recall)
-        report = PrecisionReport(self._title, classes, self._config, self._notes)
-        return DetectorReport(report, seconds, recall.proposals_per_frame)
 
 
 def _with_recall(precision: ClassPrecision, recall: ProposalRecall) -> ClassPrecision:
-    """Return the metrics of a class with the recall of the proposals."""
     metrics = {
         iou: {
             level: replace(

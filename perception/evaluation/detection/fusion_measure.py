@@ -22,11 +22,10 @@ from perception.evaluation.detection.class_precision import (
     CONFIDENCE,
     LEVELS,
     ClassPrecision,
+    PrecisionMeasure,
     few_objects_note,
-    measure_precision,
 )
 from perception.evaluation.detection.config import PrecisionConfig
-from perception.evaluation.detection.protocol import DetectionClass
 from perception.evaluation.detection.reliability import (
     Reliability,
     match_correctness,
@@ -34,7 +33,7 @@ from perception.evaluation.detection.reliability import (
 )
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
-from perception.types import MODALITIES, Detections, Labels, Modality, Progress
+from perception.types import MODALITIES, Detections, Modality
 
 Modalities = tuple[Modality, ...]
 Fuse = Callable[[DetectedScene], Detections]
@@ -255,133 +254,86 @@ def _words(modalities: Modalities) -> str:
     return " + ".join(MODALITY_NAMES[name] for name in modalities)
 
 
-class FusionMeasure:
-    """Accumulates the detections of three detectors frame by frame."""
+@dataclass(kw_only=True)
+class FusionMeasure(PrecisionMeasure[DetectedScene]):
+    """Accumulates the detections of three detectors frame by frame, and measures those of the first class.
 
-    def __init__(
-        self,
-        fusions: Mapping[FusionVariant, Fusion],
-        detection_class: DetectionClass,
-        config: PrecisionConfig,
-        progress: Progress = iter,
-    ) -> None:
-        """Start without a frame.
+    Attributes:
+        fusions: Fusion networks by variant, `default` among them.
+    """
 
-        Args:
-            fusions: Fusion networks by variant, `default` among them.
-            detection_class: Class that is measured.
-            config: Metric configuration.
-            progress: Iterates over the resamples and may show a progress bar.
-        """
-        self._fusions, self._class = dict(fusions), detection_class
-        self._config, self._progress = config, progress
-        self._scenes: list[DetectedScene] = []
-        self._labels: list[Labels] = []
-
-    def update(self, scene: DetectedScene, labels: Labels) -> None:
-        """Add one frame."""
-        self._scenes.append(scene)
-        self._labels.append(labels)
+    fusions: Mapping[FusionVariant, Fusion]
 
     def boxes(self) -> tuple[TrueBoxes, DetectedBoxes]:
         """Return the labelled boxes and those of Trifuse's fusion of all frames so far."""
-        fuse = partial(fuse_scene, self._fusions["default"])
-        return TrueBoxes.of_frames(self._labels), self._boxes(fuse)
+        return self.truths, self.detected(self._fuse)
 
     def compute(self) -> FusionReport:
         """Return the metrics of all frames so far."""
-        truths = TrueBoxes.of_frames(self._labels)
-        modalities = common_modalities(self._scenes)
-        fuse = partial(fuse_scene, self._fusions["default"])
-        rows = {
-            name: self._boxes(one) for name, one in row_functions(modalities, self._fusions).items()
+        functions = row_functions(self.outputs, self.fusions)
+        modalities = tuple(name for name in MODALITIES if MODALITY_NAMES[name] in functions)
+        rows = {name: self.detected(one) for name, one in functions.items()}
+        steps: dict[str, Fuse] = {
+            "merged": lambda scene: scene.merged.detections,
+            "rescored": partial(_rescore, self.fusions["default"]),
+            "rescored and suppressed": self._fuse,
         }
-        no_intervals = replace(self._config, bootstrap=0)
-        first = self._class.at_iou(self._config.iou[0])
+        missing = {one: self.detected(partial(self._fuse_rest, one)) for one in _parts(modalities)}
+        no_intervals, first = replace(self.config, bootstrap=0), self.classes[0]
         correctness = {
-            name: match_correctness(truths, found, len(self._scenes), first)
+            name: match_correctness(
+                self.truths, found, len(self.outputs), first.at_iou(self.config.iou[0])
+            )
             for name, found in rows.items()
             if name != MERGED
         }
         return FusionReport(
-            self._config,
+            self.config,
             modalities,
-            {name: self._measure(truths, found, self._config) for name, found in rows.items()},
-            {
-                remaining: self._measure(
-                    truths, self._boxes(_without(remaining, fuse)), self._config
-                )
-                for remaining in _proper_subsets(modalities)
-            },
-            {
-                name: self._measure(truths, self._boxes(step), no_intervals)
-                for name, step in self._steps(fuse).items()
-            },
+            {name: self.precision(found)[0] for name, found in rows.items()},
+            {remaining: self.precision(found)[0] for remaining, found in missing.items()},
+            {name: self.precision(self.detected(s), no_intervals)[0] for name, s in steps.items()},
             {name: measure_reliability(one, _BINS) for name, one in correctness.items()},
         )
 
-    def _steps(self, fuse: Fuse) -> dict[str, Fuse]:
-        return {
-            "merged": lambda scene: scene.merged.detections,
-            "rescored": partial(_rescore, self._fusions["default"]),
-            "rescored and suppressed": fuse,
-        }
+    def _fuse(self, scene: DetectedScene) -> Detections:
+        return _fuse(self.fusions["default"], scene)
 
-    def _boxes(self, fuse: Fuse) -> DetectedBoxes:
-        return DetectedBoxes.of_frames([fuse(scene) for scene in self._scenes])
-
-    def _measure(
-        self, truths: TrueBoxes, found: DetectedBoxes, config: PrecisionConfig
-    ) -> ClassPrecision:
-        return measure_precision(
-            truths, found, len(self._scenes), self._class, config, self._progress
-        )
-
-
-def common_modalities(scenes: Sequence[DetectedScene]) -> Modalities:
-    """Return the modalities that all scenes have."""
-    return tuple(
-        name for name in MODALITIES if all(name in scene.modality_detections for scene in scenes)
-    )
+    def _fuse_rest(self, remaining: Modalities, scene: DetectedScene) -> Detections:
+        return self._fuse(scene.without(*(name for name in MODALITIES if name not in remaining)))
 
 
 def row_functions(
-    modalities: Modalities, fusions: Mapping[FusionVariant, Fusion]
+    scenes: Sequence[DetectedScene], fusions: Mapping[FusionVariant, Fusion]
 ) -> dict[str, Fuse]:
-    """Return what makes the detections of each row from a scene: one modality, merged, or fused."""
+    """Return what makes the detections of each row from a scene: a modality of all scenes, merged, or fused."""
     rows: dict[str, Fuse] = {
-        MODALITY_NAMES[name]: partial(_single_modality, name) for name in modalities
+        MODALITY_NAMES[name]: partial(_single_modality, name)
+        for name in MODALITIES
+        if all(name in scene.modality_detections for scene in scenes)
     }
-    rows[MERGED] = merge_scene
-    return rows | {VARIANT_NAMES[name]: partial(fuse_scene, one) for name, one in fusions.items()}
-
-
-def merge_scene(scene: DetectedScene) -> Detections:
-    """Return the boxes of all modalities after non-maximum suppression."""
-    return NmsFusion().fuse(scene.modality_detections, scene.size_px).detections
-
-
-def fuse_scene(fusion: Fusion, scene: DetectedScene) -> Detections:
-    """Return the detections that a fusion makes of a scene."""
-    return fusion.fuse_scene(scene).detections
+    rows[MERGED] = _merge
+    return rows | {VARIANT_NAMES[name]: partial(_fuse, one) for name, one in fusions.items()}
 
 
 def _single_modality(name: Modality, scene: DetectedScene) -> Detections:
     return scene.modality_detections[name]
 
 
+def _merge(scene: DetectedScene) -> Detections:
+    return NmsFusion().fuse(scene.modality_detections, scene.size_px).detections
+
+
+def _fuse(fusion: Fusion, scene: DetectedScene) -> Detections:
+    return fusion.fuse_scene(scene).detections
+
+
 def _rescore(fusion: Fusion, scene: DetectedScene) -> Detections:
-    if not len(scene.merged.detections):
-        return Detections.empty()
-    return fusion.rescore(scene).detections
+    has_boxes = len(scene.merged.detections) > 0
+    return fusion.rescore(scene).detections if has_boxes else Detections.empty()
 
 
-def _proper_subsets(modalities: Modalities) -> Iterator[Modalities]:
+def _parts(modalities: Modalities) -> Iterator[Modalities]:
     """Yield the modalities that remain where some are missing, the most of them first."""
     for count in range(len(modalities) - 1, 0, -1):
         yield from combinations(modalities, count)
-
-
-def _without(remaining: Modalities, fuse: Fuse) -> Fuse:
-    missing = tuple(name for name in MODALITIES if name not in remaining)
-    return lambda scene: fuse(scene.without(*missing))

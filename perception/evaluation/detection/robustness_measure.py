@@ -9,18 +9,14 @@ import numpy as np
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.rescoring import Fusion
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.class_precision import (
-    ClassPrecision,
-    measure_precision,
-)
+from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.evaluation.detection.class_precision import ClassPrecision, PrecisionMeasure
 from perception.evaluation.detection.config import PrecisionConfig
-from perception.evaluation.detection.fusion_measure import common_modalities, row_functions
-from perception.evaluation.detection.protocol import DetectionClass
+from perception.evaluation.detection.fusion_measure import row_functions
 from perception.evaluation.report import Column, Table
 from perception.maps.projection import camera_of
 from perception.render.curve_plots import Curve, CurvePanel
-from perception.types import Frame, Labels, Modality
+from perception.types import Frame, Modality
 
 PLOT_DIFFICULTY = "moderate"
 CLEAN = ("", 0.0)
@@ -150,49 +146,25 @@ class RobustnessReport:
         return precision.first[PLOT_DIFFICULTY].ap(self.config.recall_points[0])
 
 
-class RobustnessMeasure:
-    """Accumulates the detections under corruptions frame by frame."""
+@dataclass(kw_only=True)
+class RobustnessMeasure(PrecisionMeasure[CorruptedScenes]):
+    """Accumulates the detections under corruptions frame by frame, and measures those of the first class.
 
-    def __init__(
-        self,
-        corruptions: Sequence[Corruption],
-        fusion: Fusion,
-        detection_class: DetectionClass,
-        config: PrecisionConfig,
-    ) -> None:
-        """Start without a frame.
+    Attributes:
+        corruptions: Corruptions with their levels.
+        fusion: Fusion network.
+    """
 
-        Args:
-            corruptions: Corruptions with their levels.
-            fusion: Fusion network.
-            detection_class: Class that is measured.
-            config: Metric configuration.
-        """
-        self._corruptions, self._fusion = corruptions, fusion
-        self._class, self._config = detection_class, config
-        self._scenes: list[CorruptedScenes] = []
-        self._labels: list[Labels] = []
-
-    def update(self, scenes: CorruptedScenes, labels: Labels) -> None:
-        """Add one frame."""
-        self._scenes.append(scenes)
-        self._labels.append(labels)
+    corruptions: Sequence[Corruption]
+    fusion: Fusion
 
     def compute(self) -> RobustnessReport:
         """Return the metrics of all frames so far."""
-        truths = TrueBoxes.of_frames(self._labels)
         rows = {}
-        for key in self._scenes[0]:
-            scenes = [one[key] for one in self._scenes]
-            functions = row_functions(common_modalities(scenes), {"default": self._fusion})
+        for key in self.outputs[0]:
+            scenes = [one[key] for one in self.outputs]
             rows[key] = {
-                name: measure_precision(
-                    truths,
-                    DetectedBoxes.of_frames([function(scene) for scene in scenes]),
-                    len(scenes),
-                    self._class,
-                    self._config,
-                )
-                for name, function in functions.items()
+                name: self.precision(DetectedBoxes.of_frames([detect(one) for one in scenes]))[0]
+                for name, detect in row_functions(scenes, {"default": self.fusion}).items()
             }
-        return RobustnessReport(self._config, self._corruptions, rows)
+        return RobustnessReport(self.config, self.corruptions, rows)
