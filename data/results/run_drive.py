@@ -3,10 +3,10 @@
 import logging
 import time
 from collections.abc import Generator
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from perception.render.composition import Composition
 from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.trails import TrackedObjectTrail
 from perception.tracking.single_object.handover import TrackHandover
-from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
+from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Drive, OnBadFrame, Result
 
 log = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ def run_drive(
         folder = files.enter_context(RunFolderWriter(out, drive, pipeline.area))
         write_config(out, drive, sensor=drive.sensor.name, **vars(config))
         video = files.enter_context(_open_video(drive, out, config))
-        tracking = files.enter_context(_object_tracking(drive, out, config))
+        tracking = files.enter_context(ObjectTracking(out, _handover(drive, config)))
         try:
             for result in map(tracking.update, results):
                 video.add(result, tracking.without_object(result), tracking.figure)
@@ -95,86 +95,32 @@ def run_drive(
     return summary
 
 
-def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
-    if not config.video:
-        return NoRunVideo()
-    composition = Composition(
-        area=config.pipeline.area,
-        turn_s=1 / drive.sensor.rate_hz,
-        display_score=config.pipeline.detection.display_score,
-    )
-    return RunVideoWriter(out, drive, composition, frame_count(drive, config.frames))
-
-
-def _object_tracking(drive: Drive, out: Path, config: RunConfig) -> "ObjectTracking":
-    if config.track is None:
-        return NoObjectTracking()
-    tracker = single_object_tracker(TRACKERS[0], drive.sensor)
-    return HandoverTracking(out, TrackHandover(config.track, tracker, config.pipeline.ego_vehicle))
-
-
-class ObjectTracking(AbstractContextManager["ObjectTracking"], Protocol):
-    """Tracks one object beside the pipeline.
-
-    Attributes:
-        figure: What is drawn of the object in the last frame, or None.
-    """
-
-    figure: TrackedObjectFigure | None
-
-    def update(self, result: Result) -> Result:
-        """Track the object in one frame; return the frame with the time of the stage."""
-        ...
-
-    def without_object(self, result: Result) -> Result:
-        """Return the frame without the pipeline's own box of the object."""
-        ...
-
-
-class NoObjectTracking:
-    """Tracks nothing."""
-
-    figure: TrackedObjectFigure | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None: ...
-
-    def update(self, result: Result) -> Result:
-        """Return the frame as it is."""
-        return result
-
-    def without_object(self, result: Result) -> Result:
-        """Return the frame as it is."""
-        return result
-
-
-class HandoverTracking:
-    """Tracks one object of the pipeline from its first frame on, and writes its trajectory.
+class ObjectTracking:
+    """Tracks one object of the pipeline from its first frame on, and writes its trajectory; or does nothing.
 
     Attributes:
         figure: What is drawn of the object in the last frame, or None before it appears.
     """
 
-    def __init__(self, out: Path, handover: TrackHandover) -> None:
+    def __init__(self, out: Path, handover: TrackHandover | None) -> None:
         """Open the file.
 
         Args:
             out: Folder of the results, which gets `trajectory.jsonl`.
-            handover: Tracker that waits for the object.
+            handover: Tracker that waits for the object; None to track nothing.
         """
         self.figure: TrackedObjectFigure | None = None
         self._handover, self._trail = handover, TrackedObjectTrail()
-        self._records = trajectory_writer(out)
+        self._records = None if handover is None else trajectory_writer(out)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         """Close the file; warn where the object never appeared."""
-        self._records.close()
-        if kind is None and not self._handover.has_started:
+        if self._records is not None:
+            self._records.close()
+        if kind is None and self._handover is not None and not self._handover.has_started:
             log.warning(
                 "--track %d: no frame has a track or a located vehicle of this id; tracks.jsonl and "
                 "vehicles.jsonl hold the ids of this run",
@@ -182,7 +128,9 @@ class HandoverTracking:
             )
 
     def update(self, result: Result) -> Result:
-        """Track the object in one frame, write its trajectory, and make its figure."""
+        """Track the object in one frame; return the frame with the time of the stage."""
+        if self._handover is None or self._records is None:
+            return result
         start_s = time.perf_counter()
         with limit_blas_threads():
             tracked = self._handover.update(result)
@@ -197,7 +145,7 @@ class HandoverTracking:
 
     def without_object(self, result: Result) -> Result:
         """Return the frame without the pipeline's own 3D box of the object, which is drawn once."""
-        if self.figure is None:
+        if self._handover is None or self.figure is None:
             return result
         tracked_id, vehicles = self._handover.track_id, result.vehicles
         if vehicles is not None:
@@ -207,3 +155,21 @@ class HandoverTracking:
             vehicles = replace(vehicles, boxes=replace(vehicles.boxes, bottom_m=bottom_m))
         tracks = result.tracks[result.tracks.ids != tracked_id]
         return replace(result, tracks=tracks, vehicles=vehicles)
+
+
+def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
+    if not config.video:
+        return NoRunVideo()
+    composition = Composition(
+        area=config.pipeline.area,
+        turn_s=1 / drive.sensor.rate_hz,
+        display_score=config.pipeline.detection.display_score,
+    )
+    return RunVideoWriter(out, drive, composition, frame_count(drive, config.frames))
+
+
+def _handover(drive: Drive, config: RunConfig) -> TrackHandover | None:
+    if config.track is None:
+        return None
+    tracker = single_object_tracker("default", drive.sensor)
+    return TrackHandover(config.track, tracker, config.pipeline.ego_vehicle)

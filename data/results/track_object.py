@@ -13,7 +13,6 @@ from data.derived.track_start import TrackStart
 from data.frames import frame_count, read_frames
 from data.results.documents import write_config, write_json
 from data.results.trajectory import TrajectoryRecord, TrajectoryRows, trajectory_writer
-from perception.evaluation.single_object.track import TrueTrack
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
@@ -27,7 +26,6 @@ from perception.render.video import open_video
 from perception.sensor import LidarModel
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
-from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.tracking.single_object.handover import tracker_input_of
 from perception.tracking.single_object.tracker import (
     SingleObjectTracker,
@@ -35,7 +33,7 @@ from perception.tracking.single_object.tracker import (
     TrackerInput,
 )
 from perception.tracking.single_object.trackers import single_object_tracker
-from perception.types import Boxes3D, Drive, Frame, OnBadFrame, Result, UInt8
+from perception.types import Boxes3D, Drive, Frame, OnBadFrame, Result
 
 log = logging.getLogger(__name__)
 
@@ -82,106 +80,75 @@ def track_object(
     Raises:
         PerceptionError: the tracker cannot start, or a frame cannot be used; the results before it stay.
     """
-    tracker = _TimedTracker(
-        config.make(config.tracker, drive.sensor, config.tracker_config), start.box_velo
-    )
+    tracker = config.make(config.tracker, drive.sensor, config.tracker_config)
     summary = TrajectorySummary(
         drive.name, config.tracker, start.name, out, start.truth, drive.calibration
     )
     last = frame_count(drive, None if config.frames is None else start.frame + config.frames)
     count = last - start.frame
-    renderer = _Renderer(start, count)
-    chain = LidarStages(drive.sensor, config.pipeline)
+    trail = TrackedObjectTrail()
+    composition = TrackedObjectComposition(frame_count=count, name=start.name)
+    stages = LidarStages(drive.sensor, config.pipeline)
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
     with ExitStack() as files:
         records = files.enter_context(trajectory_writer(out))
-        rows = files.enter_context(
-            closing(
-                TrajectoryRows(
-                    out / "trajectory.txt", drive.calibration, start.object_id, start.kind
-                )
-            )
-        )
-        _write_config(out, drive, start, config)
-        video = files.enter_context(
-            open_video(out / "video.mp4" if config.video else None, drive.sensor.rate_hz)
-        )
+        rows_path = out / "trajectory.txt"
+        rows = TrajectoryRows(rows_path, drive.calibration, start.object_id, start.kind)
+        files.enter_context(closing(rows))
+        values = {name: value for name, value in vars(config).items() if name != "make"}
+        write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **values)
+        video_path = out / "video.mp4" if config.video else None
+        video = files.enter_context(open_video(video_path, drive.sensor.rate_hz))
         try:
             for frame in progress(frames, drive.name, count):
-                result, _ = chain.segment(frame)
+                result, _ = stages.segment(frame)
                 tracker_input = tracker_input_of(result, config.pipeline.ego_vehicle)
                 if not summary.frames:
                     summary.points_at_start = _points_in(start.box_velo, tracker_input)
-                tracked, seconds = tracker.update(tracker_input)
+                start_s = time.perf_counter()
+                with limit_blas_threads():
+                    tracked = (
+                        tracker.update(tracker_input)
+                        if summary.frames
+                        else tracker.init(tracker_input, start.box_velo)
+                    )
+                seconds = time.perf_counter() - start_s
                 records.write(TrajectoryRecord.of(result, tracked))
                 rows.write(result, tracked)
                 summary.update(result, tracked, seconds)
                 if config.video:
-                    video.add(renderer.draw(result, tracked, seconds, tracker.region))
+                    trail.add(result, tracked)
+                    video.add(
+                        composition.draw(_scene(result, tracked, seconds, trail, tracker, start))
+                    )
                 if len(summary.frames) == 1 + count // 2:
-                    _plot_colors(out / "color-model.png", start, result, tracker.tracker)
+                    _plot_colors(out / "color-model.png", start, result, tracker)
         finally:
             write_json(out / "summary.json", summary.to_json())
     return summary
 
 
-class _TimedTracker:
-    """A tracker with a clock."""
-
-    def __init__(self, tracker: SingleObjectTracker, box_velo: Boxes3D) -> None:
-        self.tracker, self._box_velo = tracker, box_velo
-        self._is_initialized = False
-
-    def update(self, tracker_input: TrackerInput) -> tuple[TrackedObject, float]:
-        """Return the object in one frame and the time of the tracker."""
-        start_s = time.perf_counter()
-        with limit_blas_threads():
-            if self._is_initialized:
-                tracked = self.tracker.update(tracker_input)
-            else:
-                tracked = self.tracker.init(tracker_input, self._box_velo)
-        self._is_initialized = True
-        return tracked, time.perf_counter() - start_s
-
-    @property
-    def region(self) -> ImageRegion | None:
-        """Image region of the object's colours, or None of a tracker without a colour model."""
-        return self.tracker.colors.region if isinstance(self.tracker, FusionTracker) else None
-
-
-class _Renderer:
-    """Draws the frames of the video with the path of the object."""
-
-    def __init__(self, start: TrackStart, count: int) -> None:
-        self._trail, self._truth = TrackedObjectTrail(), start.truth
-        self._composition = TrackedObjectComposition(frame_count=count, name=start.name)
-
-    def draw(
-        self, result: Result, tracked: TrackedObject, seconds: float, region: ImageRegion | None
-    ) -> UInt8:
-        """Return the image of one frame."""
-        self._trail.add(result, tracked)
-        scene = TrackedObjectScene(
-            result=result,
-            tracked=tracked,
-            path_velo=self._trail.path_velo(result),
-            ego_path_velo=self._trail.ego_path_velo(result),
-            speeds_km_h=self._trail.speeds_km_h,
-            states=self._trail.states,
-            seconds=seconds,
-            region=region,
-            truth=_true_box(self._truth, result.frame.index),
-        )
-        return self._composition.draw(scene)
-
-
-def _write_config(out: Path, drive: Drive, start: TrackStart, config: TrackConfig) -> None:
-    write_config(
-        out,
-        drive,
-        sensor=drive.sensor.name,
-        **_start_flags(start),
-        **{name: value for name, value in vars(config).items() if name != "make"},
+def _scene(
+    result: Result,
+    tracked: TrackedObject,
+    seconds: float,
+    trail: TrackedObjectTrail,
+    tracker: SingleObjectTracker,
+    start: TrackStart,
+) -> TrackedObjectScene:
+    truth = None
+    if start.truth is not None:
+        truth = start.truth.boxes_velo[start.truth.frames == result.frame.index]
+    return TrackedObjectScene(
+        result=result,
+        tracked=tracked,
+        path_velo=trail.path_velo(result),
+        ego_path_velo=trail.ego_path_velo(result),
+        speeds_km_h=trail.speeds_km_h,
+        states=trail.states,
+        seconds=seconds,
+        region=tracker.colors.region if isinstance(tracker, FusionTracker) else None,
+        truth=truth if truth is not None and len(truth) else None,
     )
 
 
@@ -209,18 +176,7 @@ def _plot_colors(
     image = result.frame.image
     if not isinstance(tracker, FusionTracker) or image is None or tracker.colors.region is None:
         return
-    region = tracker.colors.region
-    scene = ColorModelScene(
-        image=image,
-        regions=tracker.colors.regions or (region,),
-        measured=tracker.colors.measured,
-        filtered=tracker.colors.colors.ratios,
-    )
+    colors = tracker.colors
+    regions = colors.regions or (tracker.colors.region,)
+    scene = ColorModelScene(image, regions, colors.measured, colors.colors.ratios)
     plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)
-
-
-def _true_box(truth: TrueTrack | None, frame: int) -> Boxes3D | None:
-    if truth is None:
-        return None
-    (rows,) = np.nonzero(truth.frames == frame)
-    return truth.boxes_velo[rows] if len(rows) else None

@@ -237,69 +237,50 @@ def _arguments(function: CommandFunction, parsed: Namespace) -> dict[str, Any]:
 
 
 def _usage_error(prog: str, message: str, types: dict[str, Any]) -> UsageError:
-    """Return a parser's message as one sentence."""
+    """Return a parser's message as where, expected and found."""
+    advice = f"see {prog} --help"
     for pattern, explain in _EXPLANATIONS:
-        if found := re.search(pattern, message, re.IGNORECASE):
-            where, expected, given = explain(found, types, message)
-            break
-    else:
-        where, expected, given = "command line", "flags and values", " ".join(message.split())
-    return UsageError(where, expected=expected, found=given, advice=f"see {prog} --help")
+        if match := re.search(pattern, message, re.IGNORECASE):
+            where, expected, found = explain(match, types)
+            return UsageError(where, expected=expected, found=found, advice=advice)
+    found = " ".join(message.split())
+    return UsageError("command line", expected="flags and values", found=found, advice=advice)
 
 
-_Explained = tuple[str, str, str]  # where, expected, found
-
-
-def _explain_unknown(found: re.Match[str], types: dict[str, Any], _: str) -> _Explained:
-    word = found.group(1)
-    return "command line", _such_as("a flag", word.partition("=")[0].lstrip("-"), types), word
-
-
-def _explain_unknown_key(found: re.Match[str], types: dict[str, Any], _: str) -> _Explained:
-    key = ".".join(filter(None, found.groups()))
-    return "--config", _such_as("a flag", key, types), key
-
-
-def _explain_missing(found: re.Match[str], _types: dict[str, Any], _: str) -> _Explained:
-    return "command line", found.group(1).upper(), "nothing"
-
-
-def _explain_no_value(found: re.Match[str], types: dict[str, Any], _: str) -> _Explained:
-    name = found.group(1)
-    return _flag(name), type_words(types.get(name)), "no value"
-
-
-def _explain_no_file(found: re.Match[str], _types: dict[str, Any], _: str) -> _Explained:
-    return _flag(found.group(1)), "a YAML file that can be read", found.group(2)
-
-
-def _explain_bad_value(found: re.Match[str], types: dict[str, Any], message: str) -> _Explained:
-    name = found.group(1)
-    given = re.search(r"(?:Given value|Value|Got value): (.+)", message)
-    last = message.splitlines()[-1].strip(" -")
-    return _flag(name), type_words(types.get(name)), given.group(1) if given else last
-
-
-# Messages of argparse and jsonargparse, the first that fits counts.
-_EXPLANATIONS: Sequence[tuple[str, Callable[[re.Match[str], dict[str, Any], str], _Explained]]] = (
-    (r"unrecognized arguments: (\S+)", _explain_unknown),
-    (r"group '(.+?)' does not accept option '(.+?)'", _explain_unknown_key),
-    (r"key '(.+?)' is not expected", _explain_unknown_key),
-    (r"arguments are required: (.+)", _explain_missing),
-    (r'key "([^"]+)" is required', _explain_missing),
-    (r"argument --(\S+): expected one argument", _explain_no_value),
+# Messages of argparse and jsonargparse, the first that fits counts: where, expected, found.
+_EXPLANATIONS: Sequence[
+    tuple[str, Callable[[re.Match[str], dict[str, Any]], tuple[str, str, str]]]
+] = (
+    (r"unrecognized arguments: (\S+)", lambda m, types: ("command line", _near(m[1], types), m[1])),
+    (
+        r"group '(.+?)' does not accept option '(.+?)'",
+        lambda m, types: ("--config", _near(f"{m[1]}.{m[2]}", types), f"{m[1]}.{m[2]}"),
+    ),
+    (r"key '(.+?)' is not expected", lambda m, types: ("--config", _near(m[1], types), m[1])),
+    (
+        r'(?:arguments are required: |key "(?=.+ is required))([^"]+)',
+        lambda m, _: ("command line", m[1].upper(), "nothing"),
+    ),
+    (
+        r"argument --(\S+): expected one argument",
+        lambda m, types: (_flag(m[1]), type_words(types.get(m[1])), "no value"),
+    ),
     (
         r'parser key "([^"]+)".*?(?:does not exist|unable to load config).*?[\'"](.+?)[\'"]',
-        _explain_no_file,
+        lambda m, _: (_flag(m[1]), "a YAML file that can be read", m[2]),
     ),
-    (r'parser key "([^"]+)"', _explain_bad_value),
+    (
+        r'parser key "([^"]+)"(?s:.*(?:Given value|Value|Got value): |.*\n[ -]*)(.+)',
+        lambda m, types: (_flag(m[1]), type_words(types.get(m[1])), m[2]),
+    ),
 )
 
 
-def _such_as(what: str, name: str, types: dict[str, Any]) -> str:
-    """Return what is expected, with the flag whose name is nearest."""
-    near = difflib.get_close_matches(name.replace("-", "_"), list(types), n=1)
-    return f"{what} such as {_flag(near[0])}" if near else what
+def _near(word: str, types: dict[str, Any]) -> str:
+    """Return what is expected in the place of an unknown flag: the one with the nearest name."""
+    name = word.partition("=")[0].lstrip("-").replace("-", "_")
+    near = difflib.get_close_matches(name, list(types), n=1)
+    return f"a flag such as {_flag(near[0])}" if near else "a flag"
 
 
 def _flag(name: str) -> str:

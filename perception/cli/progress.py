@@ -40,13 +40,9 @@ def counting_bar(description: str, total: int, *, unit: str = "frame") -> "tqdm[
     return _open(None, description, total, unit, 0)
 
 
-def frame_progress_bar(description: str) -> Progress:
-    """Return a function that shows progress over frame numbers where they take longer than 2 s."""
-
-    def shown(frames: Iterable[int]) -> Iterable[int]:
-        return progress_bar(frames, description, delay_s=2)
-
-    return shown
+def frame_progress_bar(description: str, delay_s: float = 2) -> Progress:
+    """Return a function that shows progress over frame numbers, after a delay."""
+    return lambda frames: progress_bar(frames, description, delay_s=delay_s)
 
 
 def _open(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from data.results.run_drive import TRACKING_STAGE, HandoverTracking, NoObjectTracking
+from data.results.run_drive import TRACKING_STAGE, ObjectTracking
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.geometry.grids import EgoVehicle
@@ -56,7 +56,7 @@ def hand_over_of(track_id: int) -> TrackHandover:
 
 def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
     path = tmp_path / "trajectory.jsonl"
-    with HandoverTracking(tmp_path, hand_over_of(8)) as object_tracking:
+    with ObjectTracking(tmp_path, hand_over_of(8)) as object_tracking:
         before = object_tracking.update(replace(result, tracks=Tracks.empty()))
         assert TRACKING_STAGE in before.timings_s
         assert object_tracking.figure is None
@@ -71,7 +71,7 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
 
 
 def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
-    with HandoverTracking(tmp_path, hand_over_of(99)) as object_tracking:
+    with ObjectTracking(tmp_path, hand_over_of(99)) as object_tracking:
         object_tracking.update(result)
     assert "--track 99: no frame has a track or a located vehicle of this id" in caplog.text
 
@@ -89,7 +89,7 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
     )
     located = replace(unlocated, boxes=result.tracks.boxes)
     path = tmp_path / "trajectory.jsonl"
-    with HandoverTracking(tmp_path, hand_over_of(5)) as object_tracking:
+    with ObjectTracking(tmp_path, hand_over_of(5)) as object_tracking:
         # Where the LiDAR says too little of it, there is nothing to begin with.
         object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
         assert object_tracking.figure is None
@@ -101,15 +101,15 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
     assert np.isnan(without_object.boxes.bottom_m).any(axis=1).tolist() == [False, True]
 
 
-def test_where_nobody_is_followed_nothing_changes(result):
-    with NoObjectTracking() as object_tracking:
+def test_without_a_handover_nothing_changes(result, tmp_path):
+    with ObjectTracking(tmp_path, None) as object_tracking:
         assert object_tracking.update(result) is result
         assert object_tracking.without_object(result) is result
         assert object_tracking.figure is None
 
 
 def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
-    with HandoverTracking(tmp_path, hand_over_of(8)) as object_tracking:
+    with ObjectTracking(tmp_path, hand_over_of(8)) as object_tracking:
         object_tracking.update(result)
         plain = Composition().draw(result)
         picture = Composition().draw(
