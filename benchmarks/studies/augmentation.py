@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.studies.report import RESULTS, Study, publish
+from benchmarks.studies.report import RESULTS, publish
 from data.samples.crops.config import CropDataConfig
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
@@ -68,9 +68,9 @@ def augmentation(
     run = TrainingRun(epochs=config.epochs, seed=training.seed)
     trained = {name: _train(experiment, run, name, out, training.resume) for name in THESIS_PERCENT}
     _plot(out, config.method, trained)
-    study = Study(
-        name="augmentation",
-        repeats="Table 7.8",
+    publish(
+        out,
+        "Table 7.8",
         table=_table(config.method, trained),
         numbers={_FOLDERS[name]: asdict(one) for name, one in trained.items()},
         conditions={
@@ -79,7 +79,6 @@ def augmentation(
             "thesis_percent": {_FOLDERS[name]: both for name, both in THESIS_PERCENT.items()},
         },
     )
-    publish(study, out)
 
 
 def _train(

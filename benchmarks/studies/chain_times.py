@@ -1,7 +1,7 @@
 """Seconds by stage: the thesis' chain as printed, and the default pipeline, on the same frames."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ from perception.obstacles.motion_counters import (
 from perception.obstacles.voxels import VoxelGrid
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel
-from perception.types import Drive, Float32, GroundModel
+from perception.types import Drive, Float32, Frame
 
 # The four steps of Table 7.3.
 DENSE_CLOUD, GROUND = "dense cloud", "ground"
@@ -58,55 +58,47 @@ def time_thesis(
     The first scans only fill the longest window, so that every case is measured on the same frames.
     """
     longest = max(case.previous_scans for case in cases)
-    _require_frames(drive, frames, longest)
     recent = ScanWindow(longest)
     measured: dict[ThesisCase, list[Times]] = {case: [] for case in cases}
-    total = longest + frames
-    for frame in progress_bar(read_frames(drive, limit=total), "thesis", total, delay_s=2):
+    for frame in _read(drive, longest, frames):
         if frame.world_SE3_velo is None:
             raise DriveError(drive.root, expected="INS poses to begin the ICP with", found="none")
         recent.push(PosedScan(frame.points_velo, frame.world_SE3_velo))
         if len(recent) <= longest:
             continue
         for m in dict.fromkeys(case.previous_scans for case in cases):
-            sizes = [case.voxel_size_m for case in cases if case.previous_scans == m]
-            for size_m, times in _time_frame(recent, m, sizes, drive.sensor).items():
-                measured[ThesisCase(m, size_m)].append(times)
+            # The stages that do not depend on the voxel size run once.
+            shared, obstacles = _time_ground(recent, m, drive.sensor)
+            for case in cases:
+                if case.previous_scans == m:
+                    measured[case].append(_time_motion(obstacles, case.voxel_size_m, shared))
     return measured
 
 
-def _time_frame(
-    recent: ScanWindow, previous_scans: int, sizes_m: Sequence[float], sensor: LidarModel
-) -> dict[float, Times]:
-    """Run the chain on one frame; the stages that do not depend on the voxel size run once."""
-    window = ScanWindow(previous_scans)
+def _time_ground(
+    recent: ScanWindow, previous_scans: int, sensor: LidarModel
+) -> tuple[Times, list[Float32]]:
+    """Return the times up to the separation, and the points above ground of each scan."""
+    window, times = ScanWindow(previous_scans), Times()
     for scan in recent:
         window.push(scan)
-    shared: Times = {}
-    with _timed(shared, DENSE_CLOUD):
-        registered = register_window(window)
-        points_velo = merge(registered, _AREA).points_velo
-    with _timed(shared, GROUND):
+    with _timed(times, DENSE_CLOUD):
+        window = register_window(window)
+        points_velo = merge(window, _AREA).points_velo
+    with _timed(times, GROUND):
         estimator = PiecewisePlanesEstimator(sensor, _AREA)
         planes = estimator.estimate(points_velo, np.random.default_rng(0))
-    with _timed(shared, VOXELS):
-        obstacles = _obstacle_points(registered, planes)
-    by_size = {size_m: dict(shared) for size_m in sizes_m}
-    for size_m, times in by_size.items():
-        _time_segmentation(obstacles, size_m, times)
-    return by_size
+    with _timed(times, VOXELS):
+        newest_SE3_world = inverse(window.newest.world_SE3_velo)
+        obstacles = []
+        for scan in window:
+            points = transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
+            obstacles.append(split_by_ground(points, planes, _AREA, _CLEARANCE_M).points_velo)
+    return times, obstacles
 
 
-def _obstacle_points(window: ScanWindow, ground: GroundModel) -> list[Float32]:
-    newest_SE3_world = inverse(window.newest.world_SE3_velo)
-    moved = [
-        transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
-        for scan in window
-    ]
-    return [split_by_ground(p, ground, _AREA, _CLEARANCE_M).points_velo for p in moved]
-
-
-def _time_segmentation(obstacles: list[Float32], size_m: float, times: Times) -> None:
+def _time_motion(obstacles: list[Float32], size_m: float, shared: Times) -> Times:
+    times = dict(shared)
     with _timed(times, VOXELS):
         grid = VoxelGrid.covering(np.concatenate(obstacles), size_m)
         keys = [grid.keys(points) for points in obstacles]
@@ -115,6 +107,7 @@ def _time_segmentation(obstacles: list[Float32], size_m: float, times: Times) ->
         static, moving = column_counter(grid, voxels.static), column_counter(grid, voxels.moving)
         log_ratio(moving, static)
         classify_columns(static, moving, _STATIC_POINTS, _MOVING_POINTS)
+    return times
 
 
 @contextmanager
@@ -126,21 +119,20 @@ def _timed(times: Times, stage: str) -> Iterator[None]:
 
 def time_default(drive: Drive, previous_scans: int, warm_up: int, frames: int) -> list[Times]:
     """Return the seconds by stage of each measured frame of the default pipeline."""
-    _require_frames(drive, frames, warm_up)
     pipeline = Pipeline(drive.sensor, PipelineConfig.for_obstacles(previous_scans=previous_scans))
+    return [pipeline.step(frame).timings_s for frame in _read(drive, warm_up, frames)][warm_up:]
+
+
+def _read(drive: Drive, warm_up: int, frames: int) -> Iterable[Frame]:
     total = warm_up + frames
-    read = progress_bar(read_frames(drive, limit=total), "default", total, delay_s=2)
-    return [pipeline.step(frame).timings_s for frame in read][warm_up:]
-
-
-def _require_frames(drive: Drive, frames: int, before: int) -> None:
-    if len(drive) < frames + before:
+    if len(drive) < total:
         raise UsageError(
             f"--frames {frames}",
-            expected=f"at most {len(drive) - before}, as {drive.name} has {len(drive)} frames "
-            f"and the first {before} fill the window",
+            expected=f"at most {len(drive) - warm_up}, as {drive.name} has {len(drive)} frames "
+            f"and the first {warm_up} fill the window",
             found=str(frames),
         )
+    return progress_bar(read_frames(drive, limit=total), "frames", total, delay_s=2)
 
 
 def mean_times_s(times: Sequence[Times]) -> Times:

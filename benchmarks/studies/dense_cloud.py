@@ -6,15 +6,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame, require_ins
-from benchmarks.studies.report import RESULTS, Study, publish
+from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
+from benchmarks.studies.report import RESULTS, publish
 from perception.errors import DriveError
 from perception.evaluation.report import format_table
 from perception.geometry.grids import LocalArea
 from perception.localization.registration import register_window
 from perception.localization.scan_window import DenseCloud, merge
 from perception.render.obstacle_plots import AgedPoints, plot_aged_points
-from perception.types import Bool, Drive, Float32, Float64, GroundModel, UInt8
+from perception.types import Bool, Float32, Float64, GroundModel, Int, UInt8
 
 _CELL_M = 0.1
 _LOW_M, _HIGH_M = 0.3, 2.0
@@ -39,47 +39,38 @@ def dense_cloud(
         drive: Folder of a drive with INS, or the word synthetic.
         at: Position x,y of the object in metres; else that of the most isolated pole.
         out: Figure; a JSON file with the numbers is written beside it.
+
+    Raises:
+        DriveError: The drive has no INS, or the frame no pole.
     """
-    place_m = None if at is None else np.array(at)
-    publish(study_dense_cloud(window.open(drive), out, window, place_m), out)
-
-
-def study_dense_cloud(
-    drive: Drive, plot_path: Path, flags: MergedFrameFlags, place_m: Float64 | None = None
-) -> Study:
-    """Draw the pole three times, and measure how far apart the scans see it."""
-    merged = read_merged_frame(drive, flags)
-    by_ins, ground = require_ins(drive, merged), merged.planes
+    opened = window.open(drive)
+    merged = read_merged_frame(opened, window)
+    by_ins, ground = merged.ins_window, merged.planes
+    if len(by_ins) < len(merged.window):
+        raise DriveError(
+            opened.root, expected="INS poses, to compare with registration", found="none"
+        )
     clouds = {
         "INS alone": merge(by_ins, merged.area),
         "thesis: BGF and ICP": merge(register_window(by_ins), merged.area),
         "default: GICP to a keyframe": merged.cloud,
     }
-    place_m = find_pole(merged.cloud, ground, merged.area) if place_m is None else place_m
+    place_m = np.array(at) if at else find_pole(merged.cloud, ground, merged.area)
     cutouts = {name: cut_out(cloud, ground, place_m) for name, cloud in clouds.items()}
-    disagreement_m = {name: cutout.disagreement_m for name, cutout in cutouts.items()}
+    apart_cm = {name: 1e2 * one.disagreement_m for name, one in cutouts.items()}
     title = f"Merged cloud of a thin object, {merged.title}"
-    plot_aged_points(
-        plot_path,
-        title,
-        {
-            f"{name}\nscans {1e2 * disagreement_m[name]:.1f} cm apart": AgedPoints(
-                cutout.points_m, cutout.age
-            )
-            for name, cutout in cutouts.items()
-        },
-    )
-    return Study(
-        name="dense-cloud",
-        repeats="Fig. 5.2",
-        table=format_table(
-            f"{title}, at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m",
-            ("", "points", "scans apart [cm]"),
-            [
-                [name, str(len(cutout.age)), f"{1e2 * cutout.disagreement_m:.1f}"]
-                for name, cutout in cutouts.items()
-            ],
-        ),
+    panels = {
+        f"{name}\nscans {apart_cm[name]:.1f} cm apart": AgedPoints(one.points_m, one.age)
+        for name, one in cutouts.items()
+    }
+    plot_aged_points(out, title, panels)
+    rows = [[name, str(len(one.age)), f"{apart_cm[name]:.1f}"] for name, one in cutouts.items()]
+    place = f"at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m"
+    disagreement_m = {name: one.disagreement_m for name, one in cutouts.items()}
+    publish(
+        out,
+        "Fig. 5.2",
+        table=format_table(f"{title}, {place}", ("", "points", "scans apart [cm]"), rows),
         numbers={"disagreement_m": disagreement_m, "place_m": place_m},
         conditions={
             **merged.conditions,
@@ -95,11 +86,21 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     Raises:
         DriveError: There is none.
     """
-    columns = _columns(cloud, ground, area)
-    inner = cv2.boxFilter(columns.points, -1, (_INNER_CELLS,) * 2, normalize=False)
-    outer = cv2.boxFilter(columns.points, -1, (_OUTER_CELLS,) * 2, normalize=False)
-    is_pole = columns.scans >= int(cloud.age.max()) + 1
-    is_pole &= (columns.levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
+    height_m = ground.distance_m(cloud.points_velo)
+    rows = (height_m > _LOW_M) & (height_m < _HIGH_M)
+    xy_m = cloud.points_velo[rows, :2] + (area.behind_m, area.side_m)
+    shape = (
+        int((area.behind_m + area.ahead_m) / _CELL_M) + 1,
+        int(2 * area.side_m / _CELL_M) + 1,
+    )
+    cells = np.ravel_multi_index(tuple((xy_m / _CELL_M).astype(int).T), shape)
+    points = np.bincount(cells, minlength=shape[0] * shape[1]).astype(np.float64).reshape(shape)
+    levels = _distinct_values_around(cells, (height_m[rows] / _LEVEL_M).astype(int), shape)
+    scans = _distinct_values_around(cells, cloud.age[rows], shape)
+    inner = cv2.boxFilter(points, -1, (_INNER_CELLS,) * 2, normalize=False)
+    outer = cv2.boxFilter(points, -1, (_OUTER_CELLS,) * 2, normalize=False)
+    is_pole = scans >= int(cloud.age.max()) + 1
+    is_pole &= (levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
     is_pole &= inner >= _MIN_SHARE * outer
     # Nothing around a cell may have been cropped.
     is_pole[:_OUTER_CELLS] = is_pole[-_OUTER_CELLS:] = False
@@ -117,42 +118,12 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     return np.asarray((cell + 0.5) * _CELL_M - (area.behind_m, area.side_m))
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Counts in each column of the ground plane, (X, Y) each: points, height levels, scans."""
-
-    points: Float64
-    levels: Float64
-    scans: Float64
-
-
-def _columns(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> _Columns:
-    height_m = ground.distance_m(cloud.points_velo)
-    rows = (height_m > _LOW_M) & (height_m < _HIGH_M)
-    points, height_m, age = cloud.points_velo[rows], height_m[rows], cloud.age[rows]
-    shape = (
-        int((area.behind_m + area.ahead_m) / _CELL_M) + 1,
-        int(2 * area.side_m / _CELL_M) + 1,
-    )
-    x, y = ((points[:, :2] + (area.behind_m, area.side_m)) / _CELL_M).astype(int).T
-    cell = x * shape[1] + y
-    count = np.bincount(cell, minlength=shape[0] * shape[1]).astype(np.float64)
-    level = (height_m / _LEVEL_M).astype(int)
-    return _Columns(
-        points=count.reshape(shape),
-        levels=_distinct_values_around(cell, level, shape),
-        scans=_distinct_values_around(cell, age, shape),
-    )
-
-
-def _distinct_values_around(
-    cell: Float64, value: Float64 | UInt8, shape: tuple[int, int]
-) -> Float64:
+def _distinct_values_around(cells: Int, values: Int | UInt8, shape: tuple[int, int]) -> Float64:
     """Count the distinct values within the inner square around each cell."""
     total = np.zeros(shape)
-    for one in np.unique(value):
+    for one in np.unique(values):
         layer = np.zeros(shape[0] * shape[1], np.uint8)
-        layer[cell[value == one]] = 1
+        layer[cells[values == one]] = 1
         total += cv2.dilate(layer.reshape(shape), np.ones((_INNER_CELLS, _INNER_CELLS), np.uint8))
     return total
 

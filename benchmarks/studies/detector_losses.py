@@ -11,7 +11,7 @@ from benchmarks.studies.detector_variants import (
     VariantFlags,
     study_variants,
 )
-from benchmarks.studies.report import RESULTS, Study, publish
+from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.variant_report import plot_variant_curves, precision_tables
 from perception.types import Modality
 
@@ -43,14 +43,13 @@ def detector_losses(
     variants = loss_variants(training.variant(drives, modality, size))
     metrics = study_variants(variants, training, out.with_suffix(""))
     plot_variant_curves(out, "Losses", metrics, IOU[0])
-    study = Study(
-        name="detector-losses",
-        repeats="none: the thesis trains as published",
+    publish(
+        out,
+        "none: the thesis trains as published",
         table="\n\n".join(precision_tables("Losses", metrics, iou) for iou in IOU),
         numbers=metrics,
         conditions={"variants": variants, "training": training},
     )
-    publish(study, out)
 
 
 def loss_variants(base: DetectorVariant) -> dict[str, DetectorVariant]:

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from data.frames import read_frames
 from perception.cli.flags import require_positive
-from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
@@ -22,10 +21,11 @@ from perception.types import Drive
 
 
 @dataclass(frozen=True)
-class GroundErrorConfig(FlagGroup):
-    """Measured settings.
+class GroundErrorConfig(DriveOfStudy):
+    """Drive and measured settings.
 
     Attributes:
+        sequence: Sequence of a tracking folder, such as 0000.
         previous_scans: Values of m, the number of merged scans before the newest.
         steps_per_slice: Values of η, the number of elevation steps of a slice.
         every: Distance between measured frames; all frames are registered.
@@ -46,11 +46,7 @@ class GroundErrorConfig(FlagGroup):
 
 
 def ground_error(
-    drive: str,
-    *,
-    sequence: str | None = None,
-    config: GroundErrorConfig,
-    out: Path = RESULTS / "ground-error.png",
+    drive: str, *, config: GroundErrorConfig, out: Path = RESULTS / "ground-error.png"
 ) -> None:
     """Measure the thesis' ground over merged scans m and slice width η (Fig. 7.1).
 
@@ -58,22 +54,14 @@ def ground_error(
 
     Args:
         drive: Folder of a drive with labels, or the word synthetic.
-        sequence: Sequence of a tracking folder, such as 0000.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    publish(study_ground_error(open_study_drive(drive, sequence), out, config), out)
-
-
-def study_ground_error(drive: Drive, plot_path: Path, config: GroundErrorConfig) -> Study:
-    """Measure the thesis' piecewise planes for each pair of m and η, and draw the errors as a map."""
-    metrics = {
-        pair: mean_displacement_error(rows)
-        for pair, rows in measure_ground_errors(drive, config).items()
-    }
-    scans, steps = config.previous_scans, config.steps_per_slice
+    opened, scans, steps = config.open(drive), config.previous_scans, config.steps_per_slice
+    errors = measure_ground_errors(opened, config)
+    metrics = {pair: mean_displacement_error(rows) for pair, rows in errors.items()}
     mde_m = np.array([[metrics[m, eta].mde_m for eta in steps] for m in scans])
     one = next(iter(metrics.values()))
-    title = f"Ground error of the thesis' method, {drive.name}, {one.frames} frames"
+    title = f"Ground error of the thesis' method, {opened.name}, {one.frames} frames"
     grid = ValueGrid(
         row_name="merged scans before the newest, m",
         rows=scans,
@@ -83,14 +71,14 @@ def study_ground_error(drive: Drive, plot_path: Path, config: GroundErrorConfig)
         value_name="mDE [mm]",
         digits=1,
     )
-    plot_grid(plot_path, title, grid, is_low_good=True)
+    plot_grid(out, title, grid, is_low_good=True)
     rows = {f"m = {m}": 1e3 * values for m, values in zip(scans, mde_m, strict=True)}
-    return Study(
-        name="ground-error",
-        repeats="Fig. 7.1",
+    publish(
+        out,
+        "Fig. 7.1",
         table=value_table(title, "mDE [mm]", [f"η = {eta}" for eta in steps], rows),
         numbers={"mde_m": mde_m, "frames": one.frames, "objects": one.objects},
-        conditions={"drive": drive.name, "config": config, "area": LocalArea()},
+        conditions={"drive": opened.name, "config": config, "area": LocalArea()},
     )
 
 

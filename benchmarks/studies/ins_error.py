@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.studies.report import RESULTS, StreetFlags, Study, publish
+from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from benchmarks.studies.tracking_metrics import (
     PROTOCOL,
     StudyTrackingMetrics,
@@ -16,7 +16,7 @@ from data.synthetic.drive import CachedDrive
 from data.synthetic.ins import InsNoise
 from perception.cli.parser import FlagGroup
 from perception.render.curve_plots import metric_panels, plot_curves
-from perception.sensor import LidarModel, load_sensor
+from perception.sensor import load_sensor
 
 
 @dataclass(frozen=True)
@@ -53,21 +53,15 @@ def ins_error(
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    publish(study_ins_error(out, streets, config, load_sensor(sensor)), out)
-
-
-def study_ins_error(
-    plot_path: Path, streets: StreetFlags, config: InsErrorConfig, sensor: LidarModel
-) -> Study:
-    """Measure all methods on the same streets and scans with one INS after another, and draw curves."""
+    model = load_sensor(sensor)
     parts: dict[InsNoise, list[dict[str, StudyTrackingMetrics]]] = {c: [] for c in config.cases()}
     for seed in streets.seeds:
         exact = InsNoise(0.0, 0.0)
-        drive = CachedDrive(streets.frames, seed=seed, sensor=sensor, noise=exact)
+        drive = CachedDrive(streets.frames, seed=seed, sensor=model, noise=exact)
         for noise, drives in parts.items():
             drives.append(measure_methods(drive.with_ins(noise)))
     metrics = {noise: total(drives) for noise, drives in parts.items()}
-    title = f"Tracks of moving objects over the error of the INS, {sensor.name}, {streets.title}"
+    title = f"Tracks of moving objects over the error of the INS, {model.name}, {streets.title}"
     positions = [metrics[InsNoise(position_m, 0.0)] for position_m in config.positions_m]
     angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in config.angles_deg]
     by_position, by_angle = by_metric(positions), by_metric(angles)
@@ -75,15 +69,15 @@ def study_ins_error(
         *metric_panels("position error of the INS, σ [m]", config.positions_m, by_position),
         *metric_panels("angle error of the INS, σ [°]", config.angles_deg, by_angle),
     ]
-    plot_curves(plot_path, title, panels, columns=len(by_position), share_y="col")
+    plot_curves(out, title, panels, columns=len(by_position), share_y="col")
     cases = {f"{ins.position_m:g} m, {ins.angle_deg:g}°": one for ins, one in metrics.items()}
-    return Study(
-        name="ins-error",
-        repeats="7.1.1, tolerance to localization error",
+    publish(
+        out,
+        "7.1.1, tolerance to localization error",
         table=tracking_table(title, "INS error: method", cases),
         numbers=[
             {"ins": noise, "methods": {m: one.values() for m, one in methods.items()}}
             for noise, methods in metrics.items()
         ],
-        conditions={"drives": streets, "config": config, "sensor": sensor, "protocol": PROTOCOL},
+        conditions={"drives": streets, "config": config, "sensor": model, "protocol": PROTOCOL},
     )

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import RESULTS, Study, publish, value_table
+from benchmarks.studies.report import RESULTS, publish, value_table
 from perception.obstacles.motion_counters import CounterSegmenter, MotionCounters
 from perception.render.obstacle_plots import plot_masks
-from perception.types import Drive, PointState
+from perception.types import PointState
 
 
 def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.png") -> None:
@@ -20,22 +20,16 @@ def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.
         drive: Folder of a drive, or the word synthetic.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    publish(study_masks(window.open(drive), out, window), out)
-
-
-def study_masks(drive: Drive, plot_path: Path, flags: MergedFrameFlags) -> Study:
-    """Draw every step from the counters to the masks of one frame, and count cells and points."""
-    merged = read_merged_frame(drive, flags)
+    merged = read_merged_frame(window.open(drive), window)
     segmenter = CounterSegmenter(merged.area)
     counters = segmenter.counters(merged.window, merged.planes)
     states = segmenter.update(merged.window, merged.planes).point_states
-    static_points = merged.frame.points_velo[states >= PointState.STATIC]
     title = f"From counters to masks, {merged.title}"
-    plot_masks(plot_path, title, counters, static_points)
+    plot_masks(out, title, counters, merged.frame.points_velo[states >= PointState.STATIC])
     counts = _counts(counters)
-    return Study(
-        name="masks",
-        repeats="Fig. 5.6",
+    publish(
+        out,
+        "Fig. 5.6",
         table=value_table(title, "", ("columns", "points in them"), counts, "d"),
         numbers={name: {"columns": c, "points": p} for name, (c, p) in counts.items()},
         conditions=merged.conditions,

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.studies.report import open_study_drive
+from benchmarks.studies.report import DriveOfStudy
 from perception.cli.flags import require_positive
-from perception.cli.parser import FlagGroup
-from perception.errors import DriveError, UsageError
+from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.localization.odometry import LidarOdometry
 from perception.localization.scan_window import DenseCloud, PosedScan, ScanWindow, merge
@@ -17,8 +16,8 @@ from perception.types import Drive, Frame
 
 
 @dataclass(frozen=True)
-class MergedFrameFlags(FlagGroup):
-    """Merged scans.
+class MergedFrameFlags(DriveOfStudy):
+    """Drive and merged scans.
 
     Attributes:
         sequence: Sequence of a tracking folder, such as 0000.
@@ -27,7 +26,6 @@ class MergedFrameFlags(FlagGroup):
         seed: Seed of RANSAC.
     """
 
-    sequence: str | None = None
     frame: int | None = None
     previous_scans: int = 6
     seed: int = 0
@@ -35,10 +33,6 @@ class MergedFrameFlags(FlagGroup):
     def __post_init__(self) -> None:
         """Validate the number of scans."""
         require_positive("--previous-scans", self.previous_scans)
-
-    def open(self, drive: str) -> Drive:
-        """Open a path, or return a synthetic street for the word `synthetic`."""
-        return open_study_drive(drive, self.sequence)
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ class MergedFrame:
     Attributes:
         frame: Newest frame.
         window: Scans with registered poses.
-        ins_window: Scans with the poses of the INS, or None without INS.
+        ins_window: Scans with the poses of the INS, those without one left out.
         cloud: Registered scans merged within the area (5.1), in the frame of the newest scan.
         planes: Piecewise planes of the thesis in the merged cloud (Algorithm 3).
         area: Local area around the vehicle.
@@ -58,7 +52,7 @@ class MergedFrame:
 
     frame: Frame
     window: ScanWindow
-    ins_window: ScanWindow | None
+    ins_window: ScanWindow
     cloud: DenseCloud
     planes: PiecewisePlanes
     area: LocalArea
@@ -72,47 +66,34 @@ def read_merged_frame(drive: Drive, flags: MergedFrameFlags) -> MergedFrame:
     Raises:
         UsageError: The drive has no such frame, or no scan before it.
     """
-    newest = len(drive) // 2 if flags.frame is None else flags.frame
-    if not 0 < newest < len(drive):
-        raise UsageError(
-            f"frame {newest}",
-            expected=f"a frame from 1 to {len(drive) - 1} of {drive.name}",
-            found="none that has a scan before it",
-        )
+    newest = existing_frame(drive, flags.frame, first=1)
     m = flags.previous_scans
-    frames = [drive[index] for index in range(max(newest - m, 0), newest + 1)]
     window, ins_window, odometry, area = ScanWindow(m), ScanWindow(m), LidarOdometry(), LocalArea()
-    for frame in frames:
+    for index in range(max(newest - m, 0), newest + 1):
+        frame = drive[index]
         points_velo, by_ins = frame.points_velo, frame.world_SE3_velo
         pose = odometry.update(points_velo, frame.stamp_s, by_ins, frame.source).world_SE3_velo
         window.push(PosedScan(points_velo, pose))
         if by_ins is not None:
             ins_window.push(PosedScan(points_velo, by_ins))
-    cloud = merge(window, area)
-    estimator = PiecewisePlanesEstimator(drive.sensor, area)
-    return MergedFrame(
-        frame=frames[-1],
-        window=window,
-        ins_window=ins_window if len(ins_window) == len(frames) else None,
-        cloud=cloud,
-        planes=estimator.estimate(cloud.points_velo, np.random.default_rng(flags.seed)),
-        area=area,
-        title=f"{drive.name} frame {newest}",
-        conditions={
-            "drive": drive.name, "frame": newest, "previous_scans": m, "seed": flags.seed,
-            "area": area,
-        },
-    )  # fmt: skip
+    cloud, random = merge(window, area), np.random.default_rng(flags.seed)
+    planes = PiecewisePlanesEstimator(drive.sensor, area).estimate(cloud.points_velo, random)
+    title = f"{drive.name} frame {newest}"
+    conditions = {"drive": drive.name, "frame": newest, "window": flags, "area": area}
+    return MergedFrame(frame, window, ins_window, cloud, planes, area, title, conditions)
 
 
-def require_ins(drive: Drive, merged: MergedFrame) -> ScanWindow:
-    """Return the scans with the poses of the INS.
+def existing_frame(drive: Drive, frame: int | None, first: int = 0) -> int:
+    """Return the number of a frame, or of the middle one for None.
 
     Raises:
-        DriveError: The drive has no INS.
+        UsageError: The drive has no such frame.
     """
-    if merged.ins_window is None:
-        raise DriveError(
-            drive.root, expected="INS poses, to compare with registration", found="none"
+    chosen = len(drive) // 2 if frame is None else frame
+    if not first <= chosen < len(drive):
+        raise UsageError(
+            f"frame {chosen}",
+            expected=f"a frame from {first} to {len(drive) - 1} of {drive.name}",
+            found="no such frame",
         )
-    return merged.ins_window
+    return chosen

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.studies.detector_variants import DetectorVariant, VariantFlags, study_variants
-from benchmarks.studies.report import RESULTS, Study, publish
+from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.variant_report import (
     Percent,
     plot_variant_curves,
@@ -74,9 +74,9 @@ def reflectance_maps(
     tables.append(
         times_table("Time per frame (Table B.1; the thesis' on a GPU)", metrics, THESIS_B1_MS)
     )
-    study = Study(
-        name="reflectance-maps",
-        repeats="Tables B.1, B.2 and B.3",
+    publish(
+        out,
+        "Tables B.1, B.2 and B.3",
         table="\n\n".join(tables),
         numbers=metrics,
         conditions={
@@ -85,7 +85,6 @@ def reflectance_maps(
             "thesis": {"B.1 ms": THESIS_B1_MS, "B.2": THESIS_B2, "B.3": THESIS_B3},
         },
     )
-    publish(study, out)
 
 
 def map_variants(base: DetectorVariant, wide_size: str) -> dict[str, DetectorVariant]:

@@ -22,63 +22,20 @@ _SYNTHETIC_FRAMES = 40
 
 
 @dataclass(frozen=True)
-class Study:
-    """Outcome of a study.
+class DriveOfStudy(FlagGroup):
+    """Drive.
 
     Attributes:
-        name: Name of the command.
-        repeats: Figure or table of the thesis that it repeats.
-        table: Results as text.
-        numbers: Results for programs.
-        conditions: Drive, frames and parameters.
+        sequence: Sequence of a tracking folder, such as 0000.
     """
 
-    name: str
-    repeats: str
-    table: str
-    numbers: Any
-    conditions: dict[str, Any]
+    sequence: str | None = None
 
-
-def publish(study: Study, plot_path: Path) -> None:
-    """Write the numbers beside the figure, and print the table and both paths."""
-    document = {
-        "study": study.name,
-        "repeats": study.repeats,
-        "program": f"trifuse {__version__}",
-        "conditions": study.conditions,
-        "results": study.numbers,
-    }
-    numbers = plot_path.with_suffix(".json")
-    write_json(numbers, document)
-    print(f"{study.table}\n\n{plot_path}\n{numbers}")
-
-
-def open_study_drive(drive: str, sequence: str | None, *, images: bool = False) -> Drive:
-    """Open a path, or return a synthetic street for the word `synthetic`."""
-    if drive == "synthetic":
-        return SyntheticDrive(_SYNTHETIC_FRAMES, images=images)
-    return open_drive(Path(drive), sequence=sequence, images=images)
-
-
-def value_table(
-    title: str,
-    heading: str,
-    columns: Sequence[str],
-    rows: Mapping[str, Sequence[float | None] | Float64],
-    spec: str = ".1f",
-) -> str:
-    """Return a table of numbers of one format.
-
-    Args:
-        title: Line above the table.
-        heading: Heading of the first column.
-        columns: Headings of the other columns.
-        rows: Values of each row, one for each column.
-        spec: Format of the values.
-    """
-    cells = [Column(name, itemgetter(place), spec) for place, name in enumerate(columns)]
-    return Table(title, cells, rows, heading).text()
+    def open(self, drive: str, *, images: bool = False) -> Drive:
+        """Open a path, or return a synthetic street for the word `synthetic`."""
+        if drive == "synthetic":
+            return SyntheticDrive(_SYNTHETIC_FRAMES, images=images)
+        return open_drive(Path(drive), sequence=self.sequence, images=images)
 
 
 @dataclass(frozen=True)
@@ -110,3 +67,45 @@ class StreetFlags(FlagGroup):
         """Words that name the drives."""
         seeds = ", ".join(map(str, self.seeds))
         return f"synthetic drives of seed {seeds}, {self.frames} frames each"
+
+
+def publish(
+    out: Path, repeats: str, *, table: str, numbers: object, conditions: dict[str, Any]
+) -> None:
+    """Write the numbers beside the figure, and print the table and both paths.
+
+    Args:
+        out: Figure, named as the study.
+        repeats: Figure or table of the thesis that the study repeats.
+        table: Results as text.
+        numbers: Results for programs.
+        conditions: Drive, frames and parameters.
+    """
+    document = {
+        "repeats": repeats,
+        "program": f"trifuse {__version__}",
+        "conditions": conditions,
+        "results": numbers,
+    }
+    write_json(out.with_suffix(".json"), document)
+    print(f"{table}\n\n{out}\n{out.with_suffix('.json')}")
+
+
+def value_table(
+    title: str,
+    heading: str,
+    columns: Sequence[str],
+    rows: Mapping[str, Sequence[float | None] | Float64],
+    spec: str = ".1f",
+) -> str:
+    """Return a table of numbers of one format.
+
+    Args:
+        title: Line above the table.
+        heading: Heading of the first column.
+        columns: Headings of the other columns.
+        rows: Values of each row, one for each column.
+        spec: Format of the values.
+    """
+    cells = [Column(name, itemgetter(place), spec) for place, name in enumerate(columns)]
+    return Table(title, cells, rows, heading).text()

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.studies.report import RESULTS, StreetFlags, Study, publish
+from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from benchmarks.studies.tracking_metrics import (
     PROTOCOL,
     by_metric,
@@ -15,7 +15,7 @@ from data.synthetic.drive import SyntheticDrive
 from perception.render.bar_plots import plot_groups
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 
-_SENSORS = (HDL_64E, HDL_32E, VLP_16)
+SENSORS: Sequence[LidarModel] = (HDL_64E, HDL_32E, VLP_16)
 
 
 def sensors(*, streets: StreetFlags, out: Path = RESULTS / "sensors.png") -> None:
@@ -26,13 +26,6 @@ def sensors(*, streets: StreetFlags, out: Path = RESULTS / "sensors.png") -> Non
     Args:
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    publish(study_sensors(out, streets), out)
-
-
-def study_sensors(
-    plot_path: Path, streets: StreetFlags, models: Sequence[LidarModel] = _SENSORS
-) -> Study:
-    """Measure all methods on the same streets by one LiDAR after another, and draw bars."""
     metrics = {
         sensor.name: total(
             [
@@ -42,17 +35,17 @@ def study_sensors(
                 for seed in streets.seeds
             ]
         )
-        for sensor in models
+        for sensor in SENSORS
     }
     title = f"Tracks of moving objects by LiDAR, {streets.title}"
-    plot_groups(plot_path, title, list(metrics), by_metric(list(metrics.values())))
-    return Study(
-        name="sensors",
-        repeats="none: the thesis has one sensor",
+    plot_groups(out, title, list(metrics), by_metric(list(metrics.values())))
+    publish(
+        out,
+        "none: the thesis has one sensor",
         table=tracking_table(title, "LiDAR: method", metrics),
         numbers={
             sensor: {method: one.values() for method, one in methods.items()}
             for sensor, methods in metrics.items()
         },
-        conditions={"drives": streets, "sensors": models, "protocol": PROTOCOL},
+        conditions={"drives": streets, "sensors": SENSORS, "protocol": PROTOCOL},
     )

@@ -10,7 +10,7 @@ from benchmarks.studies.detector_variants import (
     VariantFlags,
     study_variants,
 )
-from benchmarks.studies.report import RESULTS, Study, publish
+from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.variant_report import plot_over_frames, precision_tables
 from perception.errors import UsageError
 from perception.types import Modality
@@ -47,16 +47,15 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
     metrics = study_variants(variants, training, out.with_suffix(""), real or ())
     of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
     plot_over_frames(out, f"Detector of {modality}, trained on synthetic drives", of_shares, IOU)
-    study = Study(
-        name="sim-to-real",
-        repeats="none: the thesis trains on KITTI",
+    publish(
+        out,
+        "none: the thesis trains on KITTI",
         table="\n\n".join(
             precision_tables("Shares of the training frames", metrics, iou) for iou in IOU
         ),
         numbers=metrics,
         conditions={"variants": variants, "training": training, "real": real},
     )
-    publish(study, out)
 
 
 def share_variants(base: DetectorVariant, shares: Sequence[float]) -> dict[str, DetectorVariant]:

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.report import RESULTS, Study, publish
+from benchmarks.studies.report import RESULTS, publish
 from data.synthetic.scenarios import (
     TARGET_ID,
-    Scenario,
     ScenarioDrive,
     TargetClass,
     all_scenarios,
@@ -24,7 +23,7 @@ from perception.evaluation.single_object.metrics import SingleObjectMetrics, sin
 from perception.evaluation.single_object.track import ObjectSequence, TrueTrack
 from perception.evaluation.single_object.tracker_runs import TargetObject
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
-from perception.sensor import LidarModel, load_sensor
+from perception.sensor import load_sensor
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Float64
 
@@ -67,26 +66,6 @@ class SingleObjectStudyMetrics:
     refusal: str | None = None
 
 
-@dataclass(frozen=True)
-class _Scene:
-    """One scene with the errors and metrics of each tracker."""
-
-    scenario: Scenario
-    truth: TrueTrack
-    errors: Mapping[str, SingleObjectErrors]
-    metrics: Mapping[str, SingleObjectStudyMetrics]
-
-    def panel(self) -> CurvePanel:
-        """Return the centre errors of the trackers with 3D boxes, NaN where a frame has none."""
-        errors_m = {}
-        for name, errors in self.errors.items():
-            if errors.has_3d_boxes:
-                errors_m[name] = np.full(len(self.truth.stamps_s), np.nan)
-                errors_m[name][np.isin(self.truth.frames, errors.frames)] = errors.center_m
-        is_hidden = np.isnan(self.truth.boxes_px[:, 0])
-        return tracking_error_panel(self.scenario.name, self.truth.stamps_s, is_hidden, errors_m)
-
-
 def single_object(
     *,
     config: SingleObjectStudyConfig,
@@ -102,50 +81,50 @@ def single_object(
         out: Figure; a JSON file with the numbers is written beside it.
     """
     require_trackers(config.trackers)
-    publish(study_single_object(out, config, load_sensor(sensor)), out)
-
-
-def study_single_object(
-    plot_path: Path, config: SingleObjectStudyConfig, sensor: LidarModel
-) -> Study:
-    """Let trackers track the same object through every scene, and draw their centre errors."""
-    scenarios = all_scenarios(config.object_class, config.duration_s)
-    scenes = [_measure(one, config, sensor) for one in scenarios]
-    subject = f"a {config.object_class.lower()} by {sensor.name}"
-    panels = [one.panel() for one in scenes]
-    figure_title = f"Tracking {subject}: centre error"
-    plot_curves(plot_path, figure_title, panels, columns=4, share_y="all")
-    title = f"tracking {subject}, {len(scenes[0].truth)} frames per scene"
-    return Study(
-        name="single-object",
-        repeats="the challenges of Table 3.2 and A.1, on scenes with exact truth",
-        table=_table(title, scenes),
-        numbers={scene.scenario.name: dict(scene.metrics) for scene in scenes},
-        conditions={"config": config, "sensor": sensor, "reacquired_iou": _REACQUIRED_IOU},
+    model, panels = load_sensor(sensor), []
+    metrics: dict[str, dict[str, SingleObjectStudyMetrics]] = {}
+    for scenario in all_scenarios(config.object_class, config.duration_s):
+        drive = ScenarioDrive(scenario, seed=config.seed, sensor=model)
+        truth, frames = true_track(drive), len(drive)
+        sequence = ObjectSequence(
+            scenario.name, drive.name, TARGET_ID, scenario.kind, 0, frames - 1
+        )
+        (runs,) = run_trackers(drive, [TargetObject(sequence, truth, frames)], config.trackers)
+        errors = {
+            name: single_object_errors(truth, run.track, drive.calibration)
+            for name, run in runs.items()
+        }
+        metrics[scenario.name] = {
+            name: SingleObjectStudyMetrics(
+                single_object_metrics(errors[name]),
+                int(np.isnan(truth.boxes_px[:, 0]).sum()),
+                reacquisition_time_s(truth, errors[name]),
+                run.refusal,
+            )
+            for name, run in runs.items()
+        }
+        panels.append(_error_panel(scenario.name, truth, errors))
+    subject = f"a {config.object_class.lower()} by {model.name}"
+    plot_curves(out, f"Tracking {subject}: centre error", panels, columns=4, share_y="all")
+    publish(
+        out,
+        "the challenges of Table 3.2 and A.1, on scenes with exact truth",
+        table=_table(f"tracking {subject}, {frames} frames per scene", metrics),
+        numbers=metrics,
+        conditions={"config": config, "sensor": model, "reacquired_iou": _REACQUIRED_IOU},
     )
 
 
-def _measure(scenario: Scenario, config: SingleObjectStudyConfig, sensor: LidarModel) -> _Scene:
-    drive = ScenarioDrive(scenario, seed=config.seed, sensor=sensor)
-    truth, last = true_track(drive), len(drive) - 1
-    sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, last)
-    target = TargetObject(sequence, truth, len(drive))
-    (runs,) = run_trackers(drive, [target], config.trackers)
-    errors = {
-        name: single_object_errors(truth, run.track, drive.calibration)
-        for name, run in runs.items()
-    }
-    hidden_frames = int(np.isnan(truth.boxes_px[:, 0]).sum())
-    metrics = {
-        name: SingleObjectStudyMetrics(
-            single_object_metrics(errors[name]),
-            hidden_frames,
-            reacquisition_time_s(truth, errors[name]),
-            run.refusal,
-        )
-        for name, run in runs.items()
-    }
-    return _Scene(scenario, truth, errors, metrics)
+def _error_panel(
+    title: str, truth: TrueTrack, errors: Mapping[str, SingleObjectErrors]
+) -> CurvePanel:
+    """Return the centre errors of the trackers with 3D boxes, NaN where a frame has none."""
+    errors_m = {}
+    for name, one in errors.items():
+        if one.has_3d_boxes:
+            errors_m[name] = np.full(len(truth.stamps_s), np.nan)
+            errors_m[name][np.isin(truth.frames, one.frames)] = one.center_m
+    return tracking_error_panel(title, truth.stamps_s, np.isnan(truth.boxes_px[:, 0]), errors_m)
 
 
 def reacquisition_time_s(truth: TrueTrack, errors: SingleObjectErrors) -> float:
@@ -177,12 +156,8 @@ _COLUMNS: list[Column[SingleObjectStudyMetrics]] = [
 ]
 
 
-def _table(title: str, scenes: list[_Scene]) -> str:
-    rows = {
-        f"{scene.scenario.name}: {name}": metrics
-        for scene in scenes
-        for name, metrics in scene.metrics.items()
-    }
+def _table(title: str, metrics: Mapping[str, Mapping[str, SingleObjectStudyMetrics]]) -> str:
+    rows = {f"{scene}: {name}": one for scene in metrics for name, one in metrics[scene].items()}
     measured = {name: one for name, one in rows.items() if one.refusal is None}
     notes = (
         "Errors are means over all frames, hidden ones included. reacquired: time from the end of the "

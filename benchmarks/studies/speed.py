@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.chain_times import ThesisCase, frames_per_s, time_default, time_thesis
-from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.flags import require_positive
-from perception.cli.parser import FlagGroup
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
-from perception.types import Drive, Float64
+from perception.types import Float64
 
 
 @dataclass(frozen=True)
-class SpeedConfig(FlagGroup):
-    """Measured settings.
+class SpeedConfig(DriveOfStudy):
+    """Drive and measured settings.
 
     Attributes:
+        sequence: Sequence of a tracking folder, such as 0000.
         previous_scans: Values of m, the number of merged scans before the newest.
         voxel_sizes_m: Values of υ in metres, for the thesis' method.
         frames: Number of measured frames, after those that fill the longest window.
@@ -32,52 +32,37 @@ class SpeedConfig(FlagGroup):
         require_positive("--frames", self.frames)
 
 
-def speed(
-    drive: str,
-    *,
-    sequence: str | None = None,
-    config: SpeedConfig,
-    out: Path = RESULTS / "speed.png",
-) -> None:
+def speed(drive: str, *, config: SpeedConfig, out: Path = RESULTS / "speed.png") -> None:
     """Measure frames per second over merged scans m and voxel size, thesis and default (Fig. 7.3).
 
     Example: trifuse study speed synthetic --frames 3
 
     Args:
         drive: Folder of a drive with INS, or the word synthetic.
-        sequence: Sequence of a tracking folder, such as 0000.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    publish(study_speed(open_study_drive(drive, sequence), out, config), out)
-
-
-def study_speed(drive: Drive, plot_path: Path, config: SpeedConfig) -> Study:
-    """Time the thesis' method for each pair, the default method for each m, and draw the curves."""
+    opened, frames = config.open(drive), config.frames
     scans, sizes_m = config.previous_scans, config.voxel_sizes_m
     cases = [ThesisCase(m, size) for size in sizes_m for m in scans]
-    measured = time_thesis(drive, cases, config.frames)
-    thesis = np.array([frames_per_s(measured[case]) for case in cases])
-    thesis = thesis.reshape(len(sizes_m), len(scans))
-    default = np.array(
-        [frames_per_s(time_default(drive, m, max(scans), config.frames)) for m in scans]
-    )
-    title = f"Speed over merged scans and voxel size, {drive.name}, {config.frames} frames"
-    rows: dict[str, Float64] = {
-        f"thesis, υ = {100 * s:g} cm": row for s, row in zip(sizes_m, thesis, strict=True)
-    }
+    measured = time_thesis(opened, cases, frames)
+    thesis = np.array([frames_per_s(measured[case]) for case in cases]).reshape(-1, len(scans))
+    default = np.array([frames_per_s(time_default(opened, m, max(scans), frames)) for m in scans])
+    title = f"Speed over merged scans and voxel size, {opened.name}, {frames} frames"
+    names = [f"thesis, υ = {100 * size:g} cm" for size in sizes_m]
+    rows: dict[str, Float64] = dict(zip(names, thesis, strict=True))
     curves = [Curve(name, scans, speeds) for name, speeds in rows.items()]
     curves.append(Curve("default, υ = 10 cm", scans, default, is_emphasised=True))
-    x_label = "merged scans before the newest, m"
-    panel = CurvePanel("", x_label, "frames/s", curves, x_ticks=scans, is_log_y=True)
-    plot_curves(plot_path, title, [panel])
+    plot_curves(
+        out, title, [CurvePanel("", "merged scans before the newest, m", "frames/s", curves)]
+    )
     columns = [f"m = {m}" for m in scans]
-    return Study(
-        name="speed",
-        repeats="Fig. 7.3",
+    publish(
+        out,
+        "Fig. 7.3",
         table=value_table(title, "frames/s", columns, {**rows, "default": default}, ".2f"),
         numbers={"thesis_frames_per_s": thesis, "default_frames_per_s": default},
         conditions={
-            "drive": drive.name,
+            "drive": opened.name,
             "config": config,
             "timing": "stages alone, reading left out",
         },

@@ -13,10 +13,9 @@ from benchmarks.studies.chain_times import (
     time_default,
     time_thesis,
 )
-from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.flags import require_positive
 from perception.render.bar_plots import plot_shares
-from perception.types import Drive
 
 _PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}
 
@@ -24,7 +23,7 @@ _PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}
 def stages(
     drive: str,
     *,
-    sequence: str | None = None,
+    source: DriveOfStudy,
     frames: int = 10,
     out: Path = RESULTS / "stages.png",
 ) -> None:
@@ -34,26 +33,20 @@ def stages(
 
     Args:
         drive: Folder of a drive with INS, or the word synthetic.
-        sequence: Sequence of a tracking folder, such as 0000.
         frames: Number of measured frames, after those that fill the window.
         out: Figure; a JSON file with the numbers is written beside it.
     """
     require_positive("--frames", frames)
-    publish(study_stages(open_study_drive(drive, sequence), out, frames), out)
-
-
-def study_stages(drive: Drive, plot_path: Path, frames: int) -> Study:
-    """Time every stage on the same frames, and draw the shares."""
-    case = ThesisCase()
-    thesis = mean_times_s(time_thesis(drive, [case], frames)[case])
-    default = mean_times_s(time_default(drive, 6, case.previous_scans, frames))
-    title = f"Share of time by stage, {drive.name}, {frames} frames, m = {case.previous_scans}"
+    opened, case = source.open(drive), ThesisCase()
+    thesis = mean_times_s(time_thesis(opened, [case], frames)[case])
+    default = mean_times_s(time_default(opened, 6, case.previous_scans, frames))
+    title = f"Share of time by stage, {opened.name}, {frames} frames, m = {case.previous_scans}"
     bars = {
         "thesis, published\n(MATLAB, 0.3 frames/s)": _PUBLISHED,
         f"thesis' method here\n{_total(thesis)}": thesis,
         f"default method\n{_total(default)}": default,
     }
-    plot_shares(plot_path, title, bars)
+    plot_shares(out, title, bars)
     rows: dict[str, tuple[float | None, float]] = {
         f"published: {stage}": (None, share) for stage, share in _PUBLISHED.items()
     }
@@ -61,12 +54,12 @@ def study_stages(drive: Drive, plot_path: Path, frames: int) -> Study:
         total_s = sum(times.values())
         for stage, seconds in {**times, "all stages": total_s}.items():
             rows[f"{method}: {stage}"] = (1e3 * seconds, 100 * seconds / total_s)
-    return Study(
-        name="stages",
-        repeats="Table 7.3",
+    publish(
+        out,
+        "Table 7.3",
         table=value_table(title, "stage", ("mean [ms]", "share [%]"), rows),
         numbers={"published_percent": _PUBLISHED, "thesis_s": thesis, "default_s": default},
-        conditions={"drive": drive.name, "frames": frames, "case": case},
+        conditions={"drive": opened.name, "frames": frames, "case": case},
     )
 
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import motion_grid
-from benchmarks.studies.motion_grid import axis_aligned_boxes, study_motion_grid
+from benchmarks.studies.motion_grid import axis_aligned_boxes
+from benchmarks.studies.report import DriveOfStudy
+from data.results.documents import to_serializable
 from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.datmo.config import THESIS
@@ -14,6 +16,7 @@ from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.pipeline.lidar_stages import LidarStages
 from perception.sensor import VLP_16
+from tests.faults import fault
 
 
 @pytest.fixture(scope="module")
@@ -21,20 +24,36 @@ def drive():
     return CachedDrive(7, sensor=VLP_16)
 
 
-def test_the_grids_of_a_drive_without_camera_are_seen_from_above(drive, tmp_path):
+class InMemory(DriveOfStudy):
+    """A drive in memory instead of one at a path."""
+
+    drive: CachedDrive
+
+    def open(self, path, *, images=False):
+        return InMemory.drive
+
+
+@pytest.fixture
+def source(drive, monkeypatch):
+    monkeypatch.setattr(InMemory, "drive", drive, raising=False)
+    return InMemory()
+
+
+def test_the_grids_of_a_drive_without_camera_are_seen_from_above(source, tmp_path):
     plot_path = tmp_path / "grids.png"
-    study = study_motion_grid(drive, plot_path, frame=6, preset="thesis")
+    motion_grid.motion_grid("memory", source=source, frame=6, out=plot_path)
     image = cv2.imread(str(plot_path))
     assert image.shape[1] > 2000
     assert image.std() > 20
-    cells = study.numbers["cells"]
+    document = json.loads(plot_path.with_suffix(".json").read_text())
+    cells = document["results"]["cells"]
     assert cells["occupied"] > cells["above ground, E"] > cells["(a) subtraction alone"]
     assert cells["(a) subtraction alone"] > cells["(b) after suppression, M"]
     assert cells["after morphology"] >= cells["(c) of objects"]
-    assert study.conditions["config"] == THESIS
+    assert document["conditions"]["config"] == to_serializable(THESIS)
 
 
-def test_a_longer_drive_is_followed_through_the_queue_only(drive, tmp_path, monkeypatch):
+def test_a_longer_drive_is_followed_through_the_queue_only(source, tmp_path, monkeypatch):
     short = replace(THESIS, background=replace(THESIS.background, scans=3))
     monkeypatch.setitem(motion_grid.PRESETS, "thesis", short)
     read = []
@@ -45,7 +64,7 @@ def test_a_longer_drive_is_followed_through_the_queue_only(drive, tmp_path, monk
 
     whole = LidarStages.segment
     monkeypatch.setattr(LidarStages, "segment", segment)
-    study_motion_grid(drive, tmp_path / "grids.png", frame=6, preset="thesis")
+    motion_grid.motion_grid("memory", source=source, frame=6, out=tmp_path / "grids.png")
     assert read == [3, 4, 5, 6]
 
 
@@ -58,11 +77,9 @@ def test_boxes_lie_along_the_axes():
 
 
 @pytest.mark.parametrize("frame", [-1, 7])
-def test_a_frame_that_is_not_there_is_refused(drive, frame, tmp_path):
-    with pytest.raises(UsageError) as error:
-        study_motion_grid(drive, tmp_path / "x.png", frame=frame, preset="author")
-    assert error.value.where == f"frame {frame}"
-    assert error.value.expected.startswith("a frame from 0 to 6")
+def test_a_frame_that_is_not_there_is_refused(source, frame, tmp_path):
+    with fault(UsageError, where=f"frame {frame}", expected="a frame from 0 to 6"):
+        motion_grid.motion_grid("memory", source=source, frame=frame, out=tmp_path / "x.png")
 
 
 def test_on_the_real_drive_each_step_lies_on_the_image(kitti_root, tmp_path, capsys):

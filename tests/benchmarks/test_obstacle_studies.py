@@ -17,12 +17,12 @@ from benchmarks.studies.chain_times import (
     mean_times_s,
     time_thesis,
 )
-from benchmarks.studies.dense_cloud import Cutout, cut_out, find_pole, study_dense_cloud
-from benchmarks.studies.gates import passes_gate, study_gates
-from benchmarks.studies.ground_error import GroundErrorConfig, study_ground_error
-from benchmarks.studies.masks import study_masks
+from benchmarks.studies.dense_cloud import Cutout, cut_out, dense_cloud, find_pole
+from benchmarks.studies.gates import gates, passes_gate
+from benchmarks.studies.ground_error import GroundErrorConfig, ground_error
+from benchmarks.studies.masks import masks
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import publish
+from benchmarks.studies.report import DriveOfStudy
 from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
@@ -30,6 +30,7 @@ from perception.geometry.grids import LocalArea
 from perception.localization.scan_window import DenseCloud
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import HDL_32E
+from tests.faults import fault
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,18 @@ def drive():
     return CachedDrive(8, sensor=HDL_32E)
 
 
-FLAGS = MergedFrameFlags(frame=6, previous_scans=3)
+def in_memory(kind, drive, **values):
+    """Return flags that open a drive in memory."""
+
+    class InMemory(kind):
+        def open(self, path, *, images=False):
+            return drive
+
+    return InMemory(**values)
+
+
+def numbers_of(plot_path):
+    return json.loads(plot_path.with_suffix(".json").read_text())["results"]
 
 
 def is_plot(path):
@@ -77,10 +89,8 @@ def test_the_pole_is_found_beside_a_wall():
 
 
 def test_a_cloud_without_a_pole_is_an_error():
-    with pytest.raises(DriveError) as error:
+    with fault(DriveError, where="study dense-cloud", found="none", advice="--frame"):
         find_pole(DenseCloud(*wall()), LevelGround(), LocalArea())
-    assert (error.value.where, error.value.found) == ("study dense-cloud", "none")
-    assert "--frame" in error.value.advice
 
 
 def test_scans_that_agree_are_not_apart():
@@ -103,22 +113,26 @@ def test_a_gate_lets_through_what_lies_between_its_limits():
     assert passes_gate(points, planes).tolist() == [True, False, True, False]
 
 
+def merged_frame(drive):
+    return in_memory(MergedFrameFlags, drive, frame=6, previous_scans=3)
+
+
 def test_gates(drive, tmp_path, capsys):
     plot_path = tmp_path / "new" / "gates.png"
-    publish(study_gates(drive, plot_path, FLAGS), plot_path)
+    gates("memory", window=merged_frame(drive), out=plot_path)
     assert is_plot(plot_path)
-    document = json.loads(plot_path.with_suffix(".json").read_text())
-    planes = document["results"]["planes"]
-    assert len(planes["planes"]) == len(document["results"]["steps"]) + 1
+    numbers = numbers_of(plot_path)
+    planes = numbers["planes"]
+    assert len(planes["planes"]) == len(numbers["steps"]) + 1
     assert planes["planes"][0][3] == pytest.approx(HDL_32E.height_m, abs=0.1)
     assert "S0  -5.0 to 5.0 m" in capsys.readouterr().out
 
 
 def test_masks(drive, tmp_path):
     plot_path = tmp_path / "masks.png"
-    study = study_masks(drive, plot_path, FLAGS)
+    masks("memory", window=merged_frame(drive), out=plot_path)
     assert is_plot(plot_path)
-    numbers = study.numbers
+    numbers = numbers_of(plot_path)
     assert numbers["(c) static after subtraction"]["points"] < numbers["(b) merged"]["points"]
     assert numbers["(f) static"]["points"] <= numbers["(c) static after subtraction"]["points"]
 
@@ -126,37 +140,38 @@ def test_masks(drive, tmp_path):
 def test_dense_cloud(drive, tmp_path):
     plot_path = tmp_path / "cloud.png"
     points = drive[6].points_velo
-    static_points = points[
-        (points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)
-    ]
-    study = study_dense_cloud(drive, plot_path, FLAGS, static_points[0, :2].astype(np.float64))
+    upright = points[(points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)]
+    dense_cloud(
+        "memory", window=merged_frame(drive), at=tuple(upright[0, :2].tolist()), out=plot_path
+    )
     assert is_plot(plot_path)
-    assert set(study.numbers["disagreement_m"]) == {
+    assert set(numbers_of(plot_path)["disagreement_m"]) == {
         "INS alone",
         "thesis: BGF and ICP",
         "default: GICP to a keyframe",
     }
 
 
-def test_ground_error(drive, tmp_path):
-    config = GroundErrorConfig(previous_scans=(1, 3), steps_per_slice=(1, 2), every=3)
+def test_ground_error(drive, tmp_path, capsys):
+    config = in_memory(
+        GroundErrorConfig, drive, previous_scans=(1, 3), steps_per_slice=(1, 2), every=3
+    )
     plot_path = tmp_path / "error.png"
-    study = study_ground_error(drive, plot_path, config)
+    ground_error("memory", config=config, out=plot_path)
     assert is_plot(plot_path)
-    mde_m = study.numbers["mde_m"]
+    mde_m = np.array(numbers_of(plot_path)["mde_m"])
     assert mde_m.shape == (2, 2)
     # One step a slice follows a slope late: 0.03 to 0.4 m from street to street.
     assert (mde_m[:, 0] < 0.4).all()
     assert (mde_m[:, 1] < 0.1).all()
-    assert study.numbers["objects"] > 0
-    assert "η = 2" in study.table
+    assert numbers_of(plot_path)["objects"] > 0
+    assert "η = 2" in capsys.readouterr().out
 
 
 def test_ground_error_needs_labels(tmp_path):
-    blind = SimpleNamespace(has_labels=False, root="drive")
-    with pytest.raises(DriveError) as error:
-        study_ground_error(blind, tmp_path / "x.png", GroundErrorConfig())
-    assert (error.value.where, error.value.found) == ("drive", "none")
+    blind = in_memory(GroundErrorConfig, SimpleNamespace(has_labels=False, root="drive"))
+    with fault(DriveError, where="drive", expected="labelled boxes", found="none"):
+        ground_error("memory", config=blind, out=tmp_path / "x.png")
 
 
 def test_every_stage_of_the_thesis_is_timed(drive):
@@ -178,40 +193,40 @@ def test_times_are_averaged_over_frames():
 DEFAULT_TIMES = [{"registration": 0.010, "ground": 0.006, "motion": 0.004}]
 
 
-def test_stages(drive, tmp_path, monkeypatch):
+def test_stages(drive, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(stages, "time_default", lambda *_: DEFAULT_TIMES)
     plot_path = tmp_path / "stages.png"
-    study = stages.study_stages(drive, plot_path, 1)
+    stages.stages("memory", source=in_memory(DriveOfStudy, drive), frames=1, out=plot_path)
     assert cv2.imread(str(plot_path)) is not None
-    assert sum(study.numbers["published_percent"].values()) == pytest.approx(100)
-    assert study.numbers["default_s"] == DEFAULT_TIMES[0]
-    words = [line.split() for line in study.table.splitlines()]
+    numbers = numbers_of(plot_path)
+    assert sum(numbers["published_percent"].values()) == pytest.approx(100)
+    assert numbers["default_s"] == DEFAULT_TIMES[0]
+    words = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["default:", "registration", "10.0", "50.0"] in words
 
 
 def test_speed(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(speed, "time_default", lambda *_: DEFAULT_TIMES)
-    config = speed.SpeedConfig(previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1)
+    config = in_memory(
+        speed.SpeedConfig, drive, previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1
+    )
     plot_path = tmp_path / "speed.png"
-    study = speed.study_speed(drive, plot_path, config)
+    speed.speed("memory", config=config, out=plot_path)
     assert is_plot(plot_path)
-    assert study.numbers["thesis_frames_per_s"].shape == (2, 2)
-    np.testing.assert_allclose(study.numbers["default_frames_per_s"], [50, 50])
+    numbers = numbers_of(plot_path)
+    assert np.shape(numbers["thesis_frames_per_s"]) == (2, 2)
+    np.testing.assert_allclose(numbers["default_frames_per_s"], [50, 50])
 
 
 def test_a_drive_too_short_to_be_timed_is_refused(drive):
-    with pytest.raises(UsageError) as error:
+    with fault(UsageError, where="--frames 5", expected="at most 2", found="5"):
         time_thesis(drive, [ThesisCase(6)], 5)
-    assert (error.value.where, error.value.found) == ("--frames 5", "5")
-    assert error.value.expected.startswith("at most 2")
 
 
 @pytest.mark.parametrize("frame", [0, 8, -3])
 def test_a_frame_without_scans_before_it_is_refused(drive, frame):
-    with pytest.raises(UsageError) as error:
+    with fault(UsageError, where=f"frame {frame}", expected="from 1 to 7"):
         read_merged_frame(drive, MergedFrameFlags(frame=frame))
-    assert error.value.where == f"frame {frame}"
-    assert "from 1 to 7" in error.value.expected
 
 
 def test_the_command_answers_in_one_sentence(capsys, tmp_path):

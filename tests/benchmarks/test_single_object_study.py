@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import single_object
-from benchmarks.studies.report import publish
 from benchmarks.studies.single_object import (
     SingleObjectStudyConfig,
     reacquisition_time_s,
-    study_single_object,
 )
 from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive, true_track
 from perception.cli.main import main
 from perception.evaluation.single_object.errors import single_object_errors
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
-from perception.sensor import VLP_16
 from perception.types import Boxes3D
 
 FRAMES = 10
@@ -94,7 +91,7 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
     monkeypatch.setattr(single_object, "all_scenarios", lambda *_: scenarios)
     config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5)
     plot_path = tmp_path / "single-object.png"
-    publish(study_single_object(plot_path, config, VLP_16), plot_path)
+    single_object.single_object(config=config, sensor="VLP-16", out=plot_path)
     assert cv2.imread(str(plot_path)).std() > 5
     document = json.loads(plot_path.with_suffix(".json").read_text())
     assert list(document["results"]) == ["baseline", "pose"]

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import sensors
-from benchmarks.studies.ins_error import InsErrorConfig, study_ins_error
-from benchmarks.studies.report import StreetFlags, publish
+from benchmarks.studies.ins_error import InsErrorConfig, ins_error
+from benchmarks.studies.report import StreetFlags
 from benchmarks.studies.tracking_metrics import (
     METHODS,
     StudyTrackingMetrics,
@@ -54,7 +54,7 @@ def test_every_ins_is_measured_once():
 def test_ins_error(tmp_path, capsys):
     config = InsErrorConfig(positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
     plot_path = tmp_path / "ins.png"
-    publish(study_ins_error(plot_path, StreetFlags(3), config, VLP_16), plot_path)
+    ins_error(streets=StreetFlags(3), config=config, sensor="VLP-16", out=plot_path)
     assert cv2.imread(str(plot_path)).std() > 5
     document = json.loads(plot_path.with_suffix(".json").read_text())
     assert [case["ins"] for case in document["results"]] == [
@@ -70,7 +70,7 @@ def test_ins_error(tmp_path, capsys):
     assert sum(line[:3] == ["1", "m,", "0°:"] for line in words) == len(METHODS)
 
 
-def test_sensors(tmp_path, monkeypatch):
+def test_sensors(tmp_path, monkeypatch, capsys):
     # The measuring itself is that of the study above: here, what becomes of it.
     found = {"HDL-32E": {0: 10, 1: 10}, "VLP-16": {0: 6, 1: 2}}
     monkeypatch.setattr(sensors, "SyntheticDrive", lambda _, seed, sensor, images: (sensor, seed))
@@ -82,15 +82,17 @@ def test_sensors(tmp_path, monkeypatch):
         ),
     )
     plot_path = tmp_path / "sensors.png"
-    study = sensors.study_sensors(plot_path, StreetFlags(10, drives=2), (HDL_32E, VLP_16))
+    monkeypatch.setattr(sensors, "SENSORS", (HDL_32E, VLP_16))
+    sensors.sensors(streets=StreetFlags(10, drives=2), out=plot_path)
+    numbers = json.loads(plot_path.with_suffix(".json").read_text())["results"]
     assert cv2.imread(str(plot_path)).std() > 5
     for sensor, share in (("HDL-32E", 100), ("VLP-16", 40)):
-        assert list(study.numbers[sensor]) == list(METHODS)
-        for measures in study.numbers[sensor].values():
+        assert list(numbers[sensor]) == list(METHODS)
+        for measures in numbers[sensor].values():
             assert list(measures) == NAMES
             assert measures["MOTA [%]"] == pytest.approx(share)
             assert measures["false tracks [/min]"] == pytest.approx(60)
-    assert study.table.count("default") == 2
+    assert capsys.readouterr().out.count(": default") == 2
 
 
 @pytest.mark.parametrize(
