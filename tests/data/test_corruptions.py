@@ -83,7 +83,7 @@ def test_one_seed_is_one_direction_at_every_level(frame):
 def test_what_cannot_be(frame):
     with fault(UsageError, expected="0 stops or more", found="-1"):
         darken(frame, -1, rng())
-    with fault(UsageError, where="share of rays lost", expected="from 0 to below 1", found="1"):
+    with fault(UsageError, where="point dropout", expected="from 0 to below 1", found="1"):
         drop_points(frame, 1, rng())
     with fault(CalibrationError, expected="a camera's calibration", found="none"):
         rotate_calibration(replace(frame, calibration=None), 1, rng())
