@@ -1,12 +1,17 @@
 """Training of the fusion from cached detections to a calibrated model file (6.2.4)."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from data.atomic_file import write_atomically
 from data.detections.config import DetectorModelPaths, FusionDataConfig
-from data.detections.fused_frames import boxes_by_detector, class_correctness, fuse_frames
+from data.detections.fused_frames import (
+    boxes_by_detector,
+    class_correctness,
+    curves_by_detector,
+    fuse_frames,
+)
 from data.detections.split_detections import SplitDetections, split_detections
 from data.results.documents import write_yaml
 from data.samples.config import TrainingDrives
@@ -16,19 +21,24 @@ from perception import __version__
 from perception.detection.config import FusionVariant
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
+from perception.evaluation.detection.reliability import Reliability
 from perception.types import MODALITIES, Progress
 from train.checkpoints import program_revision
 from train.config import TrainingRun
 from train.fusion.calibration import fit_calibration
 from train.fusion.config import FusionTrainingConfig
-from train.fusion.sweep import Hidden, SweptSize, hidden_sizes, sweep
+from train.fusion.plots import (
+    plot_fusion_reliability,
+    plot_fusion_rescoring,
+    plot_fusion_sizes,
+    plot_fusion_steps,
+)
+from train.fusion.sweep import SweptSize, hidden_sizes, sweep
 from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import FittedFusion, fit_fusion, write_calibrations
 from train.trainer import checkpoint_to_resume
 
 _SCORE_JITTERS = 2  # jittered copies of every frame, for the default variant
-
-SweepProgress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
 
 
 @dataclass(frozen=True)
@@ -67,6 +77,9 @@ class TrainedFusion:
         fitted: Errors of the fit.
         swept: Errors of the sizes that were tried.
         counts: Frames and combinations of training, validation and test.
+        test_ap_percent: Average precision on the test frames, by detector and difficulty.
+        expected_calibration_error: Expected calibration error of the scores of each detector.
+        reliability: Reliability of the scores of each detector.
     """
 
     file: Path
@@ -74,6 +87,9 @@ class TrainedFusion:
     fitted: FittedFusion
     swept: tuple[SweptSize, ...]
     counts: Mapping[str, int]
+    test_ap_percent: Mapping[str, Mapping[str, float]]
+    expected_calibration_error: Mapping[str, float]
+    reliability: Mapping[str, Reliability]
 
 
 def run_experiment(
@@ -82,9 +98,8 @@ def run_experiment(
     out: Path,
     resume: str | None = None,
     progress: Progress = iter,
-    sweep_progress: SweepProgress = iter,
-) -> tuple[TrainedFusion, SplitDetections]:
-    """Train the fusion in a folder; return it with the detections it was trained and is tested on.
+) -> TrainedFusion:
+    """Train the fusion in a folder, and plot and measure it on the test frames.
 
     Args:
         experiment: All settings of the fusion.
@@ -92,7 +107,6 @@ def run_experiment(
         out: Folder of the results.
         resume: Checkpoint to resume from, or the word last for that of the folder.
         progress: Wrapper of the loop over frames that may show its progress.
-        sweep_progress: Wrapper of the loop over network sizes that may show its progress.
 
     Raises:
         UsageError: there is another training in the folder, or a detector was trained on one of the drives.
@@ -114,7 +128,7 @@ def run_experiment(
         revision=program_revision(),
     )
     sizes = hidden_sizes(experiment.sweep, experiment.sweep_two)
-    swept = tuple(sweep(sets, config, sizes, sweep_progress))
+    swept = tuple(sweep(sets, config, sizes))
     if swept:
         best = min(swept, key=lambda one: one.validation)
         config = replace(config, network=replace(config.network, hidden=best.hidden))
@@ -131,7 +145,30 @@ def run_experiment(
         "validation_combinations": len(sets.validation),
         "test_frames": len(detections.test),
     }
-    return TrainedFusion(file, metadata, fitted, swept, counts), detections
+    frames, network = detections.test, Fusion(file)
+    fused = fuse_frames(frames.scenes, network)
+    plot_fusion_rescoring(out / "rescoring.png", frames, network)
+    plot_fusion_steps(out / "steps.png", frames, fused)
+    reliability = plot_fusion_reliability(
+        out / "reliability.png", frames, fused, detections.class_names
+    )
+    if swept:
+        plot_fusion_sizes(out / "sizes.png", swept)
+    return TrainedFusion(
+        file,
+        metadata,
+        fitted,
+        swept,
+        counts,
+        test_ap_percent={
+            name: {difficulty: curve.ap() for difficulty, curve in found.items()}
+            for name, found in curves_by_detector(frames, fused).items()
+        },
+        expected_calibration_error={
+            name: one.expected_calibration_error for name, one in reliability.items()
+        },
+        reliability=reliability,
+    )
 
 
 def _export(checkpoint: Path, file: Path) -> dict[str, str]:

@@ -9,7 +9,7 @@ from benchmarks.studies.report import RESULTS, publish
 from data.samples.crops.config import CropDataConfig
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
-from perception.cli.training import TrainingFlags, import_trainer
+from perception.cli.train import TrainingFlags, import_trainer
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
@@ -108,7 +108,9 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> str:
         Column("best epoch", lambda row: row[0].epoch),
         Column("training", lambda row: 100 * row[0].training["accuracy"], ".2f"),
         Column("validation", lambda row: 100 * row[0].validation["accuracy"], ".2f"),
-        Column("balanced accuracy", lambda row: 100 * row[0].validation["balanced"], ".2f"),
+        Column(
+            "balanced accuracy", lambda row: 100 * row[0].validation["balanced_accuracy"], ".2f"
+        ),
         Column("thesis training", lambda row: row[1], ".2f"),
         Column("thesis validation", lambda row: row[2], ".2f"),
     ]

@@ -22,7 +22,6 @@ from perception.cli.evaluate_detection import DriveReport, measure_drives
 from perception.cli.flags import DriveFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
-from perception.cli.training import import_trainer
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
@@ -36,7 +35,7 @@ from train.detector.config import (
 )
 
 if TYPE_CHECKING:
-    from train.detector.run import TrainedDetector
+    pass
 
 IOU = (0.7, 0.5)
 
@@ -183,8 +182,9 @@ def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Map
     done: Mapping[str, Any] | None = _read(folder / "trained.json")
     if done is None:
         resume = "last" if (folder / "last.ckpt").exists() else None
-        trainer = import_trainer("train.detector.run")
-        trained: TrainedDetector = trainer.run_experiment(
+        from train.detector.run import run_experiment
+
+        trained = run_experiment(
             variant.experiment, run, folder, resume, frame_progress_bar("images")
         )
         write_json(folder / "trained.json", trained)

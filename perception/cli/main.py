@@ -75,10 +75,13 @@ SUMMARIES: Mapping[str, str] = {
     "bench": "time every stage beside its reference implementation and the best library",
 }
 GROUPS = ("evaluate", "train", "study")
+# Functions of a module that several commands share.
+_JOINED = dict.fromkeys(("train_detector", "train_fusion", "train_depthcn"), "train")
 COMMANDS: Mapping[str, Command] = {
     **{
-        name: Command("perception.cli.{0}:{0}".format(name.replace(" ", "_")), summary)
+        name: Command(f"perception.cli.{_JOINED.get(function, function)}:{function}", summary)
         for name, summary in SUMMARIES.items()
+        for function in [name.replace(" ", "_")]
         if name not in GROUPS
     },
     **{f"study {name}": Command(*study) for name, study in STUDIES.items()},

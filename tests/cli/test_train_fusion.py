@@ -77,9 +77,9 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     opened = DetectorModelPaths(*map(Path, models[1::2])).open()
     assert fusion.metadata["detectors"] == detector_fingerprints(opened)
     metrics = json.loads((out / "metrics.json").read_text())
-    counts = metrics["trained"]["counts"]
+    counts = metrics["counts"]
     assert [counts[f"{part}_frames"] for part in ("training", "validation", "test")] == [4, 1, 1]
-    assert metrics["trained"]["metadata"]["calibration"] == fusion.metadata["calibration"]
+    assert metrics["metadata"]["calibration"] == fusion.metadata["calibration"]
     written = yaml.safe_load((out / "config.yaml").read_text())
     assert written["network"]["network"]["variant"] == variant
     assert written["resumed_from"] is None
@@ -87,7 +87,7 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert {"rescoring", "steps", "reliability"} <= pictures
     assert ("sizes" in pictures) == (variant == "scores")
     if variant == "scores":
-        assert len(metrics["trained"]["swept"]) == 2
+        assert len(metrics["swept"]) == 2
         assert fusion.metadata["calibration"] == "1.0,1.0,0.0"
 
 

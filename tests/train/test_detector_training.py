@@ -236,7 +236,7 @@ def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, confi
 
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
-    trainer = make_trainer(tmp_path, run_of(1), "validation/balanced")
+    trainer = make_trainer(tmp_path, run_of(1), "validation/balanced_accuracy")
     fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCrops(8))
     verifier = tmp_path / "last.ckpt"
     for refuses in (

@@ -131,7 +131,14 @@ def test_tensorboard_has_metrics_and_images(tmp_path):
     trainer = make_trainer(tmp_path, run_of(2), MONITOR, [VerifierImages(lambda: grids)])
     fit(trainer, module_of(), ToyCrops())
     events = EventAccumulator(str(tmp_path)).Reload()
-    metrics = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
+    metrics = (
+        "accuracy",
+        "balanced_accuracy",
+        "precision",
+        "recall",
+        "box_iou",
+        "box_iou_over_0.7",
+    )
     losses = ("loss", "class_loss", "box_loss")
     promised = {f"{stage}/{n}" for stage in ("train", "validation") for n in (*metrics, *losses)}
     assert promised <= set(events.Tags()["scalars"])
@@ -227,11 +234,11 @@ def test_figures_by_hand():
     assert found == pytest.approx(
         {
             "accuracy": 3 / 5,
-            "balanced": (1 / 2 + 2 / 3) / 2,
+            "balanced_accuracy": (1 / 2 + 2 / 3) / 2,
             "precision": 1 / 2,
             "recall": 1 / 2,
             "box_iou": 0.75,
-            "box_iou_70": 0.5,
+            "box_iou_over_0.7": 0.5,
         }
     )
 

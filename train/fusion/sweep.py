@@ -1,14 +1,16 @@
 """Sweep of the sizes of the fusion's network: training and validation error over neurons (Fig. 7.13)."""
 
-from collections.abc import Callable, Iterable, Sequence
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+from tqdm import tqdm
 
 from train.fusion.config import FusionTrainingConfig
 from train.fusion.fit_lm import fit_levenberg_marquardt
 from train.fusion.targets import FusionSets
 
 Hidden = tuple[int, ...]
-Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,10 @@ def sweep(
     sets: FusionSets,
     config: FusionTrainingConfig,
     sizes: Sequence[Hidden],
-    progress: Progress = iter,
 ) -> list[SweptSize]:
     """Fit a network of each size by Levenberg-Marquardt, all from the same seed."""
     swept = []
-    for hidden in progress(sizes):
+    for hidden in tqdm(sizes, "sizes", unit="network", file=sys.stderr, delay=2):
         sized = replace(config, network=replace(config.network, hidden=hidden))
         best = fit_levenberg_marquardt(sets, sized)
         swept.append(SweptSize(hidden, best.training, best.validation))

@@ -1,9 +1,11 @@
 """Recall of a few settings on all drives, object by object, for curves; the search itself only counts."""
 
-from collections.abc import Callable, Iterable, Sequence
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from tqdm import tqdm
 
 from data.frames import OnBadFrame
 from perception.detection.config import ProposalConfig
@@ -17,9 +19,6 @@ from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet
 from train.proposal_search.workers import run_parts
-
-CollectedProposals = Iterable[tuple["RecallTask", "list[FrameProposals]"]]
-RecallProgress = Callable[[CollectedProposals, int], CollectedProposals]
 
 
 @dataclass(frozen=True)
@@ -67,36 +66,47 @@ class FrameProposals:
     proposals: tuple[Detections, ...]
 
 
+def compared_settings(best: ProposalConfig, method: Method) -> dict[str, ProposalSetting]:
+    """Return the best parameters, the default and the thesis' by name; equal ones once."""
+    names = {ProposalSetting(best, method): "best"}
+    for name, setting in (
+        ("default", ProposalSetting()),
+        ("thesis", ProposalSetting(method="thesis")),
+    ):
+        names[setting] = f"{names[setting]} = {name}" if setting in names else name
+    return {name: setting for setting, name in names.items()}
+
+
 def measure_recall(
     config: SearchConfig,
-    settings: Sequence[ProposalSetting],
+    settings: Mapping[str, ProposalSetting],
     order: ProposalOrder,
     workers: int = 1,
-    progress: RecallProgress = lambda gathered, parts: gathered,
-) -> list[ProposalRecall]:
+) -> dict[str, ProposalRecall]:
     """Return the recall of each setting over all frames of a search.
 
     Raises:
         PerceptionError: a frame cannot be read.
     """
     tasks = [
-        RecallTask(chunk, frames, tuple(settings), order, config.on_bad_frame)
+        RecallTask(chunk, frames, tuple(settings.values()), order, config.on_bad_frame)
         for chunk, frames in enumerate(config.survey.chunks(config.chunk_frames))
     ]
-    gathered = progress(run_parts(collect_proposals, tasks, workers), len(tasks))
-    by_chunk = {task.chunk: frames for task, frames in gathered}
+    collected = run_parts(collect_proposals, tasks, workers)
+    bar = tqdm(collected, "recall", len(tasks), unit="part", file=sys.stderr, delay=2)
+    by_chunk = {task.chunk: frames for task, frames in bar}
     frames = [frame for chunk in sorted(by_chunk) for frame in by_chunk[chunk]]
     truths = TrueBoxes.of_frames([frame.labels for frame in frames])
-    return [
-        proposal_recall(
+    return {
+        name: proposal_recall(
             truths,
             DetectedBoxes.of_frames([frame.proposals[number] for frame in frames]),
             len(frames),
             config.survey.of_class,
             config.overlaps,
         )
-        for number in range(len(settings))
-    ]
+        for number, name in enumerate(settings)
+    }
 
 
 def collect_proposals(task: RecallTask) -> list[FrameProposals]:

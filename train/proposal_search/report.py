@@ -2,14 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
+from data.results.documents import write_json, write_yaml
+from perception import __version__
+from perception.detection.depthcn.proposal_order import ProposalOrder
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallMetrics
 from perception.evaluation.report import Column, Table
+from perception.render.curve_plots import (
+    plot_curves,
+    recall_by_count_panels,
+    recall_by_iou_panels,
+)
 from train.proposal_search.counting import ProposalCount
-from train.proposal_search.recall import ProposalSetting
+from train.proposal_search.search import SearchConfig
 
 _SHOWN = 10
+_ORDERS: Mapping[ProposalOrder, str] = {"size": "most like a car", "points": "most points"}
 
 
 def best_table(counts: Sequence[ProposalCount], ious: Sequence[float]) -> Table[ProposalCount]:
@@ -60,45 +70,73 @@ def recall_table(
     return Table("Recall of labelled objects", columns, rows)
 
 
-def search_document(counts: Sequence[ProposalCount], ious: Sequence[float]) -> list[dict[str, Any]]:
-    """Return all parameters with what they reach, the best first."""
-    return [
+def write_report(
+    out: Path,
+    config: SearchConfig,
+    counts: Sequence[ProposalCount],
+    recalls: Mapping[str, ProposalRecall],
+    order: ProposalOrder,
+) -> list[Path]:
+    """Write the best parameters, a document of all and plots of the recall; return the files.
+
+    Args:
+        out: Folder of the results.
+        config: Drives and values of the search.
+        counts: Counts of all parameters, the best first.
+        recalls: Recall of the best parameters and of others, by name.
+        order: Order of the proposals in the curves.
+    """
+    names = ("parameters.yaml", "search.json", "recall_by_count.png", "recall_by_iou.png")
+    parameters, document, by_count, by_iou = files = [out / name for name in names]
+    best, first = counts[0], f"{_ORDERS[order]} first"
+    write_yaml(parameters, best.parameters)
+    title = f"Proposals of {best.frames} frames, {best.objects} {config.survey.of_class} labels"
+    columns = len(next(iter(recalls.values())).difficulties)
+    plot_curves(by_count, f"{title}; {first}", recall_by_count_panels(recalls), columns=columns)
+    plot_curves(by_iou, title, recall_by_iou_panels(recalls), columns=columns)
+    write_json(
+        document,
         {
-            **asdict(count.parameters),
-            "reached": {f"{iou:g}": n for iou, n in zip(ious, count.reached, strict=True)},
-            "objects": count.objects,
-            "proposals": count.proposals,
-            "frames": count.frames,
-        }
-        for count in counts
-    ]
-
-
-def recall_document(
-    settings: Mapping[str, ProposalSetting], recalls: Mapping[str, ProposalRecall]
-) -> dict[str, Any]:
-    """Return the recall curves of each setting by difficulty."""
-    return {
-        name: {
-            "parameters": settings[name].parameters,
-            "method": settings[name].method,
-            "frames": recall.frames,
-            "proposals": recall.proposals,
-            "difficulties": {
-                difficulty: {
-                    "objects": metrics.objects,
-                    "found": {f"{iou:g}": metrics.found(iou) for iou in metrics.ranks},
-                    "recall_by_proposals_per_frame": {
-                        f"{iou:g}": metrics.recall_by_count(iou, recall.max_per_frame)
-                        for iou in metrics.ranks
-                    },
-                    "iou": IOU_STEPS,
-                    "recall_by_iou": metrics.recall_by_iou(),
+            "program": f"trifuse {__version__}",
+            "objective": "most labelled objects reached at the first IoU; then fewest proposals",
+            "search": config.identity(),
+            "grid": config.grid,
+            "settings": [
+                {
+                    **asdict(count.parameters),
+                    "reached": dict(
+                        zip(map("{:g}".format, config.overlaps), count.reached, strict=True)
+                    ),
+                    "objects": count.objects,
+                    "proposals": count.proposals,
+                    "frames": count.frames,
                 }
-                for difficulty, metrics in recall.difficulties.items()
-            },
-        }
-        for name, recall in recalls.items()
+                for count in counts
+            ],
+            "order": first,
+            "recall": {name: _recall_document(recall) for name, recall in recalls.items()},
+        },
+    )
+    return [*files, out / "counts.jsonl"]
+
+
+def _recall_document(recall: ProposalRecall) -> dict[str, Any]:
+    return {
+        "frames": recall.frames,
+        "proposals": recall.proposals,
+        "difficulties": {
+            difficulty: {
+                "objects": metrics.objects,
+                "found": {f"{iou:g}": metrics.found(iou) for iou in metrics.ranks},
+                "recall_by_proposals_per_frame": {
+                    f"{iou:g}": metrics.recall_by_count(iou, recall.max_per_frame)
+                    for iou in metrics.ranks
+                },
+                "iou": IOU_STEPS,
+                "recall_by_iou": metrics.recall_by_iou(),
+            }
+            for difficulty, metrics in recall.difficulties.items()
+        },
     }
 
 

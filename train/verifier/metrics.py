@@ -10,12 +10,12 @@ from train.box_overlap import paired_iou
 class VerifierMetrics(Metric):
     """Counts over the batches of an epoch, summed over all processes.
 
-    accuracy     share of the crops that are classified correctly
-    balanced     the same, were there as many vehicles as others
-    precision    share of the crops classified as vehicles that are vehicles
-    recall       share of the vehicles that are called so
-    box_iou      mean IoU of the vehicles' boxes with the labels'
-    box_iou_70   share of the vehicles' boxes with an IoU above 0.7, KITTI's demand
+    accuracy           fraction of the crops that are classified correctly
+    balanced_accuracy  mean accuracy of both classes
+    precision          fraction of the crops classified as vehicles that are vehicles
+    recall             fraction of the vehicles that are classified as such
+    box_iou            mean IoU of the vehicles' boxes with the labels'
+    box_iou_over_0.7   fraction of the vehicles' boxes with an IoU above 0.7, KITTI's minimum
     """
 
     full_state_update = False
@@ -61,11 +61,11 @@ class VerifierMetrics(Metric):
         found = self.is_right[1]
         return {
             "accuracy": _share(self.is_right.sum(), total.sum()),
-            "balanced": _share(self.is_right, total).mean(),
+            "balanced_accuracy": _share(self.is_right, total).mean(),
             "precision": _share(found, found + self.is_wrong[0]),
             "recall": _share(found, total[1]),
             "box_iou": _share(self.iou_sum, self.boxes),
-            "box_iou_70": _share(self.good_boxes, self.boxes),
+            "box_iou_over_0.7": _share(self.good_boxes, self.boxes),
         }
 
 

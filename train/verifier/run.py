@@ -24,7 +24,7 @@ from train.verifier.images import VerifierImages
 from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VerifierTraining
 
-MONITOR = "validation/balanced"
+MONITOR = "validation/balanced_accuracy"
 _SHOWN_SAMPLES = 8
 _EVALUATION_BATCH = 256
 
