@@ -149,8 +149,9 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
     scores = np.linspace(0.01, 0.99, 200)
     curve = fit_calibration(Correctness(scores, scores < 0.5))  # the surer, the wronger
     assert (np.diff(curve.probabilities(scores)) > 0).all()
-    with pytest.raises(UsageError, match="from 0 on"):
+    with pytest.raises(UsageError) as raised:
         BetaCalibration(-1.0, 1.0, 0.0)
+    assert (raised.value.where, raised.value.found) == ("calibration", "-1.0,1.0,0.0")
 
 
 def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
