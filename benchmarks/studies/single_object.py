@@ -20,8 +20,7 @@ from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.report import Column, Table
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
-from perception.evaluation.single_object.track import ObjectSequence, TrueTrack
-from perception.evaluation.single_object.tracker_runs import TargetObject
+from perception.evaluation.single_object.track import ObjectSequence, TargetObject, TrueTrack
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import load_sensor
 from perception.tracking.single_object.tracker import TrackStatus

@@ -13,8 +13,7 @@ from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive, sequences_in
 from data.synthetic.truth_files import truth_files
 from perception.errors import DriveError, UsageError
-from perception.evaluation.single_object.track import ObjectSequence
-from perception.evaluation.single_object.tracker_runs import TargetObject
+from perception.evaluation.single_object.track import ObjectSequence, TargetObject
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 

@@ -1,8 +1,6 @@
 """`trifuse evaluate otd`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -14,26 +12,11 @@ from perception.tracking.single_object.config import SingleObjectTrackerConfig
 from perception.types import Drive
 
 if TYPE_CHECKING:
-    from data.derived.otd_objects import ObjectSetConfig
-    from perception.evaluation.single_object.tracker_runs import TargetObject, TrackerRun
+    from perception.evaluation.single_object.track import TargetObject
+    from perception.evaluation.single_object.tracker_runs import TrackerRun
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 _PIPELINE, _TRACKER = PipelineConfig.for_motion("none"), SingleObjectTrackerConfig()
-
-
-@dataclass(frozen=True)
-class EvaluatedObjects:
-    """Data that the metrics rest on.
-
-    Attributes:
-        config: Objects that were asked for.
-        drives: Name, LiDAR and number of frames of each drive that was read.
-        absent: Reason why an object is not available, by its name.
-    """
-
-    config: "ObjectSetConfig"
-    drives: list[dict[str, str | int]]
-    absent: dict[str, str]
 
 
 def evaluate_otd(  # noqa: PLR0913 - flags of a command
@@ -65,43 +48,32 @@ def evaluate_otd(  # noqa: PLR0913 - flags of a command
         pipeline: Configuration of the pipeline up to the ground.
     """
     from data.derived.otd_objects import ObjectSetConfig, find_objects
-    from perception.evaluation.single_object.measure import (
-        PROTOCOL_WORDS,
-        OtdProtocol,
-        SingleObjectMeasure,
-    )
+    from perception.evaluation.single_object.measure import SingleObjectMeasure
     from perception.evaluation.single_object.plots import write_plots
 
-    names, protocol = require_trackers(trackers), OtdProtocol()
+    names = require_trackers(trackers)
     config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.sensor)
-    found, measure = find_objects(config), SingleObjectMeasure(names, protocol)
+    found, measure = find_objects(config), SingleObjectMeasure(names)
     for one in found.drives:
         runs = run_trackers(one.drive, one.objects, names, tracker, pipeline, drive.on_bad_frame)
         for target, by_name in zip(one.objects, runs, strict=True):
             measure.update(target, by_name, one.drive.calibration)
-    metrics = measure.compute()
-    data = EvaluatedObjects(
-        config,
-        [
-            {"drive": d.drive.name, "sensor": d.drive.sensor.name, "frames": len(d.drive)}
-            for d in found.drives
-        ],
-        {one.sequence.name: one.reason for one in found.absent},
-    )
+    metrics, absent = measure.compute(), found.absent_lines()
+    drives = [
+        {"drive": d.drive.name, "sensor": d.drive.sensor.name, "frames": len(d.drive)}
+        for d in found.drives
+    ]
+    reasons = {one.sequence.name: one.reason for one in found.absent}
     count = len(metrics.objects)
     heading = f"{root}: {count} of {count + len(found.absent)} sequences of the set {set}"
-    absent = found.absent_lines()
-    publish_report(
-        "\n".join([f"{heading}; absent:", *absent]) if absent else heading,
-        metrics,
-        EvaluationDocument(
-            "otd",
-            data,
-            {**PROTOCOL_WORDS, "values": protocol},
-            {"trackers": names, "tracker": tracker, "pipeline": pipeline},
-        ),
-        report.json,
+    document = EvaluationDocument(
+        "otd",
+        {"config": config, "drives": drives, "absent": reasons},
+        metrics.protocol,
+        {"trackers": names, "tracker": tracker, "pipeline": pipeline},
     )
+    heading = "\n".join([f"{heading}; absent:", *absent]) if absent else heading
+    publish_report(heading, metrics, document, report.json)
     if plots is not None:
         for path in write_plots(plots, f"{root.name}, set {set}", metrics):
             print(path)
@@ -115,36 +87,22 @@ def run_trackers(
     pipeline: PipelineConfig = _PIPELINE,
     on_bad_frame: OnBadFrame = "stop",
 ) -> "list[dict[str, TrackerRun]]":
-    """Let trackers track objects of one drive, with a progress bar.
-
-    Args:
-        drive: Drive whose frames are read up to the last that an object needs.
-        targets: Objects to track.
-        trackers: Names of the trackers, each once.
-        config: Configuration of the trackers.
-        pipeline: Configuration of the pipeline up to the ground.
-        on_bad_frame: Stop at a damaged frame, or skip it.
-
-    Raises:
-        PerceptionError: a frame cannot be read or used.
-    """
+    """Let trackers track objects of one drive, with a progress bar; see `track_objects`."""
     from data.frames import frame_count, read_frames
     from perception.cli.progress import progress_bar
     from perception.evaluation.single_object.tracker_runs import track_objects
-    from perception.tracking.single_object.trackers import single_object_tracker
 
     limit = max((one.sequence.last_frame + 1 for one in targets), default=0)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
-    make = partial(single_object_tracker, sensor=drive.sensor, config=config)
     bar = progress_bar(frames, drive.name, frame_count(drive, limit))
-    return track_objects(bar, drive.sensor, targets, trackers, make, pipeline)
+    return track_objects(bar, drive.sensor, targets, trackers, (config, pipeline))
 
 
 def require_trackers(names: Sequence[str]) -> tuple[str, ...]:
     """Validate names of trackers; return all trackers where none is named.
 
     Raises:
-        UsageError: a name is unknown, or occurs twice.
+        UsageError: A name is unknown, or occurs twice.
     """
     from perception.tracking.single_object.trackers import TRACKERS
 

@@ -134,7 +134,7 @@ def test_configuration_and_summary_say_what_was_followed(results, labelled_id):
 def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
     states = [TrackStatus.SEEN, TrackStatus.PREDICTED, TrackStatus.LOST]
     summary = track_scripted(street, tmp_path, states)
-    assert list(summary.counts.values()) == [1, 1, 1]
+    assert list(summary.to_json()["states"].values()) == [1, 1, 1]
     assert len(summary.positions_world) == 2
     table = summary.text()
     assert "predicted       1       33.3" in table

@@ -5,16 +5,16 @@ import pytest
 
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.config import SingleObjectMetricsConfig
-from perception.evaluation.single_object.curves import (
+from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
+from perception.evaluation.single_object.metrics import (
     area_under_curve,
     correct_frames,
     cumulative_success,
     location_curve,
     precision_curve,
+    single_object_metrics,
     success_curve,
 )
-from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
-from perception.evaluation.single_object.metrics import single_object_metrics
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration

@@ -1,11 +1,11 @@
 """Challenges of tracking an object, from its labels: the flags of Table A.1, which were not published.
 
-Table 3.2 states the same factors for eight sequences in words. The thresholds agree with all eight of its
-entries on occlusion and on pose, with seven on relative velocity, and with six on distance, where the
-table calls 7.5 m to 22 m near, and 6.3 m to 14 m near to middle.
+Table 3.2 states the same factors for eight sequences in words. The limits agree with all eight of its entries on
+occlusion and on pose, with seven on relative velocity, and with six on distance, where the table calls 7.5 m to 22 m
+near, and 6.3 m to 14 m near to middle.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -17,7 +17,7 @@ _SECOND_S = 1.0 - 1e-3  # stamps a second apart differ by rounding
 
 
 class Challenge(StrEnum):
-    """Challenges by the abbreviations of the thesis."""
+    """Challenges by the abbreviations of the thesis, in the order of the fields of `Variations`."""
 
     OCC = "OCC"  # occlusion
     POS = "POS"  # object pose relative to the vehicle varies
@@ -26,35 +26,16 @@ class Challenge(StrEnum):
 
 
 CHALLENGE_DESCRIPTIONS = {
-    Challenge.OCC: "labelled partly or largely occluded, or not at all, in occluded_share of its frames",
-    Challenge.POS: "its heading in the LiDAR frame covers turn_deg",
-    Challenge.DIS: "its greatest distance over the ground is distance_ratio times its least",
-    Challenge.RVL: (
-        "the speed at which it nears or leaves the vehicle, over one second each, covers speed_change_m_s"
-    ),
+    "OCC": "labelled partly or largely occluded, or not at all, in occluded_share of its frames",
+    "POS": "its heading in the LiDAR frame covers turn_deg",
+    "DIS": "its greatest distance over the ground is distance_ratio times its smallest",
+    "RVL": "its radial speed, over one second each, covers speed_change_m_s",
 }
 
 
 @dataclass(frozen=True)
-class ChallengeConfig:
-    """Limits from which a variation is a challenge.
-
-    Attributes:
-        occluded_share: Share of the frames in which the object is occluded or not labelled.
-        turn_deg: Angle between the outermost headings in degrees.
-        distance_ratio: Ratio of the greatest to the smallest distance.
-        speed_change_m_s: Difference between the greatest and the smallest radial speed in m/s.
-    """
-
-    occluded_share: float = 0.1
-    turn_deg: float = 50.0
-    distance_ratio: float = 2.0
-    speed_change_m_s: float = 3.0
-
-
-@dataclass(frozen=True)
 class Variations:
-    """Variation of an object from its first frame to its last.
+    """Variation of an object from its first frame to its last; the defaults are the limits of the challenges.
 
     Attributes:
         occluded_share: Share of the frames in which the object is occluded or not labelled.
@@ -63,21 +44,15 @@ class Variations:
         speed_change_m_s: Difference between its greatest and its smallest radial speed in m/s; 0 for less than a second.
     """
 
-    occluded_share: float
-    turn_deg: float
-    distance_ratio: float
-    speed_change_m_s: float
+    occluded_share: float = 0.1
+    turn_deg: float = 50.0
+    distance_ratio: float = 2.0
+    speed_change_m_s: float = 3.0
 
-    def challenges(self, config: ChallengeConfig | None = None) -> tuple[Challenge, ...]:
-        """Return the challenges."""
-        limits = config or ChallengeConfig()
-        is_challenge = {
-            Challenge.OCC: self.occluded_share >= limits.occluded_share,
-            Challenge.POS: self.turn_deg >= limits.turn_deg,
-            Challenge.DIS: self.distance_ratio >= limits.distance_ratio,
-            Challenge.RVL: self.speed_change_m_s >= limits.speed_change_m_s,
-        }
-        return tuple(challenge for challenge, is_one in is_challenge.items() if is_one)
+    def challenges(self, limits: "Variations | None" = None) -> tuple[Challenge, ...]:
+        """Return the challenges whose limit is reached."""
+        pairs = zip(Challenge, astuple(self), astuple(limits or Variations()), strict=True)
+        return tuple(challenge for challenge, value, limit in pairs if value >= limit)
 
 
 def variations(track: TrueTrack) -> Variations:

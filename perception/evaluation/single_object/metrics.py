@@ -5,80 +5,44 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.evaluation.config import SingleObjectMetricsConfig
-from perception.evaluation.single_object.curves import (
-    area_under_curve,
-    correct_frames,
-    precision_curve,
-    success_curve,
-)
 from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Bool, Float64
 
-METRIC_WORDS = {
-    "start": (
-        "the tracker is initialised with the labelled box in the first frame; the first and the last frame are "
-        "evaluated, and every labelled one between"
-    ),
-    "frame": "boxes, headings and velocities are compared in the LiDAR frame of the scan, truth as labelled",
-    "E3D": "(7.3) mean distance of the box centres in metres, over the frames with a box",
-    "E2D": (
-        "(7.3) mean distance in pixels of the rectangles' centres, over the frames with both; that of a "
-        "tracker in space is around its projected box, clipped to the image as the labels are; in_image: "
-        "share of the frames with the object in the image that are counted"
-    ),
-    "E_phi": "(7.4) mean angle between the headings as axes, 0 to pi/2: an opposite heading has no error",
-    "heading": "mean angle between the headings, 0 to pi; bias: mean signed error",
-    "overlap": "(A.1) intersection over union of the upright boxes' volumes, sizes as they are",
-    "overlap_success": "share of frames whose overlap exceeds `overlap`; it is 0 without a box",
-    "heading_success": "(A.2) share of frames whose headings differ by less than heading_deg, 0 to 180",
-    "location_success": (
-        "share of the frames with the object in the image in which the centres of the rectangles are less "
-        "than location_px apart"
-    ),
-    "success": (
-        "one-pass evaluation: area under the share of frames whose overlap is at least a threshold, over "
-        "steps thresholds from 0 to 1 (trapezoids); at 0 all frames count, as in the field: 1/40 of 21 steps"
-    ),
-    "precision": (
-        "one-pass evaluation: area under the share of frames whose centres are within a threshold, over "
-        "steps thresholds from 0 to max_center_error_m (trapezoids), by max_center_error_m"
-    ),
-    "velocity": "mean length of the velocity error over the ground, in the frames in which the truth is known",
-    "states": "shares of frames that the tracker reports as seen, predicted and lost",
-    "drifted": "share of frames whose prediction does not overlap the object",
-    "lost_from_frame": "first frame from which on the prediction never overlaps the object again",
-    "ms": "time of one tracker on one object, without the shared stages: reading, poses, ground",
-    "together": "over all frames of all sequences, not a mean of the sequences",
-}
-
 
 @dataclass(frozen=True)
 class SingleObjectMetrics:
-    """Metrics of one object over its frames; NaN where no frame counts.
+    """Metrics over frames of one object, or of several together; NaN where no frame counts.
+
+    The tracker is initialised with the labelled box in the first frame; the first and the last frame are evaluated,
+    and every labelled one between. Boxes, headings and velocities are compared in the LiDAR frame of the scan.
 
     Attributes:
         frames: Number of evaluated frames.
-        center_m: E3D, mean distance of the box centres in m.
-        center_px: E2D, mean distance of the rectangles' centres in px.
-        in_image: Share of the frames with the object in the image in which the tracker's rectangle is in it too:
-            E2D rests on these alone.
-        folded_heading_rad: E_phi, mean heading error as axes in rad, 0 to pi/2.
-        heading_rad: Mean absolute heading error in rad, 0 to pi.
+        center_m: E3D (7.3), mean distance of the box centres in m, over the frames with a box.
+        center_px: E2D (7.3), mean distance of the rectangles' centres in px, over the frames with both; that of a
+            tracker in space is around its projected box, clipped to the image as the labels are.
+        in_image: Share of the frames with the object in the image in which the tracker's rectangle is in it too.
+        folded_heading_rad: E_phi (7.4), mean angle between the headings as axes in rad, 0 to pi/2: an opposite
+            heading has no error.
+        heading_rad: Mean angle between the headings in rad, 0 to pi.
         heading_bias_rad: Mean signed heading error in rad.
-        velocity_m_s: Mean length of the velocity error in m/s.
-        overlap_success: Share of frames with sufficient 3D overlap, 0 to 1.
-        heading_success: Share of frames with a correct heading, 0 to 1.
-        location_success: Share of frames with a correct location, of those with the object in the image, 0 to 1.
-        success: Success of one-pass evaluation, 0 to 1.
-        precision: Precision of one-pass evaluation, 0 to 1.
+        velocity_m_s: Mean length of the velocity error over the ground in m/s, where the truth is known.
+        overlap_success: Share of frames whose 3D IoU (A.1) exceeds `overlap`; 0 without a box.
+        heading_success: Share of frames whose headings differ by less than `heading_deg` (A.2), 0 to 180.
+        location_success: Share of the frames with the object in the image in which the centres of the rectangles are
+            less than `location_px` apart.
+        success: One-pass evaluation: area under the share of frames whose overlap is at least a threshold, over
+            `steps` thresholds from 0 to 1 (trapezoids); at 0 all frames count, as in the field.
+        precision: One-pass evaluation: area under the share of frames whose centres are within a threshold, over
+            `steps` thresholds from 0 to `max_center_error_m` (trapezoids), as a share.
         seen: Share of frames that the tracker reports as seen.
         predicted: Share of frames that the tracker reports as predicted.
         lost: Share of frames that the tracker reports as lost.
         drifted: Share of frames in which the prediction does not overlap the object.
         lost_from_frame: First frame from which on the prediction never overlaps the object again, or None.
-        ms_per_frame: Mean time per frame in ms.
-        ms_p99: 99th percentile of the time per frame in ms.
+        ms_per_frame: Mean time of one tracker on one object per frame in ms, without reading, poses and ground.
+        ms_p99: 99th percentile of the same time in ms.
     """
 
     frames: int
@@ -109,7 +73,7 @@ def single_object_metrics(
     """Return the metrics of one sequence, or of several together."""
     config = config or SingleObjectMetricsConfig()
     size_rad, correct = np.abs(errors.heading_rad), correct_frames(errors, config)
-    shares = {state: _mean(errors.states == state) for state in TrackStatus}
+    shares = {str(state): _mean(errors.states == state) for state in TrackStatus}
     return SingleObjectMetrics(
         frames=len(errors),
         center_m=_mean(errors.center_m),
@@ -124,14 +88,72 @@ def single_object_metrics(
         location_success=_mean(correct.location),
         success=area_under_curve(success_curve(errors, config)),
         precision=area_under_curve(precision_curve(errors, config)),
-        seen=shares[TrackStatus.SEEN],
-        predicted=shares[TrackStatus.PREDICTED],
-        lost=shares[TrackStatus.LOST],
+        **shares,
         drifted=_mean(errors.is_drifted),
         lost_from_frame=_lost_from(errors),
         ms_per_frame=1000 * _mean(errors.seconds),
         ms_p99=1000 * float(np.quantile(errors.seconds, 0.99)) if len(errors) else np.nan,
     )
+
+
+@dataclass(frozen=True)
+class CorrectFrames:
+    """Correct frames by each of three criteria.
+
+    Attributes:
+        overlap: (K,) Whether the 3D overlap is correct; (0,) for a tracker in the image alone.
+        heading: (K,) Whether the heading is correct; (0,) for a tracker in the image alone.
+        location: (L,) Whether the location is correct, in the frames with the object in the image.
+    """
+
+    overlap: Bool
+    heading: Bool
+    location: Bool
+
+
+def correct_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> CorrectFrames:
+    """Return which frames are correct; missing values are NaN, which is never correct."""
+    in_space = slice(None) if errors.has_3d_boxes else slice(0)
+    return CorrectFrames(
+        overlap=errors.overlap[in_space] > config.overlap,
+        heading=np.abs(errors.heading_rad[in_space]) < np.radians(config.heading_deg),
+        location=errors.center_px[np.isfinite(errors.overlap_px)] < config.location_px,
+    )
+
+
+def success_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
+    """Return (steps,) shares of frames whose overlap is at least a threshold, from 0 to 1."""
+    return _shares(errors.overlap[:, None] >= np.linspace(0, 1, config.steps), errors)
+
+
+def precision_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
+    """Return (steps,) shares of frames whose centres are within a threshold, from 0 to the reach."""
+    thresholds_m = np.linspace(0, config.max_center_error_m, config.steps)
+    return _shares(errors.center_m[:, None] <= thresholds_m, errors)
+
+
+def location_curve(errors: SingleObjectErrors, thresholds_px: Float64) -> Float64:
+    """Return (T,) shares of frames whose centres in the image are less than a threshold apart."""
+    in_image = np.isfinite(errors.overlap_px)
+    if not in_image.any():
+        return np.full(len(thresholds_px), np.nan)
+    return np.asarray((errors.center_px[in_image, None] < thresholds_px).mean(axis=0))
+
+
+def cumulative_success(is_correct: Bool) -> Float64:
+    """Return (K + 1,) correct frames up to each frame, as a share of all frames (Figs A.1, A.2)."""
+    return np.concatenate([[0.0], np.cumsum(is_correct) / max(len(is_correct), 1)])
+
+
+def area_under_curve(curve: Float64) -> float:
+    """Return the mean height of a curve over evenly spaced thresholds, by trapezoids."""
+    return float(((curve[:-1] + curve[1:]) / 2).mean())
+
+
+def _shares(is_correct: Bool, errors: SingleObjectErrors) -> Float64:
+    if len(errors) == 0 or not errors.has_3d_boxes:
+        return np.full(is_correct.shape[1], np.nan)
+    return np.asarray(is_correct.mean(axis=0))
 
 
 def _lost_from(errors: SingleObjectErrors) -> int | None:

@@ -1,139 +1,121 @@
 """Plots of trackers of one object: the thesis' Figs A.1 to A.3, and success and precision of one-pass evaluation."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from perception.evaluation.single_object.challenges import Challenge
-from perception.evaluation.single_object.curves import (
+from perception.evaluation.single_object.errors import SingleObjectErrors
+from perception.evaluation.single_object.measure import SingleObjectReport
+from perception.evaluation.single_object.metrics import (
+    area_under_curve,
     correct_frames,
     cumulative_success,
     location_curve,
     precision_curve,
     success_curve,
 )
-from perception.evaluation.single_object.errors import SingleObjectErrors
-from perception.evaluation.single_object.measure import SingleObjectReport
-from perception.evaluation.single_object.metrics import SingleObjectMetrics
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Bool, Float64
 
-_LAST_LOCATION_PX = 50
+# Curve and its value in the legend.
+_Draw = Callable[[SingleObjectErrors], tuple[Float64, float]]
 
 
 def write_plots(folder: Path, title: str, report: SingleObjectReport) -> list[Path]:
     """Write all plots into a folder; return their paths."""
-    config = report.protocol.metrics
-    paths = {
-        name: folder / f"{name}.png" for name in ("overlap", "heading", "location", "one_pass")
+    config, thresholds_px = report.config, np.arange(51.0)
+
+    def of_area(curve: Float64) -> tuple[Float64, float]:
+        return curve, area_under_curve(curve)
+
+    def location(errors: SingleObjectErrors) -> tuple[Float64, float]:
+        is_correct = correct_frames(errors, config).location
+        return location_curve(errors, thresholds_px), is_correct.mean() if len(is_correct) else 0.0
+
+    within = f"in brackets: within {config.location_px:g} px"
+    panels = {
+        "overlap": _cumulative_panels(
+            report, lambda errors: correct_frames(errors, config).overlap
+        ),
+        "heading": _cumulative_panels(
+            report, lambda errors: correct_frames(errors, config).heading
+        ),
+        "location": [
+            _panel(report, (within, "distance of the centres [px]", "({:.3f})"), 50, location)
+        ],
+        "one_pass": [
+            _panel(
+                report,
+                ("Success: area under the curve", "3D overlap, at least", "{:.3f}"),
+                1,
+                lambda errors: of_area(success_curve(errors, config)),
+            ),
+            _panel(
+                report,
+                (
+                    "Precision: area under the curve, as a share",
+                    "distance of the centres [m], at most",
+                    "{:.3f}",
+                ),
+                config.max_center_error_m,
+                lambda errors: of_area(precision_curve(errors, config)),
+            ),
+        ],
     }
-    plot_curves(
-        paths["overlap"],
-        f"{title}: 3D overlap above {config.overlap:.0%} (Fig. A.1)",
-        _cumulative_panels(report, lambda errors: correct_frames(errors, config).overlap),
-    )
-    plot_curves(
-        paths["heading"],
-        f"{title}: heading within {config.heading_deg:g}° (Fig. A.2)",
-        _cumulative_panels(report, lambda errors: correct_frames(errors, config).heading),
-    )
-    plot_curves(
-        paths["location"],
-        f"{title}: location in the image (Fig. A.3)",
-        [_location_panel(report)],
-    )
-    plot_curves(paths["one_pass"], f"{title}: one-pass evaluation", _one_pass_panels(report))
-    return list(paths.values())
+    titles = {
+        "overlap": f"3D overlap above {config.overlap:.0%} (Fig. A.1)",
+        "heading": f"heading within {config.heading_deg:g}° (Fig. A.2)",
+        "location": "location in the image (Fig. A.3)",
+        "one_pass": "one-pass evaluation",
+    }
+    for name, of_figure in panels.items():
+        plot_curves(folder / f"{name}.png", f"{title}: {titles[name]}", of_figure)
+    return [folder / f"{name}.png" for name in panels]
 
 
 def _cumulative_panels(
     report: SingleObjectReport, is_correct: Callable[[SingleObjectErrors], Bool]
 ) -> list[CurvePanel]:
     """Return a panel of all objects, and one for each challenge that an object has."""
-    panels = []
-    for challenge in (None, *Challenge):
-        objects = report.objects_with(challenge)
-        if challenge is not None and not objects:
-            continue
-        correct = {name: is_correct(one) for name, one in _errors(report, challenge).items()}
-        correct = {name: frames for name, frames in correct.items() if len(frames)}
-        panels.append(
-            CurvePanel(
-                f"sequences{f' with {challenge}' if challenge else ''}: {len(objects)}",
-                "share of the frames of all sequences",
-                "correct frames so far, share of all",
-                [
-                    Curve.evenly_spaced(
-                        name, cumulative_success(frames), note=f"{frames.mean():.3f}"
-                    )
-                    for name, frames in correct.items()
-                ],
-                x_limits=(0, 1),
-                y_limits=(0, 1.02),
-            )
+
+    def draw(errors: SingleObjectErrors) -> tuple[Float64, float]:
+        frames = is_correct(errors)
+        return (
+            (cumulative_success(frames), frames.mean())
+            if len(frames)
+            else (np.full(1, np.nan), 0.0)
         )
-    return panels
 
-
-def _location_panel(report: SingleObjectReport) -> CurvePanel:
-    thresholds_px = np.arange(_LAST_LOCATION_PX + 1.0)
-    limit_px = report.protocol.metrics.location_px
-    return _panel(
-        report,
-        (f"in brackets: within {limit_px:g} px", "distance of the centres [px]"),
-        _LAST_LOCATION_PX,
-        lambda errors: location_curve(errors, thresholds_px),
-        lambda metrics: f"({metrics.location_success:.3f})",
-    )
-
-
-def _one_pass_panels(report: SingleObjectReport) -> list[CurvePanel]:
-    config = report.protocol.metrics
+    counts = {one: len(report.objects_with(one)) for one in (None, *Challenge)}
+    x, y = "share of the frames of all sequences", "correct frames so far, share of all"
+    names = {
+        one: f"sequences{f' with {one}' if one else ''}: {count}" for one, count in counts.items()
+    }
     return [
-        _panel(
-            report,
-            ("Success: area under the curve", "3D overlap, at least"),
-            1.0,
-            lambda errors: success_curve(errors, config),
-            lambda metrics: f"{metrics.success:.3f}",
-        ),
-        _panel(
-            report,
-            ("Precision: area under the curve, as a share", "distance of the centres [m], at most"),
-            config.max_center_error_m,
-            lambda errors: precision_curve(errors, config),
-            lambda metrics: f"{metrics.precision:.3f}",
-        ),
+        replace(_panel(report, (names[one], x, "{:.3f}"), 1, draw, one), y_label=y)
+        for one, count in counts.items()
+        if one is None or count
     ]
 
 
 def _panel(
     report: SingleObjectReport,
-    names: tuple[str, str],
+    words: tuple[str, str, str],
     x_last: float,
-    curve: Callable[[SingleObjectErrors], Float64],
-    value: Callable[[SingleObjectMetrics], str],
+    draw: _Draw,
+    challenge: Challenge | None = None,
 ) -> CurvePanel:
-    """Return the curves of all objects together; `names` are those of the panel and of its x axis."""
-    curves = {name: curve(errors) for name, errors in _errors(report).items()}
-    known = {name: one for name, one in curves.items() if np.isfinite(one).all()}
-    metrics = {name: report.metrics_of(name) for name in known}
-    return CurvePanel(
-        names[0],
-        names[1],
-        "share of frames",
-        [
-            Curve.evenly_spaced(name, known[name], x_last, "" if one is None else value(one))
-            for name, one in metrics.items()
-        ],
-        x_limits=(0, x_last),
-        y_limits=(0, 1.02),
-    )
-
-
-def _errors(
-    report: SingleObjectReport, challenge: Challenge | None = None
-) -> Mapping[str, SingleObjectErrors]:
+    """Return the curve of each tracker; words are the title, the x axis, and the format of the legend's value."""
+    title, x_label, note = words
     errors = {name: report.errors_of(name, challenge) for name in report.trackers}
-    return {name: one for name, one in errors.items() if one is not None}
+    drawn = {name: draw(one) for name, one in errors.items() if one is not None}
+    curves = [
+        Curve.evenly_spaced(name, y, x_last, note.format(value))
+        for name, (y, value) in drawn.items()
+        if np.isfinite(y).all()
+    ]
+    y_label = "share of frames"
+    return CurvePanel(title, x_label, y_label, curves, x_limits=(0, x_last), y_limits=(0, 1.02))

@@ -39,6 +39,11 @@ class ObjectSequence:
         """Number of frames."""
         return self.last_frame - self.first_frame + 1
 
+    @property
+    def frame_range(self) -> str:
+        """First and last frame."""
+        return f"{self.first_frame}-{self.last_frame}"
+
 
 @dataclass(frozen=True)
 class TrueTrack(ArrayTable):
@@ -59,6 +64,21 @@ class TrueTrack(ArrayTable):
     boxes_px: Annotated[Float64, 4]
     velocities_m_s: Annotated[Float64, 2]
     occlusion: Int
+
+
+@dataclass(frozen=True)
+class TargetObject:
+    """Object to track in the available frames of a drive.
+
+    Attributes:
+        sequence: Object and its frames, as far as they are available.
+        truth: Labelled or exact track of the object.
+        total_frames: Number of frames of the sequence if all of them were available.
+    """
+
+    sequence: ObjectSequence
+    truth: TrueTrack
+    total_frames: int
 
 
 @dataclass(frozen=True)

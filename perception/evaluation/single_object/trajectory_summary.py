@@ -62,27 +62,6 @@ class TrajectorySummary:
             self.positions_world.append(box_world.bottom_m[0])
 
     @property
-    def counts(self) -> dict[TrackStatus, int]:
-        """Number of frames by status."""
-        return {status: sum(one.state is status for one in self.tracked) for status in TrackStatus}
-
-    @property
-    def speeds_km_h(self) -> Float64:
-        """Speed in each frame with a box that is not lost."""
-        return np.array(
-            [
-                _KM_H * float(np.hypot(*one.velocity_m_s))
-                for one in self.tracked
-                if one.box_velo is not None and one.state is not TrackStatus.LOST
-            ]
-        )
-
-    @property
-    def travelled_m(self) -> float:
-        """Length of the path over the ground."""
-        return path_length_m(np.array(self.positions_world).reshape(-1, 3))
-
-    @property
     def metrics(self) -> SingleObjectMetrics | None:
         """Errors against the labels; None without labels."""
         if self.truth is None or not self.frames:
@@ -94,60 +73,61 @@ class TrajectorySummary:
         """Return what is printed at the end."""
         if not self.frames:
             return f"{self.drive}: no frame could be read"
-        count = len(self.frames)
-        columns = (
-            Column[int]("frames", lambda frames: frames),
-            Column[int]("share [%]", lambda frames: 100 * frames / count, ".1f"),
-        )
-        title = (
-            f"{self.drive}, {self.object_name}, tracker {self.tracker}: "
-            f"frames {self.frames[0]} to {self.frames[-1]}"
-        )
-        rows = {str(status): frames for status, frames in self.counts.items()}
-        p50, p99 = np.percentile(1e3 * np.array(self.seconds), (50, 99))
+        values, count = self.to_json(), len(self.frames)
+        span = f"frames {self.frames[0]} to {self.frames[-1]}"
+        columns: list[Column[int]] = [
+            Column("frames", lambda frames: frames),
+            Column("share [%]", lambda frames: 100 * frames / count, ".1f"),
+        ]
+        title = f"{self.drive}, {self.object_name}, tracker {self.tracker}: {span}"
+        path, speeds = "none, this tracker works in the image alone", self._speeds_km_h()
+        if len(speeds):
+            path = (
+                f"{values['travelled_m']:.1f} m in {self.stamps_s[-1] - self.stamps_s[0]:.1f} s; "
+                f"speed {speeds.mean():.1f} km/h on average, {speeds.max():.1f} km/h at most"
+            )
         lines = [
             f"first box: {self.points_at_start} points of the scan",
-            self._path_line(),
-            f"tracker: p50 {p50:.1f} ms/frame, p99 {p99:.1f} ms/frame",
-            *_metric_lines(self.metrics),
+            f"path: {path}",
+            f"tracker: p50 {values['p50_ms']:.1f} ms/frame, p99 {values['p99_ms']:.1f} ms/frame",
+            *_metric_lines(values["against_labels"]),
             f"results: {self.out}",
         ]
-        table = Table(title, columns, rows, heading="status")
+        table = Table(title, columns, values["states"], heading="status")
         return "\n\n".join([table.text(), "\n".join(lines)])
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `summary.json`."""
-        speeds, spent_ms = self.speeds_km_h, 1e3 * np.array(self.seconds)
+        speeds, spent_ms = self._speeds_km_h(), 1e3 * np.array(self.seconds)
+        p50, p99 = np.percentile(spent_ms, (50, 99)).tolist() if len(spent_ms) else (None, None)
         return {
             "drive": self.drive,
             "object": self.object_name,
             "tracker": self.tracker,
             "frames": len(self.frames),
-            "states": {str(status): frames for status, frames in self.counts.items()},
+            "states": {str(s): sum(one.state is s for one in self.tracked) for s in TrackStatus},
             "points_at_start": self.points_at_start,
-            "travelled_m": self.travelled_m,
+            "travelled_m": path_length_m(np.array(self.positions_world).reshape(-1, 3)),
             "mean_speed_km_h": float(speeds.mean()) if len(speeds) else None,
-            "p50_ms": float(np.median(spent_ms)) if len(spent_ms) else None,
-            "p99_ms": float(np.percentile(spent_ms, 99)) if len(spent_ms) else None,
+            "p50_ms": p50,
+            "p99_ms": p99,
             "against_labels": self.metrics,
         }
 
-    def _path_line(self) -> str:
-        speeds = self.speeds_km_h
-        if not len(speeds):
-            return "path: none, this tracker works in the image alone"
-        return (
-            f"path: {self.travelled_m:.1f} m in {self.stamps_s[-1] - self.stamps_s[0]:.1f} s; "
-            f"speed {speeds.mean():.1f} km/h on average, {speeds.max():.1f} km/h at most"
-        )
+    def _speeds_km_h(self) -> Float64:
+        """Return the speed in each frame with a box that is not lost."""
+        known = [
+            one.velocity_m_s
+            for one in self.tracked
+            if one.box_velo is not None and one.state is not TrackStatus.LOST
+        ]
+        return np.asarray(_KM_H * np.hypot(*np.array(known).reshape(-1, 2).T))
 
 
 def path_length_m(positions_m: Float64) -> float:
     """Return the length of a path through (K, 3) positions, without the noise of a parked object."""
-    length_m, last = 0.0, None
+    length_m, last = 0.0, positions_m[:1, :2].ravel()
     for position in positions_m[:, :2]:
-        if last is None:
-            last = position
         step_m = float(np.linalg.norm(position - last))
         if step_m >= _MIN_STEP_M:
             length_m, last = length_m + step_m, position
@@ -157,10 +137,11 @@ def path_length_m(positions_m: Float64) -> float:
 def _metric_lines(metrics: SingleObjectMetrics | None) -> list[str]:
     if metrics is None:
         return []
-    errors = [
-        f"E3D {metrics.center_m:.2f} m" if np.isfinite(metrics.center_m) else "",
-        f"E2D {metrics.center_px:.1f} px" if np.isfinite(metrics.center_px) else "",
-        f"heading {metrics.heading_rad:.3f} rad" if np.isfinite(metrics.heading_rad) else "",
-        f"drifted in {100 * metrics.drifted:.0f} % of the frames",
-    ]
-    return [f"mean error over {metrics.frames} labels: {', '.join(filter(None, errors))}"]
+    errors = {
+        f"E3D {metrics.center_m:.2f} m": metrics.center_m,
+        f"E2D {metrics.center_px:.1f} px": metrics.center_px,
+        f"heading {metrics.heading_rad:.3f} rad": metrics.heading_rad,
+        f"drifted in {100 * metrics.drifted:.0f} % of the frames": 0.0,
+    }
+    known = ", ".join(words for words, value in errors.items() if np.isfinite(value))
+    return [f"mean error over {metrics.frames} labels: {known}"]

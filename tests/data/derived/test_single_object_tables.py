@@ -7,7 +7,7 @@ from data.derived.object_truth import DriveObjects
 from data.derived.single_object import table_3_2, table_a_1, unique_sequences
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import empty_labels, read_tracking_labels
-from perception.evaluation.single_object.challenges import Challenge, ChallengeConfig, variations
+from perception.evaluation.single_object.challenges import Challenge, Variations, variations
 from perception.evaluation.single_object.track import ObjectSequence
 
 PRINTED_FRAMES = (
@@ -124,6 +124,6 @@ def test_challenges_of_sequence_0000(labelled):
     assert variations(cyclist).challenges() == (Challenge.POS, Challenge.DIS)
     assert variations(van).challenges() == tuple(Challenge)
     assert Challenge.RVL not in variations(parked).challenges()
-    assert variations(parked).challenges(ChallengeConfig(occluded_share=0.9, turn_deg=180)) == (
+    assert variations(parked).challenges(Variations(occluded_share=0.9, turn_deg=180)) == (
         Challenge.DIS,
     )
