@@ -13,9 +13,11 @@ import numpy as np
 from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.canvas import (
+    FIXED_POINT_BITS,
     Align,
     blank_canvas,
     draw_text,
+    fixed_point,
     packed,
     paint_pixels,
     pixel_indices,
@@ -25,7 +27,6 @@ from perception.render.overlay import GroundMesh
 from perception.render.palette import Color
 from perception.types import Float, Float64, PointState, Result, UInt8, Voxels
 
-_FIXED_POINT_BITS = 4
 _RING_STEP_M = 10.0
 # Height above the ground from which static voxels have their full colour; they are dark at the ground.
 _FULL_HEIGHT_M = 1.8
@@ -147,11 +148,11 @@ def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Floa
 
 def draw_rings(canvas: UInt8, view: BirdsEyeView) -> None:
     """Draw range rings every ten metres around the vehicle, labelled with the radius."""
-    center = tuple(round(value * 2**_FIXED_POINT_BITS) for value in view.vehicle_px)
+    center = tuple(round(value * 2**FIXED_POINT_BITS) for value in view.vehicle_px)
     for radius_m in np.arange(_RING_STEP_M, view.reach_m, _RING_STEP_M):
         radius_px = radius_m * view.pixels_per_m
-        shifted = round(radius_px * 2**_FIXED_POINT_BITS)
-        cv2.circle(canvas, center, shifted, palette.GRID, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
+        shifted = round(radius_px * 2**FIXED_POINT_BITS)
+        cv2.circle(canvas, center, shifted, palette.GRID, 1, cv2.LINE_AA, FIXED_POINT_BITS)
         at = (view.vehicle_px[0], view.vehicle_px[1] - radius_px - 4)
         draw_text(
             canvas,
@@ -171,5 +172,5 @@ def draw_vehicle(canvas: UInt8, view: BirdsEyeView) -> None:
 
 def draw_polygon(canvas: UInt8, view: BirdsEyeView, corners_m: Float, color: Color) -> None:
     """Fill the polygon of (C, 2+) corners."""
-    corners = np.rint(view.to_pixels(corners_m) * 2**_FIXED_POINT_BITS).astype(np.int32)
-    cv2.fillPoly(canvas, [corners], color, cv2.LINE_AA, _FIXED_POINT_BITS)
+    corners = fixed_point(view.to_pixels(corners_m))
+    cv2.fillPoly(canvas, [corners], color, cv2.LINE_AA, FIXED_POINT_BITS)

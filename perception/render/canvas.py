@@ -12,6 +12,7 @@ from perception.types import Bool, Float64, Int, UInt8
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _TAG_GAP_PX = 6
+FIXED_POINT_BITS = 4  # of OpenCV's sub-pixel drawing
 
 # Red, green, blue and a spare byte as one number; ten times as fast to write as three bytes.
 PackedColors = NDArray[np.uint32]
@@ -85,6 +86,11 @@ def pixel_indices(pixels: Float64, size_px: tuple[int, int], width_px: int) -> t
     return shown, row * width_px + column
 
 
+def fixed_point(pixels: Float64) -> Int:
+    """Return pixels for OpenCV's sub-pixel drawing."""
+    return np.asarray(np.rint(pixels * 2**FIXED_POINT_BITS), np.int32)
+
+
 def draw_text(
     canvas: UInt8,
     text: str,
@@ -138,8 +144,12 @@ def draw_tag(canvas: UInt8, text: str, box_px: Float64, color: Color, text_px: i
     left = round(min(max((x1 + x2 - size[0]) / 2, 0), width - size[0]))
     above, below = round(y1) - _TAG_GAP_PX - size[1], round(y2) + _TAG_GAP_PX
     top = above if above >= 0 else min(below, height - size[1])
-    tag = canvas[top : top + size[1], left : left + size[0]]
-    tag[:] = tag // 4
-    tag[:, : max(text_px // 4, 2)] = color
+    darken_tag(canvas[top : top + size[1], left : left + size[0]], color, text_px)
     baseline = (left + 0.7 * text_px, top + 1.45 * text_px)
     draw_text(canvas, text, baseline, color=TEXT, height_px=text_px)
+
+
+def darken_tag(tag: UInt8, color: Color, text_px: int) -> None:
+    """Darken a part of a canvas as the background of text, with a coloured left edge."""
+    tag[:] = tag // 4
+    tag[:, : max(text_px // 4, 2)] = color

@@ -91,14 +91,17 @@ def precision_panel(
 
     Args:
         title: Class and how detections are matched.
-        curves: (K,) precision at evenly spaced recalls from 0 to 1, by the name in the legend.
+        curves: (K,) precision at evenly spaced recalls from 0 to 1, by `name: note` of the legend.
         legend_title: Title of the legend.
     """
     return CurvePanel(
         title,
         "recall",
         "precision",
-        [Curve.evenly_spaced(name, precision) for name, precision in curves.items()],
+        [
+            Curve.evenly_spaced(name.partition(": ")[0], precision, note=name.partition(": ")[2])
+            for name, precision in curves.items()
+        ],
         x_limits=(0, 1),
         y_limits=(0, 1.02),
         legend_title=legend_title,

@@ -7,14 +7,12 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.maps.densify import DenseMaps
 from perception.maps.encoding import encode_depth
 from perception.render import palette
-from perception.render.canvas import draw_tag
+from perception.render.canvas import FIXED_POINT_BITS, draw_tag, fixed_point
 from perception.render.palette import Color
-from perception.render.strokes import fixed_point
 from perception.types import Bool, Detections, Float64, UInt8
 
 PROPOSED: Color = palette.STATIC
 DETECTED: Color = palette.MOVING
-_FIXED_POINT_BITS = 4
 # Darker than the colour map, so that boxes stand out; its reddest values are almost black and left out.
 _DEPTH_BRIGHTNESS, _REDDEST = 0.66, 236
 _MIN_WIDTH_PX = 960  # smaller images are enlarged before errors are drawn
@@ -37,7 +35,7 @@ def draw_boxes(canvas: UInt8, boxes_px: Float64, color: Color, width_px: int = 1
     """Draw (M, 4) boxes x1 y1 x2 y2 with a dark outline, which keeps them visible on any background."""
     outlines = list(fixed_point(boxes_px[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]))
     for line, width in ((palette.BACKGROUND, width_px + 2), (color, width_px)):
-        cv2.polylines(canvas, outlines, True, line, width, cv2.LINE_AA, _FIXED_POINT_BITS)
+        cv2.polylines(canvas, outlines, True, line, width, cv2.LINE_AA, FIXED_POINT_BITS)
 
 
 def draw_detection_errors(

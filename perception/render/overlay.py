@@ -9,7 +9,7 @@ import numpy as np
 from perception.geometry.camera import project
 from perception.geometry.grids import LocalArea
 from perception.render import palette
-from perception.render.canvas import PackedColors, packed, unpacked
+from perception.render.canvas import FIXED_POINT_BITS, PackedColors, fixed_point, packed, unpacked
 from perception.render.cubes import CubeImage, render_cubes
 from perception.types import Float32, Float64, GroundModel, Int, Obstacles, UInt8, Voxels
 
@@ -19,7 +19,6 @@ _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
 # Voxels of more points are brighter, as in the author's figures; from this number of points on fully bright.
 _FULL_COUNT = 8
 _FULLNESS = (0.8 + 0.2 * np.arange(_FULL_COUNT + 1) / _FULL_COUNT).astype(np.float32)
-_FIXED_POINT_BITS = 4
 # From the colour of the fill to that of the mesh, by the share of a pixel that a line covers.
 _MESH_COLORS = packed(np.linspace(palette.GROUND, palette.GROUND_MESH, 256).astype(np.uint8))
 
@@ -149,14 +148,14 @@ def _paint_ground(
     pixels, depth_m = project(image_P_velo, nodes_m.reshape(-1, 3))
     pixels, depth_m = pixels.reshape(*nodes_m.shape[:2], 2), depth_m.reshape(nodes_m.shape[:2])
     ahead = (depth_m > _NEAREST_M).all(axis=1)
-    nodes_px = _fixed_point(pixels[ahead], size_px)
+    nodes_px = _clipped_fixed_point(pixels[ahead], size_px)
     fill, mesh = np.zeros((2, height, width), np.uint8)
     for nearer, farther in pairwise(nodes_px):
         strip = np.concatenate([nearer, farther[::-1]])
-        cv2.fillPoly(fill, [strip], 255, cv2.LINE_8, _FIXED_POINT_BITS)
+        cv2.fillPoly(fill, [strip], 255, cv2.LINE_8, FIXED_POINT_BITS)
     lines = [*nodes_px, *np.ascontiguousarray(nodes_px.transpose(1, 0, 2))]
     if len(nodes_px) > 1:
-        cv2.polylines(mesh, lines, False, 255, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
+        cv2.polylines(mesh, lines, False, 255, 1, cv2.LINE_AA, FIXED_POINT_BITS)
     colors = np.full((height, width), _MESH_COLORS[0])
     opacity = fill * np.float32(style.ground_opacity / 255)
     # Few pixels belong to lines.
@@ -167,11 +166,10 @@ def _paint_ground(
     return colors, opacity
 
 
-def _fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
+def _clipped_fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
     """Return pixels for OpenCV's sub-pixel drawing, outliers clipped to its range of numbers."""
     reach = 20 * max(size_px)
-    clipped = np.clip(pixels, -reach, reach)
-    return np.asarray(np.rint(clipped * 2**_FIXED_POINT_BITS), np.int32)
+    return fixed_point(np.clip(pixels, -reach, reach))
 
 
 def _hide_behind(cubes: CubeImage, opacity: Float32, gap_px: tuple[int, int]) -> None:

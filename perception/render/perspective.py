@@ -6,7 +6,14 @@ import numpy as np
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler
 from perception.render import palette
-from perception.render.canvas import blank_canvas, packed, paint_pixels, pixel_indices
+from perception.render.canvas import (
+    FIXED_POINT_BITS,
+    blank_canvas,
+    fixed_point,
+    packed,
+    paint_pixels,
+    pixel_indices,
+)
 from perception.render.ego_vehicle import Face, vehicle_faces
 from perception.render.overlay import GroundMesh, OverlayStyle, draw_overlay
 from perception.types import Float64, PointState, Result, UInt8
@@ -16,7 +23,6 @@ _TARGET_M = np.array([9.0, 0.0, -1.7])
 _FIELD_OF_VIEW_RAD = np.radians(64)
 # Direction to the light that shades the vehicle.
 _TO_LIGHT = np.array([-0.45, 0.25, 0.86])
-_FIXED_POINT_BITS = 4
 # No image lies under the obstacles here, and gaps between voxels are left open.
 _SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
 
@@ -73,11 +79,11 @@ def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) ->
     faces = [face for face in vehicle_faces(ground_height_m) if _faces(face, eye_m)]
     for face in sorted(faces, key=lambda face: (-_distance_m(face, eye_m), face.is_glass)):
         pixels, _ = project(image_P_velo, face.corners_m)
-        corners = np.rint(pixels * 2**_FIXED_POINT_BITS).astype(np.int32)
+        corners = fixed_point(pixels)
         light = 0.55 + 0.45 * max(float(face.outward @ _TO_LIGHT), 0.0)
         tint = palette.GLASS if face.is_glass else palette.VEHICLE
         color = [int(channel * light) for channel in tint]
-        cv2.fillPoly(image, [corners], color, cv2.LINE_AA, _FIXED_POINT_BITS)
+        cv2.fillPoly(image, [corners], color, cv2.LINE_AA, FIXED_POINT_BITS)
 
 
 def _faces(face: Face, eye_m: Float64) -> bool:

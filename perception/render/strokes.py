@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 
 from perception.geometry.camera import project_segments
+from perception.render.canvas import FIXED_POINT_BITS, fixed_point
 from perception.render.palette import Color
 from perception.types import Bool, Float64, Int, UInt8
 
-_FIXED_POINT_BITS = 4
 _DASH_PX = 10.0
 _DASH_SHARE = 0.55
 # Lines are continued beyond the canvas, so that their ends are not visible.
@@ -73,14 +73,14 @@ def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], width
     order = np.argsort(owners, kind="stable")
     present, starts = np.unique(owners[order], return_index=True)
     for owner, part in zip(present.tolist(), np.split(lines[order], starts[1:]), strict=False):
-        cv2.polylines(canvas, list(part), False, colors[owner], 1, cv2.LINE_AA, _FIXED_POINT_BITS)
+        cv2.polylines(canvas, list(part), False, colors[owner], 1, cv2.LINE_AA, FIXED_POINT_BITS)
 
 
 def draw_seam(canvas: UInt8, strokes: Strokes, color: Color, width_px: int) -> None:
     """Draw all lines without anti-aliasing, as a background of others."""
     if len(strokes.owners):
         lines = fixed_point(strokes.ends_px)
-        cv2.polylines(canvas, list(lines), False, color, width_px, cv2.LINE_8, _FIXED_POINT_BITS)
+        cv2.polylines(canvas, list(lines), False, color, width_px, cv2.LINE_8, FIXED_POINT_BITS)
 
 
 def fill_polygons(
@@ -98,10 +98,5 @@ def fill_polygons(
         return
     painted = touched.copy()
     for polygon, color in zip(fixed_point(corners_px - low), colors, strict=True):
-        cv2.fillConvexPoly(painted, polygon, color, cv2.LINE_AA, _FIXED_POINT_BITS)
+        cv2.fillConvexPoly(painted, polygon, color, cv2.LINE_AA, FIXED_POINT_BITS)
     cv2.addWeighted(painted, opacity, touched, 1 - opacity, 0, dst=touched)
-
-
-def fixed_point(pixels: Float64) -> Int:
-    """Return pixels for OpenCV's sub-pixel drawing."""
-    return np.asarray(np.rint(pixels * 2**_FIXED_POINT_BITS), np.int32)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.render import palette
-from perception.render.canvas import draw_text, text_width_px
+from perception.render.canvas import darken_tag, draw_text, text_width_px
 from perception.render.palette import Color
 from perception.render.track_figures import TrackFigures
 from perception.types import Float64, UInt8
@@ -93,9 +93,8 @@ class _Label:
 
     def draw(self, canvas: UInt8, tag: Tag) -> None:
         """Darken the tag and write the label."""
-        under = canvas[tag.top : tag.bottom, tag.left : tag.right]
-        under[:] = under // 4
-        under[:, : max(self.text_px // 4, 2)] = self.color
+        area = canvas[tag.top : tag.bottom, tag.left : tag.right]
+        darken_tag(area, self.color, self.text_px)
         baseline = tag.top + 1.45 * self.text_px
         left = tag.left + 0.6 * self.text_px
         draw_text(canvas, self.name, (left, baseline), color=self.color, height_px=self.text_px)

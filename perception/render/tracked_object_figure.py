@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from perception.render import palette
-from perception.render.canvas import draw_tag
+from perception.render.canvas import FIXED_POINT_BITS, draw_tag, fixed_point
 from perception.render.palette import Color
-from perception.render.strokes import draw_seam, draw_strokes, fixed_point, project_strokes
+from perception.render.strokes import draw_seam, draw_strokes, project_strokes
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracks import TrackStyle, draw_track_figures
 from perception.render.trails import KM_H
@@ -22,7 +22,6 @@ STATUS_COLORS: dict[TrackStatus, Color] = {
     TrackStatus.LOST: palette.STATIC,
 }
 _REGION_OPACITY = 0.30
-_FIXED_POINT_BITS = 4
 
 
 @dataclass(frozen=True)
@@ -103,8 +102,8 @@ def draw_region(canvas: UInt8, hull_px: Float64, outer_px: Float64) -> None:
     inside, outside = fixed_point(hull_px), fixed_point(outer_px)
     painted = canvas.copy()
     # Filling two outlines together leaves out what lies within both.
-    cv2.fillPoly(painted, [outside, inside], palette.RING, cv2.LINE_AA, _FIXED_POINT_BITS)
-    cv2.fillPoly(painted, [inside], palette.INSIDE, cv2.LINE_AA, _FIXED_POINT_BITS)
+    cv2.fillPoly(painted, [outside, inside], palette.RING, cv2.LINE_AA, FIXED_POINT_BITS)
+    cv2.fillPoly(painted, [inside], palette.INSIDE, cv2.LINE_AA, FIXED_POINT_BITS)
     cv2.addWeighted(painted, _REGION_OPACITY, canvas, 1 - _REGION_OPACITY, 0, dst=canvas)
     for outline, color in ((outside, palette.RING), (inside, palette.INSIDE)):
-        cv2.polylines(canvas, [outline], True, color, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
+        cv2.polylines(canvas, [outline], True, color, 1, cv2.LINE_AA, FIXED_POINT_BITS)

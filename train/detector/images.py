@@ -90,7 +90,7 @@ def curve_panels(validation_metrics: DetectionMetrics) -> list[CurvePanel]:
     return [
         precision_panel(
             f"{one.detection_class.name}, IoU {one.detection_class.iou:g}",
-            {f"{name} {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
+            {f"{name}: {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
             "AP",
         )
         for one in validation_metrics.classes

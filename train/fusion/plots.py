@@ -46,7 +46,7 @@ def plot_fusion_steps(path: Path, frames: DetectedFrames, fused: FusedFrames) ->
         precision_panel(
             one.name,
             {
-                f"{name}, AP {curves[one.name].ap():.1f}": curves[one.name].precision
+                f"{name}: AP {curves[one.name].ap():.1f}": curves[one.name].precision
                 for name, curves in steps.items()
                 if one.name in curves
             },
