@@ -1,6 +1,6 @@
 """`trifuse evaluate datmo`."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
@@ -15,7 +15,7 @@ from perception.cli.flags import DriveFlags, ReportFlags
 from perception.errors import UsageError
 from perception.evaluation.config import DatmoProtocol
 from perception.pipeline import PipelineConfig
-from perception.types import Drive, Result
+from perception.types import Drive
 
 if TYPE_CHECKING:
     from perception.evaluation.datmo_measure import DatmoComparison
@@ -57,12 +57,9 @@ def evaluate_datmo(
     comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
     data = EvaluatedDrive.of(labelled, drive.frames, next(iter(comparison.reports.values())).frames)
     words = {**PROTOCOL_WORDS, "values": protocol}
-    publish_report(
-        f"{data}, method {pipeline.method}, evaluated view: {protocol.view}",
-        comparison,
-        EvaluationDocument("datmo", data, words, pipeline),
-        report.json,
-    )
+    document = EvaluationDocument("datmo", data, words, pipeline)
+    heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"
+    publish_report(heading, comparison, document, report.json)
 
 
 def compare_methods(
@@ -72,56 +69,34 @@ def compare_methods(
     methods: Sequence[Method],
     protocol: DatmoProtocol,
 ) -> "DatmoComparison":
-    """Measure the tracks of several methods that get the same segmented scans.
-
-    Args:
-        drive: Drive with labels and poses, or with exact truth.
-        flags: Number of frames, and what to do at a damaged one.
-        pipeline: Configuration of the pipeline up to the segmented scan.
-        methods: Methods, each once.
-        protocol: Protocol of the evaluation.
+    """Measure the tracks of several methods that get the same segmented scans, with a progress bar.
 
     Raises:
-        DriveError: the motion of the drive's objects is not known.
-        PerceptionError: a frame cannot be read or used.
+        DriveError: The motion of the drive's objects is not known.
+        PerceptionError: A frame cannot be read or used.
     """
-    from data.derived.moving_truth import moving_truth
-    from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
-
-    truth = moving_truth(drive, protocol.view, protocol.motion)
-    measures = {method: DatmoMeasure(truth, protocol) for method in methods}
-    for results in method_results(drive, flags, pipeline, methods):
-        for method, result in results.items():
-            measures[method].update(result)
-    return DatmoComparison({method: one.compute() for method, one in measures.items()})
-
-
-def method_results(
-    drive: Drive, flags: DriveFlags, pipeline: PipelineConfig, methods: Sequence[Method]
-) -> Iterator[dict[Method, Result]]:
-    """Yield the tracks of every method on each segmented scan, with a progress bar."""
     import time
 
+    from data.derived.moving_truth import moving_truth
     from data.frames import frame_count, read_frames
     from perception.cli.progress import progress_bar
     from perception.datmo.stage import datmo_stage
+    from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
     from perception.geometry.threads import limit_blas_threads
     from perception.pipeline.lidar_stages import LidarStages
 
-    chain = LidarStages(drive.sensor, pipeline)
-    stages = {
-        method: datmo_stage(replace(pipeline.datmo, method=method), drive.sensor, pipeline.area)
-        for method in methods
-    }
+    truth = moving_truth(drive, protocol.view, protocol.motion)
+    measures = {method: DatmoMeasure(truth, protocol) for method in methods}
+    configs = {method: replace(pipeline.datmo, method=method) for method in methods}
+    stages = {m: datmo_stage(config, drive.sensor, pipeline.area) for m, config in configs.items()}
+    lidar_stages = LidarStages(drive.sensor, pipeline)
     frames = read_frames(drive, on_bad_frame=flags.on_bad_frame, limit=flags.frames)
     for frame in progress_bar(frames, drive.name, frame_count(drive, flags.frames)):
-        segmented, scan = chain.segment(frame)
-        results = {}
+        segmented, scan = lidar_stages.segment(frame)
         for method, stage in stages.items():
             with limit_blas_threads():
                 start_s = time.perf_counter()
                 tracks = segmented.tracks if stage is None else stage.update(scan)
-                seconds = time.perf_counter() - start_s
-            timings_s = {"moving objects": seconds}
-            results[method] = replace(segmented, tracks=tracks, timings_s=timings_s)
-        yield results
+                timings_s = {"moving objects": time.perf_counter() - start_s}
+            measures[method].update(replace(segmented, tracks=tracks, timings_s=timings_s))
+    return DatmoComparison({method: one.compute() for method, one in measures.items()})

@@ -36,10 +36,6 @@ def evaluate_ground(
     labelled = open_labelled_drive(root, drive)
     area = pipeline.area
     measure = GroundMeasure(area, thesis_slice_edges_m(labelled.sensor, area))
-    evaluated = evaluate_drive(labelled, drive, pipeline, measure)
-    publish_report(
-        f"{evaluated.data}, method {pipeline.method}",
-        evaluated.report,
-        EvaluationDocument("ground", evaluated.data, PROTOCOL, pipeline),
-        report.json,
-    )
+    data = evaluate_drive(labelled, drive, pipeline, measure)
+    document = EvaluationDocument("ground", data, PROTOCOL, pipeline)
+    publish_report(f"{data}, method {pipeline.method}", measure.compute(), document, report.json)

@@ -44,11 +44,7 @@ def evaluate_obstacles(
     if isinstance(labelled, KittiSequence) and labelled.has_labels and labelled.has_poses:
         motion = label_drive_motion(labelled, protocol.motion)
     measure = ObstacleMeasure(pipeline.area, protocol, motion)
-    evaluated = evaluate_drive(labelled, drive, pipeline, measure)
+    data = evaluate_drive(labelled, drive, pipeline, measure)
     words = {**PROTOCOL_WORDS, "values": protocol}
-    publish_report(
-        f"{evaluated.data}, method {pipeline.method}",
-        evaluated.report,
-        EvaluationDocument("obstacles", evaluated.data, words, pipeline),
-        report.json,
-    )
+    document = EvaluationDocument("obstacles", data, words, pipeline)
+    publish_report(f"{data}, method {pipeline.method}", measure.compute(), document, report.json)

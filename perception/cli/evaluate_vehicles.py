@@ -17,9 +17,10 @@ from perception.cli.flags import DriveFlags, ReportFlags
 from perception.detection.config import NO_DETECTION, DepthCnConfig, DetectionConfig
 from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
-from perception.types import Detections, Drive, Frame, Result
+from perception.types import MODALITIES, Detections, Drive, Frame, FusedDetections, Result
 
 VehicleDetector = Literal["fused", "depthcn", "labels"]
+Detector = Callable[[Frame], Detections]
 _PIPELINE = PipelineConfig(detection=DetectionConfig(depthcn=DepthCnConfig(enabled=False)))
 # Types of labels that detectors of cars find.
 _DETECTED = ("Car", "Van")
@@ -65,67 +66,48 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
         noise: Noise of the labels with `--detector labels`.
         pipeline: Pipeline configuration.
     """
+    from data.kitti.sequence import KittiSequence
+    from perception.detection.depthcn.detector import DepthCn
     from perception.evaluation.vehicle_measure import PROTOCOL_WORDS, VehicleMeasure
 
     labelled = open_labelled_drive(root, drive)
-    _require_track_labels(labelled)
-    measure = VehicleMeasure(min_score)
-    for result in _results(labelled, drive, pipeline, detector, noise):
-        measure.update(result, labelled.labels(result.frame.index), None)
-    metrics = measure.compute()
-    data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
-    settings = {"detector": detector, "min_score": min_score, "noise": noise, "pipeline": pipeline}
-    publish_report(
-        f"{data}, detector {detector}, scores from {min_score:g}",
-        metrics,
-        EvaluationDocument("vehicles", data, PROTOCOL_WORDS, settings),
-        report.json,
-    )
-
-
-def _require_track_labels(drive: Drive) -> None:
-    from data.kitti.sequence import KittiSequence
-
-    if not isinstance(drive, KittiSequence) or drive.label_file is None:
+    if not isinstance(labelled, KittiSequence) or labelled.label_file is None:
         raise DriveError(
-            drive.root,
+            labelled.root,
             expected="labels with track ids, as in KITTI's tracking layout",
             found="none",
             advice="name a sequence in that layout, or make one: trifuse synth OUT --layout tracking",
         )
+    detect: Detector | None = None
+    if detector == "depthcn":
+        detect = DepthCn("default", labelled.sensor).detect
+    elif detector == "labels":
+        detect = _label_detector(labelled, noise)
+    measure = VehicleMeasure(min_score)
+    for result in _results(labelled, drive, pipeline, detect):
+        measure.update(result, labelled.labels(result.frame.index), None)
+    metrics = measure.compute()
+    data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
+    settings = {"detector": detector, "min_score": min_score, "noise": noise, "pipeline": pipeline}
+    document = EvaluationDocument("vehicles", data, PROTOCOL_WORDS, settings)
+    heading = f"{data}, detector {detector}, scores from {min_score:g}"
+    publish_report(heading, metrics, document, report.json)
 
 
 def _results(
-    drive: Drive,
-    flags: DriveFlags,
-    pipeline: PipelineConfig,
-    detector: VehicleDetector,
-    noise: LabelNoise,
+    drive: Drive, flags: DriveFlags, pipeline: PipelineConfig, detect: Detector | None
 ) -> Iterator[Result]:
     """Yield the results of the pipeline, with its own vehicles or those of another detector."""
     from perception.cli.drive_results import drive_results
-    from perception.detection.depthcn.detector import DepthCn
     from perception.detection.vehicles.locate import locate
     from perception.tracking.vehicles.tracker import VehicleTracker
-    from perception.types import MODALITIES, FusedDetections
 
-    if detector == "fused":
-        yield from drive_results(
-            drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame
-        )
-        return
-    detect = (
-        DepthCn("default", drive.sensor).detect
-        if detector == "depthcn"
-        else _label_detector(drive, noise)
-    )
-    tracker, pipeline = (
-        VehicleTracker(pipeline.vehicles.tracker),
-        replace(pipeline, detection=NO_DETECTION),
-    )
-    for result in drive_results(
-        drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame
-    ):
+    tracker = VehicleTracker(pipeline.vehicles.tracker)
+    config = pipeline if detect is None else replace(pipeline, detection=NO_DETECTION)
+    for result in drive_results(drive, config, limit=flags.frames, on_bad_frame=flags.on_bad_frame):
+        if detect is None:
+            yield result
+            continue
         found = detect(result.frame)
         found = found[np.argsort(-found.scores, kind="stable")]
         sources = np.full((len(found), len(MODALITIES)), -1)
@@ -135,7 +117,8 @@ def _results(
         yield replace(result, vehicles=tracked.vehicles, tracks=tracked.tracks)
 
 
-def _label_detector(drive: Drive, noise: LabelNoise) -> Callable[[Frame], Detections]:
+def _label_detector(drive: Drive, noise: LabelNoise) -> Detector:
+    """Return a detector whose detections are the noisy labels of a drive."""
     random = np.random.default_rng(noise.seed)
 
     def detect(frame: Frame) -> Detections:

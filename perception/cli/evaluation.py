@@ -1,9 +1,9 @@
-"""What the `evaluate` commands share: a drive with truth, the pipeline, a measure, and the report that comes of them."""
+"""Evaluation of a measure over a drive with labels or exact truth, and output of its report."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from perception import __version__
 from perception.cli.flags import DriveFlags
@@ -11,8 +11,6 @@ from perception.errors import DriveError
 from perception.evaluation.report import Measure, Report
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
-
-AnyReport = TypeVar("AnyReport", bound=Report)
 
 _NO_SPLIT = "none: no frame was trained on, and none left out between the first and the last"
 
@@ -50,19 +48,6 @@ class EvaluatedDrive:
 
 
 @dataclass(frozen=True)
-class Evaluated(Generic[AnyReport]):
-    """Report of a measure over one drive.
-
-    Attributes:
-        report: Metrics.
-        data: Frames that the metrics rest on.
-    """
-
-    report: AnyReport
-    data: EvaluatedDrive
-
-
-@dataclass(frozen=True)
 class EvaluationDocument:
     """Everything that `--json` states beside the metrics, so that they can be reproduced.
 
@@ -81,20 +66,15 @@ class EvaluationDocument:
     split: str = _NO_SPLIT
 
 
-def open_labelled_drive(root: Path, flags: DriveFlags, *, images: bool = False) -> Drive:
+def open_labelled_drive(root: Path, flags: DriveFlags) -> Drive:
     """Open a drive that has labels or exact truth to measure against.
 
-    Args:
-        root: Folder of the drive, or of several of which the flags choose one.
-        flags: Sequence and sensor.
-        images: Whether frames carry images.
-
     Raises:
-        DriveError: the path holds no such drive.
+        DriveError: The path holds no such drive.
     """
     from data.open_drive import open_drive
 
-    drive = open_drive(root, sequence=flags.sequence, sensor=flags.sensor, images=images)
+    drive = open_drive(root, sequence=flags.sequence, sensor=flags.sensor, images=False)
     if not drive.has_labels and drive.point_truth(0) is None:
         raise DriveError(
             drive.root,
@@ -107,53 +87,32 @@ def open_labelled_drive(root: Path, flags: DriveFlags, *, images: bool = False) 
 
 
 def evaluate_drive(
-    drive: Drive, flags: DriveFlags, pipeline: PipelineConfig, measure: Measure[AnyReport]
-) -> Evaluated[AnyReport]:
-    """Run the pipeline over a drive and feed every frame to a measure, with a progress bar.
-
-    Args:
-        drive: Drive with labels or exact truth.
-        flags: Number of frames, and what to do at a damaged one.
-        pipeline: Pipeline configuration.
-        measure: Measure that is updated frame by frame.
+    drive: Drive, flags: DriveFlags, pipeline: PipelineConfig, measure: Measure[Any]
+) -> EvaluatedDrive:
+    """Run the pipeline over a drive and update a measure with every frame, with a progress bar.
 
     Raises:
-        PerceptionError: a frame cannot be read or used.
+        PerceptionError: A frame cannot be read or used.
     """
     from perception.cli.drive_results import drive_results
 
     count = 0
     results = drive_results(drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame)
     for result in results:
+        count += 1
         index = result.frame.index
         labels = drive.labels(index) if drive.has_labels else None
         measure.update(result, labels, drive.point_truth(index))
-        count += 1
-    return Evaluated(measure.compute(), EvaluatedDrive.of(drive, flags.frames, count))
+    return EvaluatedDrive.of(drive, flags.frames, count)
 
 
 def publish_report(
     heading: str, report: Report, document: EvaluationDocument, json: Path | None
 ) -> None:
-    """Print the tables of a report below a heading; write its metrics where a JSON file is asked for.
-
-    Args:
-        heading: First line on the screen: what was evaluated.
-        report: Metrics.
-        document: Everything that the JSON file states beside the metrics.
-        json: JSON file, or None.
-    """
+    """Print the tables of a report below a heading; write its metrics where a JSON file is asked for."""
     from data.results.documents import write_json
 
     print("\n\n".join([heading, *(table.text() for table in report.tables())]))
     if json is not None:
-        written = {
-            "measure": document.measure,
-            "program": f"trifuse {__version__}",
-            "data": document.data,
-            "split": document.split,
-            "protocol": document.protocol,
-            "configuration": document.configuration,
-            "results": report.to_json(),
-        }
-        write_json(json, written)
+        stated = {**vars(document), "program": f"trifuse {__version__}"}
+        write_json(json, {**stated, "results": report.to_json()})

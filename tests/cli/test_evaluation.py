@@ -3,6 +3,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from data.results.documents import to_serializable
 from perception.cli import drive_results
-from perception.cli.evaluation import AnyReport, EvaluationDocument, publish_report
+from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.main import main
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
@@ -97,7 +98,7 @@ def knowing_results(drive: KittiSequence, frames: int) -> Iterator[Result]:
         yield result_of(frame, states)
 
 
-def measure(drive: Drive, results: Iterable[Result], measure: Measure[AnyReport]) -> AnyReport:
+def measure(drive: Drive, results: Iterable[Result], measure: Measure[Any]) -> Any:
     for result in results:
         index = result.frame.index
         labels = drive.labels(index) if drive.has_labels else None
