@@ -5,7 +5,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from perception.evaluation.config import ObjectMatchConfig, ObstacleProtocol
+from perception.evaluation import false_clusters, obstacles, shadows
+from perception.evaluation.config import ObstacleProtocol
 from perception.evaluation.confusion import confusion_table
 from perception.evaluation.false_clusters import (
     FrameAnnotations,
@@ -29,32 +30,9 @@ from perception.geometry.grids import LocalArea
 from perception.types import Frame, Int, Labels, PointTruth, Result
 
 PROTOCOL_WORDS = {
-    "objects": (
-        "an object counts in a frame when its box's bottom centre is in the local area and its box holds "
-        "min_points points from clearance_m above its bottom to the area's height; it is found as an "
-        "obstacle when found_share of them are static or moving, and to move when moving_share of those "
-        "are moving; a static object found to move is false; objects of unknown motion count as "
-        "obstacles only"
-    ),
-    "motion": (
-        "an object moves while its box travels over the ground, by label boxes and INS poses, with "
-        "hysteresis; unknown without INS"
-    ),
-    "false_clusters": (
-        "moving points in cells of the ground plane, closed and joined over eight neighbours; false where "
-        "view_share of a cluster is in the image and none of its points within margin_m of an object "
-        "that moves or whose motion is unknown; with and without those half in DontCare regions; "
-        "at the object protocol's min_points or other sizes"
-    ),
-    "shadows": (
-        "static voxels, in view, where a labelled moving object was within memory_s and no labelled "
-        "object is now: false static obstacles"
-    ),
-    "points": (
-        "points classified as moving against points of objects that move, points classified as static "
-        "against all others above the ground; labelled points below the area's height, summed over "
-        "frames; points less than the clearance over the ground are classified as ground by design"
-    ),
+    "objects": obstacles.__doc__,
+    "false_clusters": false_clusters.__doc__,
+    "shadows": shadows.__doc__,
 }
 
 
@@ -66,39 +44,19 @@ class MotionTruth(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class FalseClusters:
-    """Numbers of moving clusters that no labelled object explains.
-
-    Attributes:
-        min_points: Number of points of the smallest cluster that counts.
-        clusters: Number of clusters in the camera's view and outside DontCare regions.
-        on_static_objects: Number of these clusters on a labelled static object.
-        in_warm_up: Number of these clusters in the first frames, in which motion has no history.
-        with_dont_care: Number of clusters when those in DontCare regions count too.
-        per_frame: Number of clusters per evaluated frame.
-    """
-
-    min_points: int
-    clusters: int
-    on_static_objects: int
-    in_warm_up: int
-    with_dont_care: int
-    per_frame: float
-
-
+_Counts = Column[ObjectCounts]
 _OBJECT_COLUMNS = (
-    Column[ObjectCounts]("objects", lambda c: c.objects, "", "objects"),
-    Column[ObjectCounts]("missed", lambda c: c.missed_objects, "", "missed_objects"),
-    Column[ObjectCounts]("missed [%]", lambda c: _percent(c.missed_objects, c.objects), ".1f"),
-    Column[ObjectCounts]("moving", lambda c: c.moving, "", "moving"),
-    Column[ObjectCounts]("found static", lambda c: c.missed_moving, "", "missed_moving"),
-    Column[ObjectCounts]("tracks", lambda c: c.moving_tracks, "", "moving_tracks"),
-    Column[ObjectCounts](
-        "never moving", lambda c: c.tracks_never_moving, "", "tracks_never_moving"
+    _Counts("objects", lambda c: c.objects, "", "objects"),
+    _Counts("missed", lambda c: c.missed_objects, "", "missed_objects"),
+    _Counts(
+        "missed [%]", lambda c: 100 * c.missed_objects / c.objects if c.objects else None, ".1f"
     ),
-    Column[ObjectCounts]("static", lambda c: c.static, "", "static"),
-    Column[ObjectCounts]("found moving", lambda c: c.false_moving, "", "false_moving"),
+    _Counts("moving", lambda c: c.moving, "", "moving"),
+    _Counts("found static", lambda c: c.missed_moving, "", "missed_moving"),
+    _Counts("tracks", lambda c: c.moving_tracks, "", "moving_tracks"),
+    _Counts("never moving", lambda c: c.tracks_never_moving, "", "tracks_never_moving"),
+    _Counts("static", lambda c: c.static, "", "static"),
+    _Counts("found moving", lambda c: c.false_moving, "", "false_moving"),
 )
 
 
@@ -125,61 +83,9 @@ class ObstacleReport:
     points: PointMotion | None
     has_motion: bool
 
-    def counts(self, config: ObjectMatchConfig | None = None) -> ObjectCounts:
-        """Count objects under the protocol's thresholds, or under others."""
-        observed = self.observed or ObjectObservations.concatenate([])
-        return count_objects(observed, config or self.protocol.objects)
-
-    def counts_by_min_points(self) -> dict[str, ObjectCounts]:
-        """Count objects that hold different numbers of points."""
-        config = self.protocol.objects
-        sizes = sorted({config.min_points, *self.protocol.other_min_points})
-        return {
-            f"{size} points and more": self.counts(replace(config, min_points=size))
-            for size in sizes
-        }
-
-    def counts_by_moving_share(self) -> dict[str, ObjectCounts]:
-        """Count objects under different shares of points that must move."""
-        config = self.protocol.objects
-        shares = sorted({config.moving_share, *self.protocol.other_moving_shares})
-        return {
-            f"{100 * share:g} %" if share else "any": self.counts(
-                replace(config, moving_share=share)
-            )
-            for share in shares
-        }
-
-    def counts_by_warm_up(self) -> dict[str, ObjectCounts]:
-        """Count the objects of the first frames and those of all others."""
-        if self.observed is None:
-            return {}
-        warms_up = np.asarray(self.observed.frames < self.protocol.warm_up)
-        groups = {f"first {self.protocol.warm_up}": warms_up, "all others": ~warms_up}
-        return {
-            name: count_objects(self.observed[rows], self.protocol.objects)
-            for name, rows in groups.items()
-        }
-
-    def false_clusters(self) -> dict[str, FalseClusters]:
-        """Count false moving clusters of different sizes."""
-        if self.clusters is None:
-            return {}
-        sizes = sorted({self.protocol.cluster_points, *self.protocol.other_cluster_points})
-        return {f"{size} points and more": self._false(self.clusters, size) for size in sizes}
-
-    def _false(self, clusters: MovingClusters, size: int) -> FalseClusters:
-        config = self.protocol.clusters
-        false = clusters[is_false(clusters, size, config, ignore_dont_care=True)]
-        everywhere = is_false(clusters, size, config, ignore_dont_care=False)
-        return FalseClusters(
-            min_points=size,
-            clusters=len(false),
-            on_static_objects=int(np.count_nonzero(false.object_motions == MotionState.STATIC)),
-            in_warm_up=int(np.count_nonzero(false.frames < self.protocol.warm_up)),
-            with_dont_care=int(np.count_nonzero(everywhere)),
-            per_frame=len(false) / self.frames if self.frames else float("nan"),
-        )
+    def counts(self) -> ObjectCounts:
+        """Count objects under the protocol's thresholds."""
+        return count_objects(self.observed or ObjectObservations.empty(), self.protocol.objects)
 
     def missing(self) -> str | None:
         """Name the metrics that the drive does not allow."""
@@ -193,7 +99,13 @@ class ObstacleReport:
 
     def tables(self) -> list[Table[Any]]:
         """Return objects by three criteria, false clusters, shadows, and points against exact truth."""
-        tables = [*self._object_tables(), *self._cluster_tables(), *self._shadow_tables()]
+        tables: list[Table[Any]] = []
+        if self.observed is not None:
+            tables += self._object_tables(self.observed)
+        if self.clusters is not None:
+            tables.append(self._cluster_table(self.clusters))
+        if self.shadows is not None:
+            tables.append(_shadow_table(self.shadows))
         if self.points is not None:
             points = {"moving": self.points.moving, "static": self.points.static}
             tables.append(confusion_table("Moving and static points against exact truth", points))
@@ -201,76 +113,98 @@ class ObstacleReport:
             tables[-1] = replace(tables[-1], notes=("", missing))
         return tables
 
-    def _object_tables(self) -> list[Table[Any]]:
-        if self.observed is None:
-            return []
-        config = self.protocol.objects
+    def _object_tables(self, observed: ObjectObservations) -> list[Table[Any]]:
+        """Return objects by number of points, by required share of moving points, and by frames."""
+        protocol, config = self.protocol, self.protocol.objects
+        sizes = sorted({config.min_points, *protocol.other_min_points})
+        shares = sorted({config.moving_share, *protocol.other_moving_shares})
+        warms_up = np.asarray(observed.frames < protocol.warm_up)
+        by_points = {
+            f"{size} points and more": count_objects(observed, replace(config, min_points=size))
+            for size in sizes
+        }
+        by_share = {
+            f"{100 * share:g} %" if share else "any": count_objects(
+                observed, replace(config, moving_share=share)
+            )
+            for share in shares
+        }
+        by_frames = {
+            f"first {protocol.warm_up}": count_objects(observed[warms_up], config),
+            "all others": count_objects(observed[~warms_up], config),
+        }
         over = f"Labelled objects of {config.min_points} points and more"
-        share = f"{100 * config.moving_share:g} %"
+        found = f"found moving at {100 * config.moving_share:g} % moving points"
         return [
-            Table(
-                f"Labelled objects, once per frame; found moving at {share} moving points",
-                _OBJECT_COLUMNS,
-                self.counts_by_min_points(),
-            ),
-            Table(
-                f"{over}, by required share of moving points",
-                _OBJECT_COLUMNS,
-                self.counts_by_moving_share(),
-            ),
-            Table(f"{over}, by frames", _OBJECT_COLUMNS, self.counts_by_warm_up()),
+            Table(f"Labelled objects, once per frame; {found}", _OBJECT_COLUMNS, by_points),
+            Table(f"{over}, by required share of moving points", _OBJECT_COLUMNS, by_share),
+            Table(f"{over}, by frames", _OBJECT_COLUMNS, by_frames),
         ]
 
-    def _cluster_tables(self) -> list[Table[Any]]:
-        if self.clusters is None:
-            return []
-        columns = (
-            Column[FalseClusters]("clusters", lambda f: f.clusters),
-            Column[FalseClusters]("/scan", lambda f: f.per_frame, ".3f"),
-            Column[FalseClusters]("on static objects", lambda f: f.on_static_objects),
-            Column[FalseClusters](f"in first {self.protocol.warm_up}", lambda f: f.in_warm_up),
-            Column[FalseClusters]("with DontCare", lambda f: f.with_dont_care),
-        )
-        return [Table("False moving clusters in the camera's view", columns, self.false_clusters())]
+    def _false(self, clusters: MovingClusters) -> MovingClusters:
+        return clusters[is_false(clusters, 1, self.protocol.clusters, ignore_dont_care=True)]
 
-    def _shadow_tables(self) -> list[Table[Any]]:
-        if self.shadows is None:
-            return []
+    def _cluster_table(self, clusters: MovingClusters) -> Table[MovingClusters]:
+        protocol, static = self.protocol, MotionState.STATIC
+        everywhere = is_false(clusters, 1, protocol.clusters, ignore_dont_care=False)
+        sizes = sorted({protocol.cluster_points, *protocol.other_cluster_points})
+        rows = {
+            f"{size} points and more": clusters[everywhere & (clusters.points >= size)]
+            for size in sizes
+        }
+        false, first = self._false, protocol.warm_up
         columns = (
-            Column[Int]("all", lambda counts: int(counts.sum())),
-            Column[Int]("/scan", lambda counts: float(counts.mean()), ".3f"),
+            _Clusters("clusters", lambda c: len(false(c)), "", "clusters"),
+            _Clusters("/scan", lambda c: len(false(c)) / self.frames, ".3f", "per_frame"),
+            _Clusters(
+                "on static objects",
+                lambda c: int(np.count_nonzero(false(c).object_motions == static)),
+                "",
+                "on_static_objects",
+            ),
+            _Clusters(
+                f"in first {first}",
+                lambda c: int(np.count_nonzero(false(c).frames < first)),
+                "",
+                "in_warm_up",
+            ),
+            _Clusters("with DontCare", len, "", "with_dont_care"),
         )
-        rows = {"shadows": self.shadows.clusters, "voxels in them": self.shadows.voxels}
-        title = "False static obstacles: shadows of moving objects, in the camera's view"
-        return [Table(title, columns, rows)]
+        return Table("False moving clusters in the camera's view", columns, rows)
 
     def to_json(self) -> dict[str, Any]:
         """Return all counts by name, and the objects and clusters that count as errors."""
         document: dict[str, Any] = {"missing": self.missing()}
         if self.observed is not None:
-            by_min_points, by_share, by_frames = (
-                table.to_json() for table in self._object_tables()
-            )
+            by_points, by_share, by_frames = self._object_tables(self.observed)
             document["objects"] = self.counts()
-            document["objects_by_min_points"] = by_min_points
-            document["objects_by_moving_share"] = by_share
-            document["objects_by_frames"] = by_frames
+            document["objects_by_min_points"] = by_points.to_json()
+            document["objects_by_moving_share"] = by_share.to_json()
+            document["objects_by_frames"] = by_frames.to_json()
             document["missed_moving"] = missed_moving(self.observed, self.protocol.objects)
         if self.clusters is not None:
-            protocol = self.protocol
-            false = is_false(
-                self.clusters, protocol.cluster_points, protocol.clusters, ignore_dont_care=True
-            )
-            document["false_clusters"] = self.false_clusters()
-            document["false_cluster_positions"] = self.clusters[false]
+            large = self.clusters[self.clusters.points >= self.protocol.cluster_points]
+            document["false_clusters"] = self._cluster_table(self.clusters).to_json()
+            document["false_cluster_positions"] = self._false(large)
         if self.shadows is not None:
-            document["shadows"] = int(self.shadows.clusters.sum())
-            document["shadow_voxels"] = int(self.shadows.voxels.sum())
-            document["shadows_per_frame"] = float(self.shadows.clusters.mean())
+            document["shadows"] = _shadow_table(self.shadows).to_json()
         if self.points is not None:
             document["points_moving"] = self.points.moving.to_json()
             document["points_static"] = self.points.static.to_json()
         return document
+
+
+_Clusters = Column[MovingClusters]
+
+
+def _shadow_table(shadows: Shadows) -> Table[Int]:
+    columns = (
+        Column[Int]("all", lambda counts: int(counts.sum()), "", "all"),
+        Column[Int]("/scan", lambda counts: float(counts.mean()), ".3f", "per_frame"),
+    )
+    rows = {"shadows": shadows.clusters, "voxels in them": shadows.voxels}
+    title = "False static obstacles: shadows of moving objects, in the camera's view"
+    return Table(title, columns, rows)
 
 
 class ObstacleMeasure:
@@ -343,7 +277,3 @@ def _annotations(objects: LabelledObjects, labels: Labels, frame: Frame) -> Fram
     if calibration is None or calibration.image_size_px is None:
         return None
     return FrameAnnotations(objects, labels.dont_care_px, calibration, calibration.image_size_px)
-
-
-def _percent(part: int, whole: int) -> float | None:
-    return 100 * part / whole if whole else None
