@@ -19,11 +19,10 @@ from data.synthetic.truth_files import read_truth, truth_files
 from perception.errors import CalibrationError, DriveError
 from perception.evaluation.config import EvaluationView, MotionLabelConfig
 from perception.evaluation.multi_object.moving_scene import (
-    LabelledView,
     MovingScene,
     points_above_bottom,
 )
-from perception.evaluation.objects import LabelledObjects
+from perception.evaluation.objects import LabelledObjects, LabelledView
 from perception.types import Bool, Drive, Float64, Frame, Int
 
 
@@ -155,11 +154,11 @@ def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
 
 
 def _labelled_view(frame: Frame, dont_care_px: Float64) -> LabelledView:
-    calibration = frame.calibration
-    if calibration is None or calibration.image_size_px is None:
+    view = LabelledView.of(frame, dont_care_px)
+    if view is None:
         raise CalibrationError(
             frame.source,
             expected="a camera calibration with an image size",
             found="none",
         )
-    return LabelledView(calibration, calibration.image_size_px, dont_care_px)
+    return view

@@ -1,4 +1,9 @@
-"""False moving clusters: clusters of moving points on the ground plane that no labelled object explains."""
+"""False moving clusters: clusters of moving points on the ground plane that no labelled object explains.
+
+Moving points are clustered in cells of the ground plane, closed and connected over eight neighbours. A cluster is
+false where `view_share` of its points are in the image, where objects are labelled, and none is within `margin_m` of an
+object that moves or whose motion is unknown. Clusters with half of their points in DontCare regions are counted apart.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -7,29 +12,12 @@ import cv2
 import numpy as np
 
 from perception.evaluation.config import ClusterConfig
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import FrameAnnotations, LabelledObjects, MotionState
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import is_in_view, project
-from perception.types import ArrayTable, Bool, Calibration, Float, Float64, Int, PointState, UInt8
+from perception.types import ArrayTable, Bool, Float, Float64, Int, PointState, UInt8
 
 NO_OBJECT = -1
-
-
-@dataclass(frozen=True)
-class FrameAnnotations:
-    """Annotations of one frame, and the camera in whose image they were made.
-
-    Attributes:
-        objects: Labelled objects, in the area or not.
-        dont_care_px: (D, 4) Image regions x1 y1 x2 y2 without labels.
-        calibration: Calibration of the camera.
-        image_size_px: Image size (width, height) in px.
-    """
-
-    objects: LabelledObjects
-    dont_care_px: Float64
-    calibration: Calibration
-    image_size_px: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -82,7 +70,7 @@ def moving_clusters(
     moving = points_velo[states == PointState.MOVING]
     numbers = cluster_ids(moving, config)
     counts = np.bincount(numbers)
-    in_view = is_in_view(annotations.calibration, moving, annotations.image_size_px)
+    in_view = is_in_view(annotations.view.calibration, moving, annotations.view.image_size_px)
     in_dont_care = _is_in_regions(annotations, moving)
     return MovingClusters(
         frames=np.full(len(counts), frame, np.int64),
@@ -130,7 +118,10 @@ def _object_motions(
 
 
 def _is_in_regions(annotations: FrameAnnotations, points_velo: Float) -> Bool:
-    pixels, _ = project(annotations.calibration.image_P_velo, points_velo)
-    low, high = annotations.dont_care_px[:, None, :2], annotations.dont_care_px[:, None, 2:]
+    pixels, _ = project(annotations.view.calibration.image_P_velo, points_velo)
+    low, high = (
+        annotations.view.dont_care_px[:, None, :2],
+        annotations.view.dont_care_px[:, None, 2:],
+    )
     with np.errstate(invalid="ignore"):
         return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=2).any(axis=0))

@@ -57,11 +57,6 @@ PROTOCOL = {
 }
 
 
-def displacement_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
-    """Return (K,) distances |(p_k - p) . n| of (K, 3) true ground points from the ground (7.1)."""
-    return np.abs(signed_errors(ground, bottom_centers))
-
-
 def signed_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
     """Return (K,) distances along the ground's normal: positive where the estimate lies too low."""
     if len(bottom_centers) == 0:
@@ -152,35 +147,20 @@ def interval_names(edges_m: Sequence[float]) -> list[str]:
     return [*bounded, f"over {edges_m[-1]:.4g} m"]
 
 
-@dataclass(frozen=True)
-class LabelledScan:
-    """Predicted and true classes of the N points of one scan.
-
-    Attributes:
-        points_velo: (N, 3+) Points in the LiDAR frame.
-        states: (N,) Predicted `PointState` of each point.
-        classes: (N,) True SemanticKITTI class number of each point.
-    """
-
-    points_velo: Float
-    states: UInt8
-    classes: Int
-
-
 def ground_confusion(
-    scan: LabelledScan, area: LocalArea, edges_m: Sequence[float] = RANGE_EDGES_M
+    points_velo: Float, states: UInt8, classes: Int, area: LocalArea
 ) -> list[Confusion]:
     """Compare the points classified as ground with the true ones, for each interval of horizontal range.
 
     All labelled points over the area count, whatever their height: a true ground point that was left out
     as too low or too high is a missed one.
     """
-    counts = area.contains_xy(scan.points_velo) & ~np.isin(scan.classes, UNLABELLED_CLASSES)
-    points, states, classes = scan.points_velo[counts], scan.states[counts], scan.classes[counts]
+    counts = area.contains_xy(points_velo) & ~np.isin(classes, UNLABELLED_CLASSES)
+    points, states, classes = points_velo[counts], states[counts], classes[counts]
     predicted = np.asarray(states == PointState.GROUND)
     target = np.isin(classes, GROUND_CLASSES)
-    interval = _interval_of(np.hypot(points[:, 0], points[:, 1]), edges_m)
-    rows = [interval == number for number in range(len(edges_m))]
+    interval = _interval_of(np.hypot(points[:, 0], points[:, 1]), RANGE_EDGES_M)
+    rows = [interval == number for number in range(len(RANGE_EDGES_M))]
     return [confusion(predicted[row], target[row]) for row in rows]
 
 
@@ -265,8 +245,8 @@ class GroundMeasure:
             self._errors.append(ground_errors(index, result.ground, bottom_m, self._area))
         if truth is not None:
             states = result.obstacles.point_states
-            scan = LabelledScan(result.frame.points_velo, states, truth.classes)
-            self._points.append(ground_confusion(scan, self._area))
+            points = result.frame.points_velo
+            self._points.append(ground_confusion(points, states, truth.classes, self._area))
 
     def compute(self) -> GroundReport:
         """Return the metrics of all frames so far."""

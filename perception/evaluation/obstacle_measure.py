@@ -9,12 +9,16 @@ from perception.evaluation import false_clusters, obstacles, shadows
 from perception.evaluation.config import ObstacleProtocol
 from perception.evaluation.confusion import confusion_table
 from perception.evaluation.false_clusters import (
-    FrameAnnotations,
     MovingClusters,
     is_false,
     moving_clusters,
 )
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import (
+    FrameAnnotations,
+    LabelledObjects,
+    LabelledView,
+    MotionState,
+)
 from perception.evaluation.obstacles import (
     ObjectCounts,
     ObjectObservations,
@@ -27,7 +31,7 @@ from perception.evaluation.obstacles import (
 from perception.evaluation.report import Column, Table
 from perception.evaluation.shadows import ShadowDetector, Shadows
 from perception.geometry.grids import LocalArea
-from perception.types import Frame, Int, Labels, PointTruth, Result
+from perception.types import Int, Labels, PointTruth, Result
 
 PROTOCOL_WORDS = {
     "objects": obstacles.__doc__,
@@ -247,8 +251,9 @@ class ObstacleMeasure:
         self._observed.append(
             observe_objects(index, scan, states, objects, self._area, protocol.objects)
         )
-        annotations = _annotations(objects, labels, result.frame)
-        if self._motion is not None and annotations is not None:
+        view = LabelledView.of(result.frame, labels.dont_care_px)
+        if self._motion is not None and view is not None:
+            annotations = FrameAnnotations(objects, view)
             self._clusters.append(
                 moving_clusters(index, scan, states, annotations, protocol.clusters)
             )
@@ -270,10 +275,3 @@ class ObstacleMeasure:
             points=sum(self._points, PointMotion()) if self._points else None,
             has_motion=self._motion is not None,
         )
-
-
-def _annotations(objects: LabelledObjects, labels: Labels, frame: Frame) -> FrameAnnotations | None:
-    calibration = frame.calibration
-    if calibration is None or calibration.image_size_px is None:
-        return None
-    return FrameAnnotations(objects, labels.dont_care_px, calibration, calibration.image_size_px)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from perception.evaluation.confusion import Confusion, confusion_table
-from perception.evaluation.ground import LabelledScan, ground_confusion
+from perception.evaluation.ground import ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.evaluation.stage_times import StageTimes
 from perception.geometry.grids import LocalArea
@@ -59,8 +59,9 @@ class RunSummary:
             is_counted = vehicles.fused.detections.scores >= self.display_score
             self.vehicles.append(int(np.count_nonzero(is_counted)))
         if truth is not None:
-            scan = LabelledScan(result.frame.points_velo, states, truth.classes)
-            self.ground = sum(ground_confusion(scan, self.area), self.ground)
+            points = result.frame.points_velo
+            by_range = ground_confusion(points, states, truth.classes, self.area)
+            self.ground = sum(by_range, self.ground)
             self.motion += point_motion(states, truth.classes, truth.is_moving)
 
     @property

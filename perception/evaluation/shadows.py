@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.evaluation.config import ClusterConfig, ShadowConfig
-from perception.evaluation.false_clusters import FrameAnnotations, cluster_ids
-from perception.evaluation.objects import MotionState
+from perception.evaluation.false_clusters import cluster_ids
+from perception.evaluation.objects import FrameAnnotations, MotionState
 from perception.geometry.boxes import points_inside, transform_boxes
 from perception.geometry.camera import is_in_view
 from perception.geometry.se3 import inverse
@@ -54,7 +54,7 @@ class ShadowDetector:
         present = annotations.objects.boxes_velo
         lies_in_shadow &= ~points_inside(present, static_velo, self._config.margin_m).any(axis=0)
         lies_in_shadow &= is_in_view(
-            annotations.calibration, static_velo, annotations.image_size_px
+            annotations.view.calibration, static_velo, annotations.view.image_size_px
         )
         moving = present[annotations.objects.motions == MotionState.MOVING]
         self._past.append((stamp_s, transform_boxes(world_SE3_velo, moving)))

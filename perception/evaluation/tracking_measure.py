@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from perception.evaluation.config import KittiTrackingConfig
+from perception.evaluation.multi_object import kitti_protocol
 from perception.evaluation.multi_object.hota import ALPHAS
 from perception.evaluation.multi_object.kitti_protocol import (
     NEIGHBOURS,
@@ -16,19 +17,6 @@ from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_
 from perception.evaluation.report import Table
 
 _COMBINED = "COMBINED"
-_PROTOCOL_WORDS = {
-    "name": "KITTI tracking benchmark, boxes in the image",
-    "similarity": "intersection over union, areas without + 1 pixel",
-    "HOTA": "mean over the thresholds alphas, matched once for all of them",
-    "CLEAR and identity": "at the threshold",
-    "left out": (
-        "labels of a neighbour class, truncated or occluded beyond the configuration, and the predictions "
-        "matched to them; unmatched predictions that are too low or mostly in one DontCare region; rows "
-        "with an id below 0; scores are not read"
-    ),
-    "neighbours": NEIGHBOURS,
-    _COMBINED: "counts and sums over all sequences, not a mean of their ratios",
-}
 
 
 @dataclass(frozen=True)
@@ -77,7 +65,7 @@ class TrackingReport:
         """Return the protocol in words and values."""
         threshold = self.config.min_iou
         values = {"config": self.config, "threshold": threshold, "alphas": ALPHAS}
-        return {**_PROTOCOL_WORDS, "values": values}
+        return {"boxes": kitti_protocol.__doc__, "neighbours": NEIGHBOURS, "values": values}
 
 
 class TrackingMeasure:

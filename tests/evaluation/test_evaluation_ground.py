@@ -6,13 +6,12 @@ import pytest
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import (
     GroundErrors,
-    LabelledScan,
     displacement_by_interval,
-    displacement_errors,
     ground_confusion,
     ground_errors,
     interval_names,
     mean_displacement_error,
+    signed_errors,
 )
 from perception.geometry.grids import LocalArea
 from perception.types import Float, Float64, PointState
@@ -40,7 +39,7 @@ def test_the_distance_to_a_tilted_plane_is_along_its_normal():
     # 3-4-5: the plane rises 3 in 4, so a point 1 m over it is 4/5 m from it.
     ground = Plane(slope=0.75, height=0.0)
     feet = np.array([[4.0, 0.0, 4.0], [4.0, 2.0, 3.0], [8.0, 0.0, 5.0]])
-    np.testing.assert_allclose(displacement_errors(ground, feet), [0.8, 0.0, 0.8], atol=1e-12)
+    np.testing.assert_allclose(np.abs(signed_errors(ground, feet)), [0.8, 0.0, 0.8], atol=1e-12)
 
 
 def test_only_feet_in_the_area_count():
@@ -116,10 +115,11 @@ def test_ground_points_by_hand():
         (7, outside, 40),  # too low for the area: missed
         (26, ground, 40),  # beyond the area: does not count
     ]
-    scan = LabelledScan(
+    by_range = ground_confusion(
         points_velo=np.array([(x, 0, -1.7) for x, _, _ in rows]),
         states=np.array([state for _, state, _ in rows], np.uint8),
         classes=np.array([kind for _, _, kind in rows]),
+        area=AREA,
     )
-    by_range = ground_confusion(scan, AREA, edges_m=(0, 5, 10))
-    assert by_range == [Confusion(1, 1, 1), Confusion(1, 0, 1), Confusion(0, 0, 0)]
+    # From 0, 5, 10, 15, 20 and 25 m on.
+    assert by_range == [Confusion(1, 1, 1), Confusion(1, 0, 1), *[Confusion()] * 4]

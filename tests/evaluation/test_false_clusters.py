@@ -3,13 +3,17 @@ import numpy as np
 from perception.evaluation.config import ClusterConfig
 from perception.evaluation.false_clusters import (
     NO_OBJECT,
-    FrameAnnotations,
     MovingClusters,
     cluster_ids,
     is_false,
     moving_clusters,
 )
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import (
+    FrameAnnotations,
+    LabelledObjects,
+    LabelledView,
+    MotionState,
+)
 from perception.types import Boxes3D, Calibration, PointState
 
 # A camera at the LiDAR's origin that looks ahead: u = 500 - 500 y / x, v = 200 - 500 z / x.
@@ -38,7 +42,7 @@ def annotations(
         track_ids=np.arange(count),
     )
     regions = np.zeros((0, 4)) if dont_care_px is None else dont_care_px
-    return FrameAnnotations(objects, regions, CAMERA, SIZE_PX)
+    return FrameAnnotations(objects, LabelledView(CAMERA, SIZE_PX, regions))
 
 
 def clusters_of(points_velo: np.ndarray, surroundings: FrameAnnotations) -> MovingClusters:

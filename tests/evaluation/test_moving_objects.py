@@ -12,7 +12,6 @@ from perception.evaluation.multi_object.false_tracks import (
 )
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
 from perception.evaluation.multi_object.moving_scene import (
-    LabelledView,
     MovingScene,
     is_target,
     points_above_bottom,
@@ -24,7 +23,7 @@ from perception.evaluation.multi_object.target_errors import (
     target_errors,
 )
 from perception.evaluation.multi_object.track_assignment import assign_tracks, similarity_frames
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
 from perception.types import Boxes3D, Calibration, Tracks
 from tests.faults import fault
 

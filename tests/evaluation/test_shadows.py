@@ -1,8 +1,12 @@
 import numpy as np
 
 from perception.evaluation.config import ShadowConfig
-from perception.evaluation.false_clusters import FrameAnnotations
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import (
+    FrameAnnotations,
+    LabelledObjects,
+    LabelledView,
+    MotionState,
+)
 from perception.evaluation.shadows import ShadowDetector, Shadows
 from perception.geometry.se3 import from_euler
 from perception.types import (
@@ -36,7 +40,7 @@ def scene(x_m: float, motion: MotionState = MotionState.MOVING) -> FrameAnnotati
     """Return a 2 m cube straight ahead."""
     box = Boxes3D(np.array([[x_m, 0.0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     objects = LabelledObjects(box, np.array([motion]), np.array([1]))
-    return FrameAnnotations(objects, np.zeros((0, 4)), CAMERA, (1000, 400))
+    return FrameAnnotations(objects, LabelledView(CAMERA, (1000, 400), np.zeros((0, 4))))
 
 
 def voxels_at(x_m: float, count: int = 6, z_m: float = -0.7) -> np.ndarray:

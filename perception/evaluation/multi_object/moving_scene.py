@@ -6,27 +6,12 @@ from typing import Annotated
 import numpy as np
 
 from perception.evaluation.config import MovingObjectConfig
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
 from perception.geometry.boxes import corners, points_inside
 from perception.geometry.camera import is_in_view, project
-from perception.types import SHARED, ArrayTable, Bool, Boxes3D, Calibration, Float, Float64, Int
+from perception.types import SHARED, ArrayTable, Bool, Boxes3D, Float, Float64, Int
 
 _DONT_CARE_SHARE = 0.5  # share of a box in the image at which it counts as in a DontCare region
-
-
-@dataclass(frozen=True)
-class LabelledView:
-    """Image in which objects were labelled.
-
-    Attributes:
-        calibration: Calibration of the camera.
-        image_size_px: Image size (width, height) in px.
-        dont_care_px: (D, 4) Regions x1 y1 x2 y2 without labels.
-    """
-
-    calibration: Calibration
-    image_size_px: tuple[int, int]
-    dont_care_px: Float64
 
 
 @dataclass(frozen=True)
