@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.measure import Cell, Contender, time_interleaved
 from benchmarks.reference.depthcn import detect_one_by_one
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
-from perception.cli.detectors import run_depthcn
+from data.detections.measured_detectors import run_depthcn
 from perception.detection.depthcn.detector import DepthCn
 
 
@@ -52,6 +52,6 @@ def _parts_ms(prepared: PreparedDrive) -> dict[str, float]:
     detector = DepthCn("default", prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)
     for frame in prepared.frames:
-        for stage, spent_s in run_depthcn(detector, frame).timings_s.items():
+        for stage, spent_s in run_depthcn(detector, frame)[0].timings_s.items():
             seconds[stage].append(spent_s)
     return {stage: 1e3 * float(np.median(spent)) for stage, spent in seconds.items()}

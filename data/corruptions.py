@@ -9,8 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from perception.errors import UsageError
+from perception.evaluation.detection.config import CorruptionLevels
+from perception.evaluation.detection.robustness_measure import Corruption
 from perception.maps.projection import camera_of
-from perception.types import Calibration, Float32, Float64, Frame, UInt8
+from perception.types import MAP_MODALITIES, Calibration, Float32, Float64, Frame, UInt8
 
 _GAMMA = 2.2  # from light to grey levels, about that of sRGB
 # Of a pixel 3 µm wide, as in automotive cameras: electrons of white, and the read noise.
@@ -96,3 +98,26 @@ def _light_of(image: UInt8) -> Float32:
 def _image_of(light: Float32) -> UInt8:
     """Return the grey levels of light; beyond 1 it is white."""
     return np.asarray(np.rint(255 * np.clip(light, 0, 1) ** np.float32(1 / _GAMMA)), np.uint8)
+
+
+def sensor_corruptions(levels: CorruptionLevels, *, has_images: bool) -> list[Corruption]:
+    """Return the corruptions that have levels; darkness only of frames with images.
+
+    Raises:
+        UsageError: there is none.
+    """
+    darkness = levels.darkness if has_images else ()
+    known = (
+        Corruption("darkness of the camera [stops]", darken, ("rgb",), darkness),
+        Corruption(
+            "LiDAR point dropout [share]", drop_points, MAP_MODALITIES, levels.point_dropout
+        ),
+        Corruption(
+            "calibration rotated [degrees]", rotate_calibration, MAP_MODALITIES, levels.rotation
+        ),
+        Corruption("calibration shifted [pixels]", shift_calibration, MAP_MODALITIES, levels.shift),
+    )
+    used = [one for one in known if one.levels]
+    if not used:
+        raise UsageError("--levels", expected="levels of one corruption or more", found="none")
+    return used

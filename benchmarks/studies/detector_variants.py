@@ -14,17 +14,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data.atomic_file import write_atomically
+from data.detections.measured_detectors import DetectorOptions, measured_network
+from data.detections.measured_drives import DriveInfo, DriveReader, measure_drives
 from data.results.documents import to_serializable, write_json
 from data.samples.config import TrainingDrives
 from data.samples.images.config import ImageDataConfig
-from perception.cli.detectors import measured_network
-from perception.cli.evaluate_detection import DriveReport, measure_drives
-from perception.cli.flags import DriveFlags, require_positive
+from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
-from perception.cli.progress import frame_progress_bar
+from perception.cli.progress import frame_progress_bar, progress_bar
+from perception.detection.config import DetectionConfig
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
+from perception.evaluation.detection.detector_measure import DetectorReport
 from perception.types import Modality
 from train.config import Accelerator, TrainingRun
 from train.detector.config import (
@@ -203,23 +205,24 @@ def _measured(
     if known is not None and known["protocol"] == protocol:
         return VariantMetrics(**known["metrics"])
     network = ModalityDetector(_model_file(folder))
-    detector = measured_network(network, network.class_names[:1], precision)
-    measured = measure_drives(detector, drives, DriveFlags(), precision)
-    first = measured[0].report
+    options = DetectorOptions(DetectionConfig(), network.class_names[:1], precision)
+    detector, reader = measured_network(network, options), DriveReader(progress=progress_bar)
+    measured = measure_drives(detector, drives, reader).drives
+    _, first = measured[0]
     metrics = VariantMetrics(
         epoch=trained["epoch"],
         training_frames=trained["counts"]["training_frames"],
         maps_ms=first.median_ms("maps"),
         network_ms=first.median_ms(network.modality),
-        drives=to_serializable({one.data.path: _of_drive(one) for one in measured}),
+        drives=to_serializable({info.name: _of_drive(info, one) for info, one in measured}),
     )
     write_json(folder / "metrics.json", {"protocol": protocol, "metrics": metrics})
     return metrics
 
 
-def _of_drive(measured: DriveReport) -> dict[str, Any]:
-    data, (precision,) = measured.data, measured.report.to_json()["classes"].values()
-    return {"data": data.kind, "frames": data.frames_evaluated, "iou": precision}
+def _of_drive(info: DriveInfo, report: DetectorReport) -> dict[str, Any]:
+    (precision,) = report.to_json()["classes"].values()
+    return {"data": info.kind, "frames": info.frames_evaluated, "iou": precision}
 
 
 def _model_file(folder: Path) -> Path:

@@ -1,16 +1,15 @@
 """`trifuse evaluate results`: detection and tracking result files of any program, by KITTI's 2D protocols."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from perception.cli.evaluate_detection import PrecisionFlags
+from perception.cli.evaluate_detection import PrecisionFlags, protocol, resample_bar
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import ReportFlags
 from perception.errors import UsageError
-from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, DetectionClass
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 
 if TYPE_CHECKING:
     from data.kitti.detection_rows import DetectionSet
@@ -96,19 +95,17 @@ def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
     json: Path | None,
 ) -> None:
     from data.kitti.detection_rows import read_detection_set, read_frame_list
-    from perception.cli.progress import frame_progress_bar, progress_bar
+    from perception.cli.progress import frame_progress_bar
     from perception.evaluation.detection.class_precision import (
-        PROTOCOL,
         PrecisionReport,
         measure_precision,
     )
 
     numbers = None if frame_list is None else read_frame_list(frame_list)
     found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
-    progress = partial(progress_bar, description="bootstrap", unit="resample", delay_s=2)
     frames = len(found.numbers)
     precision = [
-        measure_precision(found.truths, found.detections, frames, one, metric, progress)
+        measure_precision(found.truths, found.detections, frames, one, metric, resample_bar())
         for one in classes
     ]
     data = {
@@ -117,9 +114,8 @@ def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
         "missing_results": found.missing_results,
         "detections": len(found.detections),
     }
-    values = {"classes": classes, "difficulties": DIFFICULTIES, **asdict(metric)}
     document = EvaluationDocument(
-        "detections", data, {**PROTOCOL, "values": values}, {"metric": metric}, _SPLIT
+        "detections", data, protocol(metric, classes=classes), {"metric": metric}, _SPLIT
     )
     computed = PrecisionReport(f"Average precision, {frames} frames", precision, metric)
     publish_report(_describe(results, found), computed, document, json)

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from data.detections import measured_detectors
 from data.open_drive import open_drive
-from perception.cli import detectors
-from perception.cli.detectors import DepthCnOutput
-from perception.maps.densify import densify
+from perception.evaluation.detection.detector_measure import FrameDetections
+from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Frame
 from tests.car_frames import write_car_frames
@@ -29,7 +29,7 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     def install(path: Path, sequence: str | None = None, stop_at: int | None = None) -> None:
         drive = open_drive(path, sequence=sequence, images=False)
 
-        def run(detector: object, frame: Frame) -> DepthCnOutput:
+        def run(detector: object, frame: Frame) -> tuple[FrameDetections, DenseMaps]:
             del detector
             if frame.index == stop_at:
                 raise KeyboardInterrupt
@@ -39,12 +39,12 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             boxes_px = np.concatenate([labels_px, [[500.0, 10, 600, 80]]])
             scores = np.append(0.9 - 0.1 * np.arange(len(labels_px)), 0.05)
             found = Detections(boxes_px, scores, np.full(len(scores), "Car"))
-            return DepthCnOutput(dense, labels_px, found, {"reading": 0.002, "guessing": 0.001})
+            return FrameDetections(found, {"reading": 0.002, "guessing": 0.001}, labels_px), dense
 
         model = SimpleNamespace(metadata=METADATA)
         network = SimpleNamespace(verifier=SimpleNamespace(model=model))
-        monkeypatch.setattr(detectors, "open_depthcn", lambda config, nms, sensor: network)
-        monkeypatch.setattr(detectors, "run_depthcn", run)
+        monkeypatch.setattr(measured_detectors, "open_depthcn", lambda config, sensor: network)
+        monkeypatch.setattr(measured_detectors, "run_depthcn", run)
 
     return install
 

@@ -65,8 +65,8 @@ def test_configuration_and_summary_say_what_was_done(car_frames, label_reader, t
     words = ("--depthcn.proposals.radius-m", "0.7", "--display-score", "0.85")
     assert detect(car_frames, out, "--frames", "2", *words) == 0
     config = yaml.safe_load((out / "config.yaml").read_text())
-    assert config["depthcn"]["proposals"]["radius_m"] == 0.7
-    assert config["nms"]["min_score"] == 0.01
+    assert config["detection"]["depthcn"]["proposals"]["radius_m"] == 0.7
+    assert config["detection"]["nms"]["min_score"] == 0.01
     assert config["network"]["training_data"] == "nothing at all"
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["frames"], summary["proposals"], summary["detections"]) == (2, 4, 6)

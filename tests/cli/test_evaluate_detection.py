@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from data.detections import measured_detectors
+from data.detections.measured_detectors import DetectorOptions, open_detector
 from data.open_drive import open_drive
-from perception.cli import detectors
 from perception.cli.main import main
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.input_size import InputSize
@@ -180,7 +181,7 @@ def known_network(car_frames, monkeypatch):
         scores = np.array([0.9, 0.8, 0.3])[-len(boxes_px) :]
         predictions.append(Detections(boxes_px, scores, np.full(len(boxes_px), "Car")))
     network = KnownNetwork(predictions)
-    monkeypatch.setattr(detectors, "ModalityDetector", lambda model, nms: network)
+    monkeypatch.setattr(measured_detectors, "ModalityDetector", lambda model, nms: network)
 
 
 def test_modality_table_plot_document_and_worst_frames(car_frames, known_network, tmp_path, capsys):
@@ -214,21 +215,21 @@ def test_every_class_of_the_network_has_rows(car_frames, known_network, capsys):
 
 def test_a_class_that_the_network_does_not_know(known_network):
     with pytest.raises(UsageError) as error:
-        detectors.open_detector("dm", DetectionConfig(), ("Tram",), PrecisionConfig())
+        open_detector("dm", DetectorOptions(DetectionConfig(), ("Tram",), PrecisionConfig()))
     assert (error.value.where, error.value.found) == ("--classes", "Tram")
     assert error.value.expected == "Car, Cyclist"
 
 
 def test_a_detector_that_does_not_exist():
     with pytest.raises(UsageError) as error:
-        detectors.open_detector("lidar", DetectionConfig(), (), PrecisionConfig())
+        open_detector("lidar", DetectorOptions(DetectionConfig(), (), PrecisionConfig()))
     assert (error.value.where, error.value.found) == ("--detector", "lidar")
 
 
 def test_a_file_that_is_no_detector(tmp_path):
     with pytest.raises(ModelError) as error:
-        detectors.open_detector(
-            str(tmp_path / "none.onnx"), DetectionConfig(), (), PrecisionConfig()
+        open_detector(
+            str(tmp_path / "none.onnx"), DetectorOptions(DetectionConfig(), (), PrecisionConfig())
         )
     assert error.value.where == "none.onnx"
 
@@ -301,10 +302,12 @@ def known_scenes(monkeypatch, tmp_path):
     networks = {name: network(name) for name in MODALITIES}
     fusions = {"scores": KeepScores(), "default": KeepScores()}
     opened = SimpleNamespace(detectors=networks)
-    monkeypatch.setattr(detectors, "open_modalities", lambda config: opened)
-    monkeypatch.setattr(detectors, "open_fusions", lambda config, further, detector: fusions)
+    monkeypatch.setattr(measured_detectors, "open_modalities", lambda config: opened)
+    monkeypatch.setattr(
+        measured_detectors, "open_fusions", lambda config, further, detector: fusions
+    )
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(detectors, "detected_scene", see)
+    monkeypatch.setattr(measured_detectors, "detected_scene", see)
 
 
 def test_fusion_tables_and_document(car_frames, known_scenes, tmp_path, capsys):
@@ -377,6 +380,6 @@ def test_networks_of_files_detect_in_each_frame_once(
 def test_a_file_of_another_modality_is_refused(network_files):
     config = DetectionConfig(rgb_model=network_files["dm"])
     with pytest.raises(ModelError) as error:
-        detectors.open_modalities(config)
+        measured_detectors.open_modalities(config)
     assert error.value.where == "dm.onnx"
     assert "rgb" in error.value.expected

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from data.detections import measured_detectors
 from data.open_drive import open_drive
-from perception.cli import detectors
 from perception.cli.main import main
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.nms_fusion import NmsFusion
@@ -51,9 +51,11 @@ def bright_cars(tmp_path, monkeypatch):
     (root / "training/image_2").mkdir()
     cv2.imwrite(str(root / "training/image_2/000000.png"), image)
     opened = MultimodalDetector({name: BrightPlaces(name, boxes_px) for name in MODALITIES})
-    monkeypatch.setattr(detectors, "open_modalities", lambda config: opened)
+    monkeypatch.setattr(measured_detectors, "open_modalities", lambda config: opened)
     fusions = {"default": BestPlace()}
-    monkeypatch.setattr(detectors, "open_fusions", lambda config, further, detector: fusions)
+    monkeypatch.setattr(
+        measured_detectors, "open_fusions", lambda config, further, detector: fusions
+    )
     return root
 
 

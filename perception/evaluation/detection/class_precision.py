@@ -27,26 +27,6 @@ Output = TypeVar("Output")
 LEVELS = tuple(one.name for one in DIFFICULTIES)
 CONFIDENCE = 0.95
 _OPTIONAL = ("proposal", "95 %", "AOS")  # columns without a value in any row are not printed
-PROTOCOL: Mapping[str, str] = {
-    "name": "KITTI object benchmark, boxes in the image",
-    "similarity": "intersection over union, areas without + 1 pixel, above the IoU of the class",
-    "objects": (
-        "objects of the class within the limits of the difficulty on height, occlusion and truncation; others "
-        "of the class and objects of its neighbour classes are ignored"
-    ),
-    "detections": (
-        "detections below the minimum height are ignored, of any class; an unmatched detection with more than "
-        "the IoU of its area in one DontCare region is no false positive"
-    ),
-    "precision": "at up to 41 scores of matched objects, each the maximum over this and all higher recalls",
-    "averages": "R11: recall 0, 0.1 .. 1 (before October 2019); R40: recall 1/40 .. 1 (since then)",
-    "intervals": "95 % percentile intervals over bootstrap resamples of the frames",
-    "truncation": (
-        "of tracking labels, level 0 counts at every difficulty, levels 1 and 2 at none: of the objects in both "
-        "of KITTI's benchmarks, 97 % of level 0 are truncated by 0.15 or less, 99.6 % of level 1 by more than "
-        "0.5, half of level 2"
-    ),
-}
 
 
 @dataclass(frozen=True)

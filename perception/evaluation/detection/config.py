@@ -1,10 +1,44 @@
-"""Settings of the detection metrics."""
+"""Settings and protocol of the detection metrics."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from perception.errors import UsageError
 
 RECALL_POINTS = (11, 40)
+PROTOCOL: Mapping[str, str] = {
+    "name": "KITTI object benchmark, boxes in the image",
+    "similarity": "intersection over union, areas without + 1 pixel, above the IoU of the class",
+    "objects": (
+        "objects of the class within the limits of the difficulty on height, occlusion and truncation; others "
+        "of the class and objects of its neighbour classes are ignored"
+    ),
+    "detections": (
+        "detections below the minimum height are ignored, of any class; an unmatched detection with more than "
+        "the IoU of its area in one DontCare region is no false positive"
+    ),
+    "precision": "at up to 41 scores of matched objects, each the maximum over this and all higher recalls",
+    "averages": "R11: recall 0, 0.1 .. 1 (before October 2019); R40: recall 1/40 .. 1 (since then)",
+    "intervals": "95 % percentile intervals over bootstrap resamples of the frames",
+    "truncation": (
+        "of tracking labels, level 0 counts at every difficulty, levels 1 and 2 at none: of the objects in both "
+        "of KITTI's benchmarks, 97 % of level 0 are truncated by 0.15 or less, 99.6 % of level 1 by more than "
+        "0.5, half of level 2"
+    ),
+    "gain": (
+        "average precision above that of the best single modality; in each bootstrap resample, of the best "
+        "modality of that resample"
+    ),
+    "calibration": (
+        "detections in ten bins of score; expected calibration error: mean difference of score and share of "
+        "correct detections, of all labelled objects, at the first IoU"
+    ),
+    "corruptions": (
+        "darkness: half the light a stop, without gain to compensate, with shot noise of 10,000 electrons at white and "
+        "read noise of 5 electrons; point dropout: independent, with equal probability; calibration errors: rotation "
+        "about a random axis through the camera, or shift in a random direction of the image, labels stay"
+    ),
+}
 
 
 @dataclass(frozen=True)

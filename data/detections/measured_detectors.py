@@ -1,8 +1,7 @@
-"""Detectors that commands open and measure: one modality, DepthCN, or the fusion of three modalities."""
+"""Detectors with their networks open, to be measured on labelled drives: one modality, DepthCN, or the fusion of three."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +11,11 @@ from data.detections.cached_detections import (
     detected_scene,
     models_fingerprint,
 )
-from perception.cli.progress import progress_bar
-from perception.detection.config import (
-    DepthCnConfig,
-    DetectionConfig,
-    FusionVariant,
-    NmsConfig,
-)
+from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
@@ -34,16 +26,16 @@ from perception.evaluation.detection.fusion_measure import FusionMeasure
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
-from perception.pipeline.workers import StageClock
+from perception.pipeline import StageClock
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import MODALITIES, Detections, Drive, Float64, Frame, Modality, UInt8
+from perception.types import MODALITIES, Drive, Frame, Modality, Progress, UInt8
 
 _THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
 Detect = Callable[[Frame], Any]
 
 
 @dataclass(frozen=True)
-class OpenedDetector:
+class MeasuredDetector:
     """A detector with its networks open, to be measured on one drive after another.
 
     Attributes:
@@ -61,123 +53,104 @@ class OpenedDetector:
     image: Callable[[Frame], UInt8]
 
 
-def open_detector(
-    name: str, config: DetectionConfig, classes: Sequence[str], metric: PrecisionConfig
-) -> OpenedDetector:
-    """Open DepthCN or the detector of one modality.
+@dataclass(frozen=True)
+class DetectorOptions:
+    """Options of a measured detector.
 
-    Args:
-        name: Name, one of depthcn, rgb, dm, rm, or an ONNX file of a modality's detector.
+    Attributes:
         config: Networks, proposals and suppression.
-        classes: Classes to measure; none for all of the network.
+        classes: Names of the classes to measure; none for all of a network, Car for fusion and DepthCN.
         metric: Metric configuration.
+        fusions: ONNX files of further fusion networks.
+        cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
+        progress: Iterates over the bootstrap resamples and may show a progress bar.
+    """
+
+    config: DetectionConfig
+    classes: Sequence[str]
+    metric: PrecisionConfig
+    fusions: Sequence[Path] = ()
+    cache: Path | None = None
+    progress: Progress = iter
+
+
+def open_detector(name: str, options: DetectorOptions) -> MeasuredDetector:
+    """Open a detector by its name: fusion, depthcn, rgb, dm, rm, or an ONNX file of a modality's detector.
 
     Raises:
         ModelError: a file holds no such network.
         UsageError: there is no such detector, or the network does not know a class.
     """
-    if name == "depthcn":
-        return _measured_depthcn(config, classes, metric)
     modality = next((known for known in MODALITIES if known == name), None)
+    if name == "fusion":
+        return _fusion(options)
+    if name == "depthcn":
+        return _depthcn(options)
     if modality is None and not name.endswith(".onnx"):
         expected = "fusion, depthcn, rgb, dm, rm or an ONNX file"
         raise UsageError("--detector", expected=expected, found=name)
-    model = Path(name) if modality is None else config.models[modality] or modality
-    return measured_network(ModalityDetector(model, nms=config.nms), classes, metric)
+    model = Path(name) if modality is None else options.config.models[modality] or modality
+    return measured_network(ModalityDetector(model, nms=options.config.nms), options)
 
 
-def measured_network(
-    network: ModalityDetector, classes: Sequence[str], metric: PrecisionConfig
-) -> OpenedDetector:
-    """Return the detector of one modality, to be measured.
-
-    Args:
-        network: Detector of one modality.
-        classes: Classes to measure; none for all of the network.
-        metric: Metric configuration.
-    """
+def measured_network(network: ModalityDetector, options: DetectorOptions) -> MeasuredDetector:
+    """Return the detector of one modality, to be measured."""
     modality, size = network.modality, network.size
     detector = MultimodalDetector({modality: network}, workers=1)
-    known = _parse_classes(classes, network.class_names)
+    classes = _parse_classes(options.classes, network.class_names)
 
     def detect(frame: Frame) -> FrameDetections:
         output = detector.detect(frame)
         timings_s = {name: output.timings_s[name] for name in ("maps", modality)}
         return FrameDetections(output.modality_detections[modality], timings_s)
 
-    def start(drive: Drive) -> tuple[Detect, DetectorMeasure]:
-        del drive  # the network is the same for all
-        title = f"average precision of {modality}"
-        return detect, DetectorMeasure(known, metric, _progress(), title=title)
-
-    return OpenedDetector(
+    return MeasuredDetector(
         f"{network.model.name}: {modality}, {size.height_px}x{size.width_px}",
         {str(modality): dict(network.metadata)},
-        known,
-        start,
+        classes,
+        lambda _: (detect, _measure(f"average precision of {modality}", classes, options)),
         lambda frame: modality_image(frame, modality, network.filling),
     )
 
 
-def _measured_depthcn(
-    config: DetectionConfig, classes: Sequence[str], metric: PrecisionConfig
-) -> OpenedDetector:
-    """Return DepthCN, to be measured; it is opened for the sensor of each drive."""
-    known = _parse_classes(classes, ("Car",))
-    model = open_depthcn(config.depthcn, config.nms, HDL_64E).verifier.model
+def _depthcn(options: DetectorOptions) -> MeasuredDetector:
+    """Return DepthCN, which is opened for the sensor of each drive."""
+    classes = _parse_classes(options.classes, ("Car",))
 
     def start(drive: Drive) -> tuple[Detect, DetectorMeasure]:
-        network = open_depthcn(config.depthcn, config.nms, drive.sensor)
+        network = open_depthcn(options.config, drive.sensor)
         title, notes = "average precision of DepthCN", (_THESIS_TABLE_7_9,)
+        return lambda frame: run_depthcn(network, frame)[0], _measure(
+            title, classes, options, notes
+        )
 
-        def detect(frame: Frame) -> FrameDetections:
-            output = run_depthcn(network, frame)
-            return FrameDetections(output.detections, output.timings_s, output.proposals_px)
-
-        return detect, DetectorMeasure(known, metric, _progress(), title=title, notes=notes)
-
-    return OpenedDetector("DepthCN", {"depthcn": dict(model.metadata)}, known, start, _camera_image)
+    model = open_depthcn(options.config, HDL_64E).verifier.model
+    return MeasuredDetector(
+        "DepthCN", {"depthcn": dict(model.metadata)}, classes, start, _camera_image
+    )
 
 
-def open_fusion(
-    config: DetectionConfig,
-    classes: Sequence[str],
-    metric: PrecisionConfig,
-    further: Sequence[Path] = (),
-    cache: Path | None = None,
-) -> OpenedDetector:
-    """Open three detectors, whose detections are cached, and their fusions.
-
-    Args:
-        config: Networks and suppression.
-        classes: Class to measure; none for Car.
-        metric: Metric configuration.
-        further: ONNX files of further fusion networks.
-        cache: Folder for the detections; else the user's cache folder.
-
-    Raises:
-        ModelError: a file holds no such network.
-        UsageError: there are several classes, or the networks do not know it.
-    """
-    detector = open_modalities(config)
+def _fusion(options: DetectorOptions) -> MeasuredDetector:
+    """Return three detectors, whose detections are cached, and their fusions."""
+    detector = open_modalities(options.config)
     networks = detector.detectors
-    known = _parse_classes(classes or ("Car",), next(iter(networks.values())).class_names)
-    if len(known) != 1:
+    known = next(iter(networks.values())).class_names
+    classes = _parse_classes(options.classes or ("Car",), known)
+    if len(classes) != 1:
         expected = "one class with --detector fusion"
-        raise UsageError("--classes", expected=expected, found=",".join(classes))
-    fusions = open_fusions(config, further, detector)
-    cached, store = FingerprintedDetector(detector, _fingerprint(config)), ArrayStore(cache)
+        raise UsageError("--classes", expected=expected, found=",".join(options.classes))
+    fusions = open_fusions(options.config, options.fusions, detector)
+    cached = FingerprintedDetector(detector, _fingerprint(options.config))
+    store = ArrayStore(options.cache)
 
     def start(drive: Drive) -> tuple[Detect, FusionMeasure]:
-        def detect(frame: Frame) -> DetectedScene:
-            return detected_scene(drive, frame.index, cached, store)
-
-        return detect, FusionMeasure(known, metric, _progress(), fusions=fusions)
+        measure = FusionMeasure(classes, options.metric, options.progress, fusions=fusions)
+        return lambda frame: detected_scene(drive, frame.index, cached, store), measure
 
     metadata = {str(name): dict(one.metadata) for name, one in networks.items()}
     metadata |= {f"fusion {name}": dict(one.metadata) for name, one in fusions.items()}
     title = "Fusion of " + ", ".join(one.model.name for one in networks.values())
-    return OpenedDetector(title, metadata, known, start, _camera_image)
+    return MeasuredDetector(title, metadata, classes, start, _camera_image)
 
 
 def open_modalities(config: DetectionConfig) -> MultimodalDetector:
@@ -213,34 +186,18 @@ def open_fusions(
     return fusions
 
 
-@dataclass(frozen=True)
-class DepthCnOutput:
-    """Output of DepthCN for one frame.
-
-    Attributes:
-        dense: Dense maps of the scan.
-        proposals_px: (P, 4) boxes before verification.
-        detections: Vehicles, best first.
-        timings_s: Time of each stage.
-    """
-
-    dense: DenseMaps
-    proposals_px: Float64
-    detections: Detections
-    timings_s: Mapping[str, float]
-
-
-def open_depthcn(config: DepthCnConfig, nms: NmsConfig, sensor: LidarModel) -> DepthCn:
+def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
     """Open DepthCN.
 
     Raises:
         ModelError: the file holds no network of DepthCN.
     """
-    return DepthCn(config.model or "default", sensor, proposals=config.proposals, nms=nms)
+    proposals = config.depthcn.proposals
+    return DepthCn(config.depthcn.model or "default", sensor, proposals=proposals, nms=config.nms)
 
 
-def run_depthcn(detector: DepthCn, frame: Frame) -> DepthCnOutput:
-    """Detect in one frame, and time each stage.
+def run_depthcn(detector: DepthCn, frame: Frame) -> tuple[FrameDetections, DenseMaps]:
+    """Detect in one frame and time each stage; return the dense maps of the scan, too.
 
     Raises:
         CalibrationError: the frame has no camera to project to.
@@ -253,7 +210,16 @@ def run_depthcn(detector: DepthCn, frame: Frame) -> DepthCnOutput:
         dense = detector.densify(frame)
     with clock.stage("verification"):
         detections = detector.verify(proposals, dense, calibration).detections
-    return DepthCnOutput(dense, proposals.boxes_px, detections, clock.seconds)
+    return FrameDetections(detections, clock.seconds, proposals.boxes_px), dense
+
+
+def _measure(
+    title: str,
+    classes: Sequence[DetectionClass],
+    options: DetectorOptions,
+    notes: Sequence[str] = (),
+) -> DetectorMeasure:
+    return DetectorMeasure(classes, options.metric, options.progress, title=title, notes=notes)
 
 
 def _camera_image(frame: Frame) -> UInt8:
@@ -286,7 +252,3 @@ def _parse_classes(names: Sequence[str], known: Sequence[str]) -> tuple[Detectio
         if name.lower() not in by_name:
             raise UsageError("--classes", expected=", ".join(known), found=name)
     return tuple(kitti_class(by_name[name.lower()]) for name in names or known)
-
-
-def _progress() -> Callable[[Any], Any]:
-    return partial(progress_bar, description="bootstrap", unit="resample", delay_s=2)

@@ -1,0 +1,216 @@
+"""Detectors measured on labelled drives, each drive by itself."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from data.atomic_file import write_jpeg
+from data.detections.measured_detectors import MeasuredDetector
+from data.frames import OnBadFrame, file_number, frame_count, read_frames
+from data.open_drive import open_drive, sequences_in
+from perception.errors import DriveError
+from perception.evaluation.detection.frame_errors import worst_frames
+from perception.evaluation.report import Report, Table
+from perception.geometry.threads import limit_blas_threads
+from perception.render.detections import draw_detection_errors
+from perception.types import Detections, Drive, Frame
+
+
+@dataclass(frozen=True)
+class DriveInfo:
+    """Labelled frames that the metrics of one drive rest on.
+
+    Attributes:
+        name: Path and sequence as given.
+        kind: `synthetic` where the exact truth of every point is known, else `real`.
+        root: Folder of the drive.
+        sensor: Name of the LiDAR model.
+        frames: Number of frames of the drive.
+        frames_evaluated: Number of frames that were evaluated.
+    """
+
+    name: str
+    kind: str
+    root: Path
+    sensor: str
+    frames: int
+    frames_evaluated: int
+
+    @property
+    def title(self) -> str:
+        """Drive, kind and number of frames in words."""
+        return f"{self.name} ({self.kind}, {self.frames_evaluated} frames)"
+
+
+@dataclass(frozen=True)
+class DrivesReport:
+    """Metrics of several drives, each by itself.
+
+    Attributes:
+        drives: Frames and metrics of each drive.
+    """
+
+    drives: Sequence[tuple[DriveInfo, Any]]
+
+    @property
+    def data(self) -> list[dict[str, Any]]:
+        """Frames of each drive."""
+        return [asdict(info) for info, _ in self.drives]
+
+    def tables(self) -> Sequence[Table[Any]]:
+        """Return the tables of one drive after the other."""
+        return [
+            replace(table, title=f"{info.title}: {table.title}")
+            for info, report in self.drives
+            for table in report.tables()
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the metrics by drive."""
+        return {
+            info.name: {"kind": info.kind, "frames": info.frames_evaluated, **report.to_json()}
+            for info, report in self.drives
+        }
+
+    def panels(self) -> list[Any]:
+        """Return the panels of all drives."""
+        return [
+            replace(panel, title=f"{info.title}: {panel.title}")
+            for info, report in self.drives
+            for panel in report.panels()
+        ]
+
+
+@dataclass(frozen=True)
+class DriveReader:
+    """How labelled drives are opened and read.
+
+    Attributes:
+        sequence: Sequence of a tracking folder; else each of them.
+        sensor: Name or file of the LiDAR model; else what the drive states.
+        frames: Number of frames from the start of each drive; else all.
+        on_bad_frame: Stop at a damaged frame, or skip it.
+        progress: Shows a progress bar over frames with a description and their number.
+    """
+
+    sequence: str | None = None
+    sensor: str | None = None
+    frames: int | None = None
+    on_bad_frame: OnBadFrame = "stop"
+    progress: Callable[[Iterator[Frame], str, int], Any] = lambda frames, *_: frames
+
+    def drives(self, paths: Sequence[Path]) -> Iterator[tuple[str, Drive]]:
+        """Open the drives of all paths, with their names.
+
+        Raises:
+            DriveError: a path holds no drive, or one without labelled boxes.
+        """
+        for path in paths:
+            names = sequences_in(path)
+            if self.sequence is not None:
+                names = [self.sequence] if names != [None] or len(paths) == 1 else names
+            for name in names:
+                drive = open_drive(path, sequence=name, sensor=self.sensor)
+                if not drive.has_labels:
+                    raise DriveError(
+                        drive.root,
+                        expected="labelled boxes to measure against",
+                        found="none in this drive",
+                        advice="name the same drive in the tracking or object layout",
+                    )
+                yield " ".join(filter(None, (str(path), name))), drive
+
+    def feed(
+        self,
+        name: str,
+        drive: Drive,
+        detect: Callable[[Frame], Any],
+        measure: Any,  # noqa: ANN401 - of its detector
+    ) -> tuple[DriveInfo, list[int]]:
+        """Detect in the frames of a drive and update a measure with each; return their indices, too.
+
+        Raises:
+            PerceptionError: a frame or its labels cannot be read or used, or no frame can.
+        """
+        indices = []
+        frames = read_frames(drive, on_bad_frame=self.on_bad_frame, limit=self.frames)
+        for frame in self.progress(frames, drive.name, frame_count(drive, self.frames)):
+            with limit_blas_threads():
+                output = detect(frame)
+            measure.update(output, drive.labels(frame.index))
+            indices.append(frame.index)
+        if not indices:
+            raise DriveError(drive.root, expected="a frame that can be read", found="none")
+        kind = "real" if drive.point_truth(indices[0]) is None else "synthetic"
+        sensor, root = drive.sensor.name, drive.root.resolve()
+        return DriveInfo(name, kind, root, sensor, len(drive), len(indices)), indices
+
+
+@dataclass(frozen=True)
+class WorstFrames:
+    """Images of the frames with most errors.
+
+    Attributes:
+        folder: Folder of DRIVE_CLASS_RANK_NUMBER.jpg.
+        iou: IoU that a detection must exceed to match an object.
+        count: Number of images of each drive and class.
+    """
+
+    folder: Path
+    iou: float
+    count: int = 12
+
+    def draw(
+        self,
+        info: DriveInfo,
+        drive: Drive,
+        indices: Sequence[int],
+        detector: MeasuredDetector,
+        measure: Any,  # noqa: ANN401 - of its detector
+    ) -> None:
+        """Draw the worst frames of each class."""
+        name = "_".join(re.findall(r"\w+", info.name))
+        truths, detections = measure.boxes()
+        for one in detector.classes:
+            target, frames = one.at_iou(self.iou), len(indices)
+            found = worst_frames(truths, detections, frames, target, self.count)
+            for rank, errors in enumerate(found):
+                index, boxes = indices[errors.place], errors.detections
+                image = draw_detection_errors(
+                    detector.image(drive[index]),
+                    errors.objects_px,
+                    errors.ignored_px,
+                    Detections(boxes.boxes_px, boxes.scores, boxes.types),
+                    self.iou,
+                )
+                file = f"{name}_{one.name}_{rank:02d}_{file_number(drive, index):06d}.jpg"
+                write_jpeg(self.folder / file, image, quality=95)
+
+
+def measure_drives(
+    detector: MeasuredDetector,
+    paths: Sequence[Path],
+    reader: DriveReader,
+    images: WorstFrames | None = None,
+) -> DrivesReport:
+    """Measure a detector on every drive of the paths.
+
+    Args:
+        detector: Detector with its networks open.
+        paths: Folders of labelled drives.
+        reader: How they are opened and read.
+        images: Images of the frames with most errors, or None.
+
+    Raises:
+        PerceptionError: a drive, a frame or its labels cannot be read or used.
+    """
+    measured: list[tuple[DriveInfo, Report]] = []
+    for name, drive in reader.drives(paths):
+        detect, measure = detector.start(drive)
+        info, indices = reader.feed(name, drive, detect, measure)
+        measured.append((info, measure.compute()))
+        if images is not None:
+            images.draw(info, drive, indices, detector, measure)
+    return DrivesReport(measured)
