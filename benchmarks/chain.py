@@ -1,11 +1,12 @@
 """The whole chain, frame after frame: speed, its worst frames, and memory."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmarks.measure import resident_mib
+from perception.evaluation.report import Column, Table
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, Frame
 
@@ -67,3 +68,24 @@ def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainMet
         memory_start_mib=memory_start,
         memory_end_mib=resident_mib(),
     )
+
+
+def chain_table(metrics: Mapping[str, ChainMetrics]) -> str:
+    """Return speed and memory of the chain by method."""
+    default = metrics["default"]
+    columns = (
+        Column[ChainMetrics]("frames", lambda row: row.frames),
+        Column[ChainMetrics]("frames/s", lambda row: row.frames_per_s, ".1f"),
+        Column[ChainMetrics]("p50 [ms]", lambda row: row.median_ms, ".1f"),
+        Column[ChainMetrics]("p99 [ms]", lambda row: row.p99_ms, ".1f"),
+        Column[ChainMetrics]("relative time", lambda row: row.median_ms / default.median_ms, ".1f"),
+        Column[ChainMetrics]("start [MiB]", lambda row: row.memory_start_mib, ".0f"),
+        Column[ChainMetrics]("end [MiB]", lambda row: row.memory_end_mib, ".0f"),
+    )
+    notes = [
+        f"p50 of the stages of {method} [ms]: "
+        + ", ".join(f"{name} {ms:.1f}" for name, ms in row.stages_ms.items())
+        for method, row in metrics.items()
+    ]
+    title = "whole chain (the thesis reports 0.3 frames/s)"
+    return Table(title, columns, metrics, heading="method", notes=notes).text()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -10,6 +11,7 @@ import numpy as np
 from export.onnx import OPSET
 from export.variants import ModelVariant
 from perception.detection.detectors.input_size import InputSize
+from perception.evaluation.report import Column, Table
 from perception.types import Drive, Frame
 
 
@@ -107,3 +109,37 @@ class ExportResult:
         """
         for parity in self.variants["fp32"].parity.values():
             parity.require(self.tolerances, where)
+
+    def tables(self, name: str) -> list[Table[ModelVariant]]:
+        """Return size, time and differences, and, where it was measured, average precision of each variant."""
+        full = self.variants["fp32"]
+        columns = [
+            Column[ModelVariant](
+                "size [MB]", lambda row: row.size_bytes / 1e6 if row.size_bytes else None, ".2f"
+            ),
+            Column[ModelVariant]("time [ms]", lambda row: row.fastest_ms, ".1f"),
+            *(
+                Column(f"{output}, {kind}", partial(_difference, kind, output), ".1e")
+                for kind, parity in full.parity.items()
+                for output in parity.largest
+            ),
+        ]
+        precision = [
+            Column(f"{of_class} {level}", partial(_precision, of_class, level), ".2f")
+            for of_class, levels in full.precision.items()
+            for level in levels
+        ]
+        title = f"{name}: {self.timed_input}; largest differences from PyTorch"
+        tables = [Table(title, columns, self.variants)]
+        if precision:
+            title = "average precision [%] by class and IoU"
+            tables.append(Table(title, precision, self.variants))
+        return tables
+
+
+def _difference(kind: str, output: str, variant: ModelVariant) -> float | None:
+    return variant.parity[kind].largest[output] if variant.parity else None
+
+
+def _precision(of_class: str, level: str, variant: ModelVariant) -> float:
+    return variant.precision[of_class][level]

@@ -3,12 +3,8 @@
 import os
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 from perception.errors import MissingDependencyError, UsageError
-
-if TYPE_CHECKING:
-    from export.result import ExportResult
 
 
 def export(  # noqa: PLR0913 - flags of a command
@@ -55,7 +51,7 @@ def export(  # noqa: PLR0913 - flags of a command
             checkpoint, drive, frames, int8=int8, size=input_size, progress=progress_bar
         )
     )
-    print("\n\n".join(_tables(out.name, exported)))
+    print("\n\n".join(table.text() for table in exported.tables(out.name)))
     print(f"chosen: {exported.choice.variant}; {exported.choice.reason}")
     write_json(
         out.with_suffix(".json"),
@@ -101,40 +97,3 @@ def _require_writable(out: Path) -> None:
         found = "a folder of that name"
     if found is not None:
         raise UsageError(f"--out {out}", expected="a file that can be written", found=found)
-
-
-def _tables(name: str, exported: "ExportResult") -> list[str]:
-    """Return size, time, differences and average precision of every variant."""
-    from export.variants import ModelVariant
-    from perception.evaluation.report import Column, Table
-
-    full = exported.variants["fp32"]
-
-    def difference(kind: str, output: str) -> Column[ModelVariant]:
-        return Column(
-            f"{output}, {kind}",
-            lambda row: row.parity[kind].largest[output] if row.parity else None,
-            ".1e",
-        )
-
-    def precision(of_class: str, level: str) -> Column[ModelVariant]:
-        return Column(f"{of_class} {level}", lambda row: row.precision[of_class][level], ".2f")
-
-    columns = [
-        Column[ModelVariant](
-            "size [MB]", lambda row: row.size_bytes / 1e6 if row.size_bytes else None, ".2f"
-        ),
-        Column[ModelVariant]("time [ms]", lambda row: row.fastest_ms, ".1f"),
-        *(
-            difference(kind, output)
-            for kind, parity in full.parity.items()
-            for output in parity.largest
-        ),
-    ]
-    title = f"{name}: {exported.timed_input}; largest differences from PyTorch"
-    tables = [Table(title, columns, exported.variants)]
-    if full.precision:
-        levels = [(name, level) for name, of in full.precision.items() for level in of]
-        title = "average precision [%] by class and IoU"
-        tables.append(Table(title, [precision(*level) for level in levels], exported.variants))
-    return [table.text() for table in tables]

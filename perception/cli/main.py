@@ -84,6 +84,7 @@ COMMANDS: Mapping[str, Command] = {
         for function in [name.replace(" ", "_")]
         if name not in GROUPS
     },
+    "bench": Command("benchmarks.bench:bench", SUMMARIES["bench"]),
     **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }
 

@@ -1,20 +1,15 @@
 """`trifuse bench`."""
 
 import logging
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 from perception.cli.flags import ReportFlags, SourceFlags
 from perception.detection.config import DetectionConfig
-from perception.errors import ModelError, PerceptionError
+from perception.errors import ModelError
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
-
-if TYPE_CHECKING:
-    from benchmarks.chain import ChainMetrics
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +22,7 @@ BenchmarkPart = Literal[
 _DETECTION = DetectionConfig()
 
 
-def bench(  # noqa: PLR0913 - flags of a command
+def bench(  # noqa: D417, PLR0913 - flags of a command
     *,
     source: SourceFlags,
     report: ReportFlags,
@@ -52,9 +47,10 @@ def bench(  # noqa: PLR0913 - flags of a command
             that the memory is bounded.
         detection: Detectors of the pipeline.
     """
+    from benchmarks import chain, comparisons, pipeline, stages
     from data.results.documents import describe_machine, write_json
+    from perception.geometry.threads import limit_blas_threads
 
-    chain, pipeline, stages, comparisons = _import_benchmarks()
     opened = _open(drive, source, frames, part)
     config = PipelineConfig.for_motion()
     machine = describe_machine()
@@ -71,16 +67,23 @@ def bench(  # noqa: PLR0913 - flags of a command
             # The thesis' methods are thirty times slower: a tenth of the frames is enough.
             "thesis": chain.measure_chain(opened, max(chain_frames // 10, 10), thesis),
         }
-        print(f"{_chain_table(metrics)}\n", flush=True)
+        print(f"{chain.chain_table(metrics)}\n", flush=True)
         document["chain"] = metrics
     known = {**comparisons.COMPARISONS, **comparisons.ON_REQUEST}
     chosen = list(comparisons.COMPARISONS) if part == "all" else [n for n in known if n == part]
-    prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
+    if chosen:
+        prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles())
     for name in chosen:
-        comparison = _compare(known[name], prepared, is_required=part != "all")
-        if comparison is not None:
-            print(f"{comparison.table()}\n", flush=True)
-            document[name] = comparison
+        try:
+            with limit_blas_threads():
+                comparison = known[name](prepared)
+        except ModelError as error:  # a network that is not in this installation
+            if part != "all":
+                raise
+            log.warning("skipped: %s", error)
+            continue
+        print(f"{comparison.table()}\n", flush=True)
+        document[name] = comparison
     if report.json is not None:
         write_json(report.json, document)
 
@@ -96,55 +99,3 @@ def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkP
         return SyntheticDrive(frames, sensor=sensor, images=needs_images)
     images = needs_images or part == "maps"
     return open_drive(drive, sequence=source.sequence, sensor=source.sensor, images=images)
-
-
-def _compare(compare: Callable[[Any], Any], prepared: object, *, is_required: bool) -> Any:  # noqa: ANN401 - of benchmarks/
-    """Run one comparison; return None where its network is not in this installation."""
-    from perception.geometry.threads import limit_blas_threads
-
-    try:
-        with limit_blas_threads():
-            return compare(prepared)
-    except ModelError as error:
-        if is_required:
-            raise
-        log.warning("skipped: %s", error)
-        return None
-
-
-def _import_benchmarks() -> tuple[ModuleType, ...]:
-    """Return the benchmark modules, which only the source tree holds."""
-    try:
-        from benchmarks import chain, comparisons, pipeline, stages
-    except ImportError as error:
-        raise PerceptionError(
-            "trifuse bench",
-            expected="the benchmarks/ folder of the source tree",
-            found=str(error),
-            advice="clone the project and install it with: pip install --editable .",
-        ) from error
-    return chain, pipeline, stages, comparisons
-
-
-def _chain_table(metrics: dict[str, "ChainMetrics"]) -> str:
-    from perception.evaluation.report import Column, Table
-
-    default = metrics["default"]
-    columns = (
-        Column["ChainMetrics"]("frames", lambda row: row.frames),
-        Column["ChainMetrics"]("frames/s", lambda row: row.frames_per_s, ".1f"),
-        Column["ChainMetrics"]("p50 [ms]", lambda row: row.median_ms, ".1f"),
-        Column["ChainMetrics"]("p99 [ms]", lambda row: row.p99_ms, ".1f"),
-        Column["ChainMetrics"](
-            "relative time", lambda row: row.median_ms / default.median_ms, ".1f"
-        ),
-        Column["ChainMetrics"]("start [MiB]", lambda row: row.memory_start_mib, ".0f"),
-        Column["ChainMetrics"]("end [MiB]", lambda row: row.memory_end_mib, ".0f"),
-    )
-    notes = [
-        f"p50 of the stages of {method} [ms]: "
-        + ", ".join(f"{name} {ms:.1f}" for name, ms in row.stages_ms.items())
-        for method, row in metrics.items()
-    ]
-    title = "whole chain (the thesis reports 0.3 frames/s)"
-    return Table(title, columns, metrics, heading="method", notes=notes).text()
