@@ -3,16 +3,13 @@
 import logging
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Literal
 
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from perception.errors import PerceptionError
-from perception.types import Drive, Frame
+from perception.types import Drive, Frame, OnBadFrame
 
 log = logging.getLogger(__name__)
-
-OnBadFrame = Literal["stop", "skip"]
 
 
 def frame_count(drive: Drive, limit: int | None) -> int:

@@ -8,14 +8,14 @@ from typing import Any
 
 from data.atomic_file import write_jpeg
 from data.detections.measured_detectors import MeasuredDetector
-from data.frames import OnBadFrame, file_number, frame_count, read_frames
+from data.frames import file_number, frame_count, read_frames
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError
 from perception.evaluation.detection.frame_errors import worst_frames
 from perception.evaluation.report import Report, Table
 from perception.geometry.threads import limit_blas_threads
 from perception.render.detections import draw_detection_errors
-from perception.types import Detections, Drive, Frame
+from perception.types import Detections, Drive, Frame, OnBadFrame
 
 
 @dataclass(frozen=True)

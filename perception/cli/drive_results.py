@@ -2,10 +2,10 @@
 
 from collections.abc import Generator
 
-from data.frames import OnBadFrame, frame_count, read_frames
+from data.frames import frame_count, read_frames
 from perception.cli.progress import progress_bar
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.types import Drive, Result
+from perception.types import Drive, OnBadFrame, Result
 
 
 def drive_results(

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from perception.cli.evaluation import EvaluationDocument, publish_report
-from perception.cli.flags import DriveFlags, OnBadFrame, ReportFlags
+from perception.cli.flags import DriveFlags, ReportFlags
 from perception.errors import UsageError
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
-from perception.types import Drive
+from perception.types import Drive, OnBadFrame
 
 if TYPE_CHECKING:
     from perception.evaluation.single_object.track import TargetObject

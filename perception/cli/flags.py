@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
-
-OnBadFrame = Literal["stop", "skip"]
+from perception.types import OnBadFrame
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from data.frames import OnBadFrame
 from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.above_ground import find_above_ground
 from perception.detection.depthcn.proposals import cluster_points, fit_boxes
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
-from perception.types import Drive, Frame, Labels, Method
+from perception.types import Drive, Frame, Labels, Method, OnBadFrame
 from train.proposal_search.survey import FrameSet, is_of_class
 
 

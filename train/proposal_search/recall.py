@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from tqdm import tqdm
 
-from data.frames import OnBadFrame
 from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
 from perception.detection.depthcn.proposals import propose
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
-from perception.types import Detections, Frame, Labels, Method
+from perception.types import Detections, Frame, Labels, Method, OnBadFrame
 from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet

@@ -7,11 +7,10 @@ from operator import add
 from pathlib import Path
 from typing import Any
 
-from data.frames import OnBadFrame
 from perception import __version__
 from perception.errors import LabelError, UsageError
 from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS, require_iou
-from perception.types import Method
+from perception.types import Method, OnBadFrame
 from train.proposal_search.counting import ProposalCount, SearchTask, run_search_task
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.search_log import SearchLog
