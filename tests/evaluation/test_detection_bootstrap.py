@@ -1,10 +1,10 @@
-"""Intervals over choices of frames."""
+"""Bootstrap intervals of the average precision."""
 
 import numpy as np
 import pytest
 
 from perception.evaluation.detection.average_precision import DetectionStatistics, match_detections
-from perception.evaluation.detection.bootstrap import resample_precision
+from perception.evaluation.detection.bootstrap import percentile_interval, resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 
@@ -36,8 +36,8 @@ def test_the_same_generator_gives_the_same_interval():
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first.percent[40], again.percent[40])
-    assert first.interval() == again.interval()
-    assert first.interval() != other.interval()
+    assert percentile_interval(first.percent[40]) == percentile_interval(again.percent[40])
+    assert percentile_interval(first.percent[40]) != percentile_interval(other.percent[40])
 
 
 @pytest.mark.parametrize("points", [11, 40])
@@ -47,28 +47,28 @@ def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
         statistics = noisy_statistics(frames)
         metric = statistics.metrics().classes[0].curves["moderate"].ap(points)
         samples = resample_precision(statistics, 100, np.random.default_rng(0))[0]["moderate"]
-        interval = samples.interval(points)
+        interval = percentile_interval(samples.percent[points])
         assert interval.low < metric < interval.high
-        narrow = samples.interval(points, confidence=0.5)
+        narrow = percentile_interval(samples.percent[points], confidence=0.5)
         assert interval.low < narrow.low < narrow.high < interval.high
         widths.append(interval.high - interval.low)
     assert 0 < widths[1] < 0.6 * widths[0]
 
 
-def test_choices_without_an_object_say_nothing():
+def test_resamples_without_an_object_are_unknown():
     car, pedestrian, cyclist = resample_precision(
         noisy_statistics(30), 40, np.random.default_rng(0)
     )
     assert pedestrian == {}
     is_nothing = np.isnan(cyclist["easy"].percent[40])
-    # One frame in 30 holds the cyclist: (1 - 1/30)^30, a third of all choices, lack it.
+    # One frame in 30 holds the cyclist: (1 - 1/30)^30, a third of all resamples, lack it.
     assert 5 < is_nothing.sum() < 25
     assert not np.isnan(car["easy"].percent[40]).any()
     never = resample_precision(noisy_statistics(30, cyclist_frames=0), 4, np.random.default_rng(0))
     assert never[2] == {}
 
 
-def test_progress_sees_every_choice():
+def test_progress_sees_every_resample():
     seen = []
 
     def watch(numbers):

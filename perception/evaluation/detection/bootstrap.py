@@ -35,10 +35,6 @@ class PrecisionSamples:
 
     percent: dict[int, Float64]
 
-    def interval(self, recall_points: int = 40, confidence: float = 0.95) -> Interval:
-        """Return the percentile interval of the averages."""
-        return percentile_interval(self.percent[recall_points], confidence)
-
 
 def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
     """Return the percentile interval of (N,) averages or of their differences."""

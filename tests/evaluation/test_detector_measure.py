@@ -1,0 +1,75 @@
+"""Measures of detectors on labels that can be counted by eye."""
+
+import numpy as np
+import pytest
+
+from perception.errors import UsageError
+from perception.evaluation.detection.config import PrecisionConfig
+from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
+from perception.evaluation.detection.protocol import KITTI_CLASSES
+from perception.types import Boxes3D, Detections, Labels
+
+BOXES_PX = np.array([[0.0, 100, 100, 150], [200, 100, 300, 150]])
+CAR = KITTI_CLASSES[:1]
+
+
+def labels_of(boxes_px: np.ndarray) -> Labels:
+    count = len(boxes_px)
+    return Labels(
+        boxes_velo=Boxes3D(np.zeros((count, 3)), np.ones((count, 3)), np.zeros(count)),
+        boxes_px=boxes_px,
+        types=np.full(count, "Car"),
+        track_ids=np.full(count, -1),
+        truncation=np.zeros(count),
+        occlusion=np.zeros(count, np.int64),
+        dont_care_px=np.zeros((0, 4)),
+    )
+
+
+def detected(boxes_px: np.ndarray, scores: list[float], proposals_px=None) -> FrameDetections:
+    found = Detections(boxes_px, np.array(scores), np.full(len(scores), "Car"))
+    return FrameDetections(found, {"maps": 0.002, "network": 0.003}, proposals_px)
+
+
+def test_two_frames_with_one_missed_car():
+    measure = DetectorMeasure(CAR, PrecisionConfig((0.7,)), title="test")
+    measure.update(detected(BOXES_PX, [0.9, 0.8]), labels_of(BOXES_PX))
+    measure.update(detected(BOXES_PX[:1], [0.7]), labels_of(BOXES_PX))
+    document = measure.compute().to_json()
+    easy = document["classes"]["Car"]["0.7"]["easy"]
+    assert (easy["objects"], easy["found"], easy["recall_percent"]) == (4, 3, 75.0)
+    # Precision is 1 at recall 0, 1/40 and 2/40.
+    assert easy["ap_r40_percent"] == pytest.approx(100 * 2 / 40)
+    assert easy["max_ap_r40_percent"] == pytest.approx(100 * 3 / 40)
+    assert easy["proposal_recall_percent"] is None
+    assert document["ms_per_frame"] == {"p50": pytest.approx(5.0), "p99": pytest.approx(5.0)}
+    assert document["proposals_per_frame"] is None
+
+
+def test_proposals_have_a_recall_of_their_own():
+    measure = DetectorMeasure(CAR, PrecisionConfig((0.7,)), title="test")
+    measure.update(detected(BOXES_PX[:1], [0.9], BOXES_PX), labels_of(BOXES_PX))
+    report = measure.compute()
+    document = report.to_json()
+    easy = document["classes"]["Car"]["0.7"]["easy"]
+    assert (easy["found"], easy["proposal_recall_percent"]) == (1, 100.0)
+    assert document["proposals_per_frame"] == 2.0
+    (table,) = report.tables()
+    assert [column.name for column in table.columns] == [
+        *("objects", "proposal recall [%]", "found", "recall [%]", "AP R40 [%]", "max AP [%]"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("values", "where", "found"),
+    [
+        ({"iou": (0.7, 1.0)}, "--iou", "1"),
+        ({"recall_points": (40, 20)}, "--recall-points", "40,20"),
+        ({"recall_points": ()}, "--recall-points", "none"),
+        ({"bootstrap": -3}, "--bootstrap", "-3"),
+    ],
+)
+def test_a_metric_out_of_range(values, where, found):
+    with pytest.raises(UsageError) as error:
+        PrecisionConfig(**values)
+    assert (error.value.where, error.value.found) == (where, found)
