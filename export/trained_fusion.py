@@ -13,11 +13,9 @@ from data.detections.fused_frames import (
     fuse_frames,
 )
 from data.detections.split_detections import SplitDetections, split_detections
-from data.results.documents import write_yaml
 from data.samples.config import TrainingDrives
 from export.fusion import export_fusion, with_calibrations
 from export.result import ExportConfig
-from perception import __version__
 from perception.detection.config import FusionVariant
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
@@ -36,7 +34,7 @@ from train.fusion.plots import (
 from train.fusion.sweep import SweptSize, hidden_sizes, sweep
 from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import FittedFusion, fit_fusion, write_calibrations
-from train.trainer import checkpoint_to_resume
+from train.trainer import checkpoint_to_resume, start_experiment
 
 _SCORE_JITTERS = 2  # jittered copies of every frame, for the default variant
 
@@ -132,8 +130,7 @@ def run_experiment(
     if swept:
         best = min(swept, key=lambda one: one.validation)
         config = replace(config, network=replace(config.network, hidden=best.hidden))
-    document = {"program": f"trifuse {__version__}", "experiment": experiment, "run": run}
-    write_yaml(out / "config.yaml", {**document, "network": config, "resumed_from": checkpoint})
+    start_experiment(out, resume, experiment=experiment, run=run, network=config)
     fitted = fit_fusion(sets, config, out, run, checkpoint)
     file, metadata = out / "fusion.onnx", _export(fitted.checkpoint, out / "fusion.onnx")
     if experiment.variant == "default":  # the thesis' scores are not calibrated

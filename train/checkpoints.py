@@ -23,16 +23,24 @@ def read_checkpoint(path: Path, *models: str) -> dict[str, Any]:
         ModelError: there is no such file, it is damaged, or of another model.
     """
     expected = f"a checkpoint of {' or '.join(models)}"
-    if not path.is_file():
-        raise ModelError(path, expected=expected, found="no such file")
-    try:
-        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, EOFError, OSError, pickle.UnpicklingError, BadZipFile) as error:
-        raise ModelError(path, expected=expected, found="a file that cannot be read") from error
+    checkpoint = load_tensors(path, expected)
     found = model_of(checkpoint)
     if found not in models:
         raise ModelError(path, expected=expected, found=f"one of {found}" if found else "another")
     return dict(checkpoint)
+
+
+def load_tensors(path: Path, expected: str) -> Any:  # noqa: ANN401 - what the file holds
+    """Return tensors and plain values of a file, never executing code.
+
+    Raises:
+        ModelError: there is no such file, or it cannot be read.
+    """
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except (RuntimeError, EOFError, OSError, pickle.UnpicklingError, BadZipFile) as error:
+        found = "a file that cannot be read" if path.is_file() else "no such file"
+        raise ModelError(path, expected=expected, found=found) from error
 
 
 def model_of(checkpoint: object) -> str | None:

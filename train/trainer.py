@@ -19,6 +19,8 @@ from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, Mode
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_only
 
+from data.results.documents import write_yaml
+from perception import __version__
 from perception.errors import UsageError
 from train.checkpoint_writer import AtomicCheckpointIO, require_same_network
 from train.config import Accelerator, DevicePrecision, TrainingRun
@@ -150,6 +152,24 @@ def checkpoint_to_resume(out: Path, resume: str | None) -> Path | None:
     return None
 
 
+def start_experiment(out: Path, resume: str | None, **settings: object) -> Path | None:
+    """Write `config.yaml` of an experiment in the first process; return the checkpoint to resume from.
+
+    Args:
+        out: Folder of the training.
+        resume: Checkpoint, the word last for that of the folder, or None.
+        **settings: Sections of the configuration.
+
+    Raises:
+        UsageError: a new training is asked for in the folder of another.
+    """
+    checkpoint = checkpoint_to_resume(out, resume)
+    if int(getattr(rank_zero_only, "rank", 0) or 0) == 0:
+        document = {"program": f"trifuse {__version__}", **settings, "resumed_from": checkpoint}
+        write_yaml(out / "config.yaml", document)
+    return checkpoint
+
+
 def resolve_precision(run: TrainingRun) -> DevicePrecision:
     """Return the number format of a training; auto is the fastest of its device."""
     return fastest_precision(run.accelerator) if run.precision == "auto" else run.precision
@@ -164,11 +184,6 @@ def fastest_precision(accelerator: Accelerator) -> DevicePrecision:
         known = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
         is_fast = bool(known.get("avx512_bf16") or known.get("amx_bf16"))
     return "bf16-mixed" if is_fast else "32-true"
-
-
-def is_first_process() -> bool:
-    """Return whether this is the one of several training processes that writes and prints."""
-    return int(getattr(rank_zero_only, "rank", 0) or 0) == 0
 
 
 def _silence_lightning() -> None:

@@ -1,8 +1,7 @@
 """The base of Lightning data modules over labelled drives: caching, the split, and batches."""
 
-import logging
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
 import cv2
@@ -15,10 +14,7 @@ from data.samples.cached_frames import CachedFrames, open_drives
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, EpochSampler, SampleIndex
 from data.samples.splits import Split, random_split
-from perception.errors import PerceptionError
 from perception.types import Drive, Int, Progress
-
-log = logging.getLogger(__name__)
 
 Frames = TypeVar("Frames", bound=CachedFrames)
 Samples = TypeVar("Samples", bound=Dataset[Any])
@@ -32,6 +28,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         validation: Validation samples.
     """
 
+    config: Any
     training: Samples
     validation: Samples
     collate: Callable[[Sequence[Any]], Any] | None = None
@@ -54,7 +51,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         """
         super().__init__()
         self.drives, self.seed = drives, seed
-        self._config, self._progress = config, progress
+        self.config, self._progress = config, progress
 
     def prepare_data(self) -> None:
         """Fill the cache; with several GPUs, in one process only.
@@ -95,6 +92,11 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         """Return batches of all validation samples in order."""
         return self._loader(self.validation)
 
+    @property
+    def augmentation(self) -> Any:  # noqa: ANN401 - the subclass' own configuration
+        """Magnitudes of the augmentation, None without."""
+        return self.config.augmentation if self.config.augment else None
+
     @abstractmethod
     def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> Frames:
         """Return the frames of drives."""
@@ -121,7 +123,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         """Return the order of the training samples."""
 
     def _split(self, frames: Frames) -> Split:
-        config = self._config
+        config = self.config
         return random_split(
             frames.drive_numbers,
             validation_fraction=0.0 if self.drives.validation else config.validation_fraction,
@@ -130,7 +132,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         )
 
     def _parts(self) -> list[Frames]:
-        config = self._config
+        config = self.config
         store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
         return [self._open_frames(open_drives(paths), store) for paths in self.drives.parts]
 
@@ -138,7 +140,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         self, samples: Samples, sampler: Sampler[SampleIndex] | None = None
     ) -> DataLoader[Any]:
         """Return batches; workers leave the cores to each other."""
-        config, trainer = self._config, self.trainer
+        config, trainer = self.config, self.trainer
         if config.workers > 0:
             # Set before the workers are forked: one that gave up OpenCV's threads itself, which exist in the
             # parent only, would wait for them forever.
@@ -152,31 +154,3 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
             pin_memory=trainer is not None and trainer.strategy.root_device.type != "cpu",
             collate_fn=self.collate,
         )
-
-
-def readable(
-    numbers: Iterable[int], read: Callable[[int], object], *, skip: bool, is_logged: bool = True
-) -> Int:
-    """Return the numbers of the frames that can be read.
-
-    Args:
-        numbers: Numbers of frames.
-        read: Function that reads one.
-        skip: Skip a damaged frame instead of raising its error.
-        is_logged: Log a warning for each frame that is skipped.
-
-    Raises:
-        PerceptionError: a frame cannot be read, and it is not to be skipped.
-    """
-    found = []
-    for number in numbers:
-        try:
-            read(number)
-        except PerceptionError as error:
-            if not skip:
-                raise
-            if is_logged:
-                log.warning("skipped frame %d: %s", number, error)
-            continue
-        found.append(number)
-    return np.array(found, np.int64)

@@ -5,6 +5,7 @@ import pytest
 import torch
 from torchvision import ops
 
+from tests.train.image_labels import ImageLabels, pad_labels
 from train.box_overlap import (
     paired_complete_iou,
     paired_iou,
@@ -13,7 +14,7 @@ from train.box_overlap import (
 )
 from train.detector.config import PUBLISHED_LOSS
 from train.detector.losses import detection_loss
-from train.detector.targets import BatchLabels, ImageLabels, pad_labels
+from train.detector.targets import BatchLabels
 from train.networks.compact import CompactDetector
 from train.networks.yolo_head import YoloHead
 

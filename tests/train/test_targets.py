@@ -5,19 +5,14 @@ import torch
 
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import UsageError
+from tests.train.image_labels import ImageLabels, pad_labels
 from train.detector.multi_scale import (
     resize_images,
     resize_labels,
     scaled_sizes,
     size_of_batch,
 )
-from train.detector.targets import (
-    ImageLabels,
-    PredictionGrid,
-    assign_targets,
-    pad_labels,
-    shape_iou,
-)
+from train.detector.targets import PredictionGrid, assign_targets, shape_iou
 
 ANCHORS_PX = torch.tensor([[16.0, 16], [64, 32]])
 GRID = PredictionGrid(rows=2, columns=3, stride_px=32)  # 96 x 64 pixels

@@ -9,10 +9,8 @@ from lightning.pytorch import Callback, Trainer
 from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
-from data.results.documents import write_yaml
 from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.input_images import ImageConfig
-from perception import __version__
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import UsageError
 from perception.types import Progress
@@ -32,7 +30,7 @@ from train.detector.training import DetectorTraining, DetectorTrainingConfig
 from train.networks.torchvision_detector import TorchvisionDetector, init_from_classifier
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
-from train.trainer import BEST, checkpoint_to_resume, fit, is_first_process, make_trainer
+from train.trainer import BEST, fit, make_trainer, start_experiment
 
 MONITOR = "validation/moderate"
 _RANDOM_WEIGHTS = InitialWeights()
@@ -74,7 +72,6 @@ def run_experiment(
     Raises:
         PerceptionError: settings, drives, weights or a checkpoint cannot be used.
     """
-    checkpoint = checkpoint_to_resume(out, resume)
     model = experiment.model
     network = DetectorNetworkConfig(
         experiment.modality,
@@ -100,9 +97,7 @@ def run_experiment(
         revision=program_revision(),
     )
     data = ImageDataModule(experiment.drives, image, experiment.data, run.seed, progress)
-    if is_first_process():
-        document = {"program": f"trifuse {__version__}", "experiment": experiment, "run": run}
-        write_yaml(out / "config.yaml", {**document, "resumed_from": checkpoint})
+    checkpoint = start_experiment(out, resume, experiment=experiment, run=run)
     return train_detector(data, config, run, out, checkpoint, experiment.weights)
 
 

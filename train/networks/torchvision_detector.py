@@ -7,12 +7,10 @@ classifier   last maps at a stride of 8, 16 and 32
              3x3 --> head, a cell of 8 pixels
 """
 
-import pickle
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from urllib.error import URLError
-from zipfile import BadZipFile
 
 import torch
 from torch import Tensor, nn
@@ -24,6 +22,7 @@ from torchvision.models.feature_extraction import (  # type: ignore[import-untyp
 )
 
 from perception.errors import ModelError
+from train.checkpoints import load_tensors
 from train.networks.compact import KITTI_CAR_ANCHORS_PX, ReluUnit
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolo_head import YoloHead
@@ -130,12 +129,8 @@ def init_from_classifier(detector: TorchvisionDetector, name: str, weights: str)
 
 
 def _read(path: Path) -> dict[str, Tensor]:
-    expected = "a state_dict as torchvision gives it away"
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, EOFError, OSError, pickle.UnpicklingError, BadZipFile) as error:
-        found = "no such file" if not path.is_file() else "a file that cannot be read"
-        raise ModelError(path, expected=expected, found=found) from error
+    expected = "a state_dict as torchvision publishes it"
+    state = load_tensors(path, expected)
     if not isinstance(state, dict):
         raise ModelError(path, expected=expected, found=type(state).__name__)
     return dict(state)

@@ -8,17 +8,15 @@ import torch
 from lightning.pytorch import Trainer
 from torch.utils.data import DataLoader
 
-from data.results.documents import write_yaml
 from data.samples.crops.datamodule import CropDataModule
 from data.samples.crops.dataset import CropDataset
 from data.samples.crops.labelled_frames import CropConfig
 from data.samples.crops.previews import augmentation_previews, preview_rows
-from perception import __version__
 from perception.types import Progress, UInt8
 from train.checkpoints import program_revision
 from train.config import TrainingRun
 from train.networks.depthcn import VERIFIER_INPUTS, VehicleVerifier, load_verifier
-from train.trainer import BEST, checkpoint_to_resume, fit, is_first_process, make_trainer
+from train.trainer import BEST, fit, make_trainer, start_experiment
 from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment, VerifierTrainingConfig
 from train.verifier.images import VerifierImages
 from train.verifier.metrics import VerifierMetrics
@@ -69,7 +67,6 @@ def run_experiment(
     Raises:
         PerceptionError: settings, drives or a checkpoint cannot be used.
     """
-    checkpoint = checkpoint_to_resume(out, resume)
     preset, network = VERIFIER_CONFIGS[experiment.method], VERIFIER_INPUTS[experiment.method]
     config = VerifierTrainingConfig(
         experiment.method,
@@ -80,9 +77,7 @@ def run_experiment(
     )
     crop = CropConfig(experiment.method, window=network.window, channels=network.channels)
     data = CropDataModule(experiment.drives, experiment.data, crop, run.seed, progress)
-    if is_first_process():
-        document = {"program": f"trifuse {__version__}", "experiment": experiment, "run": run}
-        write_yaml(out / "config.yaml", {**document, "network": config, "resumed_from": checkpoint})
+    checkpoint = start_experiment(out, resume, experiment=experiment, run=run, network=config)
     return train_verifier(data, config, run, out, checkpoint)
 
 

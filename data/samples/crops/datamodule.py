@@ -7,7 +7,7 @@ from torch import Tensor
 
 from data.array_store import ArrayStore
 from data.samples.config import TrainingDrives
-from data.samples.crops.config import CropAugmentationConfig, CropDataConfig
+from data.samples.crops.config import CropDataConfig
 from data.samples.crops.dataset import CropDataset
 from data.samples.crops.labelled_frames import CropConfig, LabelledFrames
 from data.samples.crops.sampling import CropSet, collect_crops
@@ -24,6 +24,8 @@ class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
 
     A batch holds what `CropDataset` says of a sample, with a first axis of samples.
     """
+
+    config: CropDataConfig
 
     def __init__(
         self,
@@ -43,12 +45,7 @@ class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
             progress: Wrapper of the loop over frames that may show its progress.
         """
         super().__init__(drives, config, seed, progress)
-        self.config, self.crop = config, crop
-
-    @property
-    def augmentation(self) -> CropAugmentationConfig | None:
-        """Magnitudes of the augmentation, None without."""
-        return self.config.augmentation if self.config.augment else None
+        self.crop = crop
 
     def mean_crop(self, samples: int = 1024) -> Tensor:
         """Return the (C, 66, 112) mean of some unchanged training samples, half of them vehicles."""

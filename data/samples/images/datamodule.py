@@ -1,23 +1,26 @@
 """Images of drives on disk, in batches, for Lightning."""
 
+import logging
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
 from torch.utils.data import DataLoader
 
 from data.array_store import ArrayStore
 from data.samples.config import TrainingDrives
-from data.samples.datamodule import SampleDataModule, readable
+from data.samples.datamodule import SampleDataModule
 from data.samples.epoch_samplers import ShuffledSampler
 from data.samples.images.config import ImageAugmentationConfig, ImageDataConfig
 from data.samples.images.dataset import ImageDataset, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.splits import Split, random_split, split_from_lists
-from perception.errors import UsageError
+from perception.errors import PerceptionError, UsageError
 from perception.types import Drive, Int, Progress
 
+log = logging.getLogger(__name__)
 _CONFIG = ImageDataConfig()
 
 
@@ -31,6 +34,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         test: Samples of the final test; empty without a test fraction.
     """
 
+    config: ImageDataConfig
     test: ImageDataset
     collate = staticmethod(collate)
 
@@ -52,12 +56,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
             progress: Wrapper of the loop over frames that may show its progress.
         """
         super().__init__(drives, config, seed, progress)
-        self.config, self.image = config, image
-
-    @property
-    def augmentation(self) -> ImageAugmentationConfig | None:
-        """Magnitudes of the augmentation, None without."""
-        return self.config.augmentation if self.config.augment else None
+        self.image = image
 
     def test_dataloader(self) -> DataLoader[Any]:
         """Return batches of all test samples in order."""
@@ -115,5 +114,15 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         self, frames: LabelledImages, numbers: Iterable[int], *, is_logged: bool = True
     ) -> Int:
         """Return the numbers of the frames whose image can be made; images are made where not cached."""
-        skip = self.config.on_bad_frame == "skip"
-        return readable(numbers, frames.size_px, skip=skip, is_logged=is_logged)
+        found = []
+        for number in numbers:
+            try:
+                frames.size_px(number)
+            except PerceptionError as error:
+                if self.config.on_bad_frame == "stop":
+                    raise
+                if is_logged:
+                    log.warning("skipped frame %d: %s", number, error)
+                continue
+            found.append(number)
+        return np.array(found, np.int64)
