@@ -54,8 +54,8 @@ def evaluate_robustness(  # noqa: PLR0913 - flags of a command
     from data.detections.measured_drives import DriveReader, DrivesReport
     from perception.cli.progress import progress_bar
     from perception.evaluation.detection.robustness_measure import (
-        CorruptedDetector,
         RobustnessMeasure,
+        corrupted_detector,
     )
 
     reader = DriveReader(**vars(drive), progress=progress_bar)
@@ -66,8 +66,8 @@ def evaluate_robustness(  # noqa: PLR0913 - flags of a command
     measure = RobustnessMeasure(
         [kitti_class(class_name)], metric, corruptions=corruptions, fusion=fusion
     )
-    corrupted = CorruptedDetector(detector, corruptions, metric.seed)
-    info, _ = reader.feed(name, frames, corrupted.detect, measure)
+    detect = corrupted_detector(detector, corruptions, metric.seed)
+    info, _ = reader.feed(name, frames, detect, measure)
     measured = DrivesReport([(info, measure.compute())])
     metadata = {str(name): dict(one.metadata) for name, one in detector.detectors.items()}
     document = EvaluationDocument(

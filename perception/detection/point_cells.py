@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.errors import UsageError
 from perception.geometry.sorting import sorted_keys
-from perception.types import Bool, Float, Float64, Int
+from perception.types import ArrayTable, Bool, Float, Float64, Int
 
 # Share by which a cell is smaller than its diagonal allows: more than rounding can move a point.
 _SLACK = 1e-6
@@ -96,7 +96,7 @@ class PointCells:
 
 
 @dataclass(frozen=True)
-class CellPairs:
+class CellPairs(ArrayTable):
     """L pairs of cells with points that may be neighbours, each pair once.
 
     Attributes:
@@ -128,10 +128,6 @@ class CellPairs:
             nearest, farthest = nearest + gap * gap, farthest + span * span
         near = np.flatnonzero(nearest <= limit)
         return cls(first[near], second[near], farthest[near] <= limit)
-
-    def __getitem__(self, rows: Bool | Int) -> Self:
-        """Return the pairs of a mask or of indices."""
-        return type(self)(self.first[rows], self.second[rows], self.is_whole[rows])
 
 
 def expand_ranges(starts: Int, counts: Int) -> tuple[Int, Int]:

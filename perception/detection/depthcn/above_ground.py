@@ -8,13 +8,14 @@ would connect all vehicles parked under it.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from perception.detection.height_cells import HeightCells
 from perception.geometry.camera import project
 from perception.maps.projection import may_be_in_view
-from perception.types import Bool, Calibration, Float32, Float64, Int, Method
+from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Int, Method
 
 _FARTHEST_M = 80.0  # range of the maps, ahead and to each side
 _NEAREST_M = 0.5  # nearer points are on the recording vehicle
@@ -26,7 +27,7 @@ _REACH_M = 1.5  # beside a car, some ground is visible within this distance
 
 
 @dataclass(frozen=True)
-class AboveGroundPoints:
+class AboveGroundPoints(ArrayTable):
     """K points of a scan above the ground, in the camera's view.
 
     Attributes:
@@ -40,16 +41,12 @@ class AboveGroundPoints:
     """
 
     rows: Int
-    xy_m: Float64
-    pixels: Float64
+    xy_m: Annotated[Float64, 2]
+    pixels: Annotated[Float64, 2]
     ground_rows_px: Float64
     depths_m: Float64
-    size_px: tuple[int, int]
-    scan_length: int
-
-    def __len__(self) -> int:
-        """Return K."""
-        return len(self.rows)
+    size_px: Annotated[tuple[int, int], SHARED]
+    scan_length: Annotated[int, SHARED]
 
 
 @dataclass(frozen=True)

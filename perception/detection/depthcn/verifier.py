@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from importlib.abc import Traversable
-from typing import Self, get_args
+from typing import Annotated, get_args
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ from perception.detection.onnx_model import (
     shipped_model,
 )
 from perception.errors import ModelError
-from perception.types import Float64, Method, UInt8
+from perception.types import ArrayTable, Float64, Method, UInt8
 
 KIND = "depthcn"
 VEHICLE = "Car"
@@ -42,7 +42,7 @@ _METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True)
-class VerifierPrediction:
+class VerifierPrediction(ArrayTable):
     """Predictions of the network for M proposals.
 
     Attributes:
@@ -51,12 +51,7 @@ class VerifierPrediction:
     """
 
     scores: Float64
-    boxes_px: Float64
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the predictions for no proposals."""
-        return cls(np.zeros(0), np.zeros((0, 4)))
+    boxes_px: Annotated[Float64, 4]
 
 
 class Verifier:

@@ -41,106 +41,93 @@ class Corruption:
     levels: tuple[float, ...]
 
 
-class CorruptedDetector:
-    """Detects in the clean frame and at every level of every corruption.
+def corrupted_detector(
+    detector: MultimodalDetector, corruptions: Sequence[Corruption], seed: int
+) -> Callable[[Frame], CorruptedScenes]:
+    """Return what detects in a clean frame and in the frame at every level of every corruption.
 
     Only the detectors whose input changes run again.
+
+    Args:
+        detector: Detectors of all modalities.
+        corruptions: Corruptions with their levels.
+        seed: Seed of random corruptions.
     """
+    affected = [
+        MultimodalDetector({name: detector.detectors[name] for name in one.modalities})
+        for one in corruptions
+    ]
 
-    def __init__(
-        self, detector: MultimodalDetector, corruptions: Sequence[Corruption], seed: int
-    ) -> None:
-        """Prepare the detectors of each corruption.
-
-        Args:
-            detector: Detectors of all modalities.
-            corruptions: Corruptions with their levels.
-            seed: Seed of random corruptions.
-        """
-        self._detector, self._seed, self._corruptions = detector, seed, corruptions
-        known = detector.detectors
-        self._affected = {
-            one.name: MultimodalDetector({name: known[name] for name in one.modalities})
-            for one in corruptions
-        }
-
-    def detect(self, frame: Frame) -> CorruptedScenes:
-        """Return the detections of a frame by corruption and level.
-
-        Raises:
-            PerceptionError: the frame has no input for the detectors, or no camera.
-        """
+    def detect(frame: Frame) -> CorruptedScenes:
         camera, size_px = camera_of(frame)
-        clean = self._detector.detect(frame)
+        clean = detector.detect(frame)
         scenes = {CLEAN: scene_of(clean.modality_detections, size_px, clean.dense, camera)}
-        for number, one in enumerate(self._corruptions):
+        for number, one in enumerate(corruptions):
             for level in one.levels:
-                rng = np.random.default_rng((self._seed, frame.index, number))
-                output = self._affected[one.name].detect(one.corrupt(frame, level, rng))
+                rng = np.random.default_rng((seed, frame.index, number))
+                output = affected[number].detect(one.corrupt(frame, level, rng))
                 dense = clean.dense if output.dense is None else output.dense
                 found = {**clean.modality_detections, **output.modality_detections}
                 scenes[one.name, level] = scene_of(found, size_px, dense, camera)
         return scenes
 
+    return detect
+
 
 @dataclass(frozen=True)
 class RobustnessReport:
-    """Average precision by corruption, level and row.
+    """Average precision by corruption, level and detector.
 
     Attributes:
         config: Metric configuration.
-        corruptions: Corruptions in the order of the tables.
-        rows: Metrics of each row by corruption and level.
+        rows: Metrics of each detector and fusion by corruption and level, 0 for clean frames.
     """
 
     config: PrecisionConfig
-    corruptions: Sequence[Corruption]
-    rows: Mapping[tuple[str, float], Mapping[str, ClassPrecision]]
+    rows: Mapping[str, Mapping[float, Mapping[str, ClassPrecision]]]
 
     def tables(self) -> Sequence[Table[Any]]:
-        """Return a table for each corruption: a row a level, a column for each detector and fusion."""
+        """Return a table for each corruption: a row for each level, a column for each detector and fusion."""
 
         def column(name: str) -> Column[Mapping[str, ClassPrecision]]:
             return Column(name, lambda row: self._ap(row[name]), ".2f")
 
-        columns = [column(name) for name in self.rows[CLEAN]]
         return [
             Table(
-                f"{one.name}: AP R{self.config.recall_points[0]} [%], {PLOT_DIFFICULTY}",
-                columns,
-                {f"{level:g}": row for level, row in self._levels(one)},
+                f"{corruption}: {self._label}",
+                [column(name) for name in levels[0.0]],
+                {f"{level:g}": row for level, row in levels.items()},
                 "level",
             )
-            for one in self.corruptions
+            for corruption, levels in self.rows.items()
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the metrics by corruption, level and row, at every difficulty."""
+        """Return the metrics by corruption, level and detector, at every difficulty."""
         return {
-            one.name: {
+            corruption: {
                 f"{level:g}": {name: found.to_json(self.config) for name, found in row.items()}
-                for level, row in self._levels(one)
+                for level, row in levels.items()
             }
-            for one in self.corruptions
+            for corruption, levels in self.rows.items()
         }
 
     def panels(self) -> list[CurvePanel]:
         """Return the average precision over the levels, a panel for each corruption, the fusion emphasised."""
         panels = []
-        for one in self.corruptions:
-            levels = [level for level, _ in self._levels(one)]
+        for corruption, levels in self.rows.items():
+            x = list(levels)
             curves = [
-                Curve(name, levels, [self._ap(row[name]) for _, row in self._levels(one)])
-                for name in self.rows[CLEAN]
+                Curve(name, x, [self._ap(row[name]) for row in levels.values()])
+                for name in levels[0.0]
             ]
             curves[-1] = replace(curves[-1], is_emphasised=True)
-            label = f"AP R{self.config.recall_points[0]} [%], {PLOT_DIFFICULTY}"
-            panels.append(CurvePanel("", one.name, label, curves, x_ticks=levels))
+            panels.append(CurvePanel("", corruption, self._label, curves, x_ticks=x))
         return panels
 
-    def _levels(self, one: Corruption) -> list[tuple[float, Mapping[str, ClassPrecision]]]:
-        corrupted = [(level, self.rows[one.name, level]) for level in one.levels]
-        return [(0.0, self.rows[CLEAN]), *corrupted]
+    @property
+    def _label(self) -> str:
+        return f"AP R{self.config.recall_points[0]} [%], {PLOT_DIFFICULTY}"
 
     def _ap(self, precision: ClassPrecision) -> float:
         return precision.first[PLOT_DIFFICULTY].ap(self.config.recall_points[0])
@@ -160,11 +147,15 @@ class RobustnessMeasure(PrecisionMeasure[CorruptedScenes]):
 
     def compute(self) -> RobustnessReport:
         """Return the metrics of all frames so far."""
-        rows = {}
-        for key in self.outputs[0]:
-            scenes = [one[key] for one in self.outputs]
-            rows[key] = {
-                name: self.precision(DetectedBoxes.of_frames([detect(one) for one in scenes]))[0]
-                for name, detect in row_functions(scenes, {"default": self.fusion}).items()
-            }
-        return RobustnessReport(self.config, self.corruptions, rows)
+        clean, rows = self._row(CLEAN), {}
+        for one in self.corruptions:
+            corrupted = {level: self._row((one.name, level)) for level in one.levels}
+            rows[one.name] = {0.0: clean, **corrupted}
+        return RobustnessReport(self.config, rows)
+
+    def _row(self, key: tuple[str, float]) -> dict[str, ClassPrecision]:
+        scenes = [one[key] for one in self.outputs]
+        return {
+            name: self.precision(DetectedBoxes.of_frames([detect(one) for one in scenes]))[0]
+            for name, detect in row_functions(scenes, {"default": self.fusion}).items()
+        }
