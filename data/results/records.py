@@ -6,6 +6,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Self, TextIO, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from data.results.documents import to_serializable
 from perception.errors import LabelError
 
 Record = TypeVar("Record")
@@ -43,7 +44,7 @@ class RecordWriter:
         Args:
             record: Instance of a dataclass.
         """
-        self._lines.write(json.dumps(to_fields(record)) + "\n")
+        self._lines.write(json.dumps(to_serializable(record)) + "\n")
 
 
 def read_records(path: Path, kind: type[Record]) -> list[Record]:
@@ -69,15 +70,6 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
                 f"{path} line {number}", expected=f"a {kind.__name__}", found=repr(line[:80])
             ) from error
     return records
-
-
-def to_fields(value: Any) -> Any:  # noqa: ANN401 - walks any record
-    """Return a record as dictionaries, lists and numbers."""
-    if dataclasses.is_dataclass(value):
-        return {one.name: to_fields(getattr(value, one.name)) for one in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {key: to_fields(item) for key, item in value.items()}
-    return [to_fields(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _parse(kind: Any, value: Any) -> Any:  # noqa: ANN401 - follows any annotation

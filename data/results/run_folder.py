@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from data.atomic_file import write_atomically
 from data.results.documents import write_json
 from data.results.records import RecordWriter, read_records
-from data.results.tracks import FrameTracks, TrackWriter, read_tracks
-from data.results.vehicles import FrameVehicles, VehicleWriter, read_vehicles
+from data.results.tracks import FrameTracks, TrackWriter
+from data.results.vehicles import FrameVehicles, VehicleWriter
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
 from perception.types import Drive, Float, Float64, GroundModel, Int, PointState, Result
@@ -202,12 +202,12 @@ class RunFolder:
 
     def tracks(self) -> list[FrameTracks]:
         """Read `tracks.jsonl`."""
-        return read_tracks(self.path / "tracks.jsonl")
+        return read_records(self.path / "tracks.jsonl", FrameTracks)
 
     def vehicles(self) -> list[FrameVehicles]:
         """Read `vehicles.jsonl`; no frames where the run had no detectors."""
         path = self.path / "vehicles.jsonl"
-        return read_vehicles(path) if path.exists() else []
+        return read_records(path, FrameVehicles) if path.exists() else []
 
     def labels(self, frame: int) -> NDArray[np.uint32]:
         """Read the (N,) SemanticKITTI classes of the points of a frame."""

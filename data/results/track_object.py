@@ -12,7 +12,8 @@ import numpy as np
 from data.derived.track_start import TrackStart
 from data.frames import frame_count, read_frames
 from data.results.documents import write_config, write_json
-from data.results.trajectory import TrajectoryRecord, TrajectoryRows, trajectory_writer
+from data.results.tracks import RowWriter, has_camera
+from data.results.trajectory import TrajectoryRecord, trajectory_rows, trajectory_writer
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
@@ -92,8 +93,7 @@ def track_object(
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
     with ExitStack() as files:
         records = files.enter_context(trajectory_writer(out))
-        rows_path = out / "trajectory.txt"
-        rows = TrajectoryRows(rows_path, drive.calibration, start.object_id, start.kind)
+        rows = RowWriter(out / "trajectory.txt", has_camera(drive.calibration))
         files.enter_context(closing(rows))
         values = {name: value for name, value in vars(config).items() if name != "make"}
         write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **values)
@@ -114,7 +114,10 @@ def track_object(
                     )
                 seconds = time.perf_counter() - start_s
                 records.write(TrajectoryRecord.of(result, tracked))
-                rows.write(result, tracked)
+                if (camera := drive.calibration) is not None and has_camera(camera):
+                    rows.write(
+                        trajectory_rows(result, tracked, start.object_id, start.kind, camera)
+                    )
                 summary.update(result, tracked, seconds)
                 if config.video:
                     trail.add(result, tracked)

@@ -14,20 +14,19 @@ import numpy as np
 
 from data.kitti.labels import alphas_rad, boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
-from data.results.records import RecordWriter, read_records
-from perception.geometry.boxes import edges, transform_boxes
-from perception.geometry.camera import outlines_px, project_segments
+from data.results.records import RecordWriter
+from perception.geometry.boxes import transform_boxes
+from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
-from perception.types import Bool, Boxes3D, Calibration, Float64, Result, Tracks
+from perception.types import Boxes3D, Calibration, Detections, Float64, Int, Result, Tracks
 
 # Upper volumes of the author's classes, height x width x length; a larger box is a car.
 _PEDESTRIAN_M3 = 1.8
 _CYCLIST_M3 = 4.0
 # Scores of a track that is measured in the scan, and of one that is predicted.
-_OBSERVED_SCORE = 1.0
-_PREDICTED_SCORE = 0.5
-# Truncation and occlusion are not estimated.
-_UNKNOWN = -1.0
+OBSERVED_SCORE, PREDICTED_SCORE = 1.0, 0.5
+# Values of unknown columns: levels and sizes, positions, angles.
+_UNKNOWN, _UNKNOWN_POSITION_M, _UNKNOWN_ANGLE_RAD = -1.0, -1000.0, -10.0
 
 
 @dataclass(frozen=True)
@@ -119,15 +118,6 @@ class FrameTracks:
         return cls(result.frame.index, round(result.frame.stamp_s, 6), records)
 
 
-def read_tracks(path: Path) -> list[FrameTracks]:
-    """Read `tracks.jsonl`.
-
-    Raises:
-        LabelError: the file or one of its lines cannot be read.
-    """
-    return read_records(path, FrameTracks)
-
-
 class TrackWriter:
     """Writes the tracks of one run, frame by frame."""
 
@@ -193,7 +183,7 @@ def has_camera(calibration: Calibration | None) -> bool:
 def to_tracking_rows(
     frame: int, tracks: Tracks, calibration: Calibration, image_size_px: tuple[int, int]
 ) -> TrackingRows:
-    """Return a row for each track of which the image shows a part.
+    """Return a row for each track that is partly in the image.
 
     Args:
         frame: Index of the frame.
@@ -201,23 +191,31 @@ def to_tracking_rows(
         calibration: Camera calibration.
         image_size_px: Width and height of the image.
     """
-    boxes_px = image_boxes(tracks.boxes, calibration, image_size_px)
-    is_in_view: Bool = np.asarray((boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1))
+    boxes_px = box_outlines_px(calibration.image_P_velo, tracks.boxes, image_size_px)
+    is_in_view = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
     tracks, boxes_px = tracks[is_in_view], boxes_px[is_in_view]
-    columns = boxes_to_cam(tracks.boxes, calibration)
-    unknown = np.full(len(tracks), _UNKNOWN)
+    scores = np.where(tracks.is_observed, OBSERVED_SCORE, PREDICTED_SCORE)
+    detections = Detections(boxes_px, scores, types_by_volume(tracks.boxes))
+    return kitti_rows(frame, tracks.ids, tracks.boxes, detections, calibration)
+
+
+def kitti_rows(
+    frame: int, ids: Int, boxes_velo: Boxes3D, detections: Detections, calibration: Calibration
+) -> TrackingRows:
+    """Return rows of KITTI; truncation and occlusion, and boxes of NaN, get the values of unknown ones."""
+    columns, unknown = boxes_to_cam(boxes_velo, calibration), np.full(len(ids), _UNKNOWN)
     return TrackingRows(
-        frames=np.full(len(tracks), frame, np.int64),
-        ids=tracks.ids,
-        types=types_by_volume(tracks.boxes),
+        frames=np.full(len(ids), frame, np.int64),
+        ids=ids,
+        types=detections.types,
         truncation=unknown,
         occlusion=unknown,
-        alphas_rad=alphas_rad(tracks.boxes, columns[:, 6]),
-        boxes_px=boxes_px,
-        sizes_hwl_m=columns[:, :3],
-        bottoms_cam_m=columns[:, 3:6],
-        headings_rad=columns[:, 6],
-        scores=np.where(tracks.is_observed, _OBSERVED_SCORE, _PREDICTED_SCORE),
+        alphas_rad=_known(alphas_rad(boxes_velo, columns[:, 6]), _UNKNOWN_ANGLE_RAD),
+        boxes_px=detections.boxes_px,
+        sizes_hwl_m=_known(columns[:, :3], _UNKNOWN),
+        bottoms_cam_m=_known(columns[:, 3:6], _UNKNOWN_POSITION_M),
+        headings_rad=_known(columns[:, 6], _UNKNOWN_ANGLE_RAD),
+        scores=detections.scores,
     )
 
 
@@ -229,19 +227,8 @@ def types_by_volume(boxes: Boxes3D) -> np.ndarray:
     )
 
 
-def image_boxes(
-    boxes_velo: Boxes3D, calibration: Calibration, image_size_px: tuple[int, int]
-) -> Float64:
-    """Return the (M, 4) x1 y1 x2 y2 of each box in the image; x1 >= x2 or y1 >= y2 where it is not in view.
-
-    Parts behind the camera are clipped before the projection.
-    """
-    segments = edges(boxes_velo)
-    projected = project_segments(calibration.image_P_velo, segments.reshape(-1, 2, 3))
-    owners = projected.rows // segments.shape[1]
-    outlines = outlines_px(projected.ends_px, owners, len(boxes_velo))
-    last_px = np.array(image_size_px) - 1.0
-    return np.asarray(np.clip(outlines, 0, np.tile(last_px, 2)))
+def _known(values: Float64, otherwise: float) -> Float64:
+    return np.where(np.isfinite(values), values, otherwise)
 
 
 def _rounded(numbers: Float64) -> list[float]:

@@ -11,20 +11,20 @@ from typing import Self
 import numpy as np
 
 from data.kitti.tracking_rows import TrackingRows
-from data.results.records import RecordWriter, read_records
+from data.results.records import RecordWriter
 from data.results.tracks import (
+    OBSERVED_SCORE,
+    PREDICTED_SCORE,
     FrameTracks,
-    RowWriter,
     VeloPlace,
     WorldPlace,
-    has_camera,
+    kitti_rows,
     to_tracking_rows,
 )
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import Calibration, Result, Tracks
+from perception.types import Boxes3D, Calibration, Detections, Result, Tracks
 
-# Values of KITTI's columns that are not known.
-_NO_ANGLE_RAD, _NO_POSITION_M, _UNKNOWN = -10.0, -1000.0, -1.0
+_UNKNOWN_BOX = Boxes3D(np.full((1, 3), np.nan), np.full((1, 3), np.nan), np.full(1, np.nan))
 
 
 @dataclass(frozen=True)
@@ -71,50 +71,30 @@ class TrajectoryRecord:
         )
 
 
-def read_trajectory(path: Path) -> list[TrajectoryRecord]:
-    """Read `trajectory.jsonl`.
+def trajectory_rows(
+    result: Result, tracked: TrackedObject, object_id: int, kind: str | None, camera: Calibration
+) -> TrackingRows:
+    """Return the row of one frame, or none where the object is lost or not in the image.
 
-    Raises:
-        LabelError: the file or one of its lines cannot be read.
+    Args:
+        result: Result of the frame.
+        tracked: Object in the frame.
+        object_id: Track id of the row.
+        kind: KITTI type of the row; None to classify by the size of the box.
+        camera: Camera calibration with the size of the image.
     """
-    return read_records(path, TrajectoryRecord)
-
-
-class TrajectoryRows:
-    """Writes KITTI's tracking rows of one object."""
-
-    def __init__(
-        self, path: Path, calibration: Calibration | None, object_id: int, kind: str | None
-    ) -> None:
-        """Open the file; it is not made without a camera.
-
-        Args:
-            path: File to write.
-            calibration: Camera calibration, or None.
-            object_id: Track id of every row.
-            kind: KITTI type of every row; None to classify by the size of the box.
-        """
-        self._camera, self._object_id, self._kind = calibration, object_id, kind
-        self._rows = RowWriter(path, has_camera(calibration))
-
-    def close(self) -> None:
-        """Close the file."""
-        self._rows.close()
-
-    def write(self, result: Result, tracked: TrackedObject) -> None:
-        """Write the row of one frame, or none where the object is lost or not in the image."""
-        camera = self._camera
-        if camera is None or camera.image_size_px is None or tracked.state is TrackStatus.LOST:
-            return
-        frame = result.frame.index
-        rows = to_tracking_rows(
-            frame, as_tracks(tracked, self._object_id), camera, camera.image_size_px
-        )
-        if tracked.box_velo is None and tracked.box_px is not None:
-            rows = _image_row(frame, tracked, self._object_id)
-        if self._kind is not None:
-            rows = replace(rows, types=np.full(len(rows.frames), self._kind))
-        self._rows.write(rows)
+    frame, tracks = result.frame.index, as_tracks(tracked, object_id)
+    assert camera.image_size_px is not None
+    rows = to_tracking_rows(frame, tracks, camera, camera.image_size_px)
+    if tracked.box_velo is None and tracked.box_px is not None:
+        # Only the rectangle in the image is known.
+        is_seen = np.array([tracked.state is TrackStatus.SEEN])
+        scores = np.where(is_seen, OBSERVED_SCORE, PREDICTED_SCORE)
+        detections = Detections(tracked.box_px[None], scores, np.array(["Misc"]))
+        rows = kitti_rows(frame, np.array([object_id]), _UNKNOWN_BOX, detections, camera)
+    if tracked.state is TrackStatus.LOST:
+        rows = rows[:0]
+    return rows if kind is None else replace(rows, types=np.full(len(rows), kind))
 
 
 def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
@@ -132,22 +112,3 @@ def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
 def trajectory_writer(folder: Path) -> RecordWriter:
     """Open `trajectory.jsonl` in a folder of results."""
     return RecordWriter(folder / "trajectory.jsonl")
-
-
-def _image_row(frame: int, tracked: TrackedObject, object_id: int) -> TrackingRows:
-    """Return the row of an object of which only the rectangle in the image is known."""
-    unknown = np.full(1, _UNKNOWN)
-    assert tracked.box_px is not None
-    return TrackingRows(
-        frames=np.array([frame]),
-        ids=np.array([object_id]),
-        types=np.array(["Misc"]),
-        truncation=unknown,
-        occlusion=unknown,
-        alphas_rad=np.full(1, _NO_ANGLE_RAD),
-        boxes_px=tracked.box_px[None],
-        sizes_hwl_m=np.full((1, 3), _UNKNOWN),
-        bottoms_cam_m=np.full((1, 3), _NO_POSITION_M),
-        headings_rad=np.full(1, _NO_ANGLE_RAD),
-        scores=np.full(1, 1.0 if tracked.state is TrackStatus.SEEN else 0.5),
-    )

@@ -12,19 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-import numpy as np
-
 from data.atomic_file import write_atomically
 from data.frames import file_number
-from data.kitti.labels import alphas_rad, boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
-from data.results.records import RecordWriter, read_records
-from data.results.tracks import RowWriter
+from data.results.records import RecordWriter
+from data.results.tracks import RowWriter, kitti_rows
 from perception.geometry.se3 import wrap
 from perception.types import MODALITIES, Calibration, Drive, Float64, Result, Vehicles
-
-# Values of KITTI's columns that are not known.
-_NO_LEVEL, _NO_SIZE, _NO_PLACE, _NO_ANGLE = -1.0, -1.0, -1000.0, -10.0
 
 Number = float | None
 
@@ -95,15 +89,6 @@ class FrameVehicles:
         return cls(result.frame.index, round(result.frame.stamp_s, 6), records)
 
 
-def read_vehicles(path: Path) -> list[FrameVehicles]:
-    """Read `vehicles.jsonl`.
-
-    Raises:
-        LabelError: the file or one of its lines cannot be read.
-    """
-    return read_records(path, FrameVehicles)
-
-
 class VehicleWriter:
     """Writes the vehicles of one run, frame by frame; each file is opened with its first content."""
 
@@ -166,26 +151,8 @@ def format_object_rows(vehicles: Vehicles, calibration: Calibration) -> str:
 
 
 def _all_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
-    detections, boxes = vehicles.fused.detections, vehicles.boxes
-    columns = boxes_to_cam(boxes, calibration)
-    unknown = np.full(len(vehicles), _NO_LEVEL)
-    return TrackingRows(
-        frames=np.full(len(vehicles), frame, np.int64),
-        ids=vehicles.ids,
-        types=detections.types,
-        truncation=unknown,
-        occlusion=unknown,
-        alphas_rad=_known(alphas_rad(boxes, columns[:, 6]), _NO_ANGLE),
-        boxes_px=detections.boxes_px,
-        sizes_hwl_m=_known(columns[:, :3], _NO_SIZE),
-        bottoms_cam_m=_known(columns[:, 3:6], _NO_PLACE),
-        headings_rad=_known(columns[:, 6], _NO_ANGLE),
-        scores=detections.scores,
-    )
-
-
-def _known(values: Float64, otherwise: float) -> Float64:
-    return np.where(np.isfinite(values), values, otherwise)
+    detections = vehicles.fused.detections
+    return kitti_rows(frame, vehicles.ids, vehicles.boxes, detections, calibration)
 
 
 def _record(result: Result, vehicles: Vehicles, row: int, points: int) -> VehicleRecord:

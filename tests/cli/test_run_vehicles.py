@@ -8,8 +8,9 @@ import pytest
 
 from data.kitti.detection_rows import read_detection_set
 from data.kitti.tracking_rows import read_result_rows
-from data.results.records import to_fields
-from data.results.vehicles import read_vehicles
+from data.results.documents import to_serializable
+from data.results.records import read_records
+from data.results.vehicles import FrameVehicles
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.types import MODALITIES
@@ -60,9 +61,9 @@ def test_frames_that_are_no_sequence_have_no_tracks_of_vehicles(run_of_cars):
 
 
 def test_every_vehicle_has_the_scores_of_its_detectors(run_of_cars):
-    lines = read_vehicles(run_of_cars / "vehicles.jsonl")
+    lines = read_records(run_of_cars / "vehicles.jsonl", FrameVehicles)
     written = [json.loads(line) for line in (run_of_cars / "vehicles.jsonl").open()]
-    assert [to_fields(line) for line in lines] == written
+    assert [to_serializable(line) for line in lines] == written
     for one in (vehicle for line in lines for vehicle in line.vehicles):
         assert set(one.scores) == set(MODALITIES)
         # There is no image, so that only the detectors of the LiDAR's maps run.

@@ -14,9 +14,11 @@ from data.derived.object_truth import DriveObjects
 from data.derived.track_start import TrackStart, TrackStartConfig, find_start, parse_box
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
-from data.results.records import to_fields
+from data.results.documents import to_serializable
+from data.results.records import read_records
 from data.results.track_object import TrackConfig, track_object
-from data.results.trajectory import TrajectoryRecord, TrajectoryRows, read_trajectory
+from data.results.tracks import RowWriter, has_camera
+from data.results.trajectory import TrajectoryRecord, trajectory_rows
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.cli.progress import progress_bar
@@ -108,8 +110,8 @@ def test_the_trajectory_tells_the_object_in_both_frames(results, street, labelle
     box = labels.boxes_velo[labels.track_ids == labelled_id]
     np.testing.assert_allclose(lines[0]["velo"]["position_m"], box.bottom_m[0], atol=1.0)
     np.testing.assert_allclose(lines[0]["size_m"], box.size_m[0], atol=0.01)
-    read = read_trajectory(results / "trajectory.jsonl")
-    assert [to_fields(record) for record in read] == lines
+    read = read_records(results / "trajectory.jsonl", TrajectoryRecord)
+    assert [to_serializable(record) for record in read] == lines
     for line in lines:
         world_m_s = np.linalg.norm(line["world"]["velocity_m_s"])
         assert world_m_s == pytest.approx(line["speed_m_s"], abs=1e-3)
@@ -267,8 +269,9 @@ def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
     result, _ = LidarStages(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     tracked = TrackedObject(TrackStatus.SEEN, box, np.zeros(2), None)
-    rows = TrajectoryRows(tmp_path / "rows.txt", None, 0, None)
-    rows.write(result, tracked)
+    assert len(trajectory_rows(result, tracked, 0, None, drive.calibration)) == 1
+    rows = RowWriter(tmp_path / "rows.txt", has_camera(None))
+    rows.write(trajectory_rows(result, tracked, 0, None, drive.calibration))
     rows.close()
     assert not (tmp_path / "rows.txt").exists()
     assert TrajectoryRecord.of(result, replace(tracked, box_velo=None)).speed_m_s is None

@@ -8,16 +8,16 @@ import pytest
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import read_tracking_labels
 from data.kitti.tracking_rows import format_result_rows, read_result_rows
-from data.results.records import to_fields
+from data.results.documents import to_serializable
+from data.results.records import read_records
 from data.results.tracks import (
     FrameTracks,
     TrackWriter,
-    image_boxes,
-    read_tracks,
     to_tracking_rows,
     types_by_volume,
 )
 from perception.geometry import se3
+from perception.geometry.camera import box_outlines_px
 from perception.types import Boxes3D, Calibration, Frame, Obstacles, Result, Tracks, Voxels
 
 CALIBRATION = Calibration(
@@ -48,7 +48,7 @@ def result():
 
 
 def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
-    line = to_fields(FrameTracks.of(result))
+    line = to_serializable(FrameTracks.of(result))
     assert (line["frame"], line["stamp_s"]) == (7, 0.7)
     car, walker = line["tracks"]
     assert car == {
@@ -71,7 +71,7 @@ def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
 def test_the_files_are_whole_after_every_frame(result, tmp_path):
     files = TrackWriter(tmp_path, "0000", CALIBRATION)
     files.write(result)
-    assert read_tracks(tmp_path / "tracks.jsonl") == [FrameTracks.of(result)]
+    assert read_records(tmp_path / "tracks.jsonl", FrameTracks) == [FrameTracks.of(result)]
     rows = read_result_rows(tmp_path / "tracks" / "0000.txt")
     # The walker is behind the camera.
     assert (rows.frames.tolist(), rows.ids.tolist(), rows.scores.tolist()) == ([7], [4], [1.0])
@@ -84,7 +84,7 @@ def test_a_frame_without_tracks_is_a_line_and_no_row(result, tmp_path):
     files = TrackWriter(tmp_path, "0000", CALIBRATION)
     files.write(replace(result, tracks=Tracks.empty()))
     files.close()
-    (line,) = read_tracks(tmp_path / "tracks.jsonl")
+    (line,) = read_records(tmp_path / "tracks.jsonl", FrameTracks)
     assert line.tracks == []
     assert (tmp_path / "tracks" / "0000.txt").read_text() == ""
 
@@ -146,13 +146,13 @@ def test_the_image_box_is_around_the_projected_box():
     # 10 m before the camera, 2 m wide, 1 m high, its near side at 8 m.
     boxes = Boxes3D(np.array([[10.27, 0, -0.92]]), np.array([[4.0, 2.0, 1.0]]), np.zeros(1))
     near = (600 - 700 / 8, 180, 600 + 700 / 8, 180 + 700 / 8)
-    np.testing.assert_allclose(image_boxes(boxes, BARE, SIZE_PX), [near])
+    np.testing.assert_allclose(box_outlines_px(BARE.image_P_velo, boxes, SIZE_PX), [near])
 
 
 def test_a_box_partly_behind_the_camera_ends_at_the_image():
     # A long one on the right, from 10 m behind to 10 m ahead: it fills the right of the image.
     boxes = Boxes3D(np.array([[0.27, -3.0, -1.0]]), np.array([[20.0, 2.0, 3.0]]), np.zeros(1))
-    x1, y1, x2, y2 = image_boxes(boxes, BARE, SIZE_PX)[0]
+    x1, y1, x2, y2 = box_outlines_px(BARE.image_P_velo, boxes, SIZE_PX)[0]
     assert x1 == pytest.approx(600 + 700 * 2 / 10)
     assert (y1, x2, y2) == (0, 1241, 374)
 
