@@ -18,7 +18,7 @@ from perception.evaluation.single_object.metrics import (
     success_curve,
 )
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
-from perception.types import Bool, Float64
+from perception.types import Float64
 
 # Curve and its value in the legend.
 _Draw = Callable[[SingleObjectErrors], tuple[Float64, float]]
@@ -28,77 +28,61 @@ def write_plots(folder: Path, title: str, report: SingleObjectReport) -> list[Pa
     """Write all plots into a folder; return their paths."""
     config, thresholds_px = report.config, np.arange(51.0)
 
-    def of_area(curve: Float64) -> tuple[Float64, float]:
-        return curve, area_under_curve(curve)
-
     def location(errors: SingleObjectErrors) -> tuple[Float64, float]:
         is_correct = correct_frames(errors, config).location
         return location_curve(errors, thresholds_px), is_correct.mean() if len(is_correct) else 0.0
 
+    def success(errors: SingleObjectErrors) -> tuple[Float64, float]:
+        curve = success_curve(errors, config)
+        return curve, area_under_curve(curve)
+
+    def precision(errors: SingleObjectErrors) -> tuple[Float64, float]:
+        curve = precision_curve(errors, config)
+        return curve, area_under_curve(curve)
+
     within = f"in brackets: within {config.location_px:g} px"
-    panels = {
-        "overlap": _cumulative_panels(
-            report, lambda errors: correct_frames(errors, config).overlap
-        ),
-        "heading": _cumulative_panels(
-            report, lambda errors: correct_frames(errors, config).heading
-        ),
-        "location": [
-            _panel(report, (within, "distance of the centres [px]", "({:.3f})"), 50, location)
-        ],
-        "one_pass": [
-            _panel(
-                report,
-                ("Success: area under the curve", "3D overlap, at least", "{:.3f}"),
-                1,
-                lambda errors: of_area(success_curve(errors, config)),
-            ),
-            _panel(
-                report,
-                (
-                    "Precision: area under the curve, as a share",
-                    "distance of the centres [m], at most",
-                    "{:.3f}",
-                ),
-                config.max_center_error_m,
-                lambda errors: of_area(precision_curve(errors, config)),
-            ),
-        ],
-    }
-    titles = {
+    overlaps = ("Success: area under the curve", "3D overlap, at least")
+    distances = (
+        "Precision: area under the curve, as a share",
+        "distance of the centres [m], at most",
+    )
+    figures = {
         "overlap": f"3D overlap above {config.overlap:.0%} (Fig. A.1)",
         "heading": f"heading within {config.heading_deg:g}° (Fig. A.2)",
         "location": "location in the image (Fig. A.3)",
         "one_pass": "one-pass evaluation",
     }
-    for name, of_figure in panels.items():
-        plot_curves(folder / f"{name}.png", f"{title}: {titles[name]}", of_figure)
-    return [folder / f"{name}.png" for name in panels]
+    panels = {
+        "location": [
+            _panel(report, (within, "distance of the centres [px]", "({:.3f})"), 50, location)
+        ],
+        "one_pass": [
+            _panel(report, (*overlaps, "{:.3f}"), 1, success),
+            _panel(report, (*distances, "{:.3f}"), config.max_center_error_m, precision),
+        ],
+    }
+    for name, what in figures.items():
+        shown = panels.get(name) or _cumulative_panels(report, name)
+        plot_curves(folder / f"{name}.png", f"{title}: {what}", shown)
+    return [folder / f"{name}.png" for name in figures]
 
 
-def _cumulative_panels(
-    report: SingleObjectReport, is_correct: Callable[[SingleObjectErrors], Bool]
-) -> list[CurvePanel]:
+def _cumulative_panels(report: SingleObjectReport, criterion: str) -> list[CurvePanel]:
     """Return a panel of all objects, and one for each challenge that an object has."""
 
     def draw(errors: SingleObjectErrors) -> tuple[Float64, float]:
-        frames = is_correct(errors)
-        return (
-            (cumulative_success(frames), frames.mean())
-            if len(frames)
-            else (np.full(1, np.nan), 0.0)
-        )
+        frames = getattr(correct_frames(errors, report.config), criterion)
+        if not len(frames):
+            return np.full(1, np.nan), 0.0
+        return cumulative_success(frames), frames.mean()
 
-    counts = {one: len(report.objects_with(one)) for one in (None, *Challenge)}
-    x, y = "share of the frames of all sequences", "correct frames so far, share of all"
-    names = {
-        one: f"sequences{f' with {one}' if one else ''}: {count}" for one, count in counts.items()
-    }
-    return [
-        replace(_panel(report, (names[one], x, "{:.3f}"), 1, draw, one), y_label=y)
-        for one, count in counts.items()
-        if one is None or count
-    ]
+    panels, x_label = [], "share of the frames of all sequences"
+    for one in (None, *Challenge):
+        if one is None or report.objects_with(one):
+            title = f"sequences{f' with {one}' if one else ''}: {len(report.objects_with(one))}"
+            panel = _panel(report, (title, x_label, "{:.3f}"), 1, draw, one)
+            panels.append(replace(panel, y_label="correct frames so far, share of all"))
+    return panels
 
 
 def _panel(

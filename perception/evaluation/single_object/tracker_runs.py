@@ -87,13 +87,12 @@ class _Run:
             return
         start_s = time.perf_counter()
         try:
-            is_first = not self._predictions
-            tracker = self._tracker
-            prediction = (
-                tracker.init(tracker_input, box_velo) if is_first else tracker.update(tracker_input)
-            )
+            if self._predictions:
+                prediction = self._tracker.update(tracker_input)
+            else:
+                prediction = self._tracker.init(tracker_input, box_velo)
         except PerceptionError as error:
-            if not is_first:
+            if self._predictions:
                 raise
             self._refusal = str(error)
             return

@@ -97,12 +97,6 @@ class ConstantAcceleration:
         """(A,) velocity."""
         return self._third(1)
 
-    @property
-    def position_covariance(self) -> Float64:
-        """(A, A) covariance of the position."""
-        axes = self.states.mean.shape[1] // 3
-        return np.asarray(self.states.covariance[0, :axes, :axes])
-
     def predicted(self, elapsed_s: float, process: float) -> Self:
         """Predict the state; Q is `process` times the identity matrix every 0.1 s."""
         axes = self.states.mean.shape[1] // 3

@@ -53,7 +53,7 @@ def test_ratios_by_hand():
     image = image_of(GRAY)
     image[30:40, 40:60] = RED
     image[40:45, 40:60] = BLUE
-    around = REGION.ring_px
+    around = np.argwhere(REGION.is_ring)[:, ::-1] + REGION.corner_px
     image[around[:50, 1], around[:50, 0]] = BLUE
     red = np.log((200 / 400) / (1 / len(around)))
     blue = np.log((100 / 400) / (50 / len(around)))
@@ -71,7 +71,7 @@ def test_an_object_that_fills_the_image_has_its_colours_as_they_are():
     image = image_of(RED)
     image[:20] = BLUE
     region = region_of(np.array([[-1.0, -1], [101, -1], [101, 81], [-1, 81]]), SIZE_PX)
-    assert len(region.ring_px) == 0
+    assert not region.is_ring.any()
     ratios = color_ratios(image, region)
     assert ratios[bin_of(RED)] == 1.0
     assert ratios[bin_of(BLUE)] == pytest.approx(np.log(2000) / np.log(6000))
@@ -80,7 +80,7 @@ def test_an_object_that_fills_the_image_has_its_colours_as_they_are():
 def test_a_ring_cut_off_by_the_image_counts_by_its_share():
     # An object at the border: its ring is less than half of it, and of the same colours half and half.
     region = region_of(np.array([[0.0, 0], [59, 0], [59, 79], [0, 79]]), SIZE_PX)
-    assert len(region.ring_px) < 0.5 * len(region.inside_px)
+    assert region.is_ring.sum() < 0.5 * region.is_inside.sum()
     image = image_of(RED)
     image[::2] = BLUE
     assert color_ratios(image, region).max() == 0

@@ -49,16 +49,6 @@ class ImageRegion:
         return self._pixels_within(self.outer_px) & ~self.is_inside
 
     @property
-    def inside_px(self) -> Int:
-        """(K, 2) columns and rows of the pixels within Ω."""
-        return self._places(self.is_inside)
-
-    @property
-    def ring_px(self) -> Int:
-        """(R, 2) columns and rows of the pixels of the ring."""
-        return self._places(self.is_ring)
-
-    @property
     def window(self) -> tuple[slice, slice]:
         """Rows and columns of the image that `is_inside` and `is_ring` cover."""
         (column, row), (height, width) = self.corner_px, self.is_inside.shape
@@ -87,10 +77,6 @@ class ImageRegion:
         high = np.floor(self.outer_px.max(axis=0)) + 1
         end_px = np.clip(high, self.corner_px, self.image_size_px).astype(int)
         return _pixels_within(outline_px, self.corner_px, end_px)
-
-    def _places(self, mask: Bool) -> Int:
-        rows, columns = np.nonzero(mask)
-        return np.column_stack([columns, rows]) + self.corner_px
 
 
 def region_of(
