@@ -112,23 +112,25 @@ class LevelChain:
 class Remembering:
     """A stage that was told the tracks of every scan."""
 
-    def __init__(self, answers: list[Tracks]) -> None:
-        self._answers = iter(answers)
+    def __init__(self, predictions: list[Tracks]) -> None:
+        self._predictions = iter(predictions)
 
     def update(self, scan: SegmentedScan) -> Tracks:
-        return next(self._answers)
+        return next(self._predictions)
 
 
 def test_the_command_compares_methods_and_writes_the_same_as_json(
     drive: SyntheticDrive, tmp_path: Path, monkeypatch, capsys
 ):
     folder = write_tracking(drive, tmp_path / "drive", 0, lambda: None)
-    answers = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
+    predictions = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
     monkeypatch.setattr(perception.pipeline.lidar_stages, "LidarStages", LevelChain)
     monkeypatch.setattr(
         perception.datmo.stage,
         "datmo_stage",
-        lambda config, sensor, area: Remembering(answers) if config.method == "default" else None,
+        lambda config, sensor, area: (
+            Remembering(predictions) if config.method == "default" else None
+        ),
     )
     out = tmp_path / "figures.json"
     words = ["datmo", str(folder), "--protocol.view", "all", "--methods", "thesis,default"]

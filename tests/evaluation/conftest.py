@@ -12,7 +12,7 @@ Frames = list[TrackedFrame]
 
 @pytest.fixture
 def frame_of() -> Callable[..., TrackedFrame]:
-    """Return what makes a frame of plain lists: the ids of truths and tracks, and their likeness."""
+    """Return what makes a frame of plain lists: the ids of truths and tracks, and their similarity."""
 
     def make(truths: list[int], tracks: list[int], similarity: list[list[float]]) -> TrackedFrame:
         table = np.array(similarity, float).reshape(len(truths), len(tracks))
@@ -23,7 +23,7 @@ def frame_of() -> Callable[..., TrackedFrame]:
 
 @pytest.fixture(params=range(6))
 def crowd(request: pytest.FixtureRequest) -> Frames:
-    """Return a sequence of many rivals, with frames in which nobody is there, or nobody answered."""
+    """Return a sequence of many rivals, with frames without an object, or nothing is predicted."""
     rng = np.random.default_rng(request.param)
     count = int(rng.integers(3, 12))
     frames = []

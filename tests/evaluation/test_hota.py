@@ -1,4 +1,4 @@
-"""HOTA on sequences that can be counted by hand, and against its plain form."""
+"""HOTA on sequences that can be counted by hand, and against the reference implementation."""
 
 from dataclasses import fields, replace
 
@@ -36,7 +36,7 @@ def test_one_object_followed_by_two_tracks_in_turn(frame_of):
 
 
 def test_misses_and_false_boxes(frame_of):
-    # 3 true boxes, 2 answered, of which 1 is true.
+    # 3 true boxes, 2 predicted, of which 1 is true.
     result = hota([frame_of([1, 2], [5], [[1], [0]]), frame_of([1], [6], [[0]])])
     assert result.det_a.mean() == pytest.approx(1 / 4)
     assert result.det_re.mean() == pytest.approx(1 / 3)
@@ -45,7 +45,7 @@ def test_misses_and_false_boxes(frame_of):
     assert result.hota.mean() == pytest.approx(np.sqrt(1 / 4 * 1 / 2))
 
 
-def test_thresholds_up_to_the_likeness_count(frame_of):
+def test_thresholds_up_to_the_similarity_count(frame_of):
     result = hota([frame_of([1], [5], [[0.72]])] * 3)
     assert result.true_positives.tolist() == [3] * 14 + [0] * 5
     assert result.hota.mean() == pytest.approx(14 / 19)
@@ -56,7 +56,7 @@ def test_thresholds_up_to_the_likeness_count(frame_of):
     ("similarity", "levels"),
     [(0.15, 3), (0.35, 7), (0.5, 10), (np.nextafter(0.5, 0), 10), (0.4999, 9), (0.95, 19)],
 )
-def test_a_likeness_of_the_threshold_itself_counts(frame_of, similarity, levels):
+def test_a_similarity_of_the_threshold_itself_counts(frame_of, similarity, levels):
     result = hota([frame_of([1], [5], [[similarity]])])
     assert result.true_positives.sum() == levels
 

@@ -1,4 +1,4 @@
-"""Identity measures on sequences that can be counted by hand, and against their plain form."""
+"""Identity measures on sequences that can be counted by hand, and against the reference implementation."""
 
 from dataclasses import replace
 

@@ -44,7 +44,7 @@ def prediction(track: int, box: tuple, name: str = "Car") -> tuple:
 
 
 def evaluated(truth: Boxes, predictions: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
-    """Return the ids of truths and tracks that are judged in the only frame."""
+    """Return the ids of truths and tracks that are evaluated in the only frame."""
     (frame,) = kitti_frames(truth, predictions, name, 1)
     return frame.truth_ids.tolist(), frame.track_ids.tolist()
 
@@ -70,11 +70,11 @@ def low(height: float, box: tuple = FAR) -> tuple:
     ids=[
         "the class itself",
         "without case, largely occluded",
-        "occlusion unknown: neither label nor answer",
-        "truncated: neither label nor answer",
-        "truncated: an answer elsewhere is judged",
-        "neighbour: the answer to it is left out",
-        "neighbour: an answer elsewhere is judged",
+        "occlusion unknown: neither label nor prediction",
+        "truncated: neither label nor prediction",
+        "truncated: a prediction elsewhere is evaluated",
+        "neighbour: the prediction matched to it is left out",
+        "neighbour: a prediction elsewhere is evaluated",
         "another class is not looked at",
         "a row without an id is dropped",
         "a neighbour without an id too",
@@ -171,7 +171,7 @@ def test_other_rules_may_be_set():
     assert frame.truth_ids.tolist() == [1]
 
 
-def test_what_cannot_be_judged():
+def test_what_cannot_be_evaluated():
     with fault(UsageError, expected="one of car, pedestrian, cyclist", found="'tram'"):
         kitti_frames(boxes(), boxes(), "tram", 1)
     with fault(PerceptionError, expected="0 to 0", found="0 to 3"):

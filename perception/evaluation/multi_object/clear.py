@@ -67,16 +67,6 @@ class Clear:
         """Mean similarity of the matched boxes: 1 is best."""
         return _ratio(self.similarity_sum, self.true_positives)
 
-    @property
-    def recall(self) -> float:
-        """Share of the true boxes that are matched."""
-        return _ratio(self.true_positives, self.true_positives + self.false_negatives)
-
-    @property
-    def precision(self) -> float:
-        """Share of the predicted boxes that are matched."""
-        return _ratio(self.true_positives, self.true_positives + self.false_positives)
-
     def _accuracy(self, earned: float) -> float:
         true_boxes = self.true_positives + self.false_negatives
         return _ratio(earned - self.false_positives, true_boxes)
