@@ -7,7 +7,7 @@ from perception.cli.main import main
 
 def test_every_part_prints_a_table_and_its_ratios(tmp_path, capsys):
     path = tmp_path / "bench.json"
-    assert main(["bench", "--frames", "3", "--chain-frames", "3", "--json", str(path)]) == 0
+    assert main(["bench", "--frames", "2", "--chain-frames", "3", "--json", str(path)]) == 0
     printed = capsys.readouterr().out
     for title in ("whole chain", "registration", "ground", "voxel counting", "static and moving"):
         assert f"\n{title}" in printed
