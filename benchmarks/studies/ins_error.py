@@ -6,7 +6,6 @@ from pathlib import Path
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from benchmarks.studies.tracking_metrics import (
     PROTOCOL,
-    StudyTrackingMetrics,
     by_metric,
     measure_methods,
     total,
@@ -54,13 +53,11 @@ def ins_error(
         out: Figure; a JSON file with the numbers is written beside it.
     """
     model = load_sensor(sensor)
-    parts: dict[InsNoise, list[dict[str, StudyTrackingMetrics]]] = {c: [] for c in config.cases()}
+    parts = []
     for seed in streets.seeds:
-        exact = InsNoise(0.0, 0.0)
-        drive = CachedDrive(streets.frames, seed=seed, sensor=model, noise=exact)
-        for noise, drives in parts.items():
-            drives.append(measure_methods(drive.with_ins(noise)))
-    metrics = {noise: total(drives) for noise, drives in parts.items()}
+        drive = CachedDrive(streets.frames, seed=seed, sensor=model)
+        parts.append({ins: measure_methods(drive.with_ins(ins)) for ins in config.cases()})
+    metrics = {ins: total([part[ins] for part in parts]) for ins in config.cases()}
     title = f"Tracks of moving objects over the error of the INS, {model.name}, {streets.title}"
     positions = [metrics[InsNoise(position_m, 0.0)] for position_m in config.positions_m]
     angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in config.angles_deg]
@@ -75,9 +72,6 @@ def ins_error(
         out,
         "7.1.1, tolerance to localization error",
         table=tracking_table(title, "INS error: method", cases),
-        numbers=[
-            {"ins": noise, "methods": {m: one.values() for m, one in methods.items()}}
-            for noise, methods in metrics.items()
-        ],
+        numbers=[{"ins": ins, "methods": methods} for ins, methods in metrics.items()],
         conditions={"drives": streets, "config": config, "sensor": model, "protocol": PROTOCOL},
     )

@@ -43,9 +43,6 @@ def sensors(*, streets: StreetFlags, out: Path = RESULTS / "sensors.png") -> Non
         out,
         "none: the thesis has one sensor",
         table=tracking_table(title, "LiDAR: method", metrics),
-        numbers={
-            sensor: {method: one.values() for method, one in methods.items()}
-            for sensor, methods in metrics.items()
-        },
+        numbers=metrics,
         conditions={"drives": streets, "sensors": SENSORS, "protocol": PROTOCOL},
     )

@@ -1,7 +1,6 @@
 """Metrics of the tracks of moving objects on synthetic drives, for the studies of INS and sensor."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
 
@@ -12,7 +11,6 @@ from perception.cli.evaluate_datmo import Method, compare_methods
 from perception.cli.flags import DriveFlags
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.datmo_measure import DatmoReport
-from perception.evaluation.multi_object.mot_metrics import MotMetrics
 from perception.pipeline import PipelineConfig
 from perception.types import Drive, Float64
 
@@ -20,76 +18,45 @@ METHODS: tuple[Method, ...] = ("thesis", "author", "default")
 # Everything around the vehicle counts, as synthetic truth is exact.
 PROTOCOL = DatmoProtocol(view="all")
 
-
-@dataclass(frozen=True)
-class StudyTrackingMetrics:
-    """Metrics of one method over any number of drives.
-
-    Attributes:
-        scores: HOTA, CLEAR and identity counts by centre distance.
-        false_tracks: Number of tracks that match no moving object.
-        duration_s: Duration of all drives in seconds.
-    """
-
-    scores: MotMetrics = field(default_factory=MotMetrics)
-    false_tracks: int = 0
-    duration_s: float = 0.0
-
-    def __add__(self, other: "StudyTrackingMetrics") -> "StudyTrackingMetrics":
-        """Return the metrics of both, as of one longer drive."""
-        return StudyTrackingMetrics(
-            self.scores + other.scores,
-            self.false_tracks + other.false_tracks,
-            self.duration_s + other.duration_s,
-        )
-
-    @classmethod
-    def of(cls, report: DatmoReport) -> "StudyTrackingMetrics":
-        """Return the metrics of an evaluation."""
-        return cls(report.by_distance, len(report.false_tracks.ids), report.duration_s)
-
-    def values(self) -> dict[str, float]:
-        """Return the values that are shown, by name with unit."""
-        minutes = self.duration_s / 60
-        return {
-            "HOTA [%]": 100 * self.scores.hota.hota.mean(),
-            "MOTA [%]": 100 * self.scores.clear.mota,
-            "IDF1 [%]": 100 * self.scores.identity.idf1,
-            "false tracks [/min]": self.false_tracks / minutes if minutes else np.nan,
-        }
+# Values by metric with unit, of each method.
+MethodMetrics = Mapping[str, Mapping[str, float]]
 
 
-MethodMetrics = Mapping[str, StudyTrackingMetrics]
-
-
-def measure_methods(drive: Drive) -> dict[str, StudyTrackingMetrics]:
+def measure_methods(drive: Drive) -> Mapping[str, DatmoReport]:
     """Run every method on the same segmented scans of a drive, and measure its tracks."""
-    comparison = compare_methods(
-        drive, DriveFlags(), PipelineConfig.for_motion(), METHODS, PROTOCOL
-    )
-    reports = comparison.reports
-    return {method: StudyTrackingMetrics.of(report) for method, report in reports.items()}
+    config = PipelineConfig.for_motion()
+    return compare_methods(drive, DriveFlags(), config, METHODS, PROTOCOL).reports
 
 
-def total(parts: Sequence[MethodMetrics]) -> dict[str, StudyTrackingMetrics]:
-    """Return each method's metrics over several drives."""
-    return {method: reduce(add, (part[method] for part in parts)) for method in parts[0]}
+def total(drives: Sequence[Mapping[str, DatmoReport]]) -> MethodMetrics:
+    """Return each method's metrics over several drives, as of one longer drive."""
+    return {method: _values([reports[method] for reports in drives]) for method in drives[0]}
+
+
+def _values(reports: Sequence[DatmoReport]) -> dict[str, float]:
+    scores = reduce(add, (report.by_distance for report in reports))
+    false_tracks = sum(len(report.false_tracks.ids) for report in reports)
+    minutes = sum(report.duration_s for report in reports) / 60
+    return {
+        "HOTA [%]": 100 * scores.hota.hota.mean(),
+        "MOTA [%]": 100 * scores.clear.mota,
+        "IDF1 [%]": 100 * scores.identity.idf1,
+        "false tracks [/min]": false_tracks / minutes if minutes else np.nan,
+    }
 
 
 def by_metric(cases: Sequence[MethodMetrics]) -> dict[str, dict[str, Float64]]:
     """Return for each metric the (K,) values of each method over K cases."""
-    shown = [{method: one.values() for method, one in case.items()} for case in cases]
     return {
-        name: {m: np.array([case[m][name] for case in shown], np.float64) for m in METHODS}
-        for name in StudyTrackingMetrics().values()
+        name: {m: np.array([case[m][name] for case in cases], np.float64) for m in METHODS}
+        for name in cases[0][METHODS[0]]
     }
 
 
 def tracking_table(title: str, heading: str, cases: Mapping[str, MethodMetrics]) -> str:
     """Return a table with a row for each case and method."""
     rows = {
-        f"{case}: {method}": list(methods[method].values().values())
-        for case, methods in cases.items()
-        for method in METHODS
+        f"{case}: {m}": [*values.values()] for case in cases for m, values in cases[case].items()
     }
-    return value_table(title, heading, list(StudyTrackingMetrics().values()), rows)
+    columns = list(next(iter(cases.values()))[METHODS[0]])
+    return value_table(title, heading, columns, rows)
