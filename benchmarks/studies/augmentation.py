@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from train.verifier.run import TrainedVerifier
 
 # Accuracy on the training and on the validation set in percent.
-THESIS_PERCENT = {"without augmentation": (92.83, 86.69), "with augmentation": (96.45, 91.93)}
-_FOLDERS = {"without augmentation": "without", "with augmentation": "with"}
+THESIS_PERCENT = {"without": (92.83, 86.69), "with": (96.45, 91.93)}
 _LOGGED = ("train/accuracy", "validation/accuracy")
 
 
@@ -72,21 +71,17 @@ def augmentation(
         out,
         "Table 7.8",
         table=_table(config.method, trained),
-        numbers={_FOLDERS[name]: asdict(one) for name, one in trained.items()},
-        conditions={
-            "experiment": experiment,
-            "run": run,
-            "thesis_percent": {_FOLDERS[name]: both for name, both in THESIS_PERCENT.items()},
-        },
+        numbers={name: asdict(one) for name, one in trained.items()},
+        conditions={"experiment": experiment, "run": run, "thesis_percent": THESIS_PERCENT},
     )
 
 
 def _train(
     experiment: VerifierExperiment, run: TrainingRun, name: str, plot_path: Path, resume: str | None
 ) -> "TrainedVerifier":
-    out = plot_path.with_suffix("") / _FOLDERS[name]
+    out = plot_path.with_suffix("") / name
     is_resumed = resume == "last" and (out / "last.ckpt").exists()
-    data = replace(experiment.data, augment=name == "with augmentation")
+    data = replace(experiment.data, augment=name == "with")
     trained: TrainedVerifier = import_trainer("train.verifier.run").run_experiment(
         replace(experiment, data=data),
         run,
@@ -103,7 +98,7 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> str:
         f"Accuracy in %, {method} network: {counts['training_crops']} training and "
         f"{counts['validation_crops']} validation crops"
     )
-    rows = {name: (one, *THESIS_PERCENT[name]) for name, one in trained.items()}
+    rows = {f"{name} augmentation": (one, *THESIS_PERCENT[name]) for name, one in trained.items()}
     columns: list[Column[tuple[TrainedVerifier, float, float]]] = [
         Column("best epoch", lambda row: row[0].epoch),
         Column("training", lambda row: 100 * row[0].training["accuracy"], ".2f"),
@@ -124,6 +119,8 @@ def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifie
     for name, one in trained.items():
         found = read_scalars(one.checkpoint.parent, _LOGGED)
         for part, values in zip(("training", "validation"), found.values(), strict=True):
-            curves.append(Curve(f"{name}, {part}", range(1, len(values) + 1), 100 * values))
+            curves.append(
+                Curve(f"{name} augmentation, {part}", range(1, len(values) + 1), 100 * values)
+            )
     title = f"Accuracy during training, {method} network (training: augmented, half vehicles)"
     plot_curves(plot_path, title, [CurvePanel("", "epoch", "accuracy [%]", curves)])

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from data.atomic_file import write_atomically
 from data.detections.measured_detectors import DetectorOptions, measured_network
@@ -35,9 +35,6 @@ from train.detector.config import (
     DetectorModelConfig,
     Preset,
 )
-
-if TYPE_CHECKING:
-    pass
 
 IOU = (0.7, 0.5)
 
@@ -159,11 +156,11 @@ def study_variants(
         PerceptionError: A drive cannot be read or used.
     """
     drives = (*flags.validation, *others)
-    metrics = {}
-    for name, variant in variants.items():
-        folder = out / name.replace(" ", "-").replace("/", "-")
-        metrics[name] = _measured(_trained(variant, flags, folder), flags, drives, folder)
-    return metrics
+    folders = {name: out / name.replace(" ", "-").replace("/", "-") for name in variants}
+    return {
+        name: _measured(_trained(variants[name], flags, folder), flags, drives, folder)
+        for name, folder in folders.items()
+    }
 
 
 def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Mapping[str, Any]:
@@ -181,17 +178,15 @@ def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Map
             advice="choose another --out",
         )
     write_json(folder / "settings.json", settings)
-    done: Mapping[str, Any] | None = _read(folder / "trained.json")
-    if done is None:
-        resume = "last" if (folder / "last.ckpt").exists() else None
+    if not (folder / "trained.json").exists():
         from train.detector.run import run_experiment
 
+        resume = "last" if (folder / "last.ckpt").exists() else None
         trained = run_experiment(
             variant.experiment, run, folder, resume, frame_progress_bar("images")
         )
         write_json(folder / "trained.json", trained)
-        done = _read(folder / "trained.json")
-        assert done is not None
+    done: Mapping[str, Any] = _read(folder / "trained.json")
     return done
 
 
