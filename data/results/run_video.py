@@ -11,7 +11,7 @@ from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
 from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.trails import Trails
-from perception.render.video import VideoFile
+from perception.render.video import VideoWriter
 from perception.types import Drive, Result
 
 # Bounds the memory of frames that wait to be drawn.
@@ -58,7 +58,7 @@ class RunVideoWriter:
         """
         self._out, self._composition = out, composition
         self._middle, self._count = frames // 2, 0
-        self._video = VideoFile(out / "video.mp4", drive.sensor.rate_hz)
+        self._video = VideoWriter(out / "video.mp4", drive.sensor.rate_hz)
         self._trails = Trails()
         self._worker = ThreadWorker("video")
         self._queue: deque[Future[None]] = deque()

@@ -27,7 +27,7 @@ _MPEG4_BITS_PER_PIXEL = 2
 _HYBRID_SINCE = (61, 7)
 
 
-class VideoSink(AbstractContextManager["VideoSink"], Protocol):
+class ImageSink(AbstractContextManager["ImageSink"], Protocol):
     """Writer of a sequence of images."""
 
     def add(self, image: UInt8) -> None:
@@ -35,8 +35,8 @@ class VideoSink(AbstractContextManager["VideoSink"], Protocol):
         ...
 
 
-class NoVideo:
-    """Writer that drops all images; implements `VideoSink`."""
+class NullVideoWriter:
+    """Writer that drops all images; implements `ImageSink`."""
 
     def __enter__(self) -> Self:
         return self
@@ -47,8 +47,8 @@ class NoVideo:
         """Drop the image."""
 
 
-class VideoFile:
-    """Writer of an MP4 file; implements `VideoSink`.
+class VideoWriter:
+    """Writer of an MP4 file; implements `ImageSink`.
 
     The file has the name `partial_path` until it is complete; where a run stops early, that file plays all images
     so far. Without images no file is written.
@@ -147,9 +147,9 @@ def _to_yuv420(image: UInt8) -> UInt8:
     return planes
 
 
-def open_video(path: Path | None, rate_hz: float = 10.0) -> VideoSink:
+def open_video(path: Path | None, rate_hz: float = 10.0) -> ImageSink:
     """Return the writer of a file, or one that drops all images where there is no path."""
-    return NoVideo() if path is None else VideoFile(path, rate_hz)
+    return NullVideoWriter() if path is None else VideoWriter(path, rate_hz)
 
 
 def _best_encoder() -> str:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from perception.errors import ImageError
-from perception.render.video import NoVideo, VideoFile, open_video
+from perception.render.video import NullVideoWriter, VideoWriter, open_video
 
 PICTURE = np.full((64, 96, 3), (200, 40, 40), np.uint8)
 
@@ -26,7 +26,7 @@ def read_back(path):
 
 def test_every_picture_is_read_back(tmp_path):
     path = tmp_path / "new folder" / "drive.mp4"
-    with VideoFile(path, rate_hz=10.0) as video:
+    with VideoWriter(path, rate_hz=10.0) as video:
         for _ in range(12):
             video.add(PICTURE)
     played = read_back(path)
@@ -40,7 +40,7 @@ def test_every_picture_is_read_back(tmp_path):
 
 def test_a_failed_run_leaves_a_file_that_plays(tmp_path):
     path = tmp_path / "drive.mp4"
-    with pytest.raises(RuntimeError, match="broke"), VideoFile(path) as video:
+    with pytest.raises(RuntimeError, match="broke"), VideoWriter(path) as video:
         for _ in range(5):
             video.add(PICTURE)
         raise RuntimeError("the run broke")
@@ -51,14 +51,14 @@ def test_a_failed_run_leaves_a_file_that_plays(tmp_path):
 def test_a_failed_run_leaves_the_last_good_video_alone(tmp_path):
     path = tmp_path / "drive.mp4"
     path.write_bytes(b"of an earlier run")
-    with pytest.raises(RuntimeError), VideoFile(path) as video:
+    with pytest.raises(RuntimeError), VideoWriter(path) as video:
         video.add(PICTURE)
         raise RuntimeError
     assert path.read_bytes() == b"of an earlier run"
 
 
 def test_another_size_is_refused_and_the_pictures_so_far_are_kept(tmp_path):
-    with pytest.raises(ImageError) as error, VideoFile(tmp_path / "drive.mp4") as video:
+    with pytest.raises(ImageError) as error, VideoWriter(tmp_path / "drive.mp4") as video:
         video.add(PICTURE)
         video.add(PICTURE[:32])
     assert error.value.found == str(PICTURE[:32].shape)
@@ -66,20 +66,20 @@ def test_another_size_is_refused_and_the_pictures_so_far_are_kept(tmp_path):
 
 
 def test_odd_sizes_are_refused_before_a_file_is_made(tmp_path):
-    with pytest.raises(ImageError) as error, VideoFile(tmp_path / "drive.mp4") as video:
+    with pytest.raises(ImageError) as error, VideoWriter(tmp_path / "drive.mp4") as video:
         video.add(PICTURE[:63])
     assert error.value.found == f"{PICTURE.shape[1]}x63 pixels"
     assert list(tmp_path.iterdir()) == []
 
 
 def test_without_pictures_there_is_no_file(tmp_path):
-    with VideoFile(tmp_path / "drive.mp4"):
+    with VideoWriter(tmp_path / "drive.mp4"):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 def test_no_video_takes_pictures_all_the_same(tmp_path):
     with open_video(None) as nothing:
-        assert isinstance(nothing, NoVideo)
+        assert isinstance(nothing, NullVideoWriter)
         nothing.add(PICTURE)
-    assert isinstance(open_video(tmp_path / "drive.mp4"), VideoFile)
+    assert isinstance(open_video(tmp_path / "drive.mp4"), VideoWriter)
