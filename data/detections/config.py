@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.samples.config import DriveDataConfig
+from perception.detection.config import DEFAULT_NMS, NmsConfig
 from perception.types import MODALITIES, Modality
 
 if TYPE_CHECKING:
@@ -25,8 +26,11 @@ class DetectorModelPaths:
     dm: Path | None = None
     rm: Path | None = None
 
-    def open(self) -> "dict[Modality, ModalityDetector]":
+    def open(self, nms: NmsConfig = DEFAULT_NMS) -> "dict[Modality, ModalityDetector]":
         """Open all three.
+
+        Args:
+            nms: Score threshold and suppression.
 
         Raises:
             ModelError: there is no such file, or it holds no detector.
@@ -34,7 +38,7 @@ class DetectorModelPaths:
         from perception.detection.detectors.modality_detector import ModalityDetector
 
         files = {name: getattr(self, name) or name for name in MODALITIES}
-        return {name: ModalityDetector(file, threads=1) for name, file in files.items()}
+        return {name: ModalityDetector(file, threads=1, nms=nms) for name, file in files.items()}
 
     def fingerprint(self) -> str:
         """Return a hash of the three files."""

@@ -6,11 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from data.array_store import ArrayStore
-from data.detections.cached_detections import (
-    FingerprintedDetector,
-    detected_scene,
-    models_fingerprint,
-)
+from data.detections.cached_detections import FingerprintedDetector, detected_scene
+from data.detections.config import DetectorModelPaths
 from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modalities import modality_image
@@ -18,7 +15,6 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.onnx_model import shipped_model
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
@@ -28,7 +24,7 @@ from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import MODALITIES, Drive, Frame, Modality, Progress, UInt8
+from perception.types import MODALITIES, Drive, Frame, Progress, UInt8
 
 _THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
 Detect = Callable[[Frame], Any]
@@ -140,7 +136,9 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
         expected = "one class with --detector fusion"
         raise UsageError("--classes", expected=expected, found=",".join(options.classes))
     fusions = open_fusions(options.config, options.fusions, detector)
-    cached = FingerprintedDetector(detector, _fingerprint(options.config))
+    # Everything besides the frames that the cached detections depend on.
+    fingerprint = f"{_model_paths(options.config).fingerprint()} {options.config.nms}"
+    cached = FingerprintedDetector(detector, fingerprint)
     store = ArrayStore(options.cache)
 
     def start(drive: Drive) -> tuple[Detect, FusionMeasure]:
@@ -159,12 +157,9 @@ def open_modalities(config: DetectionConfig) -> MultimodalDetector:
     Raises:
         ModelError: a file holds no detector, or one of another modality or other classes.
     """
-    return MultimodalDetector(
-        {
-            name: ModalityDetector(config.models[name] or name, threads=1, nms=config.nms)
-            for name in _modalities(config)
-        }
-    )
+    opened = _model_paths(config).open(config.nms)
+    chosen = config.modalities or MODALITIES
+    return MultimodalDetector({name: one for name, one in opened.items() if name in chosen})
 
 
 def open_fusions(
@@ -227,18 +222,8 @@ def _camera_image(frame: Frame) -> UInt8:
     return modality_image(frame, "dm" if frame.image is None else "rgb")
 
 
-def _modalities(config: DetectionConfig) -> tuple[Modality, ...]:
-    return config.modalities or MODALITIES
-
-
-def _fingerprint(config: DetectionConfig) -> str:
-    """Return a hash of everything besides the frames that the cached detections depend on."""
-    files = {
-        name: config.models[name] or shipped_model(f"{name}_compact")
-        for name in _modalities(config)
-    }
-    contents = {name: file.read_bytes() for name, file in files.items()}
-    return f"{models_fingerprint(contents)} {config.nms}"
+def _model_paths(config: DetectionConfig) -> DetectorModelPaths:
+    return DetectorModelPaths(config.rgb_model, config.dm_model, config.rm_model)
 
 
 def _parse_classes(names: Sequence[str], known: Sequence[str]) -> tuple[DetectionClass, ...]:

@@ -12,7 +12,7 @@ from data.frames import file_number, frame_count, read_frames
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError
 from perception.evaluation.detection.frame_errors import worst_frames
-from perception.evaluation.report import Report, Table
+from perception.evaluation.report import Table
 from perception.geometry.threads import limit_blas_threads
 from perception.render.detections import draw_detection_errors
 from perception.types import Detections, Drive, Frame, OnBadFrame
@@ -148,52 +148,11 @@ class DriveReader:
         return DriveInfo(name, kind, root, sensor, len(drive), len(indices)), indices
 
 
-@dataclass(frozen=True)
-class WorstFrames:
-    """Images of the frames with most errors.
-
-    Attributes:
-        folder: Folder of DRIVE_CLASS_RANK_NUMBER.jpg.
-        iou: IoU that a detection must exceed to match an object.
-        count: Number of images of each drive and class.
-    """
-
-    folder: Path
-    iou: float
-    count: int = 12
-
-    def draw(
-        self,
-        info: DriveInfo,
-        drive: Drive,
-        indices: Sequence[int],
-        detector: MeasuredDetector,
-        measure: Any,  # noqa: ANN401 - of its detector
-    ) -> None:
-        """Draw the worst frames of each class."""
-        name = "_".join(re.findall(r"\w+", info.name))
-        truths, detections = measure.boxes()
-        for one in detector.classes:
-            target, frames = one.at_iou(self.iou), len(indices)
-            found = worst_frames(truths, detections, frames, target, self.count)
-            for rank, errors in enumerate(found):
-                index, boxes = indices[errors.place], errors.detections
-                image = draw_detection_errors(
-                    detector.image(drive[index]),
-                    errors.objects_px,
-                    errors.ignored_px,
-                    Detections(boxes.boxes_px, boxes.scores, boxes.types),
-                    self.iou,
-                )
-                file = f"{name}_{one.name}_{rank:02d}_{file_number(drive, index):06d}.jpg"
-                write_jpeg(self.folder / file, image, quality=95)
-
-
 def measure_drives(
     detector: MeasuredDetector,
     paths: Sequence[Path],
     reader: DriveReader,
-    images: WorstFrames | None = None,
+    worst: tuple[Path, int] | None = None,
 ) -> DrivesReport:
     """Measure a detector on every drive of the paths.
 
@@ -201,16 +160,43 @@ def measure_drives(
         detector: Detector with its networks open.
         paths: Folders of labelled drives.
         reader: How they are opened and read.
-        images: Images of the frames with most errors, or None.
+        worst: Folder for images of the frames with most errors, and their number for each drive and class.
 
     Raises:
         PerceptionError: a drive, a frame or its labels cannot be read or used.
     """
-    measured: list[tuple[DriveInfo, Report]] = []
+    measured = []
     for name, drive in reader.drives(paths):
         detect, measure = detector.start(drive)
         info, indices = reader.feed(name, drive, detect, measure)
         measured.append((info, measure.compute()))
-        if images is not None:
-            images.draw(info, drive, indices, detector, measure)
+        if worst is not None:
+            _draw_worst_frames(*worst, name, drive, detector, measure, indices)
     return DrivesReport(measured)
+
+
+def _draw_worst_frames(  # noqa: PLR0913, PLR0917 - what the images show
+    folder: Path,
+    count: int,
+    name: str,
+    drive: Drive,
+    detector: MeasuredDetector,
+    measure: Any,  # noqa: ANN401 - of its detector
+    indices: Sequence[int],
+) -> None:
+    """Write DRIVE_CLASS_RANK_NUMBER.jpg of the frames with most errors of each class."""
+    stem, (truths, detections) = "_".join(re.findall(r"\w+", name)), measure.boxes()
+    for one in detector.classes:
+        target = one.at_iou(measure.config.iou[0])
+        found = worst_frames(truths, detections, len(indices), target, count)
+        for rank, errors in enumerate(found):
+            index, boxes = indices[errors.place], errors.detections
+            image = draw_detection_errors(
+                detector.image(drive[index]),
+                errors.objects_px,
+                errors.ignored_px,
+                Detections(boxes.boxes_px, boxes.scores, boxes.types),
+                target.iou,
+            )
+            file = f"{stem}_{one.name}_{rank:02d}_{file_number(drive, index):06d}.jpg"
+            write_jpeg(folder / file, image, quality=95)

@@ -58,7 +58,7 @@ def evaluate_detection(  # noqa: PLR0913 - flags of a command
         detection: Detectors: networks, proposals, suppression.
     """
     from data.detections.measured_detectors import DetectorOptions, open_detector
-    from data.detections.measured_drives import DriveReader, WorstFrames, measure_drives
+    from data.detections.measured_drives import DriveReader, measure_drives
     from perception.cli.progress import progress_bar
 
     require_positive("--worst-count", worst_count)
@@ -66,9 +66,9 @@ def evaluate_detection(  # noqa: PLR0913 - flags of a command
         raise UsageError("--reliability-plot", expected="--detector fusion", found=detector)
     options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar())
     opened = open_detector(detector, options)
-    images = None if worst_frames is None else WorstFrames(worst_frames, metric.iou[0], worst_count)
+    worst = None if worst_frames is None else (worst_frames, worst_count)
     reader = DriveReader(**vars(drive), progress=progress_bar)
-    measured = measure_drives(opened, drives, reader, images)
+    measured = measure_drives(opened, drives, reader, worst)
     document = EvaluationDocument(
         "detection",
         measured.data,
