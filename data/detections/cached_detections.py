@@ -20,7 +20,6 @@ import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
-from data.samples.config import OnBadFrame
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.errors import DriveError, PerceptionError, UsageError
@@ -34,6 +33,7 @@ from perception.types import (
     Labels,
     Modality,
     ModalityDetections,
+    OnBadFrame,
     Progress,
 )
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import ClassVar, Literal, Self
 
 from perception.errors import UsageError
+from perception.types import OnBadFrame
 
 SplitBy = Literal["frames", "drives"]
-OnBadFrame = Literal["stop", "skip"]
 
 
 @dataclass(frozen=True)

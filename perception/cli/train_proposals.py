@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from data.samples.config import OnBadFrame
-from perception.types import Method
+from perception.types import Method, OnBadFrame
 from train.proposal_search.grid import SearchGrid
 
 if TYPE_CHECKING:

@@ -7,13 +7,12 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from data.samples.config import OnBadFrame
 from data.samples.crops.config import CropSamplingConfig
 from data.samples.crops.labelled_frames import LabelledFrames, ProposalScene
 from data.samples.crops.matching import MATCHERS, VEHICLE
 from perception.detection.depthcn.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError
-from perception.types import ArrayTable, Bool, Float32, Float64, Int, Progress
+from perception.types import ArrayTable, Bool, Float32, Float64, Int, OnBadFrame, Progress
 
 log = logging.getLogger(__name__)
 
