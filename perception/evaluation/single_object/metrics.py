@@ -1,6 +1,7 @@
 """Metrics of trackers of one object: those of the thesis, and one-pass evaluation."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -96,19 +97,12 @@ def single_object_metrics(
     )
 
 
-@dataclass(frozen=True)
-class CorrectFrames:
-    """Correct frames by each of three criteria.
+class CorrectFrames(NamedTuple):
+    """Correct frames by each of three criteria; overlap and heading are (0,) for a tracker in the image alone."""
 
-    Attributes:
-        overlap: (K,) Whether the 3D overlap is correct; (0,) for a tracker in the image alone.
-        heading: (K,) Whether the heading is correct; (0,) for a tracker in the image alone.
-        location: (L,) Whether the location is correct, in the frames with the object in the image.
-    """
-
-    overlap: Bool
-    heading: Bool
-    location: Bool
+    overlap: Bool  # (K,)
+    heading: Bool  # (K,)
+    location: Bool  # (L,) in the frames with the object in the image
 
 
 def correct_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> CorrectFrames:

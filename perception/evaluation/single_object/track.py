@@ -111,11 +111,7 @@ class PredictedTrack(ArrayTable):
         return cls(
             frames=np.array(frames, np.int64),
             states=np.array([one.state for one in predictions], np.str_),
-            boxes_velo=Boxes3D(
-                np.array([box.bottom_m for box in boxes], np.float64).reshape(-1, 3),
-                np.array([box.size_m for box in boxes], np.float64).reshape(-1, 3),
-                np.array([box.yaw_rad for box in boxes], np.float64).reshape(-1),
-            ),
+            boxes_velo=Boxes3D.concatenate(boxes),
             boxes_px=np.array(boxes_px, np.float64).reshape(-1, 4),
             velocities_m_s=np.array([one.velocity_m_s for one in predictions]).reshape(-1, 2),
             seconds=np.array(seconds, np.float64),
