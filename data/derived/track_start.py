@@ -122,7 +122,7 @@ def parse_box(text: str) -> Boxes3D:
     """Parse one box from seven numbers, separated by commas or blanks.
 
     Args:
-        text: x y z of the centre of the bottom face in the LiDAR frame, length, width, height, yaw.
+        text: Centre of the bottom face x y z in the LiDAR frame, length, width, height, yaw.
 
     Raises:
         UsageError: these are not seven finite numbers, or a size is not above zero.
