@@ -13,7 +13,7 @@ import numpy as np
 from data.frames import frame_count
 from data.results.documents import write_config
 from data.results.run_folder import RunFolderWriter
-from data.results.run_video import NoRunVideo, RunVideo, RunVideoWriter
+from data.results.run_video import RunVideo
 from data.results.trajectory import TrajectoryRecord, trajectory_writer
 from perception.errors import PerceptionError
 from perception.evaluation.run_summary import RunSummary
@@ -158,14 +158,12 @@ class ObjectTracking:
 
 
 def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
-    if not config.video:
-        return NoRunVideo()
+    rate_hz, display_score = drive.sensor.rate_hz, config.pipeline.detection.display_score
     composition = Composition(
-        area=config.pipeline.area,
-        turn_s=1 / drive.sensor.rate_hz,
-        display_score=config.pipeline.detection.display_score,
+        area=config.pipeline.area, turn_s=1 / rate_hz, display_score=display_score
     )
-    return RunVideoWriter(out, drive, composition, frame_count(drive, config.frames))
+    count = frame_count(drive, config.frames)
+    return RunVideo(out, composition if config.video else None, rate_hz, count)
 
 
 def _handover(drive: Drive, config: RunConfig) -> TrackHandover | None:

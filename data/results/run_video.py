@@ -2,9 +2,8 @@
 
 from collections import deque
 from concurrent.futures import Future
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Self
 
 from data.atomic_file import write_jpeg
 from perception.pipeline.workers import ThreadWorker
@@ -12,53 +11,29 @@ from perception.render.composition import Composition
 from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.trails import Trails
 from perception.render.video import VideoWriter
-from perception.types import Drive, Result
+from perception.types import Result
 
 # Bounds the memory of frames that wait to be drawn.
 _MAX_QUEUED = 2
 
 
-class RunVideo(AbstractContextManager["RunVideo"], Protocol):
-    """Takes the frames of a run to draw."""
+class RunVideo:
+    """Writes `video.mp4` and `preview.jpg` of a run, or nothing; a context manager."""
 
-    def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
-        """Draw the next frame.
-
-        Args:
-            result: Result of the frame.
-            shown: The same without the object that `tracked` shows.
-            tracked: Figure of the object that is tracked beside the pipeline, or None.
-        """
-        ...
-
-
-class NoRunVideo:
-    """Draws nothing."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None: ...
-
-    def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
-        """Ignore the frame."""
-
-
-class RunVideoWriter:
-    """Writes `video.mp4` and `preview.jpg` of a run; a context manager."""
-
-    def __init__(self, out: Path, drive: Drive, composition: Composition, frames: int) -> None:
+    def __init__(
+        self, out: Path, composition: Composition | None, rate_hz: float, frames: int
+    ) -> None:
         """Start the thread that draws.
 
         Args:
             out: Folder of the results.
-            drive: Drive of the run.
-            composition: Layout of an image of the video.
+            composition: Layout of an image of the video; None to write nothing.
+            rate_hz: Frames per second of the video.
             frames: Number of frames of the run.
         """
         self._out, self._composition = out, composition
         self._middle, self._count = frames // 2, 0
-        self._video = VideoWriter(out / "video.mp4", drive.sensor.rate_hz)
+        self._video = None if composition is None else VideoWriter(out / "video.mp4", rate_hz)
         self._trails = Trails()
         self._worker = ThreadWorker("video")
         self._queue: deque[Future[None]] = deque()
@@ -74,19 +49,27 @@ class RunVideoWriter:
             is_complete = kind is None
         finally:
             self._worker.close()
-            self._video.close(is_complete=is_complete)
+            if self._video is not None:
+                self._video.close(is_complete=is_complete)
 
     def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
-        """Queue a frame; wait while the queue is full."""
+        """Queue the next frame; wait while the queue is full.
+
+        Args:
+            result: Result of the frame.
+            shown: The same without the object that `tracked` shows.
+            tracked: Figure of the object that is tracked beside the pipeline, or None.
+        """
         self._wait_for(_MAX_QUEUED - 1)
-        self._queue.append(self._worker.submit(self._draw, (result, shown, tracked)))
+        self._queue.append(self._worker.submit(self._draw, result, shown, tracked))
 
     def _wait_for(self, length: int) -> None:
         while len(self._queue) > length:
             self._queue.popleft().result()
 
-    def _draw(self, frame: tuple[Result, Result, TrackedObjectFigure | None]) -> None:
-        result, shown, tracked = frame
+    def _draw(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
+        if self._composition is None or self._video is None:
+            return
         self._trails.add(result)
         image = self._composition.draw(shown, self._trails, tracked)
         self._video.add(image)

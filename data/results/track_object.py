@@ -24,7 +24,6 @@ from perception.render.tracked_object_composition import TrackedObjectCompositio
 from perception.render.tracked_object_views import TrackedObjectScene
 from perception.render.trails import TrackedObjectTrail
 from perception.render.video import open_video
-from perception.sensor import LidarModel
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.handover import tracker_input_of
@@ -40,7 +39,6 @@ log = logging.getLogger(__name__)
 
 # Iterates over frames with a name and their number, and may show how many are done.
 FrameProgress = Callable[[Iterable[Frame], str, int], Iterable[Frame]]
-TrackerFactory = Callable[[str, LidarModel, SingleObjectTrackerConfig], SingleObjectTracker]
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,6 @@ class TrackConfig:
         on_bad_frame: Stop at a damaged frame, or skip it.
         pipeline: Configuration of the stages before the tracker.
         tracker_config: Parameters of the trackers.
-        make: Makes a tracker by its name.
     """
 
     tracker: str = "default"
@@ -63,7 +60,6 @@ class TrackConfig:
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig.for_motion("none"))
     tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
-    make: TrackerFactory = single_object_tracker
 
 
 def track_object(
@@ -81,7 +77,7 @@ def track_object(
     Raises:
         PerceptionError: the tracker cannot start, or a frame cannot be used; the results before it stay.
     """
-    tracker = config.make(config.tracker, drive.sensor, config.tracker_config)
+    tracker = single_object_tracker(config.tracker, drive.sensor, config.tracker_config)
     summary = TrajectorySummary(
         drive.name, config.tracker, start.name, out, start.truth, drive.calibration
     )
@@ -95,8 +91,7 @@ def track_object(
         records = files.enter_context(trajectory_writer(out))
         rows = RowWriter(out / "trajectory.txt", has_camera(drive.calibration))
         files.enter_context(closing(rows))
-        values = {name: value for name, value in vars(config).items() if name != "make"}
-        write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **values)
+        write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **vars(config))
         video_path = out / "video.mp4" if config.video else None
         video = files.enter_context(open_video(video_path, drive.sensor.rate_hz))
         try:

@@ -67,15 +67,8 @@ def evaluate_results(  # noqa: PLR0913 - flags of a command
     if kind == "tracks" or (kind == "auto" and _are_tracks(results)):
         _measure_tracks(results, labels, classes, seqmap, report.json)
     else:
-        _measure_detections(
-            results,
-            labels,
-            _parse_classes(classes, metric.iou),
-            metric,
-            frame_list,
-            plot,
-            report.json,
-        )
+        chosen = [_parse_class(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
+        _measure_detections(results, labels, chosen, metric, frame_list, plot, report.json)
 
 
 def _are_tracks(results: Path) -> bool:
@@ -153,10 +146,6 @@ def _measure_tracks(
         f"{computed.frames} frames"
     )
     publish_report(heading, computed, document, json)
-
-
-def _parse_classes(names: Sequence[str], ious: Sequence[float]) -> list[DetectionClass]:
-    return [_parse_class(name, ious) for name in names] if names else list(KITTI_CLASSES)
 
 
 def _parse_class(name: str, ious: Sequence[float]) -> DetectionClass:

@@ -72,7 +72,7 @@ def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
         function: The command.
         everything: Whether the nested flags are listed too.
     """
-    nested = {name: kind for name, kind in _dataclass_parameters(function) if not _is_flat(kind)}
+    _, nested = _sections(function)
     parser = build_parser(prog, function, skip=() if everything else tuple(nested))
     if nested and not everything:
         names = ", ".join(f"{_flag(name)}.*" for name in nested)
@@ -102,14 +102,11 @@ def build_parser(
         add_help=False,
     )
     parser.add_argument("--config", action="config", help="YAML file with values of flags.")
-    groups = {name: kind for name, kind in _dataclass_parameters(function) if _is_flat(kind)}
-    lists = {
-        name
-        for name, parameter in inspect.signature(function).parameters.items()
-        if parameter.kind is not parameter.KEYWORD_ONLY and get_origin(parameter.annotation) is list
-    }
+    groups, _ = _sections(function)
+    places = {one.name: one for one in _positional(function)}
+    lists = {name for name, one in places.items() if get_origin(one.annotation) is list}
     documented = _parameter_help(function)
-    for name in lists - set(skip):
+    for name in lists:
         (kind,) = get_args(get_type_hints(function)[name])
         parser.add_argument(name, nargs="+", type=kind, help=documented.get(name))
     parser.add_function_arguments(
@@ -189,12 +186,21 @@ def _walk(
             yield f"{prefix}{name}", kind
 
 
-def _dataclass_parameters(function: CommandFunction) -> Iterator[tuple[str, type]]:
-    hints = get_type_hints(function)
-    for name in inspect.signature(function).parameters:
-        kind = _without_none(hints[name])
-        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            yield name, kind
+def _sections(function: CommandFunction) -> tuple[dict[str, type], dict[str, type]]:
+    """Return the parameters that become flat flags, and those that become nested ones."""
+    kinds = {name: _without_none(hint) for name, hint in get_type_hints(function).items()}
+    sections: dict[str, type] = {
+        name: kind
+        for name, kind in kinds.items()
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind)
+    }
+    flat = {name: kind for name, kind in sections.items() if _is_flat(kind)}
+    return flat, {name: kind for name, kind in sections.items() if name not in flat}
+
+
+def _positional(function: CommandFunction) -> list[inspect.Parameter]:
+    parameters = inspect.signature(function).parameters.values()
+    return [one for one in parameters if one.kind is not one.KEYWORD_ONLY]
 
 
 def _is_flat(kind: type) -> bool:
@@ -229,10 +235,9 @@ def _full_name(name: str, types: dict[str, Any]) -> tuple[str, bool]:
 def _arguments(function: CommandFunction, parsed: Namespace) -> dict[str, Any]:
     """Return what the function is called with: flat flags are gathered into their groups."""
     values = {name: value for name, value in vars(parsed).items() if name != "config"}
-    for name, kind in _dataclass_parameters(function):
-        if _is_flat(kind):
-            fields = [field.name for field in dataclasses.fields(kind)]
-            values[name] = kind(**{field: values.pop(field) for field in fields})
+    for name, kind in _sections(function)[0].items():
+        fields = [field.name for field in dataclasses.fields(kind)]
+        values[name] = kind(**{field: values.pop(field) for field in fields})
     return values
 
 
@@ -303,12 +308,10 @@ def _parameter_help(function: CommandFunction) -> dict[str, str]:
 
 
 def _usage(prog: str, function: CommandFunction) -> str:
-    signature = inspect.signature(function).parameters.values()
-    places = [one for one in signature if one.kind is not one.KEYWORD_ONLY]
     names = (
         f"{one.name.upper()}{' ...' if get_origin(one.annotation) is list else ''}"
         if one.default is one.empty
         else f"[{one.name.upper()}]"
-        for one in places
+        for one in _positional(function)
     )
     return " ".join([prog, *names, "[flags]"])

@@ -81,10 +81,11 @@ def track_scripted(street, out, states, *, in_space=True, start=None) -> Traject
     start = start or TrackStart(
         0, Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     )
-    config = TrackConfig(
-        "scripted", len(states), video=False, make=lambda *_: Scripted(list(states), in_space)
-    )
-    return track_object(drive, start, out, config, progress_bar)
+    config = TrackConfig(frames=len(states), video=False)
+    with pytest.MonkeyPatch.context() as patch:
+        scripted = Scripted(list(states), in_space)
+        patch.setattr("data.results.track_object.single_object_tracker", lambda *_: scripted)
+        return track_object(drive, start, out, config, progress_bar)
 
 
 def lines_of(path: Path) -> list[dict]:
