@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import PredictedTrack, TargetObject
@@ -21,26 +20,13 @@ from perception.tracking.single_object.tracker import (
 from perception.types import Frame
 
 
-@dataclass(frozen=True)
-class TrackerRun:
-    """Output of one tracker on one object.
-
-    Attributes:
-        track: Predicted track; empty where the tracker could not be initialised.
-        refusal: Reason why it could not be initialised, or None.
-    """
-
-    track: PredictedTrack
-    refusal: str | None = None
-
-
 def track_objects(
     frames: Iterable[Frame],
     sensor: LidarModel,
     targets: Sequence[TargetObject],
     names: Sequence[str],
     configs: tuple[SingleObjectTrackerConfig, PipelineConfig],
-) -> list[dict[str, TrackerRun]]:
+) -> "list[dict[str, TrackerRun]]":
     """Let every tracker track every object; return the run of each tracker by name, for each object.
 
     Args:
@@ -56,7 +42,7 @@ def track_objects(
     config, pipeline = configs
     chain = LidarStages(sensor, pipeline)
     runs = [
-        {name: _Run(trackers.single_object_tracker(name, sensor, config), one) for name in names}
+        {n: TrackerRun(trackers.single_object_tracker(n, sensor, config), one) for n in names}
         for one in targets
     ]
     for frame in frames:
@@ -65,24 +51,28 @@ def track_objects(
         with limit_blas_threads():
             for run in (run for by_name in runs for run in by_name.values()):
                 run.update(frame.index, tracker_input)
-    return [{name: run.result() for name, run in by_name.items()} for by_name in runs]
+    return runs
 
 
-class _Run:
-    """One tracker on one object, with a clock."""
+class TrackerRun:
+    """One tracker on one object, with a clock.
+
+    Attributes:
+        refusal: Reason why the tracker could not be initialised, or None.
+    """
 
     def __init__(self, tracker: SingleObjectTracker, target: TargetObject) -> None:
         self._tracker, self._target = tracker, target
         self._frames: list[int] = []
         self._predictions: list[TrackedObject] = []
         self._seconds: list[float] = []
-        self._refusal: str | None = None
+        self.refusal: str | None = None
 
     def update(self, frame: int, tracker_input: TrackerInput) -> None:
         """Initialise where the object is first labelled, then track it up to the sequence's last frame."""
         truth = self._target.truth
         box_velo = truth.boxes_velo[truth.frames == frame]
-        is_over = frame > self._target.sequence.last_frame or self._refusal is not None
+        is_over = frame > self._target.sequence.last_frame or self.refusal is not None
         if is_over or not (self._predictions or len(box_velo)):
             return
         start_s = time.perf_counter()
@@ -94,13 +84,13 @@ class _Run:
         except PerceptionError as error:
             if self._predictions:
                 raise
-            self._refusal = str(error)
+            self.refusal = str(error)
             return
         self._seconds.append(time.perf_counter() - start_s)
         self._frames.append(frame)
         self._predictions.append(prediction)
 
-    def result(self) -> TrackerRun:
-        """Return the output of the tracker."""
-        track = PredictedTrack.from_predictions(self._frames, self._predictions, self._seconds)
-        return TrackerRun(track, self._refusal)
+    @property
+    def track(self) -> PredictedTrack:
+        """Predicted track; empty where the tracker could not be initialised."""
+        return PredictedTrack.from_predictions(self._frames, self._predictions, self._seconds)
