@@ -87,7 +87,7 @@ class ArrayStore:
         except FileNotFoundError:
             return self._added(entry, make())
         except (OSError, ValueError, EOFError) as error:
-            log.warning("made anew the damaged cache entry %s: %s", entry, error)
+            log.warning("replaced the damaged cache entry %s: %s", entry, error)
             self._discard(entry)
             return self._added(entry, make())
         return arrays

@@ -98,14 +98,6 @@ def value_table(
     rows: Mapping[str, Sequence[float | None] | Float64],
     spec: str = ".1f",
 ) -> str:
-    """Return a table of numbers of one format.
-
-    Args:
-        title: Line above the table.
-        heading: Heading of the first column.
-        columns: Headings of the other columns.
-        rows: Values of each row, one for each column.
-        spec: Format of the values.
-    """
+    """Return a table of numbers, all formatted by one specification."""
     cells = [Column(name, itemgetter(place), spec) for place, name in enumerate(columns)]
     return Table(title, cells, rows, heading).text()

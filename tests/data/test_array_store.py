@@ -63,7 +63,7 @@ def test_a_damaged_entry_is_made_anew(store: ArrayStore, damage: str, caplog):
         file.write_bytes(file.read_bytes()[:5000] if damage == "cut off" else b"nothing")
     assert store.get("a", lambda: made(3))["picture"][0] == 3
     assert store.get("a", never)["picture"][0] == 3
-    assert "made anew the damaged cache entry" in caplog.text
+    assert "replaced the damaged cache entry" in caplog.text
 
 
 def test_what_is_unused_for_longest_goes_first(tmp_path: Path):
