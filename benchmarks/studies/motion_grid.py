@@ -1,5 +1,6 @@
 """The thesis' motion grids of one frame: subtraction, suppression, and objects (Fig. 5.10)."""
 
+from operator import itemgetter
 from pathlib import Path
 from typing import Literal
 
@@ -10,6 +11,7 @@ from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_tabl
 from perception.cli.progress import progress_bar
 from perception.datmo.config import AUTHOR, THESIS
 from perception.datmo.grid_detector import MotionGridDetector, MotionGrids
+from perception.evaluation.report import Column, Table
 from perception.geometry.footprints import Footprints
 from perception.pipeline import PipelineConfig
 from perception.pipeline.lidar_stages import LidarStages
@@ -59,10 +61,13 @@ def motion_grid(
     cells = value_table(title, "", ("cells",), {name: (n,) for name, n in counts.items()}, "d")
     values = np.column_stack([footprints.centroids_m, boxes.size_m, footprints.points])
     rows = {str(number): row.tolist() for number, row in enumerate(values, start=1)}
+    formats = (*[".3f"] * 5, ".0f")
+    columns = [Column(n, itemgetter(k), formats[k]) for k, n in enumerate(_COLUMNS)]
+    objects = Table("Objects", columns, rows, "object")
     publish(
         out,
         "Fig. 5.10",
-        table=f"{cells}\n\n{value_table('Objects', 'object', _COLUMNS, rows, '.6g')}",
+        table=f"{cells}\n\n{objects.text()}",
         numbers={
             "cells": counts,
             "objects": [dict(zip(_COLUMNS, row, strict=True)) for row in rows.values()],
