@@ -15,7 +15,7 @@ README = (ROOT / "README.md").read_text()
 SHORT = {
     "run": ["--frames", "3"],
     "evaluate": ["--frames", "3"],
-    "evaluate fusion": ["--bootstrap", "20"],
+    "evaluate detection": ["--bootstrap", "20"],
     "evaluate robustness": ["--frames", "1"],
     "track": ["--frames", "3"],
     "bench": ["--frames", "3", "--chain-frames", "3"],
@@ -23,7 +23,7 @@ SHORT = {
     "synth": ["--frames", "2"],
     "detect": ["--frames", "3"],
     "train": ["--epochs", "1"],
-    "train detector": ["--size", "96x320"],
+    "train detector": ["--model.size", "96x320"],
 }
 
 
