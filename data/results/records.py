@@ -12,46 +12,48 @@ from perception.errors import LabelError
 Record = TypeVar("Record")
 
 
-class RecordWriter:
-    """Writes a dataclass a line; a context manager.
+class LineFiles:
+    """Text files of a folder that grow by whole lines, each complete after every frame; a context manager."""
 
-    The fields of the dataclass are the keys of the JSON object.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Open the file and make its folder.
-
-        Args:
-            path: File to write, such as `tracks.jsonl`.
-        """
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # Line buffering: what was written before an interruption can be read.
-        self._lines: TextIO = path.open("w", buffering=1)
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._files: dict[str, TextIO] = {}
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.close()
+        for file in self._files.values():
+            file.close()
 
-    def close(self) -> None:
-        """Close the file."""
-        self._lines.close()
-
-    def write(self, record: object) -> None:
-        """Write one line.
+    def append(self, name: str, lines: str) -> None:
+        """Append lines to a file, which replaces that of an earlier run.
 
         Args:
-            record: Instance of a dataclass.
+            name: Path of the file in the folder.
+            lines: Whole lines, or none.
         """
-        self._lines.write(json.dumps(to_serializable(record)) + "\n")
+        if name not in self._files:
+            path = self._folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._files[name] = path.open("w")
+        self._files[name].write(lines)
+        self._files[name].flush()
+
+    def append_record(self, name: str, record: object) -> None:
+        """Append a dataclass to a JSON Lines file; its fields are the keys of the object."""
+        self.append(name, json.dumps(to_serializable(record)) + "\n")
+
+    def remove(self, name: str) -> None:
+        """Remove the file of an earlier run."""
+        (self._folder / name).unlink(missing_ok=True)
 
 
 def read_records(path: Path, kind: type[Record]) -> list[Record]:
     """Read the lines of a file as instances of a dataclass.
 
     Args:
-        path: File that a `RecordWriter` wrote.
+        path: JSON Lines file.
         kind: Dataclass of a line.
 
     Raises:

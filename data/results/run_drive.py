@@ -12,9 +12,10 @@ import numpy as np
 
 from data.frames import frame_count
 from data.results.documents import write_config
+from data.results.records import LineFiles
 from data.results.run_folder import RunFolderWriter
 from data.results.run_video import RunVideo
-from data.results.trajectory import TrajectoryRecord, trajectory_writer
+from data.results.trajectory import TrajectoryRecord
 from perception.errors import PerceptionError
 from perception.evaluation.run_summary import RunSummary
 from perception.geometry.threads import limit_blas_threads
@@ -103,7 +104,7 @@ class ObjectTracking:
     """
 
     def __init__(self, out: Path, handover: TrackHandover | None) -> None:
-        """Open the file.
+        """Start without the object.
 
         Args:
             out: Folder of the results, which gets `trajectory.jsonl`.
@@ -111,15 +112,14 @@ class ObjectTracking:
         """
         self.figure: TrackedObjectFigure | None = None
         self._handover, self._trail = handover, TrackedObjectTrail()
-        self._records = None if handover is None else trajectory_writer(out)
+        self._files = LineFiles(out)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         """Close the file; warn where the object never appeared."""
-        if self._records is not None:
-            self._records.close()
+        self._files.__exit__()
         if kind is None and self._handover is not None and not self._handover.has_started:
             log.warning(
                 "--track %d: no frame has a track or a located vehicle of this id; tracks.jsonl and "
@@ -129,14 +129,14 @@ class ObjectTracking:
 
     def update(self, result: Result) -> Result:
         """Track the object in one frame; return the frame with the time of the stage."""
-        if self._handover is None or self._records is None:
+        if self._handover is None:
             return result
         start_s = time.perf_counter()
         with limit_blas_threads():
             tracked = self._handover.update(result)
         seconds = time.perf_counter() - start_s
         if tracked is not None:
-            self._records.write(TrajectoryRecord.of(result, tracked))
+            self._files.append_record("trajectory.jsonl", TrajectoryRecord.of(result, tracked))
             self._trail.add(result, tracked)
             path_velo = self._trail.path_velo(result)[-_MAX_DRAWN_POSITIONS:]
             name = str(self._handover.track_id)

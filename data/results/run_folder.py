@@ -10,7 +10,7 @@ vehicles/NAME.txt     KITTI tracking rows of the tracked vehicles
 vehicles.jsonl        one `FrameVehicles` a line
 trajectory.jsonl      one `TrajectoryRecord` a line; only with `--track`
 labels/NNNNNN.label   one uint32 a point in SemanticKITTI's classes: 40 ground, 9 static, 251 moving
-obstacles/NNNNNN.npz  one `ObstacleArrays`: static and moving voxels, and ground heights on a 1 m grid
+obstacles/NNNNNN.npz  static and moving voxels (centres, counts of points), and ground heights on a 1 m grid
 video.mp4             camera, 3D and bird's-eye view
 preview.jpg           image of the frame in the middle
 timeline.png          start and end of each stage in a typical frame
@@ -22,19 +22,19 @@ import time
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Self, TextIO
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data.atomic_file import write_atomically
 from data.results.documents import write_json
-from data.results.records import RecordWriter, read_records
-from data.results.tracks import FrameTracks, TrackWriter
-from data.results.vehicles import FrameVehicles, VehicleWriter
+from data.results.records import LineFiles, read_records
+from data.results.tracks import FrameTracks, append_tracks
+from data.results.vehicles import FrameVehicles, append_vehicles
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
-from perception.types import Drive, Float, Float64, GroundModel, Int, PointState, Result
+from perception.types import Drive, Float64, GroundModel, PointState, Result
 
 # Classes of SemanticKITTI; its moving-object benchmark maps all static classes to 9, all moving ones to 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
@@ -87,36 +87,6 @@ class FrameRecord:
         )
 
 
-@dataclass(frozen=True)
-class ObstacleArrays:
-    """Arrays of one `obstacles/NNNNNN.npz`, in the LiDAR frame of the scan.
-
-    Attributes:
-        static_centers_m: (S, 3) centres of the static voxels.
-        static_counts: (S,) number of points in each.
-        moving_centers_m: (V, 3) centres of the moving voxels.
-        moving_counts: (V,) number of points in each.
-        ground_xy_m: (K, 2) positions on a 1 m grid over the local area.
-        ground_height_m: (K,) height of the ground there.
-    """
-
-    static_centers_m: Float
-    static_counts: Int
-    moving_centers_m: Float
-    moving_counts: Int
-    ground_xy_m: Float64
-    ground_height_m: Float64
-
-    @classmethod
-    def of(cls, result: Result, area: LocalArea) -> Self:
-        """Return the arrays of one result."""
-        static, moving = result.obstacles.static, result.obstacles.moving
-        xy_m, heights_m = sample_ground(result.ground, area)
-        return cls(
-            static.centers_m, static.counts, moving.centers_m, moving.counts, xy_m, heights_m
-        )
-
-
 def make_results_folder(parent: Path = Path("results")) -> Path:
     """Make results/<time> and let results/latest point to it."""
     folder = parent / time.strftime("%Y-%m-%d_%H-%M-%S")
@@ -132,40 +102,48 @@ class RunFolderWriter:
     """Writes the results of one run, frame by frame; a context manager."""
 
     def __init__(self, out: Path, drive: Drive, area: LocalArea) -> None:
-        """Make the folder and open the files.
+        """Make the folder.
 
         Args:
             out: Folder of the results.
             drive: Drive of the run.
             area: Area in which ground heights are written.
         """
-        self.out, self._area = out, area
+        self.out, self._drive, self._area = out, drive, area
         (out / "labels").mkdir(parents=True, exist_ok=True)
         (out / "obstacles").mkdir(exist_ok=True)
-        self._frames = RecordWriter(out / "frames.jsonl")
-        self._poses: TextIO = (out / "poses.txt").open("w", buffering=1)
-        self._tracks = TrackWriter(out, drive.name, drive.calibration)
-        self._vehicles = VehicleWriter(out, drive)
+        self._files = LineFiles(out)
+        self._files.append("frames.jsonl", "")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        for file in (self._frames, self._poses, self._tracks, self._vehicles):
-            file.close()
+        self._files.__exit__()
 
     def write(self, result: Result) -> None:
         """Write the result of one frame."""
         name = f"{result.frame.index:06d}"
         labels = SEMANTIC_KITTI[result.obstacles.point_states]
         write_atomically(self.out / "labels" / f"{name}.label", labels.tobytes())
+        static, moving = result.obstacles.static, result.obstacles.moving
+        xy_m, heights_m = sample_ground(result.ground, self._area)
         arrays = BytesIO()
-        np.savez(arrays, **vars(ObstacleArrays.of(result, self._area)))
+        np.savez(
+            arrays,
+            static_centers_m=static.centers_m,
+            static_counts=static.counts,
+            moving_centers_m=moving.centers_m,
+            moving_counts=moving.counts,
+            ground_xy_m=xy_m,
+            ground_height_m=heights_m,
+        )
         write_atomically(self.out / "obstacles" / f"{name}.npz", arrays.getvalue())
-        self._poses.write(" ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel()) + "\n")
-        self._tracks.write(result)
-        self._vehicles.write(result)
-        self._frames.write(FrameRecord.of(result))
+        pose = " ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel())
+        self._files.append("poses.txt", f"{pose}\n")
+        append_tracks(self._files, self._drive.name, self._drive.calibration, result)
+        append_vehicles(self._files, self.out, self._drive, result)
+        self._files.append_record("frames.jsonl", FrameRecord.of(result))
 
     def write_summary(self, summary: object) -> None:
         """Write `summary.json`."""
@@ -213,10 +191,10 @@ class RunFolder:
         """Read the (N,) SemanticKITTI classes of the points of a frame."""
         return np.fromfile(self.path / "labels" / f"{frame:06d}.label", np.uint32)
 
-    def obstacles(self, frame: int) -> ObstacleArrays:
-        """Read the voxels and ground heights of a frame."""
+    def obstacles(self, frame: int) -> dict[str, NDArray[Any]]:
+        """Read the voxels and ground heights of a frame, in the LiDAR frame, by the names of the arrays."""
         with np.load(self.path / "obstacles" / f"{frame:06d}.npz") as arrays:
-            return ObstacleArrays(**arrays)
+            return dict(arrays)
 
     def summary(self) -> dict[str, Any]:
         """Read `summary.json`."""

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,9 +11,10 @@ import numpy as np
 
 from data.derived.track_start import TrackStart
 from data.frames import frame_count, read_frames
+from data.kitti.tracking_rows import format_result_rows
 from data.results.documents import write_config, write_json
-from data.results.tracks import RowWriter, has_camera
-from data.results.trajectory import TrajectoryRecord, trajectory_rows, trajectory_writer
+from data.results.records import LineFiles
+from data.results.trajectory import TrajectoryRecord, trajectory_rows
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
@@ -88,9 +89,8 @@ def track_object(
     stages = LidarStages(drive.sensor, config.pipeline)
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
     with ExitStack() as files:
-        records = files.enter_context(trajectory_writer(out))
-        rows = RowWriter(out / "trajectory.txt", has_camera(drive.calibration))
-        files.enter_context(closing(rows))
+        lines = files.enter_context(LineFiles(out))
+        lines.remove("trajectory.txt")
         write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **vars(config))
         video_path = out / "video.mp4" if config.video else None
         video = files.enter_context(open_video(video_path, drive.sensor.rate_hz))
@@ -108,11 +108,12 @@ def track_object(
                         else tracker.init(tracker_input, start.box_velo)
                     )
                 seconds = time.perf_counter() - start_s
-                records.write(TrajectoryRecord.of(result, tracked))
-                if (camera := drive.calibration) is not None and has_camera(camera):
-                    rows.write(
-                        trajectory_rows(result, tracked, start.object_id, start.kind, camera)
-                    )
+                lines.append_record("trajectory.jsonl", TrajectoryRecord.of(result, tracked))
+                rows = trajectory_rows(
+                    result, tracked, start.object_id, start.kind, drive.calibration
+                )
+                if rows is not None:
+                    lines.append("trajectory.txt", format_result_rows(rows))
                 summary.update(result, tracked, seconds)
                 if config.video:
                     trail.add(result, tracked)

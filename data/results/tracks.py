@@ -7,14 +7,13 @@
 """
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Self, TextIO
+from typing import Self
 
 import numpy as np
 
 from data.kitti.labels import alphas_rad, boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
-from data.results.records import RecordWriter
+from data.results.records import LineFiles
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
@@ -118,66 +117,24 @@ class FrameTracks:
         return cls(result.frame.index, round(result.frame.stamp_s, 6), records)
 
 
-class TrackWriter:
-    """Writes the tracks of one run, frame by frame."""
+def append_tracks(
+    files: LineFiles, name: str, calibration: Calibration | None, result: Result
+) -> None:
+    """Append the tracks of one frame; KITTI's rows only with a camera and the size of its image.
 
-    def __init__(self, out: Path, name: str, calibration: Calibration | None) -> None:
-        """Open the files.
-
-        Args:
-            out: Folder of the results.
-            name: Name of the drive.
-            calibration: Camera calibration; without it, or without an image size, no rows are written.
-        """
-        self._camera = calibration
-        self._records = RecordWriter(out / "tracks.jsonl")
-        self._rows = RowWriter(out / "tracks" / f"{name}.txt", has_camera(calibration))
-
-    def close(self) -> None:
-        """Close the files."""
-        self._records.close()
-        self._rows.close()
-
-    def write(self, result: Result) -> None:
-        """Write the tracks of one frame."""
-        self._records.write(FrameTracks.of(result))
-        if self._camera is not None and self._camera.image_size_px is not None:
-            size_px = self._camera.image_size_px
-            rows = to_tracking_rows(result.frame.index, result.tracks, self._camera, size_px)
-            self._rows.write(rows)
-
-
-class RowWriter:
-    """Writes rows of KITTI's tracking benchmark, either all rows of a frame or none."""
-
-    def __init__(self, path: Path, is_enabled: bool = True) -> None:
-        """Remove the file of an earlier run, and open it.
-
-        Args:
-            path: File to write.
-            is_enabled: Whether rows are written; else the file is not made.
-        """
-        path.unlink(missing_ok=True)
-        self._rows: TextIO | None = None
-        if is_enabled:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._rows = path.open("w")
-
-    def close(self) -> None:
-        """Close the file."""
-        if self._rows is not None:
-            self._rows.close()
-
-    def write(self, rows: TrackingRows) -> None:
-        """Write the rows of one frame."""
-        if self._rows is not None:
-            self._rows.write(format_result_rows(rows))
-            self._rows.flush()
-
-
-def has_camera(calibration: Calibration | None) -> bool:
-    """Return whether boxes can be projected into an image of known size."""
-    return calibration is not None and calibration.image_size_px is not None
+    Args:
+        files: Files of the results.
+        name: Name of the drive.
+        calibration: Camera calibration.
+        result: Result of the frame.
+    """
+    files.append_record("tracks.jsonl", FrameTracks.of(result))
+    if calibration is None or calibration.image_size_px is None:
+        files.remove(f"tracks/{name}.txt")
+        return
+    size_px = calibration.image_size_px
+    rows = to_tracking_rows(result.frame.index, result.tracks, calibration, size_px)
+    files.append(f"tracks/{name}.txt", format_result_rows(rows))
 
 
 def to_tracking_rows(

@@ -5,13 +5,11 @@ trajectory.txt    result rows of KITTI's tracking benchmark (18 columns) while t
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from data.kitti.tracking_rows import TrackingRows
-from data.results.records import RecordWriter
 from data.results.tracks import (
     OBSERVED_SCORE,
     PREDICTED_SCORE,
@@ -56,24 +54,26 @@ class TrajectoryRecord:
         """Return the object in one frame."""
         line = FrameTracks.of(replace(result, tracks=as_tracks(tracked, 0)))
         box_px = None if tracked.box_px is None else [round(float(x), 2) for x in tracked.box_px]
-        if not line.tracks:
-            return cls(line.frame, line.stamp_s, str(tracked.state), None, None, None, None, box_px)
-        (track,) = line.tracks
+        track = line.tracks[0] if line.tracks else None
         return cls(
             frame=line.frame,
             stamp_s=line.stamp_s,
             state=str(tracked.state),
-            size_m=track.size_m,
-            speed_m_s=track.speed_m_s,
-            velo=track.velo,
-            world=track.world,
+            size_m=None if track is None else track.size_m,
+            speed_m_s=None if track is None else track.speed_m_s,
+            velo=None if track is None else track.velo,
+            world=None if track is None else track.world,
             box_px=box_px,
         )
 
 
 def trajectory_rows(
-    result: Result, tracked: TrackedObject, object_id: int, kind: str | None, camera: Calibration
-) -> TrackingRows:
+    result: Result,
+    tracked: TrackedObject,
+    object_id: int,
+    kind: str | None,
+    calibration: Calibration | None,
+) -> TrackingRows | None:
     """Return the row of one frame, or none where the object is lost or not in the image.
 
     Args:
@@ -81,17 +81,18 @@ def trajectory_rows(
         tracked: Object in the frame.
         object_id: Track id of the row.
         kind: KITTI type of the row; None to classify by the size of the box.
-        camera: Camera calibration with the size of the image.
+        calibration: Camera calibration; without the size of the image there are no rows.
     """
     frame, tracks = result.frame.index, as_tracks(tracked, object_id)
-    assert camera.image_size_px is not None
-    rows = to_tracking_rows(frame, tracks, camera, camera.image_size_px)
+    if calibration is None or calibration.image_size_px is None:
+        return None
+    rows = to_tracking_rows(frame, tracks, calibration, calibration.image_size_px)
     if tracked.box_velo is None and tracked.box_px is not None:
         # Only the rectangle in the image is known.
         is_seen = np.array([tracked.state is TrackStatus.SEEN])
         scores = np.where(is_seen, OBSERVED_SCORE, PREDICTED_SCORE)
         detections = Detections(tracked.box_px[None], scores, np.array(["Misc"]))
-        rows = kitti_rows(frame, np.array([object_id]), _UNKNOWN_BOX, detections, camera)
+        rows = kitti_rows(frame, np.array([object_id]), _UNKNOWN_BOX, detections, calibration)
     if tracked.state is TrackStatus.LOST:
         rows = rows[:0]
     return rows if kind is None else replace(rows, types=np.full(len(rows), kind))
@@ -107,8 +108,3 @@ def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
         velocities_m_s=tracked.velocity_m_s[None],
         is_observed=np.array([tracked.state is TrackStatus.SEEN]),
     )
-
-
-def trajectory_writer(folder: Path) -> RecordWriter:
-    """Open `trajectory.jsonl` in a folder of results."""
-    return RecordWriter(folder / "trajectory.jsonl")

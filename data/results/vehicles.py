@@ -15,8 +15,8 @@ from typing import Self
 from data.atomic_file import write_atomically
 from data.frames import file_number
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
-from data.results.records import RecordWriter
-from data.results.tracks import RowWriter, kitti_rows
+from data.results.records import LineFiles
+from data.results.tracks import kitti_rows
 from perception.geometry.se3 import wrap
 from perception.types import MODALITIES, Calibration, Drive, Float64, Result, Vehicles
 
@@ -89,40 +89,25 @@ class FrameVehicles:
         return cls(result.frame.index, round(result.frame.stamp_s, 6), records)
 
 
-class VehicleWriter:
-    """Writes the vehicles of one run, frame by frame; each file is opened with its first content."""
+def append_vehicles(files: LineFiles, out: Path, drive: Drive, result: Result) -> None:
+    """Append the vehicles of one frame, if a detector ran on it.
 
-    def __init__(self, out: Path, drive: Drive) -> None:
-        """Open no file yet.
-
-        Args:
-            out: Folder of the results.
-            drive: Drive of the run.
-        """
-        self._out, self._drive = out, drive
-        self._records: RecordWriter | None = None
-        self._rows: RowWriter | None = None
-
-    def close(self) -> None:
-        """Close the files that are open."""
-        for file in (self._records, self._rows):
-            if file is not None:
-                file.close()
-
-    def write(self, result: Result) -> None:
-        """Write the vehicles of one frame, if a detector ran on it."""
-        vehicles, calibration = result.vehicles, result.frame.calibration
-        if vehicles is None or calibration is None:
-            return
-        frame = result.frame.index
-        file = self._out / "data" / f"{file_number(self._drive, frame):06d}.txt"
-        write_atomically(file, format_object_rows(vehicles, calibration).encode())
-        self._records = self._records or RecordWriter(self._out / "vehicles.jsonl")
-        self._records.write(FrameVehicles.of(result, vehicles))
-        if self._drive.is_sequence:
-            path = self._out / "vehicles" / f"{self._drive.name}.txt"
-            self._rows = self._rows or RowWriter(path)
-            self._rows.write(to_vehicle_rows(frame, vehicles, calibration))
+    Args:
+        files: Files of the results.
+        out: Folder of the results.
+        drive: Drive of the run.
+        result: Result of the frame.
+    """
+    vehicles, calibration = result.vehicles, result.frame.calibration
+    if vehicles is None or calibration is None:
+        return
+    frame = result.frame.index
+    file = out / "data" / f"{file_number(drive, frame):06d}.txt"
+    write_atomically(file, format_object_rows(vehicles, calibration).encode())
+    files.append_record("vehicles.jsonl", FrameVehicles.of(result, vehicles))
+    if drive.is_sequence:
+        rows = to_vehicle_rows(frame, vehicles, calibration)
+        files.append(f"vehicles/{drive.name}.txt", format_result_rows(rows))
 
 
 def to_vehicle_rows(
@@ -136,7 +121,8 @@ def to_vehicle_rows(
         calibration: Camera calibration.
         min_score: Lowest score of a row.
     """
-    rows = _all_rows(frame, vehicles, calibration)
+    detections = vehicles.fused.detections
+    rows = kitti_rows(frame, vehicles.ids, vehicles.boxes, detections, calibration)
     return rows[(rows.ids >= 0) & (rows.scores >= min_score)]
 
 
@@ -146,13 +132,10 @@ def format_object_rows(vehicles: Vehicles, calibration: Calibration) -> str:
     Every vehicle has a row, tracked or not: average precision needs the whole range of scores.
     """
     # The columns of the tracking benchmark without frame and id.
-    lines = format_result_rows(_all_rows(0, vehicles, calibration)).splitlines()
-    return "".join(f"{line.split(' ', 2)[2]}\n" for line in lines)
-
-
-def _all_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
     detections = vehicles.fused.detections
-    return kitti_rows(frame, vehicles.ids, vehicles.boxes, detections, calibration)
+    rows = kitti_rows(0, vehicles.ids, vehicles.boxes, detections, calibration)
+    lines = format_result_rows(rows).splitlines()
+    return "".join(f"{line.split(' ', 2)[2]}\n" for line in lines)
 
 
 def _record(result: Result, vehicles: Vehicles, row: int, points: int) -> VehicleRecord:

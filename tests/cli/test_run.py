@@ -124,8 +124,8 @@ def test_what_was_written_is_read_back(results, street):
     for frame in frames:
         labels, obstacles = folder.labels(frame.frame), folder.obstacles(frame.frame)
         assert len(labels) == len(drive[frame.frame].points_velo)
-        assert len(obstacles.static_centers_m) == frame.voxels["static"]
-        assert len(obstacles.ground_xy_m) == len(obstacles.ground_height_m)
+        assert len(obstacles["static_centers_m"]) == frame.voxels["static"]
+        assert len(obstacles["ground_xy_m"]) == len(obstacles["ground_height_m"])
 
 
 def test_a_folder_without_a_run_is_named(tmp_path):

@@ -17,7 +17,6 @@ from data.open_drive import open_drive
 from data.results.documents import to_serializable
 from data.results.records import read_records
 from data.results.track_object import TrackConfig, track_object
-from data.results.tracks import RowWriter, has_camera
 from data.results.trajectory import TrajectoryRecord, trajectory_rows
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
@@ -274,10 +273,7 @@ def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     tracked = TrackedObject(TrackStatus.SEEN, box, np.zeros(2), None)
     assert len(trajectory_rows(result, tracked, 0, None, drive.calibration)) == 1
-    rows = RowWriter(tmp_path / "rows.txt", has_camera(None))
-    rows.write(trajectory_rows(result, tracked, 0, None, drive.calibration))
-    rows.close()
-    assert not (tmp_path / "rows.txt").exists()
+    assert trajectory_rows(result, tracked, 0, None, None) is None
     assert TrajectoryRecord.of(result, replace(tracked, box_velo=None)).speed_m_s is None
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from data.results.records import RecordWriter, read_records
+from data.results.records import LineFiles, read_records
 from perception.errors import LabelError
 
 
@@ -26,9 +26,9 @@ LINES = [Line(0, Place([1.0, 2.0], 0.5), {"dm": None, "rm": 0.25}), Line(1, None
 
 def test_what_is_written_is_read_back_after_every_line(tmp_path):
     path = tmp_path / "made" / "lines.jsonl"
-    with RecordWriter(path) as writer:
+    with LineFiles(tmp_path) as files:
         for count, line in enumerate(LINES, start=1):
-            writer.write(line)
+            files.append_record("made/lines.jsonl", line)
             assert read_records(path, Line) == LINES[:count]
 
 

@@ -9,10 +9,10 @@ from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import read_tracking_labels
 from data.kitti.tracking_rows import format_result_rows, read_result_rows
 from data.results.documents import to_serializable
-from data.results.records import read_records
+from data.results.records import LineFiles, read_records
 from data.results.tracks import (
     FrameTracks,
-    TrackWriter,
+    append_tracks,
     to_tracking_rows,
     types_by_volume,
 )
@@ -69,21 +69,19 @@ def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
 
 
 def test_the_files_are_whole_after_every_frame(result, tmp_path):
-    files = TrackWriter(tmp_path, "0000", CALIBRATION)
-    files.write(result)
+    files = LineFiles(tmp_path)
+    append_tracks(files, "0000", CALIBRATION, result)
     assert read_records(tmp_path / "tracks.jsonl", FrameTracks) == [FrameTracks.of(result)]
     rows = read_result_rows(tmp_path / "tracks" / "0000.txt")
     # The walker is behind the camera.
     assert (rows.frames.tolist(), rows.ids.tolist(), rows.scores.tolist()) == ([7], [4], [1.0])
     boxes = read_tracking_labels(tmp_path / "tracks" / "0000.txt", CALIBRATION)[7].boxes_velo
     np.testing.assert_allclose(boxes.bottom_m, [[10.0, 2.0, -1.7]], atol=1e-5)
-    files.close()
 
 
 def test_a_frame_without_tracks_is_a_line_and_no_row(result, tmp_path):
-    files = TrackWriter(tmp_path, "0000", CALIBRATION)
-    files.write(replace(result, tracks=Tracks.empty()))
-    files.close()
+    files = LineFiles(tmp_path)
+    append_tracks(files, "0000", CALIBRATION, replace(result, tracks=Tracks.empty()))
     (line,) = read_records(tmp_path / "tracks.jsonl", FrameTracks)
     assert line.tracks == []
     assert (tmp_path / "tracks" / "0000.txt").read_text() == ""
@@ -93,9 +91,8 @@ def test_a_frame_without_tracks_is_a_line_and_no_row(result, tmp_path):
 def test_without_a_camera_there_are_no_benchmark_rows(result, tmp_path, calibration):
     (tmp_path / "tracks").mkdir()
     (tmp_path / "tracks" / "0000.txt").write_text("of an earlier run\n")
-    files = TrackWriter(tmp_path, "0000", calibration)
-    files.write(result)
-    files.close()
+    files = LineFiles(tmp_path)
+    append_tracks(files, "0000", calibration, result)
     assert not (tmp_path / "tracks" / "0000.txt").exists()
     assert len((tmp_path / "tracks.jsonl").read_text().splitlines()) == 1
 
