@@ -39,7 +39,7 @@ weights: $(VENV)/.installed-dev
 	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
 	    --epochs 12 --out results/weights/$$modality && \
 	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
-	    --data $(SYNTH)/val --int8 true && \
+	    --data $(SYNTH)/val --int8 && \
 	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
 	done
 	$(BIN)/trifuse train fusion $(SYNTH)/fusion --out results/weights/fusion
