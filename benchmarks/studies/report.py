@@ -6,9 +6,6 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from data.open_drive import open_drive
-from data.results.documents import write_json
-from data.synthetic.drive import SyntheticDrive
 from perception import __version__
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
@@ -34,7 +31,11 @@ class DriveOfStudy(FlagGroup):
     def open(self, drive: str, *, images: bool = False) -> Drive:
         """Open a path, or return a synthetic street for the word `synthetic`."""
         if drive == "synthetic":
+            from data.synthetic.drive import SyntheticDrive
+
             return SyntheticDrive(_SYNTHETIC_FRAMES, images=images)
+        from data.open_drive import open_drive
+
         return open_drive(Path(drive), sequence=self.sequence, images=images)
 
 
@@ -81,6 +82,8 @@ def publish(
         numbers: Results for programs.
         conditions: Drive, frames and parameters.
     """
+    from data.results.documents import write_json
+
     document = {
         "repeats": repeats,
         "program": f"trifuse {__version__}",
