@@ -207,7 +207,9 @@ class MotionConfig:
     counters: MotionCountersConfig = field(default_factory=MotionCountersConfig)
 
     def __post_init__(self) -> None:
-        """Validate that the window has a history."""
+        """Validate the voxel size, and that the window has a history."""
+        if not self.voxel_size_m > 0:
+            raise UsageError("voxel_size_m", expected="above 0", found=str(self.voxel_size_m))
         if self.previous_scans < 1:
             raise UsageError(
                 "previous_scans", expected="at least 1", found=str(self.previous_scans)

@@ -112,3 +112,10 @@ def test_a_window_without_history_is_refused():
     with pytest.raises(UsageError) as error:
         MotionConfig(previous_scans=0)
     assert (error.value.where, error.value.found) == ("previous_scans", "0")
+
+
+@pytest.mark.parametrize("size_m", [0.0, -1.0, float("nan")])
+def test_a_voxel_without_an_edge_is_refused_before_any_frame(size_m):
+    with pytest.raises(UsageError) as error:
+        MotionConfig(voxel_size_m=size_m)
+    assert (error.value.where, error.value.expected) == ("voxel_size_m", "above 0")
