@@ -51,7 +51,7 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
     drive: DriveFlags,
     report: ReportFlags,
     detector: VehicleDetector = "fused",
-    min_score: float = 0.5,
+    display_score: float = DetectionConfig.display_score,
     noise: LabelNoise = _NOISE,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
@@ -62,7 +62,7 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
     Args:
         root: Sequences in KITTI's tracking layout, or a synthetic drive in it.
         detector: Detectors of the pipeline, DepthCN, or noisy labels, which show the error of location and tracking.
-        min_score: Score of a vehicle from which on it counts, 0 to 1.
+        display_score: Score of a vehicle from which on it counts, 0 to 1.
         noise: Noise of the labels with `--detector labels`.
         pipeline: Pipeline configuration.
     """
@@ -83,14 +83,19 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
         detect = DepthCn("default", labelled.sensor).detect
     elif detector == "labels":
         detect = _label_detector(labelled, noise)
-    measure = VehicleMeasure(min_score)
+    measure = VehicleMeasure(display_score)
     for result in _results(labelled, drive, pipeline, detect):
         measure.update(result, labelled.labels(result.frame.index), None)
     metrics = measure.compute()
     data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
-    settings = {"detector": detector, "min_score": min_score, "noise": noise, "pipeline": pipeline}
+    settings = {
+        "detector": detector,
+        "display_score": display_score,
+        "noise": noise,
+        "pipeline": pipeline,
+    }
     document = EvaluationDocument("vehicles", data, PROTOCOL_WORDS, settings)
-    heading = f"{data}, detector {detector}, scores from {min_score:g}"
+    heading = f"{data}, detector {detector}, scores from {display_score:g}"
     publish_report(heading, metrics, document, report.json)
 
 

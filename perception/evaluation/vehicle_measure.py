@@ -95,14 +95,14 @@ class VehicleReport:
 class VehicleMeasure:
     """Accumulates the metrics of detected vehicles over the frames of a drive."""
 
-    def __init__(self, min_score: float, config: KittiTrackingConfig | None = None) -> None:
+    def __init__(self, display_score: float, config: KittiTrackingConfig | None = None) -> None:
         """Start without a frame.
 
         Args:
-            min_score: Score of a vehicle from which on it counts, 0 to 1.
+            display_score: Score of a vehicle from which on it counts, 0 to 1.
             config: Thresholds of KITTI's tracking benchmark.
         """
-        self._min_score, self._config = min_score, config or KittiTrackingConfig()
+        self._display_score, self._config = display_score, config or KittiTrackingConfig()
         self._frames: list[TrackedFrame] = []
         self._errors: list[LocationErrors] = []
         self._colocated, self._same_id = 0, 0
@@ -112,7 +112,7 @@ class VehicleMeasure:
         vehicles = result.vehicles
         if vehicles is None or labels is None:
             return
-        predicted = _predicted_boxes(vehicles, self._min_score)
+        predicted = _predicted_boxes(vehicles, self._display_score)
         self._frames += kitti_frames(_labelled_boxes(labels), predicted, "car", 1, self._config)
         is_moderate = (labels.occlusion <= _MAX_OCCLUSION) & (labels.truncation <= _MAX_TRUNCATION)
         true = labels[is_moderate & (labels.types == "Car")]
@@ -152,13 +152,13 @@ def _labelled_boxes(labels: Labels) -> _ImageBoxes:
     )
 
 
-def _predicted_boxes(vehicles: Vehicles, min_score: float) -> _ImageBoxes:
+def _predicted_boxes(vehicles: Vehicles, display_score: float) -> _ImageBoxes:
     detections, unknown = vehicles.fused.detections, np.full(len(vehicles), -1.0)
     frames = np.zeros(len(vehicles), np.int64)
     boxes = _ImageBoxes(
         frames, vehicles.ids, detections.types, unknown, unknown, detections.boxes_px
     )
-    return boxes[(vehicles.ids >= 0) & (detections.scores >= min_score)]
+    return boxes[(vehicles.ids >= 0) & (detections.scores >= display_score)]
 
 
 def _shared_positions(vehicles: Vehicles, tracks: Tracks) -> tuple[int, int]:

@@ -98,7 +98,7 @@ class VehicleConfig:
     Attributes:
         points: Segmentation of a vehicle's points.
         fit: Fit of a vehicle's box.
-        tracker: Tracker of vehicles; its `min_score` is that of the detections that are located.
+        tracker: Tracker of vehicles; its `low_score` is that of the detections that are located.
     """
 
     points: VehiclePointsConfig = field(default_factory=VehiclePointsConfig)

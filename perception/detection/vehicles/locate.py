@@ -44,7 +44,7 @@ def locate(
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px
-    likely = np.flatnonzero(fused.detections.scores >= config.tracker.min_score)
+    likely = np.flatnonzero(fused.detections.scores >= config.tracker.low_score)
     found = find_points(frame.points_velo, boxes_px[likely], camera, ground, config.points)
     found = replace(found, owners=likely[found.owners])
     owners = np.full(len(frame.points_velo), -1)

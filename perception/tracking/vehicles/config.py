@@ -23,7 +23,7 @@ class VehicleTrackerConfig:
     """Tracker of detected vehicles, in the image and on the ground.
 
     Attributes:
-        min_score: Minimum score of a detection that is located in the scan and may continue a track.
+        low_score: Lowest score of a detection that is located in the scan and may continue a track.
         new_track_score: Minimum score of a detection that may begin a track.
         high_score: Minimum score of a detection that is assigned before the others.
         min_score_sum: Minimum sum of the scores of a confirmed track; one detection is never enough.
@@ -50,7 +50,7 @@ class VehicleTrackerConfig:
         shared_ids: Common ids with the tracks of moving objects.
     """
 
-    min_score: float = 0.1
+    low_score: float = 0.1
     new_track_score: float = 0.3
     high_score: float = 0.5
     min_score_sum: float = 1.2

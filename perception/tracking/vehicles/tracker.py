@@ -102,7 +102,7 @@ class VehicleTracker:
         config = self._config
         self._row_of = np.full(len(observations), -1)
         sure = observations.scores >= config.high_score
-        doubtful = ~sure & (observations.scores >= config.min_score)
+        doubtful = ~sure & (observations.scores >= config.low_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
