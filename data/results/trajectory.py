@@ -58,7 +58,7 @@ class TrajectoryRecord:
         return cls(
             frame=line.frame,
             stamp_s=line.stamp_s,
-            state=str(tracked.state),
+            state=str(tracked.status),
             size_m=None if track is None else track.size_m,
             speed_m_s=None if track is None else track.speed_m_s,
             velo=None if track is None else track.velo,
@@ -89,11 +89,11 @@ def trajectory_rows(
     rows = to_tracking_rows(frame, tracks, calibration, calibration.image_size_px)
     if tracked.box_velo is None and tracked.box_px is not None:
         # Only the rectangle in the image is known.
-        is_seen = np.array([tracked.state is TrackStatus.SEEN])
+        is_seen = np.array([tracked.status is TrackStatus.SEEN])
         scores = np.where(is_seen, OBSERVED_SCORE, PREDICTED_SCORE)
         detections = Detections(tracked.box_px[None], scores, np.array(["Misc"]))
         rows = kitti_rows(frame, np.array([object_id]), _UNKNOWN_BOX, detections, calibration)
-    if tracked.state is TrackStatus.LOST:
+    if tracked.status is TrackStatus.LOST:
         rows = rows[:0]
     return rows if kind is None else replace(rows, types=np.full(len(rows), kind))
 
@@ -106,5 +106,5 @@ def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
         ids=np.array([object_id]),
         boxes=tracked.box_velo,
         velocities_m_s=tracked.velocity_m_s[None],
-        is_observed=np.array([tracked.state is TrackStatus.SEEN]),
+        is_observed=np.array([tracked.status is TrackStatus.SEEN]),
     )

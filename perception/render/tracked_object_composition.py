@@ -99,12 +99,12 @@ def _write_state(canvas: UInt8, scene: TrackedObjectScene, text_px: int) -> None
     """Write state, speed, distance, error from the label, and time."""
     height, width = canvas.shape[:2]
     tracked, frame = scene.tracked, scene.result.frame
-    lines = [(str(tracked.state), STATUS_COLORS[tracked.state])]
+    lines = [(str(tracked.status), STATUS_COLORS[tracked.status])]
     box = tracked.box_velo
     if box is not None:
         speed_km_h = KM_H * float(np.hypot(*tracked.velocity_m_s))
         far_m = float(np.hypot(*box.bottom_m[0, :2]))
-        lines[0] = (f"{tracked.state}, {speed_km_h:.1f} km/h, {far_m:.1f} m away", lines[0][1])
+        lines[0] = (f"{tracked.status}, {speed_km_h:.1f} km/h, {far_m:.1f} m away", lines[0][1])
     if box is not None and scene.truth is not None:
         lines.append((_label_error(box, scene.truth), palette.TRUTH))
     time_s, spent_ms = frame.stamp_s, 1e3 * scene.seconds

@@ -49,13 +49,13 @@ class TrackedObjectFigure:
         """
         if tracked.box_velo is None:
             return None
-        is_lost = tracked.state is TrackStatus.LOST
+        is_lost = tracked.status is TrackStatus.LOST
         is_still = is_lost or path_velo is None
         track = Tracks(
             ids=np.zeros(1, np.int64),
             boxes=tracked.box_velo,
             velocities_m_s=np.zeros((1, 2)) if is_still else tracked.velocity_m_s[None],
-            is_observed=np.array([tracked.state is TrackStatus.SEEN]),
+            is_observed=np.array([tracked.status is TrackStatus.SEEN]),
         )
         figures = track_figures(track, [np.zeros((0, 3)) if path_velo is None else path_velo])
         return cls(
@@ -77,7 +77,7 @@ def _label_text(tracked: TrackedObject, name: str) -> str:
         TrackStatus.SEEN: speed,
         TrackStatus.PREDICTED: f"predicted {speed}",
         TrackStatus.LOST: "lost",
-    }[tracked.state]
+    }[tracked.status]
     return f"{name}  {state_text}".strip()
 
 

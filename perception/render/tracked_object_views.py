@@ -122,14 +122,14 @@ class TrackedObjectViews:
     def _draw_on_image(self, canvas: UInt8, resizing: Resizing, calibration: Calibration) -> None:
         tracked, region = self._scene.tracked, self._scene.region
         image_P_velo = resizing.project(calibration.image_P_velo)
-        if region is not None and tracked.state is TrackStatus.SEEN:
+        if region is not None and tracked.status is TrackStatus.SEEN:
             draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
         self._draw_truth(canvas, image_P_velo)
         if self._box is not None:
             self._box.draw(canvas, image_P_velo, self._style)
         elif tracked.box_px is not None:
             first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
-            color = STATUS_COLORS[tracked.state]
+            color = STATUS_COLORS[tracked.status]
             cv2.rectangle(canvas, first, last, color, self._style.line_px, cv2.LINE_AA)
 
     def from_behind(self, size_px: tuple[int, int]) -> UInt8:

@@ -85,9 +85,9 @@ class TrackedObjectTrail:
         world_SE3_velo = result.world_SE3_velo
         ground_velo = [0.0, 0.0, float(result.ground.height_m(np.zeros((1, 2)))[0])]
         self._ego_path_world.append(_transform(world_SE3_velo, np.array([ground_velo]))[0])
-        self.states.append(tracked.state)
+        self.states.append(tracked.status)
         box = tracked.box_velo
-        has_position = box is not None and tracked.state is not TrackStatus.LOST
+        has_position = box is not None and tracked.status is not TrackStatus.LOST
         speed_m_s = float(np.hypot(*tracked.velocity_m_s))
         self.speeds_km_h.append(KM_H * speed_m_s if has_position else float("nan"))
         if box is not None and has_position:

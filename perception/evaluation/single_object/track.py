@@ -110,7 +110,7 @@ class PredictedTrack(ArrayTable):
         boxes_px = [np.full(4, np.nan) if one.box_px is None else one.box_px for one in predictions]
         return cls(
             frames=np.array(frames, np.int64),
-            states=np.array([one.state for one in predictions], np.str_),
+            states=np.array([one.status for one in predictions], np.str_),
             boxes_velo=Boxes3D.concatenate(boxes),
             boxes_px=np.array(boxes_px, np.float64).reshape(-1, 4),
             velocities_m_s=np.array([one.velocity_m_s for one in predictions]).reshape(-1, 2),

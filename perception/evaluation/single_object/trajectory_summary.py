@@ -57,7 +57,7 @@ class TrajectorySummary:
         self.tracked.append(tracked)
         self.seconds.append(seconds)
         self.stamps_s.append(result.frame.stamp_s)
-        if tracked.box_velo is not None and tracked.state is not TrackStatus.LOST:
+        if tracked.box_velo is not None and tracked.status is not TrackStatus.LOST:
             box_world = transform_boxes(result.world_SE3_velo, tracked.box_velo)
             self.positions_world.append(box_world.bottom_m[0])
 
@@ -105,7 +105,7 @@ class TrajectorySummary:
             "object": self.object_name,
             "tracker": self.tracker,
             "frames": len(self.frames),
-            "states": {str(s): sum(one.state is s for one in self.tracked) for s in TrackStatus},
+            "states": {str(s): sum(one.status is s for one in self.tracked) for s in TrackStatus},
             "points_at_start": self.points_at_start,
             "travelled_m": path_length_m(np.array(self.positions_world).reshape(-1, 3)),
             "mean_speed_km_h": float(speeds.mean()) if len(speeds) else None,
@@ -119,7 +119,7 @@ class TrajectorySummary:
         known = [
             one.velocity_m_s
             for one in self.tracked
-            if one.box_velo is not None and one.state is not TrackStatus.LOST
+            if one.box_velo is not None and one.status is not TrackStatus.LOST
         ]
         return np.asarray(_KM_H * np.hypot(*np.array(known).reshape(-1, 2).T))
 

@@ -66,9 +66,9 @@ class CentroidTracker:
         self._stamp_s, self._unseen_s = tracker_input.stamp_s, 0.0
         self._box = WorldBox.at_rest(box_velo, tracker_input.world_SE3_velo)
         position = self._localizer.init(self._localizer_input(tracker_input, self._box, 0.0))
-        self._state = TrackStatus.PREDICTED if position is None else TrackStatus.SEEN
+        self._status = TrackStatus.PREDICTED if position is None else TrackStatus.SEEN
         self._motion = self._motion_at(self._box.position_m if position is None else position)
-        return self._box.observed_in(tracker_input, self._state)
+        return self._box.observed_in(tracker_input, self._status)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Track the object into the next frame.
@@ -82,7 +82,7 @@ class CentroidTracker:
         # A scan that is given twice is no second measurement.
         if elapsed_s != 0:
             self._box = self._updated(self._box, tracker_input, elapsed_s)
-        return self._box.observed_in(tracker_input, self._state)
+        return self._box.observed_in(tracker_input, self._status)
 
     def _updated(self, last: WorldBox, tracker_input: TrackerInput, elapsed_s: float) -> WorldBox:
         if not 0 < elapsed_s <= self._config.max_gap_s:
@@ -92,7 +92,7 @@ class CentroidTracker:
         position = self._localizer.locate(self._localizer_input(tracker_input, expected, elapsed_s))
         if position is None:
             return self._set_missed(last, predicted, elapsed_s)
-        self._state, self._unseen_s = TrackStatus.SEEN, 0.0
+        self._status, self._unseen_s = TrackStatus.SEEN, 0.0
         variances = np.array([self._config.motion.measurement])
         return self._move(last, predicted.corrected(position[None], variances), elapsed_s)
 
@@ -101,12 +101,12 @@ class CentroidTracker:
         self._unseen_s += elapsed_s
         if self._unseen_s > self._config.lost_after_s:
             return self._set_lost(last)
-        self._state = TrackStatus.PREDICTED
+        self._status = TrackStatus.PREDICTED
         return self._move(last, predicted, elapsed_s)
 
     def _set_lost(self, last: WorldBox) -> WorldBox:
         """Wait at the last predicted position."""
-        self._motion, self._state = self._motion_at(last.position_m), TrackStatus.LOST
+        self._motion, self._status = self._motion_at(last.position_m), TrackStatus.LOST
         self._unseen_s = np.inf
         self._localizer.reset(last.position_m)
         return replace(last, velocity_m_s=np.zeros(3))

@@ -55,13 +55,13 @@ class TrackedObject:
     """Estimate of the object in one frame; never NaN.
 
     Attributes:
-        state: Evidence for the estimate.
+        status: Evidence for the estimate.
         box_velo: One box in the LiDAR frame of the scan, or None of a tracker in the image alone.
         velocity_m_s: (2,) velocity over the ground along x and y of the LiDAR frame; zero where not estimated.
         box_px: (4,) x1 y1 x2 y2 of the object in the image, or None where it is not in the image.
     """
 
-    state: TrackStatus
+    status: TrackStatus
     box_velo: Boxes3D | None
     velocity_m_s: Float64
     box_px: Float64 | None
@@ -118,14 +118,14 @@ class WorldBox:
         position_m = box_world.bottom_m[0] + (0, 0, box_world.size_m[0, 2] / 2)
         return cls(position_m, box_world.size_m[0], float(box_world.yaw_rad[0]), np.zeros(3))
 
-    def observed_in(self, tracker_input: TrackerInput, state: TrackStatus) -> TrackedObject:
+    def observed_in(self, tracker_input: TrackerInput, status: TrackStatus) -> TrackedObject:
         """Return the object in the LiDAR frame and the image of a frame."""
         velo_SE3_world = se3.inverse(tracker_input.world_SE3_velo)
         bottom_m = self.position_m - (0, 0, self.size_m[2] / 2)
         box_world = Boxes3D(bottom_m[None], self.size_m[None], np.array([self.yaw_rad]))
         box_velo = transform_boxes(velo_SE3_world, box_world)
         velocity_m_s = velo_SE3_world[:2, :3] @ self.velocity_m_s
-        return TrackedObject(state, box_velo, velocity_m_s, tracker_input.box_px(box_velo))
+        return TrackedObject(status, box_velo, velocity_m_s, tracker_input.box_px(box_velo))
 
 
 def validate_initial_box(box_velo: Boxes3D) -> None:

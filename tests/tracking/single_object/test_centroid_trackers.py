@@ -122,12 +122,12 @@ def started(name: str, scene: Scene, frames: int = 1):
 def test_follows_the_car(name, scene):
     tracker = single_object_tracker(name, HDL_64E)
     first = tracker.init(scene.tracker_input(0), scene.box(0))
-    assert first.state is TrackStatus.SEEN
+    assert first.status is TrackStatus.SEEN
     np.testing.assert_allclose(first.box_velo.bottom_m, scene.box(0).bottom_m, atol=1e-9)
     for frame in range(1, 25):
         tracked = tracker.update(scene.tracker_input(frame))
         truth = scene.box(0.1 * frame)
-        assert tracked.state is TrackStatus.SEEN
+        assert tracked.status is TrackStatus.SEEN
         np.testing.assert_array_equal(tracked.box_velo.size_m, truth.size_m)
         away_m = tracked.box_velo.bottom_m[0, :2] - truth.bottom_m[0, :2]
         # The mean of coloured points is that of what the camera sees first.
@@ -146,7 +146,7 @@ def test_without_a_camera_the_scan_is_enough(name):
     for frame in range(1, 10):
         tracker_input = replace(scene.tracker_input(frame), image=None, image_P_velo=None)
         tracked = tracker.update(tracker_input)
-        assert tracked.state is TrackStatus.SEEN
+        assert tracked.status is TrackStatus.SEEN
         assert tracked.box_px is None
     away_m = tracked.box_velo.bottom_m[0] - scene.box(0.9).bottom_m[0]
     assert np.hypot(*away_m[:2]) < 0.3
@@ -168,7 +168,7 @@ def test_an_image_may_be_missing_for_some_frames(name):
     tracker = started(name, scene, frames=8)
     for frame in range(8, 20):
         tracked = tracker.update(scene.tracker_input(frame, has_image=not 9 <= frame < 14))
-        assert tracked.state is TrackStatus.SEEN
+        assert tracked.status is TrackStatus.SEEN
         assert_finite(tracked)
         assert (tracked.box_px is None) == (9 <= frame < 14)
     away_m = tracked.box_velo.bottom_m[0, :2] - scene.box(1.9).bottom_m[0, :2]
@@ -192,7 +192,7 @@ def test_hidden_it_is_predicted_then_lost_and_never_nan(name):
     for frame in range(20, 60):
         tracked = tracker.update(scene.tracker_input(frame, has_car=False))
         assert_finite(tracked)
-        states.append(tracked.state)
+        states.append(tracked.status)
     # A second, give or take a scan: time adds up with rounding.
     assert states[:9] == [TrackStatus.PREDICTED] * 9
     assert states[10:] == [TrackStatus.LOST] * 30
@@ -205,10 +205,10 @@ def test_it_is_found_again_behind_an_occluder(name):
     tracker = started(name, scene, frames=20)
     for frame in range(20, 26):
         tracked = tracker.update(scene.tracker_input(frame, has_car=False))
-        assert tracked.state is TrackStatus.PREDICTED
+        assert tracked.status is TrackStatus.PREDICTED
     for frame in range(26, 32):
         tracked = tracker.update(scene.tracker_input(frame))
-        assert tracked.state is TrackStatus.SEEN
+        assert tracked.status is TrackStatus.SEEN
     away_m = tracked.box_velo.bottom_m[0, :2] - scene.box(3.1).bottom_m[0, :2]
     assert np.hypot(*away_m) < 0.6
 
@@ -218,11 +218,11 @@ def test_a_lost_object_that_returns_is_found():
     tracker = started("h-fus", scene, frames=5)
     for frame in range(5, 40):
         lost = tracker.update(scene.tracker_input(frame, has_car=False))
-    assert lost.state is TrackStatus.LOST
+    assert lost.status is TrackStatus.LOST
     position = lost.box_velo.bottom_m[0]
     there = Scene(start_xy_m=(position[0] + 0.5 - 4.0 * SPEED_M_S, position[1]))
     found = tracker.update(there.tracker_input(40))
-    assert found.state is TrackStatus.SEEN
+    assert found.status is TrackStatus.SEEN
     assert center_of(found)[0] == pytest.approx(position[0] + 0.5, abs=0.35)
 
 
@@ -231,10 +231,10 @@ def test_an_initial_box_without_points_is_a_prediction(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
     first = tracker.init(scene.tracker_input(0, has_car=False), scene.box(0))
-    assert first.state is TrackStatus.PREDICTED
+    assert first.status is TrackStatus.PREDICTED
     np.testing.assert_allclose(first.box_velo.bottom_m, scene.box(0).bottom_m, atol=1e-9)
     found = tracker.update(scene.tracker_input(1))
-    assert found.state is TrackStatus.SEEN
+    assert found.status is TrackStatus.SEEN
     assert_finite(found)
 
 
@@ -269,7 +269,7 @@ def test_a_frame_given_twice_changes_nothing(name):
     tracker = started(name, scene, frames=10)
     once = tracker.update(scene.tracker_input(10))
     again = tracker.update(scene.tracker_input(10))
-    assert again.state is once.state
+    assert again.status is once.status
     np.testing.assert_array_equal(again.box_velo.bottom_m, once.box_velo.bottom_m)
     np.testing.assert_array_equal(again.velocity_m_s, once.velocity_m_s)
 
@@ -280,10 +280,10 @@ def test_after_a_jump_in_time_the_object_is_lost(name, stamp_s):
     scene = Scene()
     tracker = started(name, scene, frames=10)
     jumped = tracker.update(replace(scene.tracker_input(10), stamp_s=stamp_s))
-    assert jumped.state is TrackStatus.LOST
+    assert jumped.status is TrackStatus.LOST
     assert_finite(jumped)
     after = tracker.update(replace(scene.tracker_input(11, has_car=False), stamp_s=stamp_s + 0.1))
-    assert after.state is TrackStatus.LOST
+    assert after.status is TrackStatus.LOST
     assert_finite(after)
 
 
@@ -293,7 +293,7 @@ def test_an_empty_scan_is_no_observation(name):
     tracker = started(name, scene, frames=10)
     empty = replace(scene.tracker_input(10), points_velo=np.zeros((0, 4), np.float32))
     tracked = tracker.update(empty)
-    assert tracked.state is TrackStatus.PREDICTED
+    assert tracked.status is TrackStatus.PREDICTED
     assert_finite(tracked)
 
 
@@ -305,7 +305,7 @@ def test_an_object_that_leaves_the_image_is_tracked_by_its_points(name):
     seen_px = []
     for frame in range(1, 20):
         tracked = tracker.update(scene.tracker_input(frame))
-        assert tracked.state is TrackStatus.SEEN
+        assert tracked.status is TrackStatus.SEEN
         assert_finite(tracked)
         seen_px.append(tracked.box_px is not None)
     assert seen_px[0]
@@ -323,10 +323,10 @@ def test_a_hull_of_fewer_than_three_points_teaches_no_colours():
         tracker_input,
         points_velo=np.vstack([tracker_input.points_velo[: len(ground_points())], two]),
     )
-    assert tracker.init(bare, scene.box(0)).state is TrackStatus.SEEN
+    assert tracker.init(bare, scene.box(0)).status is TrackStatus.SEEN
     assert len(tracker.colors.colors) == 0
     tracked = tracker.update(scene.tracker_input(1))
-    assert tracked.state is TrackStatus.SEEN
+    assert tracked.status is TrackStatus.SEEN
     assert len(tracker.colors.colors) > 0
     assert_finite(tracked)
 
@@ -348,7 +348,7 @@ def test_what_lies_beyond_the_gate_is_not_the_object():
     tracker = kalman_tracker(HDL_64E)
     tracker.init(scene.tracker_input(0), scene.box(0))
     aside = Scene(start_xy_m=(14.0, 2.0 + 2 * SIZE_M[1] + 0.2))
-    assert tracker.update(aside.tracker_input(1)).state is TrackStatus.PREDICTED
+    assert tracker.update(aside.tracker_input(1)).status is TrackStatus.PREDICTED
 
 
 def test_the_ground_may_be_that_of_the_obstacle_stage():

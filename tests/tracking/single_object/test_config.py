@@ -52,5 +52,5 @@ def test_the_time_until_an_object_is_lost_is_that_of_the_config(name):
     box = Boxes3D(np.array([[10.0, 2.0, -1.73]]), np.array([[4.0, 1.8, 1.5]]), np.zeros(1))
     inputs = [TrackerInput(0.1 * i, np.zeros((0, 4), np.float32), np.eye(4)) for i in range(5)]
     tracker.init(inputs[0], box)
-    states = [str(tracker.update(tracker_input).state) for tracker_input in inputs[1:]]
+    states = [str(tracker.update(tracker_input).status) for tracker_input in inputs[1:]]
     assert states == ["predicted", "predicted", "lost", "lost"]

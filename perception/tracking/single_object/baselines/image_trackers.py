@@ -93,10 +93,10 @@ class ImageOnlyTracker:
         return self._tracked(self._box_px)
 
     def _tracked(self, box_px: Float64) -> TrackedObject:
-        state = TrackStatus.SEEN if self._missed == 0 else TrackStatus.PREDICTED
+        status = TrackStatus.SEEN if self._missed == 0 else TrackStatus.PREDICTED
         if self._missed > self._max_missed:
-            state = TrackStatus.LOST
-        return TrackedObject(state, None, np.zeros(2), box_px)
+            status = TrackStatus.LOST
+        return TrackedObject(status, None, np.zeros(2), box_px)
 
 
 # Name of each tracker, and its class in OpenCV.

@@ -180,12 +180,12 @@ class BoxFitTracker:
 
     def _tracked(self, tracker_input: TrackerInput, track: BoxTrack) -> TrackedObject:
         size_m, velocity = track.shape.size_m, self._motion.velocity_m_s(track.state)
-        state = TrackStatus.SEEN
+        status = TrackStatus.SEEN
         if track.is_hidden:
-            state = TrackStatus.LOST if self._is_lost(track) else TrackStatus.PREDICTED
+            status = TrackStatus.LOST if self._is_lost(track) else TrackStatus.PREDICTED
         middle = track.position_world + np.array([0.0, 0.0, size_m[2] / 2])
         box = WorldBox(middle, size_m, float(track.pose[2]), np.append(velocity, 0.0))
-        return box.observed_in(tracker_input, state)
+        return box.observed_in(tracker_input, status)
 
 
 @cache

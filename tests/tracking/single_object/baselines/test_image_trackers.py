@@ -56,7 +56,7 @@ def test_it_begins_with_the_rectangle_around_the_box(name):
     first = single_object_tracker(name, HDL_64E).init(
         tracker_input(image_with_square(160, 100)), BOX
     )
-    assert first.state is TrackStatus.SEEN
+    assert first.status is TrackStatus.SEEN
     assert first.box_velo is None
     np.testing.assert_allclose(first.box_px, [140, 80, 180, 120], atol=1e-3)
     np.testing.assert_array_equal(first.velocity_m_s, [0, 0])
@@ -69,7 +69,7 @@ def test_it_follows_a_square_over_a_checkerboard(name, within_px):
     for frame in range(1, 8):
         position = 160 + 4 * frame, 100 - 2 * frame
         tracked = tracker.update(tracker_input(image_with_square(*position), frame))
-        assert tracked.state is TrackStatus.SEEN
+        assert tracked.status is TrackStatus.SEEN
         assert np.hypot(*(center_of(tracked.box_px) - position)) <= within_px
         np.testing.assert_allclose(tracked.box_px[2:] - tracked.box_px[:2], 40, atol=1e-3)
 
@@ -93,10 +93,10 @@ def test_without_images_it_is_predicted_then_lost_then_seen_again(name):
     for _ in range(12):
         tracked = tracker.update(tracker_input(None))
         np.testing.assert_array_equal(tracked.box_px, first.box_px)
-        states.append(tracked.state)
+        states.append(tracked.status)
     assert states == [TrackStatus.PREDICTED] * 10 + [TrackStatus.LOST] * 2
     again = tracker.update(tracker_input(image_with_square(162, 101)))
-    assert again.state is TrackStatus.SEEN
+    assert again.status is TrackStatus.SEEN
     assert np.hypot(*(center_of(again.box_px) - (162, 101))) < 6
 
 
@@ -105,7 +105,7 @@ def test_an_object_without_its_colours_is_lost(name):
     tracker = single_object_tracker(name, HDL_64E)
     tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     tracked = tracker.update(tracker_input(np.full((200, 320, 3), 255, np.uint8)))
-    assert tracked.state is TrackStatus.PREDICTED
+    assert tracked.status is TrackStatus.PREDICTED
     np.testing.assert_allclose(tracked.box_px, [140, 80, 180, 120], atol=1e-3)
 
 
@@ -219,7 +219,7 @@ def test_the_rectangle_grows_with_opencvs_window_and_stays_where_it_fails():
     grown = tracker.update(tracker_input(image))
     np.testing.assert_allclose(grown.box_px, [100, 60, 180, 140], atol=1e-3)
     missed = tracker.update(tracker_input(image))
-    assert missed.state is TrackStatus.PREDICTED
+    assert missed.status is TrackStatus.PREDICTED
     np.testing.assert_array_equal(missed.box_px, grown.box_px)
 
 

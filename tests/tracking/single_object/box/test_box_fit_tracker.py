@@ -120,7 +120,7 @@ def test_tracks_straight_motion(target: _MovingBox, ground: bool) -> None:
     tracker = _started(target)
     for time_s in _times(25)[1:]:
         found = tracker.update(_tracker_input(time_s, target, ground=ground))
-        assert found.state is TrackStatus.SEEN
+        assert found.status is TrackStatus.SEEN
         assert _error_m(found, target, time_s) < 0.15
     assert _yaw_error_rad(found, target) < 0.1
     assert np.hypot(*found.velocity_m_s) == pytest.approx(target.speed_m_s, abs=0.35)
@@ -133,7 +133,7 @@ def test_bridges_a_full_occlusion_of_one_second() -> None:
     for time_s in _times(40)[1:]:
         is_hidden = 1.0 < time_s <= 2.0
         found = tracker.update(_tracker_input(time_s, *([] if is_hidden else [car])))
-        states[time_s] = found.state
+        states[time_s] = found.status
         assert _error_m(found, car, time_s) < 0.5
     assert all(states[time_s] is TrackStatus.PREDICTED for time_s in _times(21)[11:])
     assert states[2.1] is TrackStatus.SEEN
@@ -197,7 +197,7 @@ def test_an_empty_initial_box_is_predicted_then_lost() -> None:
     car = _MovingBox(CAR_M, (10.0, 5.0))
     tracker = BoxFitTracker(HDL_64E)
     tracker.init(_tracker_input(0.0), car.box(0.0))
-    states = [tracker.update(_tracker_input(time_s)).state for time_s in _times(40)[1:]]
+    states = [tracker.update(_tracker_input(time_s)).status for time_s in _times(40)[1:]]
     assert states[0] is TrackStatus.PREDICTED
     assert states[-1] is TrackStatus.LOST
 
@@ -208,7 +208,7 @@ def test_an_object_that_disappears_is_predicted_then_lost_and_never_nan() -> Non
     states = []
     for time_s in _times(80)[1:]:
         found = tracker.update(_tracker_input(time_s, *([car] if time_s < 1.0 else [])))
-        states.append(found.state)
+        states.append(found.status)
         assert found.box_velo is not None
         assert np.isfinite(found.box_velo.bottom_m).all()
         assert np.isfinite([*found.velocity_m_s, *found.box_velo.yaw_rad]).all()
@@ -223,9 +223,9 @@ def test_an_empty_scan_is_a_missed_one() -> None:
         tracker.update(_tracker_input(time_s, car))
     empty = replace(_tracker_input(1.0), points_velo=np.zeros((0, 4), np.float32), ground=None)
     found = tracker.update(empty)
-    assert found.state is TrackStatus.PREDICTED
+    assert found.status is TrackStatus.PREDICTED
     assert _error_m(found, car, 1.0) < 0.2
-    assert tracker.update(_tracker_input(1.1, car)).state is TrackStatus.SEEN
+    assert tracker.update(_tracker_input(1.1, car)).status is TrackStatus.SEEN
 
 
 def test_a_scan_given_twice_changes_nothing() -> None:
@@ -235,7 +235,7 @@ def test_a_scan_given_twice_changes_nothing() -> None:
     again = tracker.update(_tracker_input(0.1, car))
     assert first.box_velo is not None and again.box_velo is not None
     np.testing.assert_array_equal(first.box_velo.bottom_m, again.box_velo.bottom_m)
-    assert again.state is first.state
+    assert again.status is first.status
 
 
 def test_bridges_a_gap_in_time() -> None:
@@ -243,7 +243,7 @@ def test_bridges_a_gap_in_time() -> None:
     tracker = _started(car)
     for time_s in (*_times(11)[1:], 2.0, 2.1):
         found = tracker.update(_tracker_input(time_s, car))
-        assert found.state is TrackStatus.SEEN
+        assert found.status is TrackStatus.SEEN
         assert _error_m(found, car, time_s) < 0.2
 
 
@@ -302,7 +302,7 @@ def test_tracks_real_objects(kitti_root: Path, track_id: int, limit_m: float) ->
         tracker_input = TrackerInput(frame.stamp_s, frame.points_velo, frame.world_SE3_velo)
         truth = labels.boxes_velo[labels.track_ids == track_id]
         found = tracker.update(tracker_input) if index else tracker.init(tracker_input, truth)
-        assert found.state is TrackStatus.SEEN
+        assert found.status is TrackStatus.SEEN
         assert found.box_velo is not None
         errors_m.append(np.linalg.norm(found.box_velo.bottom_m[0] - truth.bottom_m[0]))
     assert np.mean(errors_m) < limit_m

@@ -43,7 +43,7 @@ def errors(kitti_root) -> dict[int, np.ndarray]:
                     np.linalg.norm(away_m),
                     np.linalg.norm(centers_px[0] - centers_px[1]),
                     turn_rad,
-                    tracked.state is TrackStatus.SEEN,
+                    tracked.status is TrackStatus.SEEN,
                 )
             )
     return {track: np.array(values) for track, values in rows.items()}
