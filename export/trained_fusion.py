@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from data.atomic_file import write_atomically
 from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.fused_frames import (
     boxes_by_detector,
@@ -16,6 +15,7 @@ from data.detections.split_detections import SplitDetections, split_detections
 from data.samples.config import TrainingDrives
 from export.fusion import export_fusion, with_calibrations
 from export.result import ExportConfig
+from perception.atomic_file import write_atomically
 from perception.detection.config import FusionVariant
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration

@@ -70,6 +70,10 @@ class ModelError(PerceptionError):
     """A model file or checkpoint is unreadable, or for other inputs or classes."""
 
 
+class WriteError(PerceptionError):
+    """A file cannot be written: the disk is full, or the place is not writable."""
+
+
 class UsageError(PerceptionError):
     """An option has a value that cannot work."""
 

@@ -8,7 +8,7 @@ import torch
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch import LightningModule
 
-from data.atomic_file import write_atomically
+from perception.atomic_file import write_atomically
 from perception.errors import ModelError
 from train.checkpoints import read_checkpoint
 

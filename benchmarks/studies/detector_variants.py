@@ -13,12 +13,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from data.atomic_file import write_atomically
 from data.detections.measured_detectors import DetectorOptions, measured_network
 from data.detections.measured_drives import DriveInfo, DriveReader, measure_drives
 from data.results.documents import to_serializable, write_json
 from data.samples.config import TrainingDrives
 from data.samples.images.config import ImageDataConfig
+from perception.atomic_file import write_atomically
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar, progress_bar

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from data.atomic_file import write_jpeg
 from data.detections.measured_detectors import MeasuredDetector
 from data.frames import file_number, frame_count, read_frames
 from data.open_drive import open_drive, sequences_in
+from perception.atomic_file import write_jpeg
 from perception.errors import DriveError
 from perception.evaluation.detection.frame_errors import worst_frames
 from perception.evaluation.report import Table

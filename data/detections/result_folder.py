@@ -5,9 +5,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
 
-from data.atomic_file import write_atomically, write_jpeg
 from data.frames import file_number
 from data.kitti.detection_rows import format_result_rows
+from perception.atomic_file import write_atomically, write_jpeg
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.detector_measure import FrameDetections

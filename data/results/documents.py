@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from data.atomic_file import write_atomically
 from perception import __version__
+from perception.atomic_file import write_atomically
 from perception.types import Drive
 
 

@@ -27,11 +27,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from data.atomic_file import write_atomically
 from data.results.documents import write_json
 from data.results.records import LineFiles, read_records
 from data.results.tracks import FrameTracks, append_tracks
 from data.results.vehicles import FrameVehicles, append_vehicles
+from perception.atomic_file import write_atomically
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
 from perception.types import Drive, Float64, GroundModel, PointState, Result

@@ -5,7 +5,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Self
 
-from data.atomic_file import write_jpeg
+from perception.atomic_file import write_jpeg
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
 from perception.render.tracked_object_figure import TrackedObjectFigure

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from data.atomic_file import write_atomically
 from data.frames import file_number
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from data.results.records import LineFiles
 from data.results.tracks import kitti_rows
+from perception.atomic_file import write_atomically
 from perception.geometry.se3 import wrap
 from perception.types import MODALITIES, Calibration, Drive, Float64, Result, Vehicles
 

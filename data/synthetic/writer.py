@@ -20,12 +20,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from data.atomic_file import write_atomically
 from data.kitti.calibration import format_benchmark_calibration, format_raw_calibration
 from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
+from perception.atomic_file import write_atomically
 from perception.sensor import sensor_to_json
 from perception.types import Float64, Labels, PointTruth, UInt8
 

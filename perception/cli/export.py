@@ -34,9 +34,9 @@ def export(  # noqa: PLR0913 - flags of a command
         int8: Make an 8-bit model too; the one that is not chosen becomes NAME.int8.onnx or NAME.fp32.onnx.
         size: Input size of a detector as HEIGHTxWIDTH in multiples of 32, such as 352x1216; else that of the training.
     """
-    from data.atomic_file import write_atomically
     from data.open_drive import open_drive
     from data.results.documents import describe_machine, write_json
+    from perception.atomic_file import write_atomically
     from perception.cli.progress import progress_bar
     from perception.detection.detectors.input_size import InputSize
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from perception.atomic_file import atomic_file
 from perception.render import palette
 from perception.render.palette import Color
 
@@ -35,10 +36,8 @@ def new_figure(width_in: float, height_in: float, title: str) -> "Figure":
 
 def save_figure(figure: "Figure", path: Path) -> None:
     """Write a figure as PNG, all of it or nothing, and make its folder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}.part.png")
-    figure.savefig(temporary, dpi=_DOTS_PER_INCH)
-    temporary.replace(path)
+    with atomic_file(path) as part:
+        figure.savefig(part, dpi=_DOTS_PER_INCH)
 
 
 def rgb(color: Color) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from av.container import OutputContainer
 
+from perception.atomic_file import writing
 from perception.errors import ImageError
 from perception.types import UInt8
 
@@ -79,27 +80,34 @@ class VideoWriter:
         self.close(is_complete=error is None)
 
     def close(self, *, is_complete: bool) -> None:
-        """Close the file, and give it its final name where it is complete."""
-        if self._container is None:
+        """Close the file, and give it its final name where it is complete.
+
+        Raises:
+            WriteError: The file cannot be written.
+        """
+        container, self._container = self._container, None
+        if container is None:
             return
-        for packet in self._stream.encode():
-            self._container.mux(packet)
-        self._container.close()
-        self._container = None
-        if is_complete:
-            self.partial_path.replace(self.path)
+        with writing(self.path):
+            with container:
+                for packet in self._stream.encode():
+                    container.mux(packet)
+            if is_complete:
+                self.partial_path.replace(self.path)
 
     def add(self, image: UInt8) -> None:
         """Encode the next (H, W, 3) RGB image; height and width are even and constant.
 
         Raises:
-            ImageError: the image differs in size from the first, or has an odd size.
+            ImageError: The image differs in size from the first, or has an odd size.
+            WriteError: The file cannot be written.
         """
-        container = self._container or self._open(image)
-        self._check_size(image)
-        frame = av.VideoFrame.from_ndarray(_to_yuv420(image), format="yuv420p")
-        for packet in self._stream.encode(frame):
-            container.mux(packet)
+        with writing(self.path):
+            container = self._container or self._open(image)
+            self._check_size(image)
+            frame = av.VideoFrame.from_ndarray(_to_yuv420(image), format="yuv420p")
+            for packet in self._stream.encode(frame):
+                container.mux(packet)
 
     def _open(self, image: UInt8) -> OutputContainer:
         height, width = image.shape[:2]

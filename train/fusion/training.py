@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from data.atomic_file import write_atomically
+from perception.atomic_file import write_atomically
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.errors import ModelError
 from perception.types import Float64

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from data.atomic_file import write_atomically
+from perception.atomic_file import write_atomically
 from perception.detection.config import ProposalConfig
 from perception.errors import UsageError
 from train.proposal_search.counting import ProposalCount, SearchTask
