@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
@@ -11,10 +11,10 @@ from benchmarks.studies.report import RESULTS, publish
 from perception.errors import DriveError
 from perception.evaluation.report import format_table
 from perception.geometry.grids import LocalArea
-from perception.localization.registration import register_window
-from perception.localization.scan_window import DenseCloud, merge
-from perception.render.obstacle_plots import AgedPoints, plot_aged_points
 from perception.types import Bool, Float32, Float64, GroundModel, Int, UInt8
+
+if TYPE_CHECKING:
+    from perception.localization.scan_window import DenseCloud
 
 _CELL_M = 0.1
 _LOW_M, _HIGH_M = 0.3, 2.0
@@ -43,6 +43,10 @@ def dense_cloud(
     Raises:
         DriveError: The drive has no INS, or the frame no pole.
     """
+    from perception.localization.registration import register_window
+    from perception.localization.scan_window import merge
+    from perception.render.obstacle_plots import AgedPoints, plot_aged_points
+
     opened = window.open(drive)
     merged = read_merged_frame(opened, window)
     by_ins, ground = merged.ins_window, merged.planes
@@ -80,12 +84,14 @@ def dense_cloud(
     )
 
 
-def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float64:
+def find_pole(cloud: "DenseCloud", ground: GroundModel, area: LocalArea) -> Float64:
     """Return (2,) x and y of the most isolated tall thin object that every scan of the cloud observed.
 
     Raises:
         DriveError: There is none.
     """
+    import cv2
+
     height_m = ground.distance_m(cloud.points_velo)
     rows = (height_m > _LOW_M) & (height_m < _HIGH_M)
     xy_m = cloud.points_velo[rows, :2] + (area.behind_m, area.side_m)
@@ -120,6 +126,8 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
 
 def _distinct_values_around(cells: Int, values: Int | UInt8, shape: tuple[int, int]) -> Float64:
     """Count the distinct values within the inner square around each cell."""
+    import cv2
+
     total = np.zeros(shape)
     for one in np.unique(values):
         layer = np.zeros(shape[0] * shape[1], np.uint8)
@@ -149,7 +157,7 @@ class Cutout:
 
 
 def cut_out(
-    cloud: DenseCloud, ground: GroundModel, place_m: Float64, radius_m: float = 0.5
+    cloud: "DenseCloud", ground: GroundModel, place_m: Float64, radius_m: float = 0.5
 ) -> Cutout:
     """Return the points above the ground within a radius of a place (2,)."""
     offset = cloud.points_velo[:, :2] - place_m

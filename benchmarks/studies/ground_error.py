@@ -6,14 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
-from data.frames import read_frames
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.grids import LocalArea
-from perception.localization.odometry import LidarOdometry
-from perception.localization.scan_window import PosedScan, ScanWindow, merge
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.render.bar_plots import ValueGrid, plot_grid
@@ -97,6 +94,10 @@ def measure_ground_errors(
             found="none",
             advice="use a KITTI tracking sequence or a synthetic drive",
         )
+    from data.frames import read_frames
+    from perception.localization.odometry import LidarOdometry
+    from perception.localization.scan_window import PosedScan, ScanWindow, merge
+
     area, odometry = LocalArea(), LidarOdometry()
     window = ScanWindow(max(config.previous_scans))
     errors: dict[tuple[int, int], list[GroundErrors]] = {

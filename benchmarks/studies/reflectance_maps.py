@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmarks.studies.detector_variants import DetectorVariant, VariantFlags, study_variants
 from benchmarks.studies.report import RESULTS, publish
@@ -12,8 +13,10 @@ from benchmarks.studies.variant_report import (
     precision_tables,
     times_table,
 )
-from perception.detection.detectors.modalities import MapFilling
 from train.detector.config import Preset
+
+if TYPE_CHECKING:
+    from perception.detection.detectors.modalities import MapFilling
 
 SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
 TRIFUSE, WIDE = "Trifuse", "nearest, wide"
@@ -29,7 +32,7 @@ THESIS_B3: Mapping[str, Percent] = {
     NATURAL: (65.25, 50.07, 44.76),
 }
 THESIS_B1_MS = (34.0, 15.0)
-_FILLINGS: Mapping[str, MapFilling] = {
+_FILLINGS: Mapping[str, "MapFilling"] = {
     SPARSE: "sparse",
     NEAREST: "nearest",
     LINEAR: "linear",

@@ -3,28 +3,23 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, publish
-from data.synthetic.scenarios import (
-    TARGET_ID,
-    ScenarioDrive,
-    TargetClass,
-    all_scenarios,
-    true_track,
-)
 from perception.cli.evaluate_otd import require_trackers, run_trackers
 from perception.cli.parser import FlagGroup
 from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.report import Column, Table
-from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
-from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
-from perception.evaluation.single_object.track import ObjectSequence, TargetObject, TrueTrack
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import load_sensor
-from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Float64
+
+if TYPE_CHECKING:
+    from perception.evaluation.single_object.errors import SingleObjectErrors
+    from perception.evaluation.single_object.metrics import SingleObjectMetrics
+    from perception.evaluation.single_object.track import TrueTrack
 
 # An object that was hidden is reacquired once it is observed with this overlap of both boxes (A.1).
 _REACQUIRED_IOU = SingleObjectMetricsConfig().overlap
@@ -36,13 +31,13 @@ class SingleObjectStudyConfig(FlagGroup):
 
     Attributes:
         trackers: Names of the trackers, the first of them emphasised in the figure.
-        object_class: Class of the object: Car, Cyclist or Pedestrian.
+        object_class: Class of the object.
         duration_s: Duration of each scene in seconds; its events are stretched with it.
         seed: Seed of the street, of appearances and of noise.
     """
 
     trackers: tuple[str, ...] = ("default", "h-fus", "l-fus", "3d-ms", "3d-kf")
-    object_class: TargetClass = "Car"
+    object_class: Literal["Car", "Cyclist", "Pedestrian"] = "Car"
     duration_s: float = 6.0
     seed: int = 0
 
@@ -59,7 +54,7 @@ class SingleObjectStudyMetrics:
         refusal: Reason why the tracker could not begin, or None.
     """
 
-    scores: SingleObjectMetrics
+    scores: "SingleObjectMetrics"
     hidden_frames: int
     reacquired_s: float
     refusal: str | None = None
@@ -79,14 +74,19 @@ def single_object(
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from data.synthetic import scenarios
+    from perception.evaluation.single_object.errors import single_object_errors
+    from perception.evaluation.single_object.metrics import single_object_metrics
+    from perception.evaluation.single_object.track import ObjectSequence, TargetObject
+
     require_trackers(config.trackers)
     model, panels = load_sensor(sensor), []
     metrics: dict[str, dict[str, SingleObjectStudyMetrics]] = {}
-    for scenario in all_scenarios(config.object_class, config.duration_s):
-        drive = ScenarioDrive(scenario, seed=config.seed, sensor=model)
-        truth, frames = true_track(drive), len(drive)
+    for scenario in scenarios.all_scenarios(config.object_class, config.duration_s):
+        drive = scenarios.ScenarioDrive(scenario, seed=config.seed, sensor=model)
+        truth, frames = scenarios.true_track(drive), len(drive)
         sequence = ObjectSequence(
-            scenario.name, drive.name, TARGET_ID, scenario.kind, 0, frames - 1
+            scenario.name, drive.name, scenarios.TARGET_ID, scenario.kind, 0, frames - 1
         )
         (runs,) = run_trackers(drive, [TargetObject(sequence, truth, frames)], config.trackers)
         errors = {
@@ -115,7 +115,7 @@ def single_object(
 
 
 def _error_panel(
-    title: str, truth: TrueTrack, errors: Mapping[str, SingleObjectErrors]
+    title: str, truth: "TrueTrack", errors: Mapping[str, "SingleObjectErrors"]
 ) -> CurvePanel:
     """Return the centre errors of the trackers with 3D boxes, NaN where a frame has none."""
     errors_m = {}
@@ -126,11 +126,13 @@ def _error_panel(
     return tracking_error_panel(title, truth.stamps_s, np.isnan(truth.boxes_px[:, 0]), errors_m)
 
 
-def reacquisition_time_s(truth: TrueTrack, errors: SingleObjectErrors) -> float:
+def reacquisition_time_s(truth: "TrueTrack", errors: "SingleObjectErrors") -> float:
     """Return the seconds from the last hidden frame to the first in which the object is reacquired.
 
     Reacquired means that the tracker observes it and overlaps it enough, in 3D or else in the image.
     """
+    from perception.tracking.single_object.tracker import TrackStatus
+
     hidden = np.flatnonzero(np.isnan(truth.boxes_px[:, 0]))
     if not len(hidden):
         return np.nan

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.chain_times import ThesisCase, frames_per_s, time_default, time_thesis
 from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.flags import require_positive
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
@@ -41,6 +40,8 @@ def speed(drive: str, *, config: SpeedConfig, out: Path = RESULTS / "speed.png")
         drive: Folder of a drive with INS, or the word synthetic.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from benchmarks.studies.chain_times import ThesisCase, frames_per_s, time_default, time_thesis
+
     opened, frames = config.open(drive), config.frames
     scans, sizes_m = config.previous_scans, config.voxel_sizes_m
     cases = [ThesisCase(m, size) for size in sizes_m for m in scans]

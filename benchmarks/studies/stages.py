@@ -2,22 +2,9 @@
 
 from pathlib import Path
 
-from benchmarks.studies.chain_times import (
-    DENSE_CLOUD,
-    GROUND,
-    MOTION,
-    VOXELS,
-    ThesisCase,
-    Times,
-    mean_times_s,
-    time_default,
-    time_thesis,
-)
 from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.flags import require_positive
 from perception.render.bar_plots import plot_shares
-
-_PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}
 
 
 def stages(
@@ -36,19 +23,27 @@ def stages(
         frames: Number of measured frames, after those that fill the window.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from benchmarks.studies.chain_times import (
+        PUBLISHED_PERCENT,
+        ThesisCase,
+        mean_times_s,
+        time_default,
+        time_thesis,
+    )
+
     require_positive("--frames", frames)
     opened, case = source.open(drive), ThesisCase()
     thesis = mean_times_s(time_thesis(opened, [case], frames)[case])
     default = mean_times_s(time_default(opened, 6, case.previous_scans, frames))
     title = f"Share of time by stage, {opened.name}, {frames} frames, m = {case.previous_scans}"
     bars = {
-        "thesis, published\n(MATLAB, 0.3 frames/s)": _PUBLISHED,
+        "thesis, published\n(MATLAB, 0.3 frames/s)": PUBLISHED_PERCENT,
         f"thesis' method here\n{_total(thesis)}": thesis,
         f"default method\n{_total(default)}": default,
     }
     plot_shares(out, title, bars)
     rows: dict[str, tuple[float | None, float]] = {
-        f"published: {stage}": (None, share) for stage, share in _PUBLISHED.items()
+        f"published: {stage}": (None, share) for stage, share in PUBLISHED_PERCENT.items()
     }
     for method, times in (("thesis", thesis), ("default", default)):
         total_s = sum(times.values())
@@ -58,10 +53,10 @@ def stages(
         out,
         "Table 7.3",
         table=value_table(title, "stage", ("mean [ms]", "share [%]"), rows),
-        numbers={"published_percent": _PUBLISHED, "thesis_s": thesis, "default_s": default},
+        numbers={"published_percent": PUBLISHED_PERCENT, "thesis_s": thesis, "default_s": default},
         conditions={"drive": opened.name, "frames": frames, "case": case},
     )
 
 
-def _total(times: Times) -> str:
+def _total(times: dict[str, float]) -> str:
     return f"{1e3 * sum(times.values()):.0f} ms, {1 / sum(times.values()):.1f} frames/s"

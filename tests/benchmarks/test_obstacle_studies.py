@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.studies import speed, stages
+from benchmarks.studies import chain_times, speed, stages
 from benchmarks.studies.chain_times import (
     DENSE_CLOUD,
     GROUND,
@@ -194,7 +194,7 @@ DEFAULT_TIMES = [{"registration": 0.010, "ground": 0.006, "motion": 0.004}]
 
 
 def test_stages(drive, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(stages, "time_default", lambda *_: DEFAULT_TIMES)
+    monkeypatch.setattr(chain_times, "time_default", lambda *_: DEFAULT_TIMES)
     plot_path = tmp_path / "stages.png"
     stages.stages("memory", source=in_memory(DriveOfStudy, drive), frames=1, out=plot_path)
     assert cv2.imread(str(plot_path)) is not None
@@ -206,7 +206,7 @@ def test_stages(drive, tmp_path, monkeypatch, capsys):
 
 
 def test_speed(drive, tmp_path, monkeypatch):
-    monkeypatch.setattr(speed, "time_default", lambda *_: DEFAULT_TIMES)
+    monkeypatch.setattr(chain_times, "time_default", lambda *_: DEFAULT_TIMES)
     config = in_memory(
         speed.SpeedConfig, drive, previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1
     )

@@ -88,7 +88,7 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
         Scenario("Car", challenges, 0.5)
         for challenges in (frozenset[ScenarioChallenge](), frozenset([ScenarioChallenge.POSE]))
     ]
-    monkeypatch.setattr(single_object, "all_scenarios", lambda *_: scenarios)
+    monkeypatch.setattr("data.synthetic.scenarios.all_scenarios", lambda *_: scenarios)
     config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5)
     plot_path = tmp_path / "single-object.png"
     single_object.single_object(config=config, sensor="VLP-16", out=plot_path)
