@@ -172,15 +172,15 @@ class ReferencePointTracker:
         velocities = [
             world_SE3_velo[:3, :3].T @ np.array([*track.filter.mean[2:], 0.0]) for track in shown
         ]
-        return Tracks(
-            ids=np.array([track.id for track in shown]),
-            boxes=Boxes3D(
+        return Tracks.unclassified(
+            np.array([track.id for track in shown]),
+            Boxes3D(
                 np.array([track.bottom_velo_m(world_SE3_velo) for track in shown]),
                 np.array([track.size_m for track in shown]),
                 np.zeros(len(shown)),
             ),
-            velocities_m_s=np.array(velocities)[:, :2],
-            is_observed=np.array([track.is_observed for track in shown]),
+            np.array(velocities)[:, :2],
+            np.array([track.is_observed for track in shown]),
         )
 
 

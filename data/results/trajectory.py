@@ -102,9 +102,9 @@ def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
     """Return the object as the only track of a frame; none without a 3D box."""
     if tracked.box_velo is None:
         return Tracks.empty()
-    return Tracks(
-        ids=np.array([object_id]),
-        boxes=tracked.box_velo,
-        velocities_m_s=tracked.velocity_m_s[None],
-        is_observed=np.array([tracked.status is TrackStatus.SEEN]),
+    return Tracks.unclassified(
+        np.array([object_id]),
+        tracked.box_velo,
+        tracked.velocity_m_s[None],
+        np.array([tracked.status is TrackStatus.SEEN]),
     )

@@ -51,11 +51,11 @@ class TrackedObjectFigure:
             return None
         is_lost = tracked.status is TrackStatus.LOST
         is_still = is_lost or path_velo is None
-        track = Tracks(
-            ids=np.zeros(1, np.int64),
-            boxes=tracked.box_velo,
-            velocities_m_s=np.zeros((1, 2)) if is_still else tracked.velocity_m_s[None],
-            is_observed=np.array([tracked.status is TrackStatus.SEEN]),
+        track = Tracks.unclassified(
+            np.zeros(1, np.int64),
+            tracked.box_velo,
+            np.zeros((1, 2)) if is_still else tracked.velocity_m_s[None],
+            np.array([tracked.status is TrackStatus.SEEN]),
         )
         figures = track_figures(track, [np.zeros((0, 3)) if path_velo is None else path_velo])
         return cls(

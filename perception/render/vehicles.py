@@ -174,11 +174,15 @@ def _as_tracks(vehicles: Vehicles, shown: Bool, drawn_ids: Int) -> Tracks:
     is_located = np.isfinite(vehicles.boxes.bottom_m).all(axis=1)
     is_drawn = (vehicles.ids >= 0) & np.isin(vehicles.ids, drawn_ids)
     rows = np.flatnonzero(shown & is_located & ~is_drawn)
+    detections = vehicles.fused.detections[rows]
     return Tracks(
         vehicles.ids[rows],
         vehicles.boxes[rows],
         np.nan_to_num(vehicles.velocities_m_s[rows]),
         np.ones(len(rows), bool),
+        vehicles.covariances[rows],
+        detections.types,
+        detections.scores,
     )
 
 

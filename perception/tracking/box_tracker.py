@@ -6,7 +6,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from perception.geometry import se3
-from perception.geometry.boxes import transform_boxes
 from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import wrap
@@ -19,8 +18,8 @@ from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
 from perception.tracking.track_lifecycle import is_alive, is_confirmed, is_reported, may_be_static
 from perception.tracking.track_table import TrackTable
 from perception.tracking.track_update import init_tracks, measure_boxes, update_tracks
-from perception.tracking.visible_sides import from_world
-from perception.types import Bool, Boxes3D, Float64, Int, Tracks
+from perception.tracking.tracker import covariances_velo
+from perception.types import Bool, Float64, Int, Tracks
 
 
 class BoxTracker:
@@ -178,16 +177,10 @@ class BoxTracker:
         """Return the reported tracks in the frame of the scan."""
         tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.lifecycle)]
         sizes_m = likely_sizes_m(tracks, self._config.size)
-        boxes_world = Boxes3D(
-            np.column_stack([tracks.mean[:, :2], tracks.low_world_m]),
-            np.column_stack([sizes_m, tracks.heights_m]),
-            tracks.yaw_rad,
-        )
-        boxes = transform_boxes(se3.inverse(world_SE3_velo), boxes_world)
-        turn_rad = np.arctan2(world_SE3_velo[1, 0], world_SE3_velo[0, 0])
-        return Tracks(
-            ids=tracks.ids,
-            boxes=Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad)),
-            velocities_m_s=from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad)),
-            is_observed=np.asarray(tracks.last_seen_s == stamp_s),
+        return Tracks.unclassified(
+            tracks.ids,
+            tracks.boxes_velo(np.column_stack([sizes_m, tracks.heights_m]), world_SE3_velo),
+            tracks.velocities_velo(world_SE3_velo),
+            np.asarray(tracks.last_seen_s == stamp_s),
+            covariances_velo(tracks.covariance, world_SE3_velo),
         )

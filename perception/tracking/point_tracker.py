@@ -17,6 +17,7 @@ from perception.geometry.se3 import inverse
 from perception.tracking.association import Association, assign_greedily
 from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
 from perception.tracking.kalman import Gaussians, predict, update
+from perception.tracking.tracker import covariances_velo
 from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Tracks
 
 # State of an object in the world: [x_m, y_m, velocity_x_m_s, velocity_y_m_s].
@@ -168,12 +169,13 @@ class PointTracker:
         shown = self._tracks.is_confirmed & self.config.area.contains_xy(bottom_m)
         tracks = self._tracks[shown]
         velocity_world_m_s = tracks.states.mean[:, 2:]
-        return Tracks(
-            ids=tracks.ids,
+        return Tracks.unclassified(
+            tracks.ids,
             # The thesis' boxes ignore the orientation: they lie along the vehicle's axes.
-            boxes=Boxes3D(bottom_m[shown], tracks.size_m, np.zeros(len(tracks))),
-            velocities_m_s=velocity_world_m_s @ world_SE3_velo[:2, :2],
-            is_observed=tracks.is_observed,
+            Boxes3D(bottom_m[shown], tracks.size_m, np.zeros(len(tracks))),
+            velocity_world_m_s @ world_SE3_velo[:2, :2],
+            tracks.is_observed,
+            covariances_velo(tracks.states.covariance, world_SE3_velo),
         )
 
 

@@ -13,13 +13,11 @@ class TrackTable(GroundPlaneTracks):
 
     Attributes:
         ids: (T,) ids, rising.
-        yaw_rad: (T,) heading.
         yaw_variance: (T,) variance of the heading, in rad².
         sizes_m: (T, 2) estimated length and width.
         recent_sizes_m: (T, 3, 2) length and width of the last three observations, the newest first.
         complete_counts: (T, 2) number of observations of the whole length and width.
         heights_m: (T,) estimated height.
-        low_world_m: (T,) z of the bottom.
         first_seen_s: (T,) time of the first observation.
         first_seen_world_m: (T, 2) position of the first observation.
         last_seen_s: (T,) time of the last observation.
@@ -30,13 +28,11 @@ class TrackTable(GroundPlaneTracks):
     """
 
     ids: Int
-    yaw_rad: Float64
     yaw_variance: Float64
     sizes_m: Annotated[Float64, 2]
     recent_sizes_m: Annotated[Float64, 3, 2]
     complete_counts: Annotated[Int, 2]
     heights_m: Float64
-    low_world_m: Float64
     first_seen_s: Float64
     first_seen_world_m: Annotated[Float64, 2]
     last_seen_s: Float64

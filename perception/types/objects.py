@@ -1,9 +1,10 @@
 """Objects on the road: boxes, tracks and vehicles."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.types.arrays import Bool, Float64, Int, require_shape
 from perception.types.detections import FusedDetections
@@ -40,12 +41,34 @@ class Tracks(ArrayTable):
         boxes: (T)
         velocities_m_s: (T, 2) over the ground, not relative to the vehicle, along x and y of the LiDAR frame.
         is_observed: (T,) whether the object was observed in this scan, or is predicted.
+        covariances: (T, 4, 4) covariance of position and velocity, x y vx vy of the LiDAR frame; NaN where not known.
+        types: (T,) class that a detector gave the object, empty where none has detected it.
+        scores: (T,) score of the last such detection, NaN where there is none.
     """
 
     ids: Int
     boxes: Boxes3D
     velocities_m_s: Annotated[Float64, 2]
     is_observed: Bool
+    covariances: Annotated[Float64, 4, 4]
+    types: NDArray[np.str_]
+    scores: Float64
+
+    @classmethod
+    def unclassified(
+        cls,
+        ids: Int,
+        boxes: Boxes3D,
+        velocities_m_s: Float64,
+        is_observed: Bool,
+        covariances: Float64 | None = None,
+    ) -> Self:
+        """Return T tracks of objects that no detector has classified."""
+        count = len(ids)
+        if covariances is None:
+            covariances = np.full((count, 4, 4), np.nan)
+        types, scores = np.full(count, ""), np.full(count, np.nan)
+        return cls(ids, boxes, velocities_m_s, is_observed, covariances, types, scores)
 
 
 @dataclass(frozen=True)
@@ -58,6 +81,8 @@ class Vehicles:
         boxes: (M) 3D boxes on the ground; rows of NaN where the LiDAR has too few points.
         distances_m: (M,) from the LiDAR to the nearest return, NaN without one.
         velocities_m_s: (M, 2) over the ground along x and y of the LiDAR frame, NaN before it is known.
+        covariances: (M, 4, 4) covariance of position and velocity, as of `Tracks`; NaN before the vehicle is tracked
+            on the ground.
         owners: (N,) vehicle that each point belongs to, or -1.
     """
 
@@ -66,6 +91,7 @@ class Vehicles:
     boxes: Boxes3D
     distances_m: Float64
     velocities_m_s: Float64
+    covariances: Float64
     owners: Int
 
     def __post_init__(self) -> None:
@@ -75,6 +101,7 @@ class Vehicles:
         require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
         require_shape("Vehicles.distances_m", self.distances_m, (count,))
         require_shape("Vehicles.velocities_m_s", self.velocities_m_s, (count, 2))
+        require_shape("Vehicles.covariances", self.covariances, (count, 4, 4))
 
     def __len__(self) -> int:
         """Return M."""

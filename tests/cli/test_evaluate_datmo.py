@@ -48,7 +48,7 @@ def knowing_tracks(drive: Drive, frames: int) -> Iterator[tuple[Frame, Tracks]]:
         moves = scene.objects.motions == MotionState.MOVING
         yield (
             frame,
-            Tracks(
+            Tracks.unclassified(
                 scene.objects.track_ids[moves],
                 scene.objects.boxes_velo[moves],
                 scene.velocities_m_s[moves],

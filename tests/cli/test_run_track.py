@@ -33,7 +33,7 @@ def street(tmp_path_factory) -> Path:
 def result(street) -> Result:
     drive = open_drive(street)
     boxes = Boxes3D(np.array([[9.0, 2, -1.7], [12, -2, -1.7]]), np.full((2, 3), 2.0), np.zeros(2))
-    tracks = Tracks(np.array([3, 8]), boxes, np.ones((2, 2)), np.ones(2, bool))
+    tracks = Tracks.unclassified(np.array([3, 8]), boxes, np.ones((2, 2)), np.ones(2, bool))
     return replace(
         Pipeline(drive.sensor, PipelineConfig.for_motion()).step(drive[0]), tracks=tracks
     )
@@ -85,6 +85,7 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
         boxes=boxes,
         distances_m=np.array([7.0, np.nan]),
         velocities_m_s=np.full((2, 2), np.nan),
+        covariances=np.full((2, 4, 4), np.nan),
         owners=np.full(len(result.frame.points_velo), -1),
     )
     located = replace(unlocated, boxes=result.tracks.boxes)

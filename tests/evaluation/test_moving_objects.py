@@ -56,7 +56,7 @@ def scene_of(boxes: Boxes3D, motions=MotionState.MOVING, points=100, view=None, 
 
 def tracks_of(boxes: Boxes3D, ids=None, velocity_m_s=(5.0, 0.0)) -> Tracks:
     count = len(boxes)
-    return Tracks(
+    return Tracks.unclassified(
         np.arange(count) if ids is None else np.asarray(ids),
         boxes,
         np.tile(velocity_m_s, (count, 1)).astype(float),

@@ -27,7 +27,7 @@ def tracks_at(*bottoms, size=(4.0, 2.0, 1.5), yaw=0.0, velocity=(0.0, 0.0), seen
         np.array(bottoms, float).reshape(-1, 3), np.tile(size, (count, 1)), np.full(count, yaw)
     )
     velocities = np.tile(np.array(velocity, float), (count, 1))
-    return Tracks(np.arange(count) + first_id, boxes, velocities, np.full(count, seen))
+    return Tracks.unclassified(np.arange(count) + first_id, boxes, velocities, np.full(count, seen))
 
 
 def drawn(tracks, image_P_velo=ABOVE.image_P_velo, size_px=(200, 300), paths=None):

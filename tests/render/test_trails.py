@@ -11,7 +11,7 @@ from perception.types import Boxes3D, Tracks
 def tracks_at(bottoms, first_id=1):
     count = len(bottoms)
     boxes = Boxes3D(np.array(bottoms, float).reshape(-1, 3), np.ones((count, 3)), np.zeros(count))
-    return Tracks(
+    return Tracks.unclassified(
         np.arange(first_id, first_id + count), boxes, np.zeros((count, 2)), np.ones(count, bool)
     )
 

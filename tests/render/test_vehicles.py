@@ -36,6 +36,7 @@ def seen(scene):
         ),
         np.array([10.0, np.nan]),
         np.array([[2.0, 0], [np.nan, np.nan]]),
+        np.full((2, 4, 4), np.nan),
         np.full(4, -1),
     )
     modality_detections = {
@@ -63,7 +64,7 @@ def test_each_detector_has_its_colour_and_the_unlikely_is_not_drawn(seen):
 def test_a_vehicle_that_is_also_a_track_is_drawn_once_in_space(seen):
     assert VehicleFigures.of(seen).names == ("4",)
     boxes = seen.vehicles.boxes[np.array([0])]
-    tracks = Tracks(np.array([4]), boxes, np.zeros((1, 2)), np.ones(1, bool))
+    tracks = Tracks.unclassified(np.array([4]), boxes, np.zeros((1, 2)), np.ones(1, bool))
     assert VehicleFigures.of(replace(seen, tracks=tracks)).names == ()
 
 

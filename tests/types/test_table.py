@@ -101,5 +101,5 @@ def test_columns_of_other_lengths_or_shapes_are_errors(columns, where, expected,
 
 def test_a_table_as_a_column_has_the_length_of_the_others():
     with pytest.raises(PerceptionError) as error:
-        Tracks(np.arange(2), Boxes3D.empty(), np.zeros((2, 2)), np.zeros(2, bool))
+        Tracks.unclassified(np.arange(2), Boxes3D.empty(), np.zeros((2, 2)), np.zeros(2, bool))
     assert (error.value.where, error.value.found) == ("Tracks.boxes", "shape (0,)")

@@ -58,6 +58,7 @@ def locate(
         boxes=_boxes(found, boxes_px, camera, config.fit),
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
+        covariances=np.full((count, 4, 4), np.nan),
         owners=owners,
     )
 

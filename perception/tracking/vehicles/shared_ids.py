@@ -6,6 +6,8 @@ for some scans, the moving object takes the vehicle's. The id of a vehicle never
 most once for each vehicle that it turns out to be. They stay bound until they have been apart for as many scans.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from perception.geometry.box_overlap import iou_bev
@@ -53,8 +55,7 @@ class SharedIds:
         self._bind_lasting(ids, partners, numbers)
         self._split(ids, overlap, numbers)
         shared = np.array([self._id_of[number] for number in numbers], np.int64)
-        renamed = Tracks(shared, tracks.boxes, tracks.velocities_m_s, tracks.is_observed)
-        return ids, renamed[np.argsort(shared)]
+        return ids, replace(tracks, ids=shared)[np.argsort(shared)]
 
     def _take_next(self) -> int:
         self._next_id += 1

@@ -13,7 +13,7 @@ from perception.tracking import motion_model
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, to_world
-from perception.types import ArrayTable, Bool, Boxes3D, Float64, Vehicles
+from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Vehicles
 
 _NEAREST_M = 0.5
 
@@ -47,14 +47,12 @@ class VehicleObservations(ArrayTable):
     """D detections in the world.
 
     Attributes:
-        boxes_px: (D, 4) boxes in the image.
-        scores: (D,) scores.
+        detections: (D) detections in the image.
         boxes_world: (D) boxes in the world; rows of NaN where they are not located.
         noise: (D, 2, 2) covariances of the positions.
     """
 
-    boxes_px: Annotated[Float64, 4]
-    scores: Float64
+    detections: Detections
     boxes_world: Boxes3D
     noise: Annotated[Float64, 2, 2]
 
@@ -68,10 +66,8 @@ class VehicleObservations(ArrayTable):
             + (config.position_noise_per_m * away_m) ** 2
             + config.sparse_noise_m**2 / points
         )
-        detections = vehicles.fused.detections
         return cls(
-            detections.boxes_px,
-            detections.scores,
+            vehicles.fused.detections,
             transform_boxes(frame.world_SE3_velo, vehicles.boxes),
             variances[:, None, None] * np.eye(2),
         )
@@ -106,7 +102,7 @@ def init_tracks(
     observations: VehicleObservations, frame: FrameGeometry, config: VehicleTrackerConfig
 ) -> VehicleTable:
     """Return the new tracks of D detections."""
-    tracks = VehicleTable.init_in_image(observations.boxes_px, observations.scores, frame.stamp_s)
+    tracks = VehicleTable.init_in_image(observations.detections, frame.stamp_s)
     return _seen_on_ground(tracks, observations, frame, config)
 
 
@@ -118,13 +114,15 @@ def update_tracks(
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it."""
     elapsed_s = np.maximum(frame.stamp_s - tracks.last_seen_s, 1e-3)[:, None]
-    speeds_px_s = (observations.boxes_px - tracks.boxes_px) / elapsed_s
+    detections = observations.detections
+    speeds_px_s = (detections.boxes_px - tracks.boxes_px) / elapsed_s
     gain = config.image_speed_gain
     tracks = replace(
         tracks,
-        score_sum=tracks.score_sum + observations.scores,
+        scores=detections.scores,
+        score_sum=tracks.score_sum + detections.scores,
         last_seen_s=np.full(len(tracks), frame.stamp_s),
-        boxes_px=observations.boxes_px,
+        boxes_px=detections.boxes_px,
         speeds_px_s=tracks.speeds_px_s + gain * (speeds_px_s - tracks.speeds_px_s),
     )
     return _seen_on_ground(tracks, observations, frame, config)
@@ -246,23 +244,11 @@ def _nearer_end(yaw_rad: Float64, reference_rad: Float64) -> Float64:
     return wrap(reference_rad + wrap(yaw_rad - reference_rad, np.pi))
 
 
-def boxes_in_scan(tracks: VehicleTable, frame: FrameGeometry) -> Boxes3D:
-    """Return (T) boxes in the frame of the scan."""
-    bottom_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
-    boxes = transform_boxes(
-        se3.inverse(frame.world_SE3_velo),
-        Boxes3D(bottom_m, tracks.sizes_m, tracks.yaw_rad),
-    )
-    return Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad))
-
-
-def velocities_in_scan(
+def known_velocities_velo(
     tracks: VehicleTable, frame: FrameGeometry, config: VehicleTrackerConfig
 ) -> Float64:
-    """Return (T, 2) velocities over the ground along x and y of the scan; NaN while they are too uncertain."""
-    turn_rad = np.arctan2(frame.world_SE3_velo[1, 0], frame.world_SE3_velo[0, 0])
-    velocities_m_s = from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad))
+    """Return (T, 2) velocities over the ground in the LiDAR frame; NaN while they are too uncertain."""
     is_known = tracks.is_located & (
         tracks.speed_deviations_m_s <= config.max_reported_speed_deviation_m_s
     )
-    return np.where(is_known[:, None], velocities_m_s, np.nan)
+    return np.where(is_known[:, None], tracks.velocities_velo(frame.world_SE3_velo), np.nan)

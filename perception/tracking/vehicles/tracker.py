@@ -12,21 +12,21 @@ import numpy as np
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
+from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.shared_ids import SharedIds
 from perception.tracking.vehicles.track_update import (
     FrameGeometry,
     VehicleObservations,
-    boxes_in_scan,
     expected_boxes_px,
     init_tracks,
+    known_velocities_velo,
     position_distances,
     predict,
     update_tracks,
-    velocities_in_scan,
 )
 from perception.tracking.vehicles.vehicle_table import VehicleTable
-from perception.types import Boxes3D, Float64, Frame, Int, Tracks, Vehicles
+from perception.types import Boxes3D, Detections, Float64, Frame, Int, Tracks, Vehicles
 
 _ROUNDING_S = 1e-3
 
@@ -54,7 +54,7 @@ class VehicleTracker:
 
     def clear(self) -> None:
         """Delete all tracks; their ids are not used again."""
-        self._tracks = VehicleTable.init_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
+        self._tracks = VehicleTable.init_in_image(Detections.empty(), 0.0)
         self._stamp_s: float | None = None
         self._shared_ids.clear()
 
@@ -101,8 +101,9 @@ class VehicleTracker:
         """Continue tracks by detections, those of high scores first, and begin new tracks by the others."""
         config = self._config
         self._row_of = np.full(len(observations), -1)
-        sure = observations.scores >= config.high_score
-        doubtful = ~sure & (observations.scores >= config.low_score)
+        scores = observations.detections.scores
+        sure = scores >= config.high_score
+        doubtful = ~sure & (scores >= config.low_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
@@ -115,7 +116,7 @@ class VehicleTracker:
             self._tracks = self._tracks.replaced(rows, corrected)
             self._row_of[seen] = rows
             free = free[pairs.unmatched_tracks]
-        is_left = (self._row_of < 0) & (observations.scores >= config.new_track_score)
+        is_left = (self._row_of < 0) & (scores >= config.new_track_score)
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
@@ -128,33 +129,44 @@ class VehicleTracker:
     ) -> Association:
         config = self._config
         expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
-        iou = iou_px(expected_px, observations.boxes_px)
+        detections = observations.detections
+        is_allowed = tracks.types[:, None] == detections.types
+        is_allowed &= iou_px(expected_px, detections.boxes_px) >= config.min_iou
         on_ground, gate = position_distances(tracks, observations), config.motion.gate
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
-        in_image = _side_distances(expected_px, observations.boxes_px, config)
-        return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.max_cost)
+        in_image = _side_distances(expected_px, detections.boxes_px, config)
+        return assign_with_max_cost(in_image + on_ground, is_allowed, config.max_cost)
 
     def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
-        """Give ids to newly confirmed tracks; return the moving objects with their common ids."""
+        """Give ids to newly confirmed tracks; return the moving objects with their common ids and classes."""
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.score_sum >= self._config.min_score_sum)
-        boxes = _where_known(boxes_in_scan(tracks, frame_geometry), tracks)
-        ids, moving = self._shared_ids.share(tracks.ids, is_new, boxes, moving)
+        boxes = tracks.boxes_velo(tracks.sizes_m, frame_geometry.world_SE3_velo)
+        ids, moving = self._shared_ids.share(
+            tracks.ids, is_new, _where_known(boxes, tracks), moving
+        )
         self._tracks = replace(tracks, ids=ids)
-        return moving
+        return _classified(moving, self._tracks)
 
     def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
-        """Return the detections with the ids, velocities and boxes of their tracks."""
+        """Return the detections with the ids, motion and boxes of their tracks."""
         seen = np.flatnonzero(self._row_of >= 0)
         tracks = self._tracks[self._row_of[seen]]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
-        velocities_m_s[seen] = velocities_in_scan(tracks, frame_geometry, self._config)
-        boxes = _overwritten(
-            vehicles.boxes, seen, tracks, boxes_in_scan(tracks, frame_geometry), frame_geometry
+        velocities_m_s[seen] = known_velocities_velo(tracks, frame_geometry, self._config)
+        covariances, is_located = vehicles.covariances.copy(), tracks.is_located
+        covariances[seen[is_located]] = covariances_velo(
+            tracks.covariance[is_located], frame_geometry.world_SE3_velo
         )
-        return replace(vehicles, ids=ids, velocities_m_s=velocities_m_s, boxes=boxes)
+        return replace(
+            vehicles,
+            ids=ids,
+            velocities_m_s=velocities_m_s,
+            covariances=covariances,
+            boxes=_tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry),
+        )
 
 
 def _side_distances(
@@ -175,12 +187,23 @@ def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
     return Boxes3D(bottom_m, boxes.size_m, boxes.yaw_rad)
 
 
-def _overwritten(
-    boxes: Boxes3D, seen: Int, tracks: VehicleTable, tracked: Boxes3D, frame_geometry: FrameGeometry
+def _classified(moving: Tracks, vehicles: VehicleTable) -> Tracks:
+    """Return the moving objects with the class and the score of the vehicles that have their ids."""
+    row_of = {vehicle: row for row, vehicle in enumerate(vehicles.ids.tolist()) if vehicle >= 0}
+    rows = np.array([row_of.get(number, -1) for number in moving.ids.tolist()], np.int64)
+    return replace(
+        moving,
+        types=np.append(vehicles.types, "")[rows],
+        scores=np.append(vehicles.scores, np.nan)[rows],
+    )
+
+
+def _tracked_boxes(
+    boxes: Boxes3D, seen: Int, tracks: VehicleTable, frame_geometry: FrameGeometry
 ) -> Boxes3D:
     """Replace the boxes of single detections by those of the tracks that are located now."""
     is_found = tracks.is_located & (tracks.last_located_s == frame_geometry.stamp_s)
-    rows, tracked = seen[is_found], tracked[is_found]
-    bottom_m, size_m, yaw_rad = boxes.bottom_m.copy(), boxes.size_m.copy(), boxes.yaw_rad.copy()
-    bottom_m[rows], size_m[rows], yaw_rad[rows] = tracked.bottom_m, tracked.size_m, tracked.yaw_rad
-    return Boxes3D(bottom_m, size_m, yaw_rad)
+    found = tracks[is_found]
+    return boxes.replaced(
+        seen[is_found], found.boxes_velo(found.sizes_m, frame_geometry.world_SE3_velo)
+    )

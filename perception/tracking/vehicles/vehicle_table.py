@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.tracking.tracker import GroundPlaneTracks
-from perception.types import Bool, Float64, Int
+from perception.types import Bool, Detections, Float64, Int
 
 
 @dataclass(frozen=True)
@@ -15,6 +16,8 @@ class VehicleTable(GroundPlaneTracks):
 
     Attributes:
         ids: (T,) ids; -1 of unconfirmed tracks.
+        types: (T,) class of the detections.
+        scores: (T,) score of the last detection.
         score_sum: (T,) sum of the scores of the detections.
         last_seen_s: (T,) time of the last detection.
         boxes_px: (T, 4) box in the image at the last detection.
@@ -24,13 +27,13 @@ class VehicleTable(GroundPlaneTracks):
             are void.
         last_located_s: (T,) time of the last detection that was located.
         axis: (T, 2) sum of the observed headings, as cosine and sine of twice the angle.
-        yaw_rad: (T,) heading in the world.
         sizes_m: (T, 3) mean length, width and height.
         size_samples: (T,) number of observations of the mean.
-        low_world_m: (T,) z of the ground below.
     """
 
     ids: Int
+    types: NDArray[np.str_]
+    scores: Float64
     score_sum: Float64
     last_seen_s: Float64
     boxes_px: Annotated[Float64, 4]
@@ -39,10 +42,8 @@ class VehicleTable(GroundPlaneTracks):
     is_located: Bool
     last_located_s: Float64
     axis: Annotated[Float64, 2]
-    yaw_rad: Float64
     sizes_m: Annotated[Float64, 3]
     size_samples: Int
-    low_world_m: Float64
 
     @property
     def speed_deviations_m_s(self) -> Float64:
@@ -51,14 +52,16 @@ class VehicleTable(GroundPlaneTracks):
         return np.asarray(np.sqrt(variances.max(axis=1, initial=0.0)))
 
     @classmethod
-    def init_in_image(cls, boxes_px: Float64, scores: Float64, stamp_s: float) -> Self:
+    def init_in_image(cls, detections: Detections, stamp_s: float) -> Self:
         """Return the tracks of T vehicles after one detection in the image alone."""
-        count = len(boxes_px)
+        count = len(detections)
         return cls(
             ids=np.full(count, -1),
-            score_sum=scores,
+            types=detections.types,
+            scores=detections.scores,
+            score_sum=detections.scores,
             last_seen_s=np.full(count, stamp_s),
-            boxes_px=boxes_px,
+            boxes_px=detections.boxes_px,
             speeds_px_s=np.zeros((count, 4)),
             anchors_px=np.zeros((count, 3)),
             is_located=np.zeros(count, bool),

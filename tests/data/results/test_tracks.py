@@ -26,7 +26,7 @@ CALIBRATION = Calibration(
     image_size_px=(1242, 375),
 )
 # A car ahead that was seen, and a walker behind, who is predicted.
-TRACKS = Tracks(
+TRACKS = Tracks.unclassified(
     np.array([4, 9]),
     Boxes3D(
         np.array([[10.0, 2.0, -1.7], [-8.0, -1.0, -1.6]]),
@@ -107,7 +107,7 @@ def tracks_at(*rows):
     table = np.array(rows, float).reshape(-1, 8)
     boxes = Boxes3D(table[:, :3], table[:, 3:6], table[:, 6])
     velocities = np.zeros((len(table), 2))
-    return Tracks(np.arange(len(table)) + 3, boxes, velocities, table[:, 7] > 0)
+    return Tracks.unclassified(np.arange(len(table)) + 3, boxes, velocities, table[:, 7] > 0)
 
 
 CAR = (20.0, 5.0, -1.7, 4.2, 1.8, 1.5, 0.1, 1)
@@ -173,7 +173,7 @@ def test_labelled_boxes_as_tracks_give_the_labelled_image_boxes(kitti_root):
     calibration = read_benchmark_calibration(folder / "calib/0000.txt").camera
     for frame, labels in read_tracking_labels(folder / "label_02/0000.txt", calibration).items():
         count = len(labels)
-        tracks = Tracks(
+        tracks = Tracks.unclassified(
             labels.track_ids, labels.boxes_velo, np.zeros((count, 2)), np.ones(count, bool)
         )
         rows = to_tracking_rows(frame, tracks, calibration, SIZE_PX)

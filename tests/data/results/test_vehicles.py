@@ -37,6 +37,7 @@ def vehicles():
         ),
         distances_m=np.array([18.0, nan]),
         velocities_m_s=np.array([[3.0, 0], [nan, nan]]),
+        covariances=np.full((2, 4, 4), nan),
         owners=np.full(5, -1),
     )
 

@@ -48,7 +48,9 @@ def tracks_of(*ids: int) -> Tracks:
         np.full((count, 3), 2.0),
         np.zeros(count),
     )
-    return Tracks(np.array(ids, np.int64), boxes, np.zeros((count, 2)), np.ones(count, bool))
+    return Tracks.unclassified(
+        np.array(ids, np.int64), boxes, np.zeros((count, 2)), np.ones(count, bool)
+    )
 
 
 def result_with(*ids: int) -> Result:

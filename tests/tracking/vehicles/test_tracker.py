@@ -26,6 +26,7 @@ class Drive:
         world: Boxes3D,
         *,
         scores: float = 0.9,
+        types: tuple[str, ...] = (),
         moving: Tracks | None = None,
         missed: tuple[int, ...] = (),
         blind: bool = False,
@@ -35,6 +36,7 @@ class Drive:
         Args:
             world: Vehicles in the world.
             scores: Scores of all detections.
+            types: Classes of all vehicles; else all are cars.
             moving: Moving objects in the frame of the scan, with the ids of their own tracker.
             missed: Rows that are not detected.
             blind: Whether the LiDAR observes the road only.
@@ -44,7 +46,10 @@ class Drive:
         body = np.zeros((0, 3)) if blind else sides(boxes)
         frame = frame_of(_ROAD, body, index=self.index)
         found = np.setdiff1d(np.arange(len(world)), missed)
-        located = locate(detected(boxes, scores)[found], frame, FlatRoad())
+        shown = detected(boxes, scores)
+        if types:
+            shown = replace(shown, detections=replace(shown.detections, types=np.array(types)))
+        located = locate(shown[found], frame, FlatRoad())
         return self.tracker.update(located, frame, pose, moving)
 
 
@@ -56,7 +61,7 @@ def driven(world: Boxes3D, along_m: float) -> Boxes3D:
 def moving_at(boxes: Boxes3D, *numbers: int) -> Tracks:
     """Return moving objects at the places of boxes."""
     count = len(numbers)
-    return Tracks(np.array(numbers), boxes, np.ones((count, 2)), np.ones(count, bool))
+    return Tracks.unclassified(np.array(numbers), boxes, np.ones((count, 2)), np.ones(count, bool))
 
 
 def test_parked_cars_keep_their_ids_and_stand_still():
@@ -74,6 +79,36 @@ def test_a_moving_car_has_its_speed_and_its_course():
         reported = drive.observe(driven(world, -0.8 * step)).vehicles
     np.testing.assert_allclose(reported.velocities_m_s, [[-8.0, 0.0]], atol=0.5)
     assert np.cos(reported.boxes.yaw_rad[0]) < -0.99
+
+
+def test_covariances_shrink_and_belong_to_the_axes_of_the_lidar():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    reported = [drive.observe(world).vehicles for _ in range(20)]
+    first, last = reported[0].covariances[0], reported[-1].covariances[0]
+    assert (np.linalg.eigvalsh(last) > 0).all()
+    assert (np.diagonal(last) < np.diagonal(first)).all()
+    hidden = drive.observe(cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0)), blind=True).vehicles
+    assert np.isfinite(hidden.covariances[0]).all()
+    assert np.isnan(hidden.covariances[1]).all()
+
+
+def test_a_track_is_of_one_class():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
+    for kind, expected in (("Car", 0), ("Van", 1), ("Car", 0)):
+        for _ in range(3):
+            reported = drive.observe(world, types=(kind,)).vehicles
+        assert reported.ids.tolist() == [expected]
+
+
+def test_a_moving_object_has_the_class_and_the_score_of_its_vehicle():
+    drive, world = Drive(speed_m_s=0.0), cars((30.0, -4.0, 0.0), (20.0, 4.0, 0.0))
+    moving = moving_at(world, 7, 8)
+    for _ in range(4):
+        tracks = drive.observe(world, missed=(1,), types=("Van", "Car"), moving=moving).tracks
+    assert tracks.types.tolist() == ["Van", ""]
+    np.testing.assert_array_equal(tracks.scores, [0.9, np.nan])
+    tracks = drive.observe(world, missed=(0, 1), types=("Van", "Car"), moving=moving).tracks
+    assert tracks.types.tolist() == ["Van", ""]
 
 
 @pytest.mark.parametrize("blind", [False, True])
