@@ -12,7 +12,7 @@ from data.open_drive import open_drive, sequences_in
 from perception.atomic_file import write_jpeg
 from perception.errors import DriveError
 from perception.evaluation.detection.frame_errors import worst_frames
-from perception.evaluation.report import Table
+from perception.evaluation.report import Report, Table
 from perception.geometry.threads import limit_blas_threads
 from perception.render.detections import draw_detection_errors
 from perception.types import Detections, Drive, Frame, OnBadFrame
@@ -45,7 +45,7 @@ class DriveInfo:
 
 
 @dataclass(frozen=True)
-class DrivesReport:
+class DrivesReport(Report):
     """Metrics of several drives, each by itself.
 
     Attributes:

@@ -69,50 +69,12 @@ class ObjectMatchConfig:
 
 
 @dataclass(frozen=True)
-class ClusterConfig:
-    """Clustering of moving points on the ground plane, and the labels that explain a cluster.
-
-    Attributes:
-        cell_m: Edge in m of a cell of the ground plane.
-        closing_m: Width in m of the gaps between cells that do not separate clusters.
-        margin_m: Distance in m by which a labelled box is grown to explain the points around it.
-        view_share: Share of a cluster's points that must be in the image, where objects are labelled.
-    """
-
-    cell_m: float = 0.2
-    closing_m: float = 0.5
-    margin_m: float = 0.5
-    view_share: float = 0.5
-
-
-@dataclass(frozen=True)
-class ShadowConfig:
-    """Detection of false static obstacles in places that moving objects have left.
-
-    Attributes:
-        memory_s: Time in s since the object left its place.
-        shrink_m: Distance in m by which past boxes are shrunk on every side, since labels are loose.
-        clearance_m: Height in m over a box's bottom below which voxels may be ground.
-        margin_m: Distance in m by which present boxes are grown; voxels inside belong to the object.
-        min_voxels: Number of voxels of the smallest cluster that counts.
-    """
-
-    memory_s: float = 2.0
-    shrink_m: float = 0.1
-    clearance_m: float = 0.3
-    margin_m: float = 0.5
-    min_voxels: int = 5
-
-
-@dataclass(frozen=True)
 class ObstacleProtocol:
     """Protocol of the obstacle evaluation.
 
     Attributes:
         objects: Labelled objects.
-        clusters: False moving clusters.
         motion: Motion of labelled objects.
-        shadows: False static obstacles.
         cluster_points: Number of points of the smallest cluster that counts; the thesis' T_d.
         warm_up: Number of first frames that are also counted apart, since motion needs a history.
         other_min_points: Values of `objects.min_points` that are counted beside it.
@@ -121,9 +83,7 @@ class ObstacleProtocol:
     """
 
     objects: ObjectMatchConfig = field(default_factory=ObjectMatchConfig)
-    clusters: ClusterConfig = field(default_factory=ClusterConfig)
     motion: MotionLabelConfig = field(default_factory=MotionLabelConfig)
-    shadows: ShadowConfig = field(default_factory=ShadowConfig)
     cluster_points: int = 5
     warm_up: int = 1
     other_min_points: tuple[int, ...] = (1, 5, 50)

@@ -1,17 +1,17 @@
 """Confusion counts of a binary classification of points, and the ratios made of them."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Self
+from dataclasses import dataclass
+from typing import Annotated, Self
 
 import numpy as np
 
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Metric, Metrics
 from perception.types import Bool
 
 
 @dataclass(frozen=True)
-class Confusion:
+class Confusion(Metrics):
     """Counts of predictions against targets; the counts of several frames are added.
 
     Attributes:
@@ -33,50 +33,31 @@ class Confusion:
         )
 
     @property
-    def precision(self) -> float:
+    def precision(self) -> Annotated[float, Metric("precision", ".3f")]:
         """Share of the positive predictions that are right; NaN without any."""
         return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
     @property
-    def recall(self) -> float:
+    def recall(self) -> Annotated[float, Metric("recall", ".3f")]:
         """Share of the positive points that were found; NaN without any."""
-        return _ratio(self.true_positives, self.true_positives + self.false_negatives)
+        return _ratio(self.true_positives, self.true_points)
 
     @property
-    def f1(self) -> float:
+    def f1(self) -> Annotated[float, Metric("F1", ".3f")]:
         """Harmonic mean of precision and recall."""
         wrong = self.false_positives + self.false_negatives
         return _ratio(2 * self.true_positives, 2 * self.true_positives + wrong)
 
     @property
-    def iou(self) -> float:
+    def iou(self) -> Annotated[float, Metric("IoU", ".3f")]:
         """Intersection over union of the predicted and the true points."""
         wrong = self.false_positives + self.false_negatives
         return _ratio(self.true_positives, self.true_positives + wrong)
 
-    def to_json(self) -> dict[str, float]:
-        """Return the counts and the ratios by name."""
-        ratios = {
-            "precision": self.precision,
-            "recall": self.recall,
-            "f1": self.f1,
-            "iou": self.iou,
-        }
-        return {**asdict(self), **ratios}
-
-
-_COLUMNS = (
-    Column[Confusion]("precision", lambda c: c.precision, ".3f"),
-    Column[Confusion]("recall", lambda c: c.recall, ".3f"),
-    Column[Confusion]("F1", lambda c: c.f1, ".3f"),
-    Column[Confusion]("IoU", lambda c: c.iou, ".3f"),
-    Column[Confusion]("true points", lambda c: c.true_positives + c.false_negatives),
-)
-
-
-def confusion_table(title: str, counts: Mapping[str, Confusion]) -> Table[Confusion]:
-    """Return the table of several counts by name."""
-    return Table(title, _COLUMNS, counts)
+    @property
+    def true_points(self) -> Annotated[int, Metric("true points")]:
+        """Number of positive points."""
+        return self.true_positives + self.false_negatives
 
 
 def confusion(predicted: Bool, target: Bool) -> Confusion:
@@ -86,6 +67,13 @@ def confusion(predicted: Bool, target: Bool) -> Confusion:
         int(np.count_nonzero(predicted & ~target)),
         int(np.count_nonzero(~predicted & target)),
     )
+
+
+def add_confusions(
+    total: Mapping[str, Confusion], added: Mapping[str, Confusion]
+) -> dict[str, Confusion]:
+    """Add counts by name."""
+    return {name: total.get(name, Confusion()) + counts for name, counts in added.items()}
 
 
 def _ratio(part: int, whole: int) -> float:

@@ -36,7 +36,7 @@ from perception.evaluation.multi_object.track_assignment import (
     assign_tracks,
     similarity_frames,
 )
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Report, Table
 from perception.types import Float64, Frame, Labels, PointTruth, Result
 
 PROTOCOL_WORDS = {"tracks": track_assignment.__doc__, "metrics": __doc__}
@@ -135,7 +135,7 @@ _TRACK_COLUMNS: tuple[Column[DatmoReport], ...] = (
 
 
 @dataclass(frozen=True)
-class DatmoComparison:
+class DatmoComparison(Report):
     """Reports of several methods on the same scans.
 
     Attributes:

@@ -6,14 +6,14 @@ the points classified as ground are counted against the true ones.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
 
-from perception.evaluation.confusion import Confusion, confusion, confusion_table
-from perception.evaluation.report import Column, Table
+from perception.evaluation.confusion import Confusion, add_confusions, confusion
+from perception.evaluation.report import Metric, Metrics, Report, Table
 from perception.geometry.grids import LocalArea
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import slice_edges_m, slice_starts_m
@@ -39,7 +39,6 @@ UNLABELLED_CLASSES = (0, 1)  # unlabelled, outlier: neither right nor wrong
 
 RANGE_EDGES_M = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 
-
 PROTOCOL = {
     "mDE": (
         "distance along the ground's normal from the bottom centre of each labelled 3D box to the "
@@ -55,13 +54,6 @@ PROTOCOL = {
     ),
     "ground_classes": GROUND_CLASSES,
 }
-
-
-def signed_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
-    """Return (K,) distances along the ground's normal: positive where the estimate lies too low."""
-    if len(bottom_centers) == 0:
-        return np.zeros(0)
-    return np.asarray(ground.distance_m(bottom_centers), np.float64)
 
 
 @dataclass(frozen=True)
@@ -92,12 +84,12 @@ def ground_errors(
     return GroundErrors(
         frames=np.full(len(inside), frame, np.int64),
         bottom_centers_m=inside[:, :2].astype(np.float64),
-        errors_m=signed_errors(ground, inside),
+        errors_m=np.asarray(ground.distance_m(inside), np.float64),
     )
 
 
 @dataclass(frozen=True)
-class MeanDisplacementError:
+class MeanDisplacementError(Metrics):
     """Mean displacement error, and the number of frames and objects that it rests on.
 
     Attributes:
@@ -107,10 +99,10 @@ class MeanDisplacementError:
         objects: Number of objects in all frames.
     """
 
-    mde_m: float
-    bias_m: float
-    frames: int
-    objects: int
+    mde_m: Annotated[float, Metric("mDE [m]", ".4f")]
+    bias_m: Annotated[float, Metric("bias [m]", "+.4f")]
+    frames: Annotated[int, Metric("frames")]
+    objects: Annotated[int, Metric("objects")]
 
 
 def mean_displacement_error(errors: GroundErrors) -> MeanDisplacementError:
@@ -129,7 +121,7 @@ def mean_displacement_error(errors: GroundErrors) -> MeanDisplacementError:
 
 def displacement_by_interval(
     errors: GroundErrors, positions_m: Float64, edges_m: Sequence[float]
-) -> list[MeanDisplacementError]:
+) -> dict[str, MeanDisplacementError]:
     """Return the error in each interval between rising edges, and beyond the last edge.
 
     Args:
@@ -138,7 +130,10 @@ def displacement_by_interval(
         edges_m: Rising edges of the intervals.
     """
     interval = _interval_of(positions_m, edges_m)
-    return [mean_displacement_error(errors[interval == number]) for number in range(len(edges_m))]
+    return {
+        name: mean_displacement_error(errors[interval == number])
+        for number, name in enumerate(interval_names(edges_m))
+    }
 
 
 def interval_names(edges_m: Sequence[float]) -> list[str]:
@@ -149,7 +144,7 @@ def interval_names(edges_m: Sequence[float]) -> list[str]:
 
 def ground_confusion(
     points_velo: Float, states: UInt8, classes: Int, area: LocalArea
-) -> list[Confusion]:
+) -> dict[str, Confusion]:
     """Compare the points classified as ground with the true ones, for each interval of horizontal range.
 
     All labelled points over the area count, whatever their height: a true ground point that was left out
@@ -160,8 +155,10 @@ def ground_confusion(
     predicted = np.asarray(states == PointState.GROUND)
     target = np.isin(classes, GROUND_CLASSES)
     interval = _interval_of(np.hypot(points[:, 0], points[:, 1]), RANGE_EDGES_M)
-    rows = [interval == number for number in range(len(RANGE_EDGES_M))]
-    return [confusion(predicted[row], target[row]) for row in rows]
+    return {
+        name: confusion(predicted[interval == number], target[interval == number])
+        for number, name in enumerate(interval_names(RANGE_EDGES_M))
+    }
 
 
 def _interval_of(ranges_m: Float, edges_m: Sequence[float]) -> Int:
@@ -169,58 +166,39 @@ def _interval_of(ranges_m: Float, edges_m: Sequence[float]) -> Int:
     return np.asarray(np.searchsorted(np.asarray(edges_m), ranges_m, side="right") - 1)
 
 
-_COLUMNS = (
-    Column[MeanDisplacementError]("mDE [m]", lambda e: e.mde_m, ".4f", "mde_m"),
-    Column[MeanDisplacementError]("bias [m]", lambda e: e.bias_m, "+.4f", "bias_m"),
-    Column[MeanDisplacementError]("frames", lambda e: e.frames, "", "frames"),
-    Column[MeanDisplacementError]("objects", lambda e: e.objects, "", "objects"),
-)
-
-
 @dataclass(frozen=True)
-class GroundReport:
+class GroundReport(Report):
     """Metrics of the ground of one drive.
 
     Attributes:
-        total: Error over all objects, or None without labels.
-        by_range: Error by horizontal range.
-        by_slice: Error by the thesis' slices.
-        points: Confusion of ground points by horizontal range; empty without exact truth.
+        mde: Error over all objects; None without labels.
+        mde_by_range: Error by horizontal range.
+        mde_by_slice: Error by the thesis' slices.
+        points: Confusion of all ground points; None without exact truth.
+        points_by_range: Confusion of ground points by horizontal range.
     """
 
-    total: MeanDisplacementError | None
-    by_range: Mapping[str, MeanDisplacementError]
-    by_slice: Mapping[str, MeanDisplacementError]
-    points: Mapping[str, Confusion]
-
-    @property
-    def all_points(self) -> Confusion:
-        """Confusion of all ground points."""
-        return sum(self.points.values(), Confusion())
+    mde: MeanDisplacementError | None = None
+    mde_by_range: Mapping[str, MeanDisplacementError] = field(default_factory=dict)
+    mde_by_slice: Mapping[str, MeanDisplacementError] = field(default_factory=dict)
+    points: Confusion | None = None
+    points_by_range: Mapping[str, Confusion] = field(default_factory=dict)
 
     def tables(self) -> list[Table[Any]]:
         """Return the errors by range and by slice, and the confusion of points."""
         tables: list[Table[Any]] = []
-        if self.total is not None:
-            by_range = {"all": self.total, **self.by_range}
-            tables.append(Table("Ground at labelled bottom centres, by range", _COLUMNS, by_range))
-            tables.append(Table("The same by slices of x (5.2)", _COLUMNS, self.by_slice))
-        if self.points:
-            points = {"all": self.all_points, **self.points}
-            tables.append(confusion_table("Ground points against exact truth", points))
+        if self.mde is not None:
+            columns, by_range = (
+                MeanDisplacementError.columns(),
+                {"all": self.mde, **self.mde_by_range},
+            )
+            tables.append(Table("Ground at labelled bottom centres, by range", columns, by_range))
+            tables.append(Table("The same by slices of x (5.2)", columns, self.mde_by_slice))
+        if self.points is not None:
+            points = {"all": self.points, **self.points_by_range}
+            title = "Ground points against exact truth"
+            tables.append(Table(title, Confusion.columns(), points))
         return tables
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the errors and the confusion of points by name."""
-        document: dict[str, Any] = {}
-        if self.total is not None:
-            document["mde"] = self.total
-            document["mde_by_range"] = self.by_range
-            document["mde_by_slice"] = self.by_slice
-        if self.points:
-            document["points"] = self.all_points.to_json()
-            document["points_by_range"] = {n: one.to_json() for n, one in self.points.items()}
-        return document
 
 
 class GroundMeasure:
@@ -235,7 +213,7 @@ class GroundMeasure:
         """
         self._area, self._slice_edges_m = area, slice_edges_m
         self._errors: list[GroundErrors] = []
-        self._points: list[list[Confusion]] = []
+        self._points: dict[str, Confusion] = {}
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame."""
@@ -244,31 +222,24 @@ class GroundMeasure:
             index = result.frame.index
             self._errors.append(ground_errors(index, result.ground, bottom_m, self._area))
         if truth is not None:
-            states = result.obstacles.point_states
-            points = result.frame.points_velo
-            self._points.append(ground_confusion(points, states, truth.classes, self._area))
+            states, points = result.obstacles.point_states, result.frame.points_velo
+            added = ground_confusion(points, states, truth.classes, self._area)
+            self._points = add_confusions(self._points, added)
 
     def compute(self) -> GroundReport:
         """Return the metrics of all frames so far."""
-        points = [sum(interval, Confusion()) for interval in zip(*self._points, strict=True)]
-        by_points = dict(zip(interval_names(RANGE_EDGES_M), points, strict=True)) if points else {}
+        points = sum(self._points.values(), Confusion()) if self._points else None
         if not self._errors:
-            return GroundReport(None, {}, {}, by_points)
+            return GroundReport(points=points, points_by_range=self._points)
         errors = GroundErrors.concatenate(self._errors)
         along_x_m = errors.bottom_centers_m[:, 0]
         return GroundReport(
-            total=mean_displacement_error(errors),
-            by_range=_named(errors, errors.ranges_m, RANGE_EDGES_M),
-            by_slice=_named(errors, along_x_m, self._slice_edges_m),
-            points=by_points,
+            mean_displacement_error(errors),
+            displacement_by_interval(errors, errors.ranges_m, RANGE_EDGES_M),
+            displacement_by_interval(errors, along_x_m, self._slice_edges_m),
+            points,
+            self._points,
         )
-
-
-def _named(
-    errors: GroundErrors, positions_m: Float64, edges_m: Sequence[float]
-) -> dict[str, MeanDisplacementError]:
-    metrics = displacement_by_interval(errors, positions_m, edges_m)
-    return dict(zip(interval_names(edges_m), metrics, strict=True))
 
 
 def thesis_slice_edges_m(sensor: LidarModel, area: LocalArea) -> list[float]:

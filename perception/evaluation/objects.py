@@ -1,10 +1,13 @@
-"""Labelled objects of one frame and their motion."""
+"""Labelled objects of one frame, their motion, and the image in which they were labelled."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Self
 
-from perception.types import ArrayTable, Boxes3D, Calibration, Float64, Frame, Int
+import numpy as np
+
+from perception.geometry.camera import is_in_view, project
+from perception.types import ArrayTable, Bool, Boxes3D, Calibration, Float, Float64, Frame, Int
 
 
 class MotionState(IntEnum):
@@ -52,15 +55,19 @@ class LabelledView:
             return None
         return cls(calibration, calibration.image_size_px, dont_care_px)
 
+    def contains(self, points_velo: Float) -> Bool:
+        """Tell which (N, 3+) points fall inside the image."""
+        return is_in_view(self.calibration, points_velo, self.image_size_px)
 
-@dataclass(frozen=True)
-class FrameAnnotations:
-    """Annotations of one frame.
+    def is_dont_care(self, points_velo: Float) -> Bool:
+        """Tell which (N, 3+) points fall in a DontCare region."""
+        pixels, _ = project(self.calibration.image_P_velo, points_velo)
+        low, high = self.dont_care_px[:, None, :2], self.dont_care_px[:, None, 2:]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=2).any(axis=0))
 
-    Attributes:
-        objects: Labelled objects, in the area or not.
-        view: Image in which they were labelled.
-    """
 
-    objects: LabelledObjects
-    view: LabelledView
+def raised_boxes(boxes: Boxes3D, clearance_m: float) -> Boxes3D:
+    """Return boxes without their lowest part, in which points may be ground."""
+    lift_m = np.array([0.0, 0.0, clearance_m])
+    return Boxes3D(boxes.bottom_m + lift_m, boxes.size_m - lift_m, boxes.yaw_rad)

@@ -1,43 +1,34 @@
 """Metrics of the obstacles of a drive: objects missed, false moving clusters, shadows, and points where truth is exact."""
 
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from perception.evaluation import false_clusters, obstacles, shadows
-from perception.evaluation.config import ObstacleProtocol
-from perception.evaluation.confusion import confusion_table
-from perception.evaluation.false_clusters import (
+from perception.evaluation import false_obstacles, obstacles
+from perception.evaluation.config import ObjectMatchConfig, ObstacleProtocol
+from perception.evaluation.confusion import Confusion, add_confusions
+from perception.evaluation.false_obstacles import (
     MovingClusters,
-    is_false,
+    ShadowDetector,
+    Shadows,
     moving_clusters,
 )
-from perception.evaluation.objects import (
-    FrameAnnotations,
-    LabelledObjects,
-    LabelledView,
-    MotionState,
-)
+from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
 from perception.evaluation.obstacles import (
     ObjectCounts,
     ObjectObservations,
-    PointMotion,
     count_objects,
     missed_moving,
+    motion_confusions,
     observe_objects,
-    point_motion,
 )
-from perception.evaluation.report import Column, Table
-from perception.evaluation.shadows import ShadowDetector, Shadows
+from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table
 from perception.geometry.grids import LocalArea
 from perception.types import Int, Labels, PointTruth, Result
 
-PROTOCOL_WORDS = {
-    "objects": obstacles.__doc__,
-    "false_clusters": false_clusters.__doc__,
-    "shadows": shadows.__doc__,
-}
+PROTOCOL_WORDS = {"objects": obstacles.__doc__, "false_obstacles": false_obstacles.__doc__}
 
 
 class MotionTruth(Protocol):
@@ -48,167 +39,98 @@ class MotionTruth(Protocol):
         ...
 
 
-_Counts = Column[ObjectCounts]
-_OBJECT_COLUMNS = (
-    _Counts("objects", lambda c: c.objects, "", "objects"),
-    _Counts("missed", lambda c: c.missed_objects, "", "missed_objects"),
-    _Counts(
-        "missed [%]", lambda c: 100 * c.missed_objects / c.objects if c.objects else None, ".1f"
-    ),
-    _Counts("moving", lambda c: c.moving, "", "moving"),
-    _Counts("found static", lambda c: c.missed_moving, "", "missed_moving"),
-    _Counts("tracks", lambda c: c.moving_tracks, "", "moving_tracks"),
-    _Counts("never moving", lambda c: c.tracks_never_moving, "", "tracks_never_moving"),
-    _Counts("static", lambda c: c.static, "", "static"),
-    _Counts("found moving", lambda c: c.false_moving, "", "false_moving"),
-)
+@dataclass(frozen=True)
+class FalseClusterCounts(Metrics):
+    """Numbers of false moving clusters in the camera's view.
+
+    Attributes:
+        clusters: Number of false clusters without those in DontCare regions.
+        per_frame: Number of these clusters per frame.
+        on_static_objects: Number of these clusters on labelled static objects.
+        in_warm_up: Number of these clusters in the first frames.
+        with_dont_care: Number of false clusters, with those in DontCare regions.
+    """
+
+    clusters: Annotated[int, Metric("clusters")]
+    per_frame: Annotated[float, Metric("/scan", ".3f")]
+    on_static_objects: Annotated[int, Metric("on static objects")]
+    in_warm_up: Annotated[int, Metric("in first frames")]
+    with_dont_care: Annotated[int, Metric("with DontCare")]
 
 
 @dataclass(frozen=True)
-class ObstacleReport:
-    """Metrics of the obstacles of one drive.
+class ShadowCounts(Metrics):
+    """Number of shadows, or of the voxels in them.
 
     Attributes:
-        protocol: Protocol of the evaluation.
-        frames: Number of evaluated frames.
-        observed: Labelled objects of all frames, or None without labels.
-        clusters: Moving clusters, or None where labels and INS do not state what moves, or where no
-            camera's view was labelled.
-        shadows: False static obstacles, or None as with the clusters.
-        points: Confusion of points, or None without exact truth.
-        has_motion: Whether labels and INS state what moves.
+        all: Number in all frames.
+        per_frame: Number per frame.
     """
 
-    protocol: ObstacleProtocol
-    frames: int
-    observed: ObjectObservations | None
-    clusters: MovingClusters | None
-    shadows: Shadows | None
-    points: PointMotion | None
-    has_motion: bool
+    all: Annotated[int, Metric("all")]
+    per_frame: Annotated[float, Metric("/scan", ".3f")]
 
-    def counts(self) -> ObjectCounts:
-        """Count objects under the protocol's thresholds."""
-        return count_objects(self.observed or ObjectObservations.empty(), self.protocol.objects)
+    @classmethod
+    def of(cls, counts: Int) -> "ShadowCounts":
+        """Sum the (F,) counts of all frames."""
+        return cls(int(counts.sum()), float(counts.mean()))
 
-    def missing(self) -> str | None:
-        """Name the metrics that the drive does not allow."""
-        if self.observed is None:
-            return "No object metrics: the drive has no labelled boxes."
-        if not self.has_motion:
-            return "No motion of objects: it takes labels with track ids, and INS poses."
-        if self.clusters is None:
-            return "No false moving clusters: it takes images to know the camera's view."
-        return None
+
+@dataclass(frozen=True)
+class ObstacleReport(Report):
+    """Metrics of the obstacles of one drive; what the drive does not allow is None or empty.
+
+    Attributes:
+        config: Thresholds at which an object counts and is found.
+        missing: Metrics that the drive does not allow, in words.
+        objects: Labelled objects under the protocol's thresholds.
+        objects_by_min_points: Labelled objects by the number of points that they must hold.
+        objects_by_moving_share: Labelled objects by the required share of moving points.
+        objects_by_frames: Labelled objects of the first frames, and of all others.
+        missed_moving: Moving objects that were not found to move.
+        false_clusters: False moving clusters by their minimum number of points.
+        false_cluster_positions: False moving clusters of the protocol's size.
+        shadows: Shadows of moving objects, and the voxels in them.
+        points_moving: Confusion of moving points against exact truth.
+        points_static: Confusion of static points against exact truth.
+    """
+
+    config: Annotated[ObjectMatchConfig, CONTEXT]
+    missing: str | None
+    objects: ObjectCounts | None = None
+    objects_by_min_points: Mapping[str, ObjectCounts] = field(default_factory=dict)
+    objects_by_moving_share: Mapping[str, ObjectCounts] = field(default_factory=dict)
+    objects_by_frames: Mapping[str, ObjectCounts] = field(default_factory=dict)
+    missed_moving: ObjectObservations | None = None
+    false_clusters: Mapping[str, FalseClusterCounts] = field(default_factory=dict)
+    false_cluster_positions: MovingClusters | None = None
+    shadows: Mapping[str, ShadowCounts] = field(default_factory=dict)
+    points_moving: Confusion | None = None
+    points_static: Confusion | None = None
 
     def tables(self) -> list[Table[Any]]:
         """Return objects by three criteria, false clusters, shadows, and points against exact truth."""
-        tables: list[Table[Any]] = []
-        if self.observed is not None:
-            tables += self._object_tables(self.observed)
-        if self.clusters is not None:
-            tables.append(self._cluster_table(self.clusters))
-        if self.shadows is not None:
-            tables.append(_shadow_table(self.shadows))
-        if self.points is not None:
-            points = {"moving": self.points.moving, "static": self.points.static}
-            tables.append(confusion_table("Moving and static points against exact truth", points))
-        if (missing := self.missing()) is not None and tables:
-            tables[-1] = replace(tables[-1], notes=("", missing))
-        return tables
-
-    def _object_tables(self, observed: ObjectObservations) -> list[Table[Any]]:
-        """Return objects by number of points, by required share of moving points, and by frames."""
-        protocol, config = self.protocol, self.protocol.objects
-        sizes = sorted({config.min_points, *protocol.other_min_points})
-        shares = sorted({config.moving_share, *protocol.other_moving_shares})
-        warms_up = np.asarray(observed.frames < protocol.warm_up)
-        by_points = {
-            f"{size} points and more": count_objects(observed, replace(config, min_points=size))
-            for size in sizes
-        }
-        by_share = {
-            f"{100 * share:g} %" if share else "any": count_objects(
-                observed, replace(config, moving_share=share)
-            )
-            for share in shares
-        }
-        by_frames = {
-            f"first {protocol.warm_up}": count_objects(observed[warms_up], config),
-            "all others": count_objects(observed[~warms_up], config),
-        }
-        over = f"Labelled objects of {config.min_points} points and more"
+        config, points = self.config, {"moving": self.points_moving, "static": self.points_static}
         found = f"found moving at {100 * config.moving_share:g} % moving points"
-        return [
-            Table(f"Labelled objects, once per frame; {found}", _OBJECT_COLUMNS, by_points),
-            Table(f"{over}, by required share of moving points", _OBJECT_COLUMNS, by_share),
-            Table(f"{over}, by frames", _OBJECT_COLUMNS, by_frames),
+        over = f"Labelled objects of {config.min_points} points and more"
+        view = "in the camera's view"
+        shadows = f"False static obstacles: shadows of moving objects, {view}"
+        exact = "Moving and static points against exact truth"
+        objects = ObjectCounts.columns()
+        # fmt: off
+        tables: list[Table[Any]] = [
+            Table(f"Labelled objects, once per frame; {found}", objects, self.objects_by_min_points),
+            Table(f"{over}, by required share of moving points", objects, self.objects_by_moving_share),
+            Table(f"{over}, by frames", objects, self.objects_by_frames),
+            Table(f"False moving clusters {view}", FalseClusterCounts.columns(), self.false_clusters),
+            Table(shadows, ShadowCounts.columns(), self.shadows),
+            Table(exact, Confusion.columns(), {n: one for n, one in points.items() if one is not None}),
         ]
-
-    def _false(self, clusters: MovingClusters) -> MovingClusters:
-        return clusters[is_false(clusters, 1, self.protocol.clusters, ignore_dont_care=True)]
-
-    def _cluster_table(self, clusters: MovingClusters) -> Table[MovingClusters]:
-        protocol, static = self.protocol, MotionState.STATIC
-        everywhere = is_false(clusters, 1, protocol.clusters, ignore_dont_care=False)
-        sizes = sorted({protocol.cluster_points, *protocol.other_cluster_points})
-        rows = {
-            f"{size} points and more": clusters[everywhere & (clusters.points >= size)]
-            for size in sizes
-        }
-        false, first = self._false, protocol.warm_up
-        columns = (
-            _Clusters("clusters", lambda c: len(false(c)), "", "clusters"),
-            _Clusters("/scan", lambda c: len(false(c)) / self.frames, ".3f", "per_frame"),
-            _Clusters(
-                "on static objects",
-                lambda c: int(np.count_nonzero(false(c).object_motions == static)),
-                "",
-                "on_static_objects",
-            ),
-            _Clusters(
-                f"in first {first}",
-                lambda c: int(np.count_nonzero(false(c).frames < first)),
-                "",
-                "in_warm_up",
-            ),
-            _Clusters("with DontCare", len, "", "with_dont_care"),
-        )
-        return Table("False moving clusters in the camera's view", columns, rows)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all counts by name, and the objects and clusters that count as errors."""
-        document: dict[str, Any] = {"missing": self.missing()}
-        if self.observed is not None:
-            by_points, by_share, by_frames = self._object_tables(self.observed)
-            document["objects"] = self.counts()
-            document["objects_by_min_points"] = by_points.to_json()
-            document["objects_by_moving_share"] = by_share.to_json()
-            document["objects_by_frames"] = by_frames.to_json()
-            document["missed_moving"] = missed_moving(self.observed, self.protocol.objects)
-        if self.clusters is not None:
-            large = self.clusters[self.clusters.points >= self.protocol.cluster_points]
-            document["false_clusters"] = self._cluster_table(self.clusters).to_json()
-            document["false_cluster_positions"] = self._false(large)
-        if self.shadows is not None:
-            document["shadows"] = _shadow_table(self.shadows).to_json()
-        if self.points is not None:
-            document["points_moving"] = self.points.moving.to_json()
-            document["points_static"] = self.points.static.to_json()
-        return document
-
-
-_Clusters = Column[MovingClusters]
-
-
-def _shadow_table(shadows: Shadows) -> Table[Int]:
-    columns = (
-        Column[Int]("all", lambda counts: int(counts.sum()), "", "all"),
-        Column[Int]("/scan", lambda counts: float(counts.mean()), ".3f", "per_frame"),
-    )
-    rows = {"shadows": shadows.clusters, "voxels in them": shadows.voxels}
-    title = "False static obstacles: shadows of moving objects, in the camera's view"
-    return Table(title, columns, rows)
+        # fmt: on
+        tables = [table for table in tables if table.rows]
+        if self.missing is not None and tables:
+            tables[-1] = replace(tables[-1], notes=("", self.missing))
+        return tables
 
 
 class ObstacleMeasure:
@@ -228,50 +150,110 @@ class ObstacleMeasure:
             motion: Motion of the labelled objects, or None where it is unknown.
         """
         self._area, self._protocol, self._motion = area, protocol or ObstacleProtocol(), motion
-        self._shadow_detector = ShadowDetector(self._protocol.shadows)
+        self._shadow_detector = ShadowDetector()
         self._observed: list[ObjectObservations] = []
         self._clusters: list[MovingClusters] = []
         self._shadows: list[Shadows] = []
-        self._points: list[PointMotion] = []
+        self._points: dict[str, Confusion] = {}
         self._frames = 0
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame."""
         self._frames += 1
+        states = result.obstacles.point_states
         if labels is not None:
             self._add_objects(result, labels)
         if truth is not None:
-            states = result.obstacles.point_states
-            self._points.append(point_motion(states, truth.classes, truth.is_moving))
+            added = motion_confusions(states, truth.classes, truth.is_moving)
+            self._points = add_confusions(self._points, added)
 
     def _add_objects(self, result: Result, labels: Labels) -> None:
         index, scan = result.frame.index, result.frame.points_velo
-        states, protocol = result.obstacles.point_states, self._protocol
-        objects = self._labelled_objects(index, labels)
+        states = result.obstacles.point_states
+        unknown = np.full(len(labels), MotionState.UNKNOWN, np.int64)
+        motions = unknown if self._motion is None else self._motion.of(index, labels.track_ids)
+        objects = LabelledObjects(labels.boxes_velo, motions, labels.track_ids)
         self._observed.append(
-            observe_objects(index, scan, states, objects, self._area, protocol.objects)
+            observe_objects(index, scan, states, objects, self._area, self._protocol.objects)
         )
         view = LabelledView.of(result.frame, labels.dont_care_px)
         if self._motion is not None and view is not None:
-            annotations = FrameAnnotations(objects, view)
-            self._clusters.append(
-                moving_clusters(index, scan, states, annotations, protocol.clusters)
-            )
-            self._shadows.append(self._shadow_detector.update(result, annotations))
-
-    def _labelled_objects(self, index: int, labels: Labels) -> LabelledObjects:
-        unknown = np.full(len(labels), MotionState.UNKNOWN, np.int64)
-        motions = unknown if self._motion is None else self._motion.of(index, labels.track_ids)
-        return LabelledObjects(labels.boxes_velo, motions, labels.track_ids)
+            self._clusters.append(moving_clusters(index, scan, states, objects, view))
+            self._shadows.append(self._shadow_detector.update(result, objects, view))
 
     def compute(self) -> ObstacleReport:
         """Return the metrics of all frames so far."""
         return ObstacleReport(
-            protocol=self._protocol,
-            frames=self._frames,
-            observed=ObjectObservations.concatenate(self._observed) if self._observed else None,
-            clusters=MovingClusters.concatenate(self._clusters) if self._clusters else None,
-            shadows=Shadows.concatenate(self._shadows) if self._shadows else None,
-            points=sum(self._points, PointMotion()) if self._points else None,
-            has_motion=self._motion is not None,
+            self._protocol.objects,
+            self._missing(),
+            points_moving=self._points.get("moving"),
+            points_static=self._points.get("static"),
+            **(self._object_counts() if self._observed else {}),
+            **(self._false_obstacles() if self._clusters else {}),
+        )
+
+    def _missing(self) -> str | None:
+        if not self._observed:
+            return "No object metrics: the drive has no labelled boxes."
+        if self._motion is None:
+            return "No motion of objects: it takes labels with track ids, and INS poses."
+        if not self._clusters:
+            return "No false moving clusters: it takes images to know the camera's view."
+        return None
+
+    def _object_counts(self) -> dict[str, Any]:
+        """Count objects by number of points, by required share of moving points, and by frames."""
+        observed = ObjectObservations.concatenate(self._observed)
+        protocol, config = self._protocol, self._protocol.objects
+        sizes = sorted({config.min_points, *protocol.other_min_points})
+        shares = sorted({config.moving_share, *protocol.other_moving_shares})
+        warms_up = np.asarray(observed.frames < protocol.warm_up)
+        return {
+            "objects": count_objects(observed, config),
+            "objects_by_min_points": {
+                f"{size} points and more": count_objects(observed, replace(config, min_points=size))
+                for size in sizes
+            },
+            "objects_by_moving_share": {
+                f"{100 * share:g} %" if share else "any": count_objects(
+                    observed, replace(config, moving_share=share)
+                )
+                for share in shares
+            },
+            "objects_by_frames": {
+                f"first {protocol.warm_up}": count_objects(observed[warms_up], config),
+                "all others": count_objects(observed[~warms_up], config),
+            },
+            "missed_moving": missed_moving(observed, config),
+        }
+
+    def _false_obstacles(self) -> dict[str, Any]:
+        clusters, shadows = (
+            MovingClusters.concatenate(self._clusters),
+            Shadows.concatenate(self._shadows),
+        )
+        protocol = self._protocol
+        sizes = sorted({protocol.cluster_points, *protocol.other_cluster_points})
+        is_false = clusters.is_false(protocol.cluster_points, ignore_dont_care=True)
+        return {
+            "false_clusters": {
+                f"{size} points and more": self._count_clusters(clusters, size) for size in sizes
+            },
+            "false_cluster_positions": clusters[is_false],
+            "shadows": {
+                "shadows": ShadowCounts.of(shadows.clusters),
+                "voxels in them": ShadowCounts.of(shadows.voxels),
+            },
+        }
+
+    def _count_clusters(self, clusters: MovingClusters, min_points: int) -> FalseClusterCounts:
+        everywhere = clusters.is_false(min_points, ignore_dont_care=False)
+        false = clusters[clusters.is_false(min_points, ignore_dont_care=True)]
+        is_static = false.object_motions == MotionState.STATIC
+        return FalseClusterCounts(
+            clusters=len(false),
+            per_frame=len(false) / self._frames,
+            on_static_objects=int(np.count_nonzero(is_static)),
+            in_warm_up=int(np.count_nonzero(false.frames < self._protocol.warm_up)),
+            with_dont_care=int(np.count_nonzero(everywhere)),
         )

@@ -13,7 +13,8 @@ The protocol, which the thesis leaves to a human observer (Table 7.2):
 - Objects whose motion is unknown count as obstacles only.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
 from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.report import Metric, Metrics
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
 from perception.types import ArrayTable, Bool, Float, Float64, Int, PointState, UInt8
@@ -87,13 +89,14 @@ def observe_objects(
 
 
 @dataclass(frozen=True)
-class ObjectCounts:
+class ObjectCounts(Metrics):
     """Numbers of labelled objects found, missed and misclassified; each object counts once per frame.
 
     Attributes:
         min_points: Number of points that an object must hold to count.
         objects: Number of objects of any motion.
         missed_objects: Number of objects not found as obstacles.
+        missed_share: Share of the objects not found as obstacles; NaN without objects.
         moving: Number of moving objects.
         missed_moving: Number of moving objects not found to move.
         moving_tracks: Number of different tracks of the moving objects.
@@ -103,27 +106,30 @@ class ObjectCounts:
     """
 
     min_points: int
-    objects: int
-    missed_objects: int
-    moving: int
-    missed_moving: int
-    moving_tracks: int
-    tracks_never_moving: int
-    static: int
-    false_moving: int
+    objects: Annotated[int, Metric("objects")]
+    missed_objects: Annotated[int, Metric("missed")]
+    missed_share: Annotated[float, Metric("missed [%]", ".1%")]
+    moving: Annotated[int, Metric("moving")]
+    missed_moving: Annotated[int, Metric("found static")]
+    moving_tracks: Annotated[int, Metric("tracks")]
+    tracks_never_moving: Annotated[int, Metric("never moving")]
+    static: Annotated[int, Metric("static")]
+    false_moving: Annotated[int, Metric("found moving")]
 
 
 def count_objects(observed: ObjectObservations, config: ObjectMatchConfig) -> ObjectCounts:
     """Apply the protocol of this file to the objects of any number of frames."""
     counted = observed[observed.points >= config.min_points]
     moves, is_static = counted.motions == MotionState.MOVING, counted.motions == MotionState.STATIC
+    is_missed = ~counted.is_obstacle(config.found_share)
     found_moving = counted.is_moving(config.moving_share)
     tracks = np.unique(counted.track_ids[moves])
     found_tracks = np.unique(counted.track_ids[moves & found_moving])
     return ObjectCounts(
         min_points=config.min_points,
         objects=len(counted),
-        missed_objects=int(np.count_nonzero(~counted.is_obstacle(config.found_share))),
+        missed_objects=int(np.count_nonzero(is_missed)),
+        missed_share=float(is_missed.mean()) if len(counted) else float("nan"),
         moving=int(np.count_nonzero(moves)),
         missed_moving=int(np.count_nonzero(moves & ~found_moving)),
         moving_tracks=len(tracks),
@@ -139,33 +145,18 @@ def missed_moving(observed: ObjectObservations, config: ObjectMatchConfig) -> Ob
     return observed[counts & ~observed.is_moving(config.moving_share)]
 
 
-@dataclass(frozen=True)
-class PointMotion:
-    """Confusion of the points of the area against the exact truth of a synthetic scan.
+def motion_confusions(states: UInt8, classes: Int, is_moving: Bool) -> dict[str, Confusion]:
+    """Compare (N,) states with the exact classes and motions of a synthetic scan.
 
-    Attributes:
-        moving: Points classified as MOVING against points of objects that move at this moment.
-        static: Points classified as STATIC against all other points above the true ground.
-    """
-
-    moving: Confusion = field(default_factory=Confusion)
-    static: Confusion = field(default_factory=Confusion)
-
-    def __add__(self, other: "PointMotion") -> "PointMotion":
-        """Return the counts of both."""
-        return PointMotion(self.moving + other.moving, self.static + other.static)
-
-
-def point_motion(states: UInt8, classes: Int, is_moving: Bool) -> PointMotion:
-    """Count (N,) states against (N,) classes and motions, for the labelled points of the local area.
-
-    The area ends at a height, so points above it are left out. A point less than the clearance over
-    the ground is classified as ground by design; where it belongs to an object (feet, tyres) it costs recall.
+    Points classified as MOVING are compared with the points of objects that move at this moment, those classified
+    as STATIC with all other points above the true ground. Points without a class do not count, nor do those above
+    the area, which ends at a height. A point less than the clearance over the ground is classified as ground by
+    design; where it belongs to an object (feet, tyres) it costs recall.
     """
     counts = (states != PointState.OUTSIDE) & ~np.isin(classes, UNLABELLED_CLASSES)
     states, classes, moves = states[counts], classes[counts], is_moving[counts]
     is_static = ~moves & ~np.isin(classes, GROUND_CLASSES)
-    return PointMotion(
-        moving=confusion(states == PointState.MOVING, moves),
-        static=confusion(states == PointState.STATIC, is_static),
-    )
+    return {
+        "moving": confusion(states == PointState.MOVING, moves),
+        "static": confusion(states == PointState.STATIC, is_static),
+    }

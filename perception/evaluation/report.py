@@ -1,16 +1,31 @@
-"""What a measure reports: columns declared once, from which the table, the JSON document and the plot come."""
+"""What a measure reports: metrics that are declared once, where table, JSON document and plot take them from."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final, Generic, Protocol, Self, TypeVar, get_type_hints
 
 from perception.types import Labels, PointTruth, Result
 
 Row = TypeVar("Row")
-Whole = TypeVar("Whole")
 Report_co = TypeVar("Report_co", bound="Report", covariant=True)
 Value = str | int | float | None
+
+# Annotation of a field that the tables need and the JSON document states elsewhere, such as a protocol.
+CONTEXT: Final = "context"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Declaration of how a metric is printed: `mde_m: Annotated[float, Metric("mDE [m]", ".4f")]`.
+
+    Attributes:
+        heading: Heading with unit.
+        spec: Format specification, such as `.4f`; `.1%` prints a share as 12.3 below a heading in percent.
+    """
+
+    heading: str
+    spec: str = ""
 
 
 @dataclass(frozen=True)
@@ -29,7 +44,7 @@ class Column(Generic[Row]):
     spec: str = ""
     key: str | None = None
 
-    def of(self, part: Callable[[Whole], Row]) -> "Column[Whole]":
+    def of(self, part: Callable[[Any], Row]) -> "Column[Any]":
         """Return the column of a row that holds this column's row as a part."""
         return Column(self.name, lambda row: self.value(part(row)), self.spec, self.key)
 
@@ -38,7 +53,7 @@ class Column(Generic[Row]):
         value = self.value(row)
         if value is None or (isinstance(value, float) and math.isnan(value)):
             return "-"
-        return format(value, self.spec)
+        return format(value, self.spec).removesuffix("%")
 
 
 @dataclass(frozen=True)
@@ -73,16 +88,43 @@ class Table(Generic[Row]):
         }
 
 
-class Report(Protocol):
-    """Metrics of one evaluation."""
+class Metrics:
+    """Base of metrics: a frozen dataclass that is one row of a table, and one section of the JSON document.
+
+    Fields and properties that are annotated with a `Metric` are columns; in the document, these properties and
+    all fields but `CONTEXT` have their own names.
+    """
+
+    @classmethod
+    def columns(cls) -> list[Column[Self]]:
+        """Return a column for each declared metric, fields first."""
+        return [
+            Column(metric.heading, lambda row, name=name: getattr(row, name), metric.spec, name)  # type: ignore[misc]
+            for name, annotations in _annotations(cls)
+            for metric in annotations
+            if isinstance(metric, Metric)
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields and the declared properties by name."""
+        return {
+            name: _document(getattr(self, name))
+            for name, annotations in _annotations(type(self))
+            if CONTEXT not in annotations
+        }
+
+
+class Report(Metrics):
+    """Metrics of one evaluation: what is printed, and what `--json` writes below `results`."""
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return what is printed."""
-        ...
+        raise NotImplementedError
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `--json` writes below `results`."""
-        ...
+        """Return the metrics by name, without those that the data do not allow."""
+        parts = super().to_json().items()
+        return {n: part for n, part in parts if part is not None and not _is_empty(part)}
 
 
 class Measure(Protocol[Report_co]):
@@ -118,3 +160,27 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
         for column, (cell, width) in enumerate(zip(row, widths, strict=True))
     )
     return "  ".join([first, *others]).rstrip()
+
+
+def _annotations(kind: type) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Yield the fields of a dataclass and its properties that are metrics, with what annotates them."""
+    hints = get_type_hints(kind, include_extras=True)
+    for field in fields(kind):
+        yield field.name, getattr(hints[field.name], "__metadata__", ())
+    for name, member in vars(kind).items():
+        if isinstance(member, property):
+            hint = get_type_hints(member.fget, include_extras=True).get("return")
+            if annotations := getattr(hint, "__metadata__", ()):
+                yield name, annotations
+
+
+def _is_empty(part: object) -> bool:
+    return isinstance(part, Mapping) and not part
+
+
+def _document(part: Any) -> Any:  # noqa: ANN401 - any value of a report
+    if isinstance(part, Metrics):
+        return part.to_json()
+    if isinstance(part, Mapping):
+        return {name: _document(value) for name, value in part.items()}
+    return part

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.evaluation.confusion import Confusion, confusion_table
+from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.ground import ground_confusion
-from perception.evaluation.obstacles import PointMotion, point_motion
+from perception.evaluation.obstacles import motion_confusions
+from perception.evaluation.report import Table
 from perception.evaluation.stage_times import StageTimes
 from perception.geometry.grids import LocalArea
 from perception.types import Int, PointState, PointTruth, Result
@@ -28,8 +29,7 @@ class RunSummary:
         tracks: Number of tracks of each frame.
         vehicle_ids: Ids of all tracked vehicles so far.
         vehicles: Number of vehicles with at least `display_score`, of each frame on which detectors ran.
-        ground: Ground points against exact truth.
-        motion: Static and moving points against exact truth.
+        confusions: Ground, static and moving points against exact truth; empty without it.
         elapsed_s: Wall time with reading, drawing and writing.
     """
 
@@ -43,8 +43,7 @@ class RunSummary:
     tracks: list[int] = field(default_factory=list)
     vehicle_ids: set[int] = field(default_factory=set)
     vehicles: list[int] = field(default_factory=list)
-    ground: Confusion = field(default_factory=Confusion)
-    motion: PointMotion = field(default_factory=PointMotion)
+    confusions: dict[str, Confusion] = field(default_factory=dict)
     elapsed_s: float = 0.0
 
     def update(self, result: Result, truth: PointTruth | None) -> None:
@@ -61,20 +60,15 @@ class RunSummary:
         if truth is not None:
             points = result.frame.points_velo
             by_range = ground_confusion(points, states, truth.classes, self.area)
-            self.ground = sum(by_range, self.ground)
-            self.motion += point_motion(states, truth.classes, truth.is_moving)
+            ground = sum(by_range.values(), Confusion())
+            motion = motion_confusions(states, truth.classes, truth.is_moving)
+            added = {"ground": ground, "static": motion["static"], "moving": motion["moving"]}
+            self.confusions = add_confusions(self.confusions, added)
 
     @property
     def frames(self) -> int:
         """Number of frames so far."""
         return len(self.tracks)
-
-    @property
-    def confusions(self) -> dict[str, Confusion]:
-        """Points against exact truth by class; none where the drive has no exact truth."""
-        if not self.ground.true_positives:
-            return {}
-        return {"ground": self.ground, "static": self.motion.static, "moving": self.motion.moving}
 
     def text(self) -> str:
         """Return what is printed at the end of a run."""
@@ -83,7 +77,7 @@ class RunSummary:
         blocks = [self.times.table(f"{self.drive}: {self.frames} frames").text()]
         if self.confusions:
             title = "points against the exact truth of this synthetic drive"
-            blocks.append(confusion_table(title, self.confusions).text())
+            blocks.append(Table(title, Confusion.columns(), self.confusions).text())
         points = self.points / self.frames
         lines = [
             f"points/frame: {points[PointState.GROUND]:.0f} ground, "

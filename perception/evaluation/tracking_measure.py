@@ -14,13 +14,13 @@ from perception.evaluation.multi_object.kitti_protocol import (
     kitti_frames,
 )
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
-from perception.evaluation.report import Table
+from perception.evaluation.report import Report, Table
 
 _COMBINED = "COMBINED"
 
 
 @dataclass(frozen=True)
-class TrackingReport:
+class TrackingReport(Report):
     """Metrics of the tracks of several sequences.
 
     Attributes:

@@ -11,7 +11,7 @@ from perception.evaluation.config import KittiTrackingConfig
 from perception.evaluation.multi_object.kitti_protocol import kitti_frames
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.sequence import TrackedFrame
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Report, Table
 from perception.evaluation.vehicle_location import LocationErrors, location_errors
 from perception.geometry.box_overlap import iou_bev
 from perception.types import ArrayTable, Float64, Int, Labels, PointTruth, Result, Tracks, Vehicles
@@ -47,7 +47,7 @@ class _ImageBoxes(ArrayTable):
 
 
 @dataclass(frozen=True)
-class VehicleReport:
+class VehicleReport(Report):
     """Metrics of the vehicles of one drive.
 
     Attributes:

@@ -18,7 +18,6 @@ from perception.cli.main import main
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.ground import GroundMeasure, GroundReport, thesis_slice_edges_m
-from perception.evaluation.objects import MotionState
 from perception.evaluation.obstacle_measure import ObstacleMeasure, ObstacleReport
 from perception.evaluation.report import Measure, Report
 from perception.geometry.boxes import points_inside
@@ -126,17 +125,17 @@ def test_a_level_ground_under_real_labels(sequence_0000: KittiSequence):
     feet = [sequence_0000.labels(i).boxes_velo.bottom_m for i in (0, 40, 80)]
     by_hand = [np.abs(foot[AREA.contains_xy(foot), 2] + 1.73).mean() for foot in feet]
     assert not report.points
-    assert report.total.mde_m == pytest.approx(np.mean(by_hand), abs=1e-9)
-    objects = report.total.objects
-    assert sum(metric.objects for metric in report.by_range.values()) == objects
-    assert sum(metric.objects for metric in report.by_slice.values()) == objects
+    assert report.mde.mde_m == pytest.approx(np.mean(by_hand), abs=1e-9)
+    objects = report.mde.objects
+    assert sum(metric.objects for metric in report.mde_by_range.values()) == objects
+    assert sum(metric.objects for metric in report.mde_by_slice.values()) == objects
     assert set(report.to_json()) == {"mde", "mde_by_range", "mde_by_slice"}
-    assert f"{report.total.mde_m:.4f}" in report.tables()[0].text()
+    assert f"{report.mde.mde_m:.4f}" in report.tables()[0].text()
 
 
 def test_who_knows_the_labels_misses_nothing(sequence_0000: KittiSequence):
     report = measure_obstacles(sequence_0000, knowing_results(sequence_0000, 12))
-    counts = report.counts()
+    counts = report.objects
     assert counts.moving > 12
     assert (counts.missed_objects, counts.missed_moving, counts.false_moving) == (0, 0, 0)
     assert [row["clusters"] for row in report.to_json()["false_clusters"].values()] == [0, 0, 0]
@@ -156,7 +155,7 @@ def test_who_sees_no_motion_misses_it_and_a_ghost_is_false(sequence_0000: KittiS
     assert ghost.sum() > 20
     haunted = result_of(frame, np.where(ghost, PointState.MOVING, states).astype(np.uint8))
     report = measure_obstacles(sequence_0000, [static, haunted])
-    counts = report.counts()
+    counts = report.objects
     assert counts.missed_moving == counts.moving > 0
     assert counts.tracks_never_moving == counts.moving_tracks
     false = report.to_json()["false_clusters"]["1 points and more"]
@@ -169,8 +168,9 @@ def test_object_frames_have_obstacles_of_unknown_motion(kitti_root: Path):
     frame = drive[0]
     results = [result_of(frame, states_by_height(frame.points_velo))]
     report = measure_obstacles(drive, results)
-    assert report.clusters is None
-    assert (report.observed.motions == MotionState.UNKNOWN).all()
+    assert not report.false_clusters
+    assert report.objects.objects > 0
+    assert report.objects.moving == report.objects.static == 0
     assert report.to_json()["objects_by_min_points"]["1 points and more"]["moving"] == 0
     assert "No motion of objects" in text_of(report)
 
@@ -197,7 +197,7 @@ def test_exact_truth_adds_figures_per_point(sequence_0000: KittiSequence):
     states = np.array([1, 2, 3, 2], np.uint8)  # ground, static, moving, static
     drive = WithTruth(sequence_0000)
     ground = measure_ground(drive, [result_of(frame, states)])
-    assert ground.total is None
+    assert ground.mde is None
     metrics = ground.to_json()
     assert metrics["points"]["recall"] == 0.5
     assert metrics["points_by_range"]["0 to 5 m"]["recall"] == 1
@@ -262,5 +262,5 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     path.write_text("old")
     document = EvaluationDocument("ground", {}, {"unwritable": object()}, None)
     with pytest.raises(TypeError):
-        publish_report("0000", GroundReport(None, {}, {}, {}), document, path)
+        publish_report("0000", GroundReport(), document, path)
     assert path.read_text() == "old"

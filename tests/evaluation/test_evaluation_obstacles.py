@@ -3,14 +3,14 @@ import pytest
 
 from perception.errors import PerceptionError
 from perception.evaluation.config import ObjectMatchConfig
-from perception.evaluation.confusion import Confusion
+from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.obstacles import (
     ObjectObservations,
     count_objects,
     missed_moving,
+    motion_confusions,
     observe_objects,
-    point_motion,
 )
 from perception.geometry.grids import LocalArea
 from perception.types import Boxes3D, PointState
@@ -126,7 +126,7 @@ def test_no_object_is_counted_as_none():
     assert (counts.objects, counts.moving, counts.static) == (0, 0, 0)
 
 
-def test_point_motion_by_hand():
+def test_moving_and_static_points_by_hand():
     rows = [
         # state, class, moves
         (MOVING, 10, True),  # a car that drives
@@ -140,10 +140,10 @@ def test_point_motion_by_hand():
         (STATIC, 0, False),  # unlabelled: does not count
     ]
     states, classes, moves = (np.array(column) for column in zip(*rows, strict=True))
-    figures = point_motion(states.astype(np.uint8), classes, moves)
-    assert figures.moving == Confusion(true_positives=1, false_positives=1, false_negatives=2)
-    assert figures.static == Confusion(true_positives=1, false_positives=2, false_negatives=1)
-    assert (figures + figures).moving.iou == pytest.approx(2 / 8)
+    figures = motion_confusions(states.astype(np.uint8), classes, moves)
+    assert figures["moving"] == Confusion(true_positives=1, false_positives=1, false_negatives=2)
+    assert figures["static"] == Confusion(true_positives=1, false_positives=2, false_negatives=1)
+    assert add_confusions(figures, figures)["moving"].iou == pytest.approx(2 / 8)
 
 
 def test_labelled_objects_of_different_lengths_are_refused():

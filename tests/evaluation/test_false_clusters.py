@@ -1,19 +1,12 @@
 import numpy as np
 
-from perception.evaluation.config import ClusterConfig
-from perception.evaluation.false_clusters import (
+from perception.evaluation.false_obstacles import (
     NO_OBJECT,
     MovingClusters,
     cluster_ids,
-    is_false,
     moving_clusters,
 )
-from perception.evaluation.objects import (
-    FrameAnnotations,
-    LabelledObjects,
-    LabelledView,
-    MotionState,
-)
+from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
 from perception.types import Boxes3D, Calibration, PointState
 
 # A camera at the LiDAR's origin that looks ahead: u = 500 - 500 y / x, v = 200 - 500 z / x.
@@ -32,7 +25,7 @@ def clump(x_m: float, y_m: float, count: int = 6) -> np.ndarray:
 
 def annotations(
     *places: tuple[float, MotionState], dont_care_px: np.ndarray | None = None
-) -> FrameAnnotations:
+) -> tuple[LabelledObjects, LabelledView]:
     """Return 2 m cubes straight ahead at these distances."""
     count = len(places)
     bottom_m = np.array([[x, 0.0, -1.7] for x, _ in places]).reshape(-1, 3)
@@ -42,26 +35,26 @@ def annotations(
         track_ids=np.arange(count),
     )
     regions = np.zeros((0, 4)) if dont_care_px is None else dont_care_px
-    return FrameAnnotations(objects, LabelledView(CAMERA, SIZE_PX, regions))
+    return objects, LabelledView(CAMERA, SIZE_PX, regions)
 
 
-def clusters_of(points_velo: np.ndarray, surroundings: FrameAnnotations) -> MovingClusters:
+def clusters_of(
+    points_velo: np.ndarray, surroundings: tuple[LabelledObjects, LabelledView]
+) -> MovingClusters:
     states = np.full(len(points_velo), PointState.MOVING, np.uint8)
-    return moving_clusters(4, points_velo, states, surroundings)
+    return moving_clusters(4, points_velo, states, *surroundings)
 
 
 def test_near_clumps_are_one_cluster_and_far_ones_are_two():
-    config = ClusterConfig(cell_m=0.2, closing_m=0.5)
     near = np.array([[5.1, 0.1], [5.5, 0.1], [5.9, 0.1]])  # one free cell between each
-    assert cluster_ids(near, config).tolist() == [0, 0, 0]
+    assert cluster_ids(near).tolist() == [0, 0, 0]
     far = np.array([[5.1, 0.1], [6.1, 0.1], [5.1, 0.1]])
-    assert cluster_ids(far, config).tolist() == [0, 1, 0]
+    assert cluster_ids(far).tolist() == [0, 1, 0]
 
 
 def test_without_closing_only_the_eight_neighbours_join():
-    config = ClusterConfig(cell_m=0.2, closing_m=0.0)
     diagonal_and_apart = np.array([[0.1, 0.1], [0.3, 0.3], [0.7, 0.3]])
-    assert cluster_ids(diagonal_and_apart, config).tolist() == [0, 0, 1]
+    assert cluster_ids(diagonal_and_apart, closing_m=0.0).tolist() == [0, 0, 1]
 
 
 def test_what_a_cluster_touches_decides_what_it_is():
@@ -76,7 +69,7 @@ def test_what_a_cluster_touches_decides_what_it_is():
     assert clusters.object_motions[order].tolist() == expected
     assert clusters.points.tolist() == [6, 6, 6, 6]
     assert clusters.frames.tolist() == [4, 4, 4, 4]
-    false = is_false(clusters, 5, ignore_dont_care=True)[order]
+    false = clusters.is_false(5, ignore_dont_care=True)[order]
     assert false.tolist() == [False, True, False, True]
 
 
@@ -89,20 +82,20 @@ def test_a_cluster_that_touches_two_objects_belongs_to_the_moving_one():
 
 def test_clusters_behind_the_camera_or_too_small_are_not_false():
     clusters = clusters_of(np.concatenate([clump(-4, 0), clump(10, 0, count=2)]), annotations())
-    assert not is_false(clusters, 5, ignore_dont_care=True).any()
-    assert is_false(clusters, 1, ignore_dont_care=True).sum() == 1
+    assert not clusters.is_false(5, ignore_dont_care=True).any()
+    assert clusters.is_false(1, ignore_dont_care=True).sum() == 1
 
 
 def test_dont_care_regions_excuse_where_asked():
     # At x = 10, 1 m down: u = 500, v = 250.
     regions = np.array([[480.0, 240.0, 520.0, 260.0]])
     clusters = clusters_of(clump(10, 0), annotations(dont_care_px=regions))
-    assert is_false(clusters, 5, ignore_dont_care=True).tolist() == [False]
-    assert is_false(clusters, 5, ignore_dont_care=False).tolist() == [True]
+    assert clusters.is_false(5, ignore_dont_care=True).tolist() == [False]
+    assert clusters.is_false(5, ignore_dont_care=False).tolist() == [True]
 
 
 def test_a_scan_in_which_nothing_moves_has_no_cluster():
     states = np.full(6, PointState.STATIC, np.uint8)
-    clusters = moving_clusters(0, clump(10, 0), states, annotations((10, MotionState.MOVING)))
+    clusters = moving_clusters(0, clump(10, 0), states, *annotations((10, MotionState.MOVING)))
     assert len(clusters) == 0
     assert len(MovingClusters.concatenate([clusters, clusters])) == 0

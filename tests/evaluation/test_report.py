@@ -1,6 +1,10 @@
 """Tables from declared columns."""
 
-from perception.evaluation.report import Column, Table
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+from perception.evaluation.report import CONTEXT, Column, Metric, Metrics, Report, Table
 
 COLUMNS = (
     Column("mDE [m]", lambda row: row[0], ".3f", "mde_m"),
@@ -25,3 +29,31 @@ def test_a_table_without_rows_keeps_its_header():
 
 def test_the_document_has_the_columns_with_a_key():
     assert Table("", COLUMNS, {"all": (0.5, 7)}).to_json() == {"all": {"mde_m": 0.5}}
+
+
+@dataclass(frozen=True)
+class Share(Metrics):
+    found: Annotated[float, Metric("found [%]", ".1%")]
+    threshold: float
+
+    @property
+    def missed(self) -> Annotated[float, Metric("missed")]:
+        return 1 - self.found
+
+
+@dataclass(frozen=True)
+class Shares(Report):
+    title: Annotated[str, CONTEXT]
+    rows: Mapping[str, Share]
+    absent: Share | None = None
+
+
+def test_declared_metrics_are_columns_and_a_share_is_printed_in_percent():
+    columns = Share.columns()
+    assert [column.name for column in columns] == ["found [%]", "missed"]
+    assert [column.cell(Share(0.75, 0.5)) for column in columns] == ["75.0", "0.25"]
+
+
+def test_a_document_has_fields_and_declared_properties_but_no_context_and_nothing_unknown():
+    report = Shares("Title", {"all": Share(0.75, 0.5)})
+    assert report.to_json() == {"rows": {"all": {"found": 0.75, "threshold": 0.5, "missed": 0.25}}}

@@ -1,13 +1,7 @@
 import numpy as np
 
-from perception.evaluation.config import ShadowConfig
-from perception.evaluation.objects import (
-    FrameAnnotations,
-    LabelledObjects,
-    LabelledView,
-    MotionState,
-)
-from perception.evaluation.shadows import ShadowDetector, Shadows
+from perception.evaluation.false_obstacles import ShadowDetector, Shadows
+from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
 from perception.geometry.se3 import from_euler
 from perception.types import (
     Boxes3D,
@@ -36,11 +30,14 @@ class Level:
         return np.zeros(len(points_velo))
 
 
-def scene(x_m: float, motion: MotionState = MotionState.MOVING) -> FrameAnnotations:
+Annotations = tuple[LabelledObjects, LabelledView]
+
+
+def scene(x_m: float, motion: MotionState = MotionState.MOVING) -> Annotations:
     """Return a 2 m cube straight ahead."""
     box = Boxes3D(np.array([[x_m, 0.0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     objects = LabelledObjects(box, np.array([motion]), np.array([1]))
-    return FrameAnnotations(objects, LabelledView(CAMERA, (1000, 400), np.zeros((0, 4))))
+    return objects, LabelledView(CAMERA, (1000, 400), np.zeros((0, 4)))
 
 
 def voxels_at(x_m: float, count: int = 6, z_m: float = -0.7) -> np.ndarray:
@@ -51,7 +48,7 @@ def step(
     shadow_detector: ShadowDetector,
     frame: int,
     voxels: np.ndarray,
-    annotations: FrameAnnotations,
+    annotations: Annotations,
     ego_m=0.0,
 ):
     world_SE3_velo = from_euler(0, 0, 0, np.array([ego_m, 0.0, 0.0]))
@@ -59,7 +56,7 @@ def step(
     nothing = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
     scan = Frame(frame, 0.1 * frame, np.zeros((1, 4), np.float32))
     obstacles = Obstacles(np.zeros(1, np.uint8), static, nothing)
-    return shadow_detector.update(Result(scan, world_SE3_velo, Level(), obstacles), annotations)
+    return shadow_detector.update(Result(scan, world_SE3_velo, Level(), obstacles), *annotations)
 
 
 def figures(shadows: Shadows) -> tuple[int, int]:
@@ -90,7 +87,7 @@ def test_an_object_that_stood_leaves_no_shadow():
 
 
 def test_shadows_are_forgotten_and_few_voxels_or_ground_are_none():
-    shadow_detector = ShadowDetector(ShadowConfig(memory_s=0.15))
+    shadow_detector = ShadowDetector(memory_s=0.15)
     step(shadow_detector, 0, voxels_at(10), scene(10))
     assert figures(step(shadow_detector, 1, voxels_at(10, count=3), scene(14))) == (3, 0)
     assert figures(step(shadow_detector, 1, voxels_at(10, z_m=-1.65), scene(14))) == (0, 0)

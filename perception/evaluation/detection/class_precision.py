@@ -18,7 +18,7 @@ from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.evaluation_boxes import count_objects
 from perception.evaluation.detection.precision_curve import PrecisionCurve, max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
 from perception.types import Detections, Float64, Labels, Progress
 
@@ -224,7 +224,7 @@ class PrecisionMeasure(Generic[Output]):
 
 
 @dataclass(frozen=True)
-class PrecisionReport:
+class PrecisionReport(Report):
     """Average precision of several classes: table, JSON and curves.
 
     Attributes:

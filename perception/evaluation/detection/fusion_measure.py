@@ -31,7 +31,7 @@ from perception.evaluation.detection.reliability import (
     match_correctness,
     measure_reliability,
 )
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
 from perception.types import MODALITIES, Detections, Modality
 
@@ -78,7 +78,7 @@ EstimateRow = Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)
-class FusionReport:
+class FusionReport(Report):
     """Metrics of detectors and fusions on one drive.
 
     Attributes:

@@ -13,7 +13,7 @@ from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import ClassPrecision, PrecisionMeasure
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.fusion_measure import row_functions
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Report, Table
 from perception.maps.projection import camera_of
 from perception.render.curve_plots import Curve, CurvePanel
 from perception.types import Frame, Modality
@@ -75,7 +75,7 @@ def corrupted_detector(
 
 
 @dataclass(frozen=True)
-class RobustnessReport:
+class RobustnessReport(Report):
     """Average precision by corruption, level and detector.
 
     Attributes:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from perception.evaluation.config import SingleObjectMetricsConfig
-from perception.evaluation.report import Column, Table, Value
+from perception.evaluation.report import Column, Report, Table, Value
 from perception.evaluation.single_object.challenges import (
     CHALLENGE_DESCRIPTIONS,
     Challenge,
@@ -45,7 +45,7 @@ class ObjectErrors:
 
 
 @dataclass(frozen=True)
-class SingleObjectReport:
+class SingleObjectReport(Report):
     """Metrics of trackers of one object, over several objects.
 
     Attributes:
