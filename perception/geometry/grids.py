@@ -49,7 +49,8 @@ MOVING_OBJECT_AREA = LocalArea(ahead_m=30.0, behind_m=10.0)
 class EgoVehicle:
     """Outline of the vehicle around its LiDAR; returns from inside it are the vehicle itself.
 
-    The defaults are a large car with a LiDAR above its middle, with a margin on each side.
+    The defaults are a large car with a LiDAR above its middle, with a margin on each side. The outline holds the
+    LiDAR itself, and with it all points without a return, which lie at the origin.
 
     Attributes:
         front_m: Reach along +x in metres.
@@ -60,6 +61,11 @@ class EgoVehicle:
     front_m: float = 3.0
     rear_m: float = 2.5
     side_m: float = 1.4
+
+    def __post_init__(self) -> None:
+        """Validate that the LiDAR is within the outline."""
+        if min(self.front_m, self.rear_m, self.side_m) <= 0:
+            raise UsageError("ego vehicle", expected="reaches above 0 m", found=str(self))
 
     def contains_xy(self, points_velo: Float) -> Bool:
         """Tell which (N, 2+) points lie over the vehicle."""

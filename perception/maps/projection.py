@@ -55,8 +55,7 @@ def project_scan(
 ) -> SparseMaps:
     """Project (N, 4) points into an image of (width, height); the nearest wins a pixel."""
     image_P_velo = calibration.image_P_velo
-    in_view = np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))
-    points = points_velo.take(in_view, axis=0)
+    points = points_velo.take(rows_near_view(points_velo, image_P_velo, size_px), axis=0)
     exact_px, depth_m = project(image_P_velo, points)
     with np.errstate(invalid="ignore"):
         u, v = np.rint(exact_px.T)
@@ -100,20 +99,22 @@ def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
     return calibration, size_px
 
 
-def may_be_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
-    """Return which points may be in view, in single precision and with a margin of one pixel.
+def rows_near_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[int, int]) -> Int:
+    """Return the indices of the returns in view, found in single precision and with a margin of one pixel.
 
     A revolution of the LiDAR has six times the returns that are in the image; only those are projected.
     """
     if not len(points_velo):
-        return np.zeros(0, bool)
+        return np.zeros(0, np.intp)
     # A point is in view if it lies on the inner side of the four planes through the image's edges:
     # with depth * (u, v, 1) = P p, u > -1 is the same as depth * u + depth > 0.
     width, height = size_px
     inner = np.array([[1, 0, 1], [-1, 0, width], [0, 1, 1], [0, -1, height]]) @ image_P_velo
     sides = cv2.transform(points_velo[:, None], np.insert(inner, 3, 0, axis=1))
     is_inner: Bool = sides.reshape(-1, 4) > 0
-    return np.asarray(is_inner.view(np.uint32).ravel() == np.uint32(0x01010101))
+    rows = np.flatnonzero(is_inner.view(np.uint32).ravel() == np.uint32(0x01010101))
+    # Points without a return lie at the origin, which a camera behind the LiDAR has in view.
+    return rows if (inner[:, 3] <= 0).any() else rows[points_velo[rows, :3].any(axis=1)]
 
 
 def _nearest_of_each(pixels: Int, depths_m: Float32, size_px: tuple[int, int]) -> Int:

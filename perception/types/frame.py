@@ -7,6 +7,9 @@ import numpy as np
 from perception.errors import CalibrationError, ImageError, PoseError, ScanError
 from perception.types.arrays import Float32, Float64, UInt8, require_shape
 
+_MAX_COORDINATE_M = 10_000.0  # far beyond any LiDAR; larger numbers overflow where they are squared
+_MAX_INVALID_SHARE = 0.5  # with more, the file is of another format rather than a scan with gaps
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -47,14 +50,21 @@ class Calibration:
 class Frame:
     """Scan, image and pose at one time.
 
+    A scan keeps the number and order of its points, so that labels of points fit to its file. A point that is no
+    measurement (NaN, infinity or beyond 10 km, usual in organised clouds) becomes a point without a return, which has
+    x = y = z = reflectance = 0; no stage uses it, and its state is `PointState.OUTSIDE`.
+
     Attributes:
-        index: Number of the frame within its drive.
+        index: Position of the frame within its drive, from 0.
         stamp_s: Time of the scan in seconds.
         points_velo: (N, 4) x, y, z in metres and reflectance 0..1.
         image: (H, W, 3) RGB, or None without a camera.
         world_SE3_velo: (4, 4) INS pose of the LiDAR in a frame fixed to the earth, or None without INS.
         calibration: Calibration of the camera, or None without a camera.
         source: File of the scan, for error messages.
+        name: Name of the frame's result files; else its number in six digits.
+        number: Frame number in KITTI's rows; else the index.
+        invalid_points: Number of points that were no measurement.
     """
 
     index: int
@@ -64,9 +74,18 @@ class Frame:
     world_SE3_velo: Float64 | None = None
     calibration: Calibration | None = None
     source: str = "frame"
+    name: str = ""
+    number: int = -1
+    invalid_points: int = 0
 
     def __post_init__(self) -> None:
         """Validate the scan, the pose, and the size of the image."""
+        if self.number < 0:
+            object.__setattr__(self, "number", self.index)
+        if not self.name:
+            object.__setattr__(self, "name", f"{self.number:06d}")
+        require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
+        self._zero_invalid_points()
         self._check_scan()
         if self.world_SE3_velo is not None:
             require_shape(f"{self.source} world_SE3_velo", self.world_SE3_velo, (4, 4))
@@ -75,17 +94,33 @@ class Frame:
         if self.image is not None:
             self._check_image(self.image)
 
-    def _check_scan(self) -> None:
-        require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
-        if len(self.points_velo) == 0:
-            raise ScanError(self.source, expected="at least one point", found="an empty scan")
-        finite = np.isfinite(self.points_velo)
-        if not finite.all():
+    def _zero_invalid_points(self) -> None:
+        points = self.points_velo
+        magnitudes = np.abs(points)
+        if len(points) == 0 or magnitudes.max() < _MAX_COORDINATE_M:  # False with NaN
+            return
+        is_invalid = ~(magnitudes < _MAX_COORDINATE_M).all(axis=1)
+        invalid = int(is_invalid.sum())
+        if invalid > _MAX_INVALID_SHARE * len(points):
             raise ScanError(
                 self.source,
-                expected="finite coordinates",
-                found=f"{int((~finite).any(axis=1).sum())} of {len(finite)} points with NaN or infinity",
-                advice="drop these points when you record the scan",
+                expected="x, y, z in metres and reflectance, finite for at least half of the points",
+                found=f"{invalid} of {len(points)} points with NaN, infinity or beyond 10 km",
+                advice="write each point as four float32 numbers: x, y, z, reflectance",
+            )
+        object.__setattr__(
+            self, "points_velo", np.where(is_invalid[:, None], points.dtype.type(0), points)
+        )
+        object.__setattr__(self, "invalid_points", self.invalid_points + invalid)
+
+    def _check_scan(self) -> None:
+        if not self.points_velo[:, :3].any():
+            raise ScanError(
+                self.source,
+                expected="at least one return",
+                found=f"{len(self.points_velo)} points, all of them zero"
+                if len(self.points_velo)
+                else "an empty scan",
             )
         low, high = self.points_velo[:, 3].min(), self.points_velo[:, 3].max()
         if low < 0 or high > 1:

@@ -1,5 +1,7 @@
 """Whatever is wrong with a file: a sentence that names it, what was expected, and what was found."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -33,21 +35,41 @@ def test_a_scan_of_three_columns_has_the_wrong_size(raw_drive):
     assert f"{path}: expected 16 bytes a point" in _sentence(raw_drive, ScanError)
 
 
-def test_an_empty_scan(raw_drive):
+@pytest.mark.parametrize(
+    ("points", "found"), [(0, "an empty scan"), (7, "7 points, all of them zero")]
+)
+def test_a_scan_without_a_return(raw_drive, points, found):
     path = _scan_path(raw_drive)
-    path.write_bytes(b"")
-    sentence = _sentence(raw_drive, ScanError)
-    assert sentence == f"{path}: expected at least one point, found an empty scan."
+    np.zeros((points, 4), np.float32).tofile(path)
+    with fault(ScanError, where=str(path), expected="at least one return", found=found):
+        open_drive(raw_drive)[2]
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf], ids=["NaN", "infinity"])
-def test_points_that_are_not_finite(raw_drive, value):
+@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e30], ids=["NaN", "infinity", "huge"])
+def test_points_that_are_no_measurement_keep_their_rows(raw_drive, value):
     path = _scan_path(raw_drive)
-    points = np.fromfile(path, np.float32)
-    points[[4, 80]] = value
+    points = np.fromfile(path, np.float32).reshape(-1, 4)
+    expected = points.copy()
+    for row, column in ((1, 0), (20, 2), (20, 3)):
+        points[row, column] = value
     points.tofile(path)
-    sentence = _sentence(raw_drive, ScanError)
-    assert sentence.startswith(f"{path}: expected finite coordinates, found 2 of 3600 points")
+    expected[[1, 20]] = 0
+    frame = open_drive(raw_drive)[2]
+    np.testing.assert_array_equal(frame.points_velo, expected)
+    assert frame.invalid_points == 2
+    assert replace(frame, stamp_s=1.0).invalid_points == 2
+
+
+def test_a_scan_that_is_mostly_not_finite_is_refused(raw_drive):
+    path = _scan_path(raw_drive)
+    points = np.fromfile(path, np.float32).reshape(-1, 4)
+    points[:1800, 1] = np.nan
+    points.tofile(path)
+    assert open_drive(raw_drive)[2].invalid_points == 1800
+    points[1800, 1] = np.nan
+    points.tofile(path)
+    with fault(ScanError, where=str(path), expected="finite", found="1801 of 3600 points"):
+        open_drive(raw_drive)[2]
 
 
 @pytest.mark.parametrize("value", [-0.1, 255])

@@ -14,7 +14,7 @@ import numpy as np
 
 from perception.detection.height_cells import HeightCells
 from perception.geometry.camera import project
-from perception.maps.projection import may_be_in_view
+from perception.maps.projection import rows_near_view
 from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Int, Method
 
 _FARTHEST_M = 80.0  # range of the maps, ahead and to each side
@@ -99,7 +99,7 @@ def find_above_ground(
 
 
 def _near_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[int, int]) -> Int:
-    rows = np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))
+    rows = rows_near_view(points_velo, image_P_velo, size_px)
     x, y = points_velo[rows, 0], points_velo[rows, 1]
     return np.asarray(rows[np.maximum(np.abs(x), np.abs(y)) <= _FARTHEST_M])
 

@@ -7,7 +7,7 @@ import numpy as np
 from perception.detection.height_cells import HeightCells
 from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.geometry.camera import project
-from perception.maps.projection import may_be_in_view
+from perception.maps.projection import rows_near_view
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
 
 
@@ -51,7 +51,7 @@ def find_frustum_points(
     # Pixels are counted from the corner of the window around all boxes, so that points outside drop out at once.
     shift = np.array([[1, 0, -low_px[0]], [0, 1, -low_px[1]], [0, 0, 1]])
     window_P_velo = shift @ camera[0].image_P_velo
-    rows = np.flatnonzero(may_be_in_view(points_velo, window_P_velo, size_px))
+    rows = rows_near_view(points_velo, window_P_velo, size_px)
     xyz_m = points_velo.take(rows, axis=0)[:, :3].astype(np.float64)
     pixels, depths_m = project(window_P_velo, xyz_m)
     is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
