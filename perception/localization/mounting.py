@@ -24,6 +24,7 @@ _SEEN_SUPPORT = 0.15
 _SURE_SUPPORT = 0.2
 _HEIGHT_TOLERANCE_M = 0.5
 _MIN_CELLS = 8
+_MIN_RAYS = 100  # of fewer, the directions say nothing
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def _spin_axis(points: Float) -> int:
     ranges_m = np.linalg.norm(points, axis=1)
     seen = ranges_m > 1.0
     rays = points[seen] / ranges_m[seen, None]
-    if len(rays) == 0:
+    if len(rays) < _MIN_RAYS:
         return 2
     spread = np.square(rays).mean(axis=0)
     least = int(spread.argmin())

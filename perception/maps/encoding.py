@@ -22,15 +22,19 @@ def encode_depth(depth_m: Float32, min_depth_m: float = 5.0, max_depth_m: float 
     scale = 255 * max_depth_m / (max_depth_m - min_depth_m)
     inverse = np.clip(depth_m, np.float32(min_depth_m), np.float32(max_depth_m))
     np.reciprocal(inverse, out=inverse)
-    # The one call that scales, rounds and saturates at once; nothing here is below -0.5.
-    return np.asarray(
-        cv2.convertScaleAbs(inverse, alpha=-scale * min_depth_m, beta=scale), np.uint8
-    )
+    return _scaled_to_8_bits(inverse, -scale * min_depth_m, scale)
 
 
 def encode_reflectance(reflectance: Float32) -> UInt8:
     """Return reflectances 0..1 as 0..255."""
-    return np.asarray(cv2.convertScaleAbs(reflectance, alpha=255.0), np.uint8)
+    return _scaled_to_8_bits(reflectance, 255.0)
+
+
+def _scaled_to_8_bits(values: Float32, factor: float, offset: float = 0.0) -> UInt8:
+    """Scale, round and saturate in one call; no scaled value is below -0.5."""
+    if values.size == 0:  # OpenCV returns nothing for nothing
+        return np.zeros(values.shape, np.uint8)
+    return np.asarray(cv2.convertScaleAbs(values, alpha=factor, beta=offset), np.uint8)
 
 
 def decode_depth(encoded: UInt8, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> Float32:

@@ -98,7 +98,7 @@ class GroundSurfaceEstimator:
 
     def _points_over_grid(self, scan: PosedScan) -> _CellPoints:
         """Return the points over the grid, up to where obstacles matter."""
-        stride = -(-len(scan.points_velo) // self._config.max_points)
+        stride = max(-(-len(scan.points_velo) // self._config.max_points), 1)
         x, y, z = scan.points_velo[::stride, :3].T.copy()
         grid = self._samples
         per_m = np.float32(1 / grid.cell_m)

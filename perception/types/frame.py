@@ -96,10 +96,10 @@ class Frame:
 
     def _zero_invalid_points(self) -> None:
         points = self.points_velo
-        magnitudes = np.abs(points)
+        magnitudes: Float32 = np.abs(points)
         if len(points) == 0 or magnitudes.max() < _MAX_COORDINATE_M:  # False with NaN
             return
-        is_invalid = ~(magnitudes < _MAX_COORDINATE_M).all(axis=1)
+        is_invalid = np.asarray(~(magnitudes < _MAX_COORDINATE_M).all(axis=1))
         invalid = int(is_invalid.sum())
         if invalid > _MAX_INVALID_SHARE * len(points):
             raise ScanError(
