@@ -1,15 +1,13 @@
 """KITTI's average precision beside its reference implementation, on simulated detections of cars."""
 
-from collections.abc import Callable
-
 import numpy as np
 
-from benchmarks.measure import Cell, Contender, time_interleaved
+from benchmarks.measure import Comparison, Contender, Measurement, compare
 from benchmarks.reference.detection_ap import reference_curve
-from benchmarks.stages import Comparison
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, NO_ALPHA_RAD
+from perception.evaluation.report import Column
 from perception.types import Float64
 
 CAR = KITTI_CLASSES[0]
@@ -23,7 +21,7 @@ def compare_average_precision() -> Comparison:
     """Measure sets of 100 frames at all three difficulties, once for all thresholds and once at each."""
     sets = [random_boxes(_FRAMES, np.random.default_rng(seed)) for seed in range(_SETS)]
 
-    def ours(i: int) -> Float64:
+    def at_once(i: int) -> Float64:
         metrics = kitti_average_precision(*sets[i], _FRAMES, (CAR,))
         return np.array([curve.precision for curve in metrics.classes[0].curves.values()])
 
@@ -31,22 +29,19 @@ def compare_average_precision() -> Comparison:
         curves = (reference_curve(*sets[i], _FRAMES, CAR, one) for one in DIFFICULTIES)
         return np.array([curve.precision for curve in curves])
 
-    forms: dict[str, Callable[[int], Float64]] = {
-        "Trifuse": ours,
-        "reference: every frame at every threshold": reference,
-    }
-    precisions: dict[str, list[Float64]] = {name: [] for name in forms}
-    timings = time_interleaved(
-        [Contender(*form) for form in forms.items()],
+    expected = [at_once(i) for i in range(_SETS)]
+
+    def largest_difference(row: Measurement) -> float:
+        return float(np.abs(np.array(row.outputs) - expected).max())
+
+    return compare(
+        f"average precision, {_FRAMES} frames",
+        [
+            Contender("Trifuse", at_once),
+            Contender("reference: every frame at every threshold", reference),
+        ],
         _SETS,
-        observe=lambda name, i, output: precisions[name].append(output),
-    )
-    difference: dict[str, Cell] = {
-        name: f"{np.abs(np.array(curves) - np.array(precisions['Trifuse'])).max():.0e}"
-        for name, curves in precisions.items()
-    }
-    return Comparison(
-        f"average precision, {_FRAMES} frames", timings, {"largest difference": difference}
+        Column("largest difference", largest_difference, ".0e", "largest_difference"),
     )
 
 

@@ -1,7 +1,6 @@
 """`trifuse bench`."""
 
 import logging
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -47,28 +46,23 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
             that the memory is bounded.
         detection: Detectors of the pipeline.
     """
-    from benchmarks import chain, comparisons, pipeline, stages
+    from benchmarks import comparisons, pipeline, stages
     from data.results.documents import describe_machine, write_json
     from perception.geometry.threads import limit_blas_threads
 
     opened = _open(drive, source, frames, part)
-    config = PipelineConfig.for_motion()
-    machine = describe_machine()
+    config, machine = PipelineConfig(detection=detection), describe_machine()
     print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
     document: dict[str, object] = {"drive": opened.name, "machine": machine, "config": config}
     if part in ("all", "pipeline"):
-        modes = pipeline.measure_pipeline(opened, chain_frames, PipelineConfig(detection=detection))
-        print(f"{pipeline.pipeline_table(modes)}\n", flush=True)
+        modes = pipeline.measure_pipeline(opened, chain_frames, config)
+        _print(pipeline.run_tables("whole pipeline", modes, "parallel"))
         document["pipeline"] = modes
     if part in ("all", "chain"):
-        thesis = replace(PipelineConfig.for_motion("thesis"), method="thesis")
-        metrics = {
-            "default": chain.measure_chain(opened, chain_frames, config),
-            # The thesis' methods are thirty times slower: a tenth of the frames is enough.
-            "thesis": chain.measure_chain(opened, max(chain_frames // 10, 10), thesis),
-        }
-        print(f"{chain.chain_table(metrics)}\n", flush=True)
-        document["chain"] = metrics
+        methods = pipeline.measure_chain(opened, chain_frames)
+        title = "obstacle chain (the thesis reports 0.3 frames/s)"
+        _print(pipeline.run_tables(title, methods, "default"))
+        document["chain"] = methods
     known = {**comparisons.COMPARISONS, **comparisons.ON_REQUEST}
     chosen = list(comparisons.COMPARISONS) if part == "all" else [n for n in known if n == part]
     if chosen:
@@ -82,10 +76,14 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
                 raise
             log.warning("skipped: %s", error)
             continue
-        print(f"{comparison.table()}\n", flush=True)
-        document[name] = comparison
+        _print(comparison.text())
+        document[name] = comparison.to_json()
     if report.json is not None:
         write_json(report.json, document)
+
+
+def _print(table: str) -> None:
+    print(f"{table}\n", flush=True)
 
 
 def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkPart) -> Drive:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from benchmarks.average_precision import compare_average_precision
 from benchmarks.depthcn import compare_depthcn
 from benchmarks.maps import compare_maps
+from benchmarks.measure import Comparison
 from benchmarks.moving_objects import (
     compare_filters,
     compare_moving_objects,
@@ -13,7 +14,6 @@ from benchmarks.moving_objects import (
 from benchmarks.proposals import compare_clusters, compare_clusters_full_scan, compare_proposals
 from benchmarks.single_object import compare_color_filters, compare_single_object_trackers
 from benchmarks.stages import (
-    Comparison,
     PreparedDrive,
     compare_ground,
     compare_motion,

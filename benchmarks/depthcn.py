@@ -1,15 +1,17 @@
 """DepthCN: all proposals of a frame at once, and one after the other."""
 
-from collections import defaultdict
-from typing import Any
+from functools import partial
 
 import numpy as np
 
-from benchmarks.measure import Cell, Contender, time_interleaved
+from benchmarks.measure import Comparison, Contender, Measurement, add_peer, compare, metric
 from benchmarks.reference.depthcn import detect_one_by_one
-from benchmarks.stages import Comparison, PreparedDrive, add_peer
+from benchmarks.stages import PreparedDrive
 from data.detections.measured_detectors import run_depthcn
 from perception.detection.depthcn.detector import DepthCn
+from perception.evaluation.report import Column
+
+_TRIFUSE = "Trifuse"
 
 
 def compare_depthcn(prepared: PreparedDrive) -> Comparison:
@@ -19,39 +21,32 @@ def compare_depthcn(prepared: PreparedDrive) -> Comparison:
         ModelError: The network does not ship with this copy.
     """
     sensor, frames = prepared.drive.sensor, prepared.frames
-    ours = DepthCn("default", sensor)
+    detector = DepthCn("default", sensor)
 
     def thesis() -> Contender:
         network = DepthCn("thesis", sensor)
         return Contender("the thesis' network", lambda i: network.detect(frames[i]))
 
     contenders = [
-        Contender("Trifuse", lambda i: ours.detect(frames[i])),
+        Contender(_TRIFUSE, lambda i: detector.detect(frames[i])),
         Contender(
             "reference: one proposal at a time",
-            lambda i: detect_one_by_one(ours.verifier, frames[i], sensor),
+            lambda i: detect_one_by_one(detector.verifier, frames[i], sensor),
         ),
     ]
     add_peer(contenders, thesis)
-    found: dict[str, list[int]] = defaultdict(list)
-
-    def count(name: str, i: int, detections: Any) -> None:  # noqa: ANN401 - of each contender
-        found[name].append(len(detections))
-
-    timings = time_interleaved(contenders, len(frames), count)
-    metrics: dict[str, dict[str, Cell]] = {
-        "detections": {name: f"{np.mean(counts):.1f}" for name, counts in found.items()}
-    }
-    for stage, milliseconds in _parts_ms(prepared).items():
-        metrics[f"{stage} [ms]"] = {"Trifuse": f"{milliseconds:.1f}"}
-    return Comparison("DepthCN, from scan to boxes", timings, metrics)
+    detections = metric("detections", lambda outputs: float(np.mean([*map(len, outputs)])), ".1f")
+    timings_s = [run_depthcn(detector, frame)[0].timings_s for frame in frames]
+    stages = [
+        Column(
+            f"{stage} [ms]", partial(_median_ms, [one[stage] for one in timings_s]), ".1f", stage
+        )
+        for stage in timings_s[0]
+    ]
+    title = "DepthCN, from scan to boxes"
+    return compare(title, contenders, len(frames), detections, *stages)
 
 
-def _parts_ms(prepared: PreparedDrive) -> dict[str, float]:
-    """Return the median time of each part of the detector."""
-    detector = DepthCn("default", prepared.drive.sensor)
-    seconds: dict[str, list[float]] = defaultdict(list)
-    for frame in prepared.frames:
-        for stage, spent_s in run_depthcn(detector, frame)[0].timings_s.items():
-            seconds[stage].append(spent_s)
-    return {stage: 1e3 * float(np.median(spent)) for stage, spent in seconds.items()}
+def _median_ms(seconds: list[float], row: Measurement) -> float | None:
+    """Return the median time of a stage, which is measured of Trifuse alone."""
+    return 1e3 * float(np.median(seconds)) if row.name == _TRIFUSE else None

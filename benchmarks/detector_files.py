@@ -19,7 +19,7 @@ from train.networks.yolo_head import OBJECTNESS
 
 Precision = Literal["fp32", "int8"]
 _SHOWN = 8
-# So many boxes are as sure as a detection has to be, as after training on a busy road.
+# Number of boxes at the score threshold, as after training on a busy road.
 _LIKELY = 100
 
 
@@ -72,8 +72,8 @@ def _limit_confident_boxes(detector: YoloDetector, images: torch.Tensor) -> None
         for _ in range(3):
             detector.train()(images)
         logits = detector.eval()(images[:1])[:, :, OBJECTNESS].flatten()
-        least = logits.sort(descending=True).values[min(_LIKELY, len(logits)) - 1]
+        threshold = logits.sort(descending=True).values[min(_LIKELY, len(logits)) - 1]
         bias = detector.head.convolution.bias
         assert bias is not None  # every head has one
         of_anchors = bias.view(len(detector.head.anchors_px), -1)
-        of_anchors[:, OBJECTNESS] += float(np.log(0.01 / 0.99)) - least
+        of_anchors[:, OBJECTNESS] += float(np.log(0.01 / 0.99)) - threshold

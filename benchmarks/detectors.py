@@ -8,9 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.detector_files import ModelPair, Precision, write_detector
-from benchmarks.measure import Contender, time_interleaved
+from benchmarks.measure import Comparison, Contender, add_peer, compare
 from benchmarks.openvino_peer import openvino_network
-from benchmarks.stages import Comparison, PreparedDrive, add_peer
+from benchmarks.stages import PreparedDrive
 from export.parity import Arrays, Network
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import camera_image, map_image
@@ -103,9 +103,8 @@ def compare_detectors(prepared: PreparedDrive) -> Comparison:
             add_peer(contenders, lambda: _three_networks(work, variant, library))  # noqa: B023 - called at once
         for library, variant in product(_LIBRARIES, _FORMS):
             add_peer(contenders, lambda: _yolov2(work, variant, library))  # noqa: B023 - called at once
-        timings = time_interleaved(contenders, len(frames))
-    title = f"three compact detectors at {COMPACT.height_px}x{COMPACT.width_px}"
-    return Comparison(title, timings, {})
+        title = f"three compact detectors at {COMPACT.height_px}x{COMPACT.width_px}"
+        return compare(title, contenders, len(frames))
 
 
 def _open(work: Workload, variant: Precision, threads: int) -> dict[Modality, ModalityDetector]:

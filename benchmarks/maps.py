@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
-from benchmarks.measure import Cell, Contender, time_interleaved
-from benchmarks.stages import Comparison, PreparedDrive
+from benchmarks.measure import Comparison, Contender, Measurement, compare
+from benchmarks.stages import PreparedDrive
+from perception.evaluation.report import Column
 from perception.maps.densify import FILL_METHODS, Fill, dense_maps
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import FilledMaps
@@ -53,17 +54,18 @@ def compare_maps(prepared: PreparedDrive) -> Comparison:
 
         return Contender(name, run)
 
-    timings = time_interleaved([contender(*item) for item in _CONTENDERS.items()], len(sparse))
-    metrics: dict[str, dict[str, Cell]] = {
-        "MAE [m]": {},
-        "within 5 % [%]": {},
-        "reflectance MAE": {},
-    }
-    for name, errors in held_out_errors(sparse, np.random.default_rng(0)).items():
-        metrics["MAE [m]"][name] = f"{errors.depth_m.mean():.3f}"
-        metrics["within 5 % [%]"][name] = f"{100 * errors.is_close.mean():.2f}"
-        metrics["reflectance MAE"][name] = f"{errors.reflectance.mean():.4f}"
-    return Comparison("depth and reflectance map", timings, metrics)
+    errors = held_out_errors(sparse, np.random.default_rng(0))
+    columns = (
+        Column[Measurement]("MAE [m]", lambda m: errors[m.name].depth_m.mean(), ".3f", "mae_m"),
+        Column[Measurement](
+            "within 5 % [%]", lambda m: 100 * errors[m.name].is_close.mean(), ".2f", "close_percent"
+        ),
+        Column[Measurement](
+            "reflectance MAE", lambda m: errors[m.name].reflectance.mean(), ".4f", "reflectance_mae"
+        ),
+    )
+    contenders = [contender(*item) for item in _CONTENDERS.items()]
+    return compare("depth and reflectance map", contenders, len(sparse), *columns)
 
 
 def held_out_errors(

@@ -1,17 +1,19 @@
 """Timing that can be compared: contenders take turns on the same input, in one process."""
 
+import logging
 import resource
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from perception.evaluation.report import format_table
+from perception.errors import MissingDependencyError, ModelError
+from perception.evaluation.report import Column, Table, Value
 
-Cell = str | None
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -28,68 +30,75 @@ class Contender:
 
 
 @dataclass(frozen=True)
-class Timing:
-    """How long one contender takes.
+class Measurement:
+    """Times and outputs of one contender.
 
     Attributes:
         name: Name of the contender.
-        median_ms: Median time over all inputs in milliseconds.
-        p99_ms: 99th percentile of the time in milliseconds.
-        ratio: Median over the inputs of its time relative to that of the first contender on the same input.
+        seconds: Time of each input in seconds.
+        outputs: What it returned for each input, where a metric asks for it.
     """
 
     name: str
-    median_ms: float
-    p99_ms: float
-    ratio: float
+    seconds: list[float] = field(default_factory=list)
+    outputs: list[Any] = field(default_factory=list)
 
 
-def time_interleaved(
-    contenders: Sequence[Contender],
-    inputs: int,
-    observe: Callable[[str, int, Any], None] = lambda name, i, output: None,
-) -> list[Timing]:
+Comparison = Table[Measurement]
+
+
+def compare(
+    title: str, contenders: Sequence[Contender], inputs: int, *metrics: Column[Measurement]
+) -> Comparison:
     """Run every contender on every input, one after the other, so that drift hits all alike.
 
     Args:
-        contenders: Contenders; the others are compared with the first.
+        title: Title of the table.
+        contenders: Contenders; the times of the others are relative to those of the first.
         inputs: Number of inputs; the first is run once before, unmeasured.
-        observe: Function called with name, input and output of each run, outside the measured time.
+        metrics: Further columns of the table.
     """
     for contender in contenders:
         contender.run(0)
-    seconds = np.empty((inputs, len(contenders)))
+    rows = {contender.name: Measurement(contender.name) for contender in contenders}
     for i in range(inputs):
-        for column, contender in enumerate(contenders):
+        for contender, row in zip(contenders, rows.values(), strict=True):
             start = time.perf_counter()
             output = contender.run(i)
-            seconds[i, column] = time.perf_counter() - start
-            observe(contender.name, i, output)
-    return [
-        Timing(
-            contender.name,
-            median_ms=1e3 * float(np.median(seconds[:, column])),
-            p99_ms=1e3 * float(np.percentile(seconds[:, column], 99)),
-            ratio=float(np.median(seconds[:, column] / seconds[:, 0])),
-        )
-        for column, contender in enumerate(contenders)
-    ]
+            row.seconds.append(time.perf_counter() - start)
+            if metrics:
+                row.outputs.append(output)
+    first_s = rows[contenders[0].name].seconds
+    times = (
+        Column[Measurement]("p50 [ms]", lambda row: _percentile_ms(row, 50), ".1f", "p50_ms"),
+        Column[Measurement]("p99 [ms]", lambda row: _percentile_ms(row, 99), ".1f", "p99_ms"),
+        Column[Measurement](
+            "relative time",
+            lambda row: float(np.median(np.divide(row.seconds, first_s))),
+            ".1f",
+            "relative_time",
+        ),
+    )
+    return Table(title, (*times, *metrics), rows)
 
 
-def timing_table(title: str, timings: Sequence[Timing], **columns: Mapping[str, Cell]) -> str:
-    """Return a table of timings, with further columns that map a contender's name to a figure."""
-    names = [name.replace("_", " ") for name in columns]
-    rows = [
-        [
-            t.name,
-            f"{t.median_ms:.1f}",
-            f"{t.p99_ms:.1f}",
-            f"{t.ratio:.1f}",
-            *(column.get(t.name) or "-" for column in columns.values()),
-        ]
-        for t in timings
-    ]
-    return format_table(title, ("", "p50 [ms]", "p99 [ms]", "relative time", *names), rows)
+def metric(heading: str, value: Callable[[list[Any]], Value], spec: str) -> Column[Measurement]:
+    """Return a column with a value of each contender's outputs.
+
+    Args:
+        heading: Heading with unit, also its key in the JSON document.
+        value: Returns the value of all outputs of a contender; None where it is unknown.
+        spec: Format specification of the value in the table.
+    """
+    return Column(heading, lambda row: value(row.outputs), spec, heading)
+
+
+def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
+    """Add a peer, or log why it is not measured."""
+    try:
+        contenders.append(make())
+    except (MissingDependencyError, ModelError) as error:
+        log.warning("not measured: %s", error)
 
 
 def resident_mib() -> float:
@@ -105,3 +114,7 @@ def resident_mib() -> float:
         return pages * resource.getpagesize() / 2**20
     except OSError:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+
+
+def _percentile_ms(row: Measurement, percent: float) -> float:
+    return 1e3 * float(np.percentile(row.seconds, percent))

@@ -1,19 +1,23 @@
-"""Finding and following moving objects: each method, the short-term map, and the filters."""
+"""Detection and tracking of moving objects: each method, the short-term map, and the filters."""
 
 from dataclasses import replace
 from itertools import cycle, islice
 
-from benchmarks.measure import Contender, time_interleaved
+import numpy as np
+
+from benchmarks.measure import Comparison, Contender, compare
 from benchmarks.reference.datmo import ReferenceShortTermMap
-from benchmarks.reference.point_tracker import time_trackers
-from benchmarks.stages import Comparison, PreparedDrive
+from benchmarks.reference.point_tracker import ReferencePointTracker, moving_squares
+from benchmarks.stages import PreparedDrive
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.config import THESIS, DatmoConfig, DatmoMethod
 from perception.datmo.elevation import LevelPlane, elevation_grid
 from perception.datmo.short_term_map import ShortTermMap
 from perception.datmo.stage import datmo_stage
+from perception.geometry.footprints import Footprints
 from perception.pipeline import PipelineConfig
 from perception.pipeline.lidar_stages import LidarStages
+from perception.tracking.point_tracker import PointTracker
 from perception.types import Float32
 
 _METHODS: dict[str, DatmoMethod] = {
@@ -21,6 +25,7 @@ _METHODS: dict[str, DatmoMethod] = {
     "thesis: grids (5.2, Table 7.4)": "thesis",
     "thesis: the author's values": "author",
 }
+_OBJECTS, _FRAMES = 50, 50
 
 
 def compare_moving_objects(prepared: PreparedDrive) -> Comparison:
@@ -34,8 +39,7 @@ def compare_moving_objects(prepared: PreparedDrive) -> Comparison:
         return Contender(name, lambda i: stage.update(scans[i]) if stage else None)
 
     contenders = [contender(name, method) for name, method in _METHODS.items()]
-    title = "moving objects: detection and tracking"
-    return Comparison(title, time_interleaved(contenders, len(scans)), {})
+    return compare("moving objects: detection and tracking", contenders, len(scans))
 
 
 def compare_short_term_maps(prepared: PreparedDrive) -> Comparison:
@@ -65,9 +69,18 @@ def compare_short_term_maps(prepared: PreparedDrive) -> Comparison:
 
     contenders = [contender(ShortTermMap, queue) for queue in (50, 10, 200)]
     contenders += [contender(ReferenceShortTermMap, queue) for queue in (50, 10)]
-    return Comparison("short-term map (Algorithm 4)", time_interleaved(contenders, len(inputs)), {})
+    return compare("short-term map (Algorithm 4)", contenders, len(inputs))
 
 
 def compare_filters(_: PreparedDrive) -> Comparison:
     """Fifty simulated objects by one batch of filters and by a loop over them."""
-    return Comparison("fifty tracks of the thesis' tracker", time_trackers(objects=50), {})
+    scans, pose, nothing = moving_squares(_OBJECTS, _FRAMES), np.eye(4), Footprints.empty()
+    batch, reference = PointTracker(), ReferencePointTracker()
+    contenders = [
+        Contender("Trifuse", lambda i: batch.update(0.1 * i, pose, scans[i], nothing)),
+        Contender(
+            "reference: one filter per track",
+            lambda i: reference.update(0.1 * i, pose, scans[i], nothing),
+        ),
+    ]
+    return compare("fifty tracks of the thesis' tracker", contenders, _FRAMES)

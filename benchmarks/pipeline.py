@@ -1,14 +1,16 @@
-"""The whole pipeline: sequential, parallel, and at the frame rate of a LiDAR; and its memory."""
+"""Whole runs, frame after frame: speed, latency, memory and stages of the obstacle chain and of the pipeline."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice
 
 import numpy as np
 
-from benchmarks.chain import back_and_forth
 from benchmarks.measure import resident_mib
-from perception.evaluation.report import format_table
+from perception.evaluation.report import Column, Table
 from perception.evaluation.stage_times import StageTime, StageTimes
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, Frame, Result
@@ -19,11 +21,11 @@ _KEPT = 160
 
 
 @dataclass(frozen=True)
-class PipelineTiming:
-    """Time and memory of the pipeline for one way of giving it frames.
+class RunTiming:
+    """Time and memory of one run.
 
     Attributes:
-        frames: Number of frames that arrived.
+        frames: Number of measured frames.
         dropped: Number of frames that were dropped.
         frames_per_s: Results per second.
         median_ms: Median time from the arrival of a frame to its result in milliseconds.
@@ -43,72 +45,98 @@ class PipelineTiming:
     memory_end_mib: float
 
 
-def measure_pipeline(
-    drive: Drive, frames: int, config: PipelineConfig
-) -> dict[str, PipelineTiming]:
+def measure_chain(drive: Drive, frames: int) -> dict[str, RunTiming]:
+    """Run the obstacle chain by the default and the thesis' methods, once its window of scans is full."""
+    given = _FrameSource(drive)
+    runs: dict[str, RunTiming] = {}
+    thesis = replace(PipelineConfig.for_motion("thesis"), method="thesis")
+    # The thesis' methods are thirty times slower: a tenth of the frames is enough.
+    for config, count in ((PipelineConfig.for_motion(), frames), (thesis, max(frames // 10, 10))):
+        results = map(Pipeline(drive.sensor, config).step, given.take(count))
+        warm_up = min(config.motion.previous_scans, count - 1)
+        deque(islice(results, warm_up), maxlen=0)
+        runs[config.method] = _measure(results, count - warm_up)
+    return runs
+
+
+def measure_pipeline(drive: Drive, frames: int, config: PipelineConfig) -> dict[str, RunTiming]:
     """Run the pipeline over a number of frames of a drive: sequential, parallel, and at the sensor's rate."""
-    kept = [drive[index] for index in range(min(len(drive), _KEPT))]
-    turn_s = 1 / drive.sensor.rate_hz
-    timings: dict[str, PipelineTiming] = {}
+    given, rate_hz = _FrameSource(drive), drive.sensor.rate_hz
+    runs: dict[str, RunTiming] = {}
     with Pipeline(drive.sensor, replace(config, parallel=False)) as pipeline:
-        given = back_and_forth(kept, frames, turn_s)
-        timings["sequential"] = _measure(map(pipeline.step, given), frames)
+        runs["sequential"] = _measure(map(pipeline.step, given.take(frames)), frames)
     with Pipeline(drive.sensor, config) as pipeline:
-        given = back_and_forth(kept, frames, turn_s)
-        timings["parallel"] = _measure(map(pipeline.step, given), frames)
+        runs["parallel"] = _measure(map(pipeline.step, given.take(frames)), frames)
         pipeline.reset()
-        given = back_and_forth(kept, frames, turn_s)
-        with pipeline.stream(_at_sensor_rate(given, turn_s), "latest") as results:
-            name = f"at {drive.sensor.rate_hz:.0f} Hz, the latest frame"
-            timings[name] = replace(_measure(results, frames), dropped=results.dropped)
-    return timings
+        arriving = _at_rate(given.take(frames), rate_hz)
+        with pipeline.stream(arriving, "latest") as results:
+            latest = _measure(results, frames)
+            name = f"at {rate_hz:.0f} Hz, the latest frame"
+            runs[name] = replace(latest, dropped=results.dropped)
+    return runs
 
 
-def pipeline_table(timings: Mapping[str, PipelineTiming]) -> str:
-    """Return speed, latency and memory of each way, and the time of each stage."""
-    rows = [
-        [
-            name,
-            str(timing.frames),
-            str(timing.dropped),
-            f"{timing.frames_per_s:.1f}",
-            f"{timing.median_ms:.1f}",
-            f"{timing.p99_ms:.1f}",
-            f"{timing.memory_start_mib:.0f} to {timing.memory_end_mib:.0f}",
-        ]
-        for name, timing in timings.items()
-    ]
-    header = ("", "frames", "dropped", "results/s", "p50 [ms]", "p99 [ms]", "memory [MiB]")
-    alone, beside = list(timings.values())[:2]
-    stages = [
-        [
-            stage,
-            *(f"{ms:.1f}" for of in (alone, beside) for ms in _p50_p99(of.stages[stage])),
-        ]
-        for stage in alone.stages
-    ]
-    head = ("stage", "p50 [ms]", "p99 [ms]", "parallel p50 [ms]", "parallel p99 [ms]")
-    return "\n\n".join(
-        [
-            format_table("end to end", header, rows),
-            format_table("stages, sequential and parallel", head, stages),
-        ]
+def run_tables(title: str, runs: Mapping[str, RunTiming], first: str) -> str:
+    """Return speed, latency and memory of each run, and the times of its stages.
+
+    Args:
+        title: Title of the first table.
+        runs: Runs by name.
+        first: Name of the run to which the times are relative.
+    """
+    columns = (
+        Column[RunTiming]("frames", lambda run: run.frames),
+        Column[RunTiming]("dropped", lambda run: run.dropped),
+        Column[RunTiming]("frames/s", lambda run: run.frames_per_s, ".1f"),
+        Column[RunTiming]("p50 [ms]", lambda run: run.median_ms, ".1f"),
+        Column[RunTiming]("p99 [ms]", lambda run: run.p99_ms, ".1f"),
+        Column[RunTiming](
+            "relative time", lambda run: run.median_ms / runs[first].median_ms, ".1f"
+        ),
+        Column[RunTiming]("start [MiB]", lambda run: run.memory_start_mib, ".0f"),
+        Column[RunTiming]("end [MiB]", lambda run: run.memory_end_mib, ".0f"),
     )
+    stages = {stage: stage for run in runs.values() for stage in run.stages}
+    times = [
+        Column[str](f"{name} {heading} [ms]", partial(_stage_ms, run, heading), ".1f")
+        for name, run in runs.items()
+        for heading in ("p50", "p99")
+    ]
+    tables = Table(title, columns, runs), Table("stages", times, stages, "stage")
+    return "\n\n".join(table.text() for table in tables)
 
 
-def _at_sensor_rate(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
-    """Yield a frame at the rate of the LiDAR, late ones at once."""
+def _stage_ms(run: RunTiming, heading: str, stage: str) -> float | None:
+    if stage not in run.stages:
+        return None
+    times = run.stages[stage]
+    return times.p50_ms if heading == "p50" else times.p99_ms
+
+
+class _FrameSource:
+    """Frames of a drive in memory, played to the end and back again, with time going forward."""
+
+    def __init__(self, drive: Drive) -> None:
+        self._kept: Sequence[Frame] = [drive[index] for index in range(min(len(drive), _KEPT))]
+        self._turn_s = 1 / drive.sensor.rate_hz
+
+    def take(self, frames: int) -> Iterator[Frame]:
+        last = len(self._kept) - 1
+        for number in range(frames):
+            phase = number % (2 * last) if last else 0
+            index = phase if phase <= last else 2 * last - phase
+            yield replace(self._kept[index], index=number, stamp_s=number * self._turn_s)
+
+
+def _at_rate(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
+    """Yield frames at a rate, late ones at once."""
     start_s = time.perf_counter()
     for number, frame in enumerate(frames):
-        time.sleep(max(start_s + number * turn_s - time.perf_counter(), 0.0))
+        time.sleep(max(start_s + number / rate_hz - time.perf_counter(), 0.0))
         yield frame
 
 
-def _p50_p99(time: StageTime) -> tuple[float, float]:
-    return time.p50_ms, time.p99_ms
-
-
-def _measure(results: Iterable[Result], frames: int) -> PipelineTiming:
+def _measure(results: Iterable[Result], frames: int) -> RunTiming:
     times, latencies_s, start_s = StageTimes(), [], time.perf_counter()
     memory_start = resident_mib()
     for number, result in enumerate(results):
@@ -117,7 +145,7 @@ def _measure(results: Iterable[Result], frames: int) -> PipelineTiming:
         if number == frames // 5:
             memory_start = resident_mib()
     elapsed_s = time.perf_counter() - start_s
-    return PipelineTiming(
+    return RunTiming(
         frames=frames,
         dropped=0,
         frames_per_s=len(times.spans) / elapsed_s,

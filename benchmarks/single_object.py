@@ -1,40 +1,42 @@
 """Tracking one object: every tracker on the same frames, and the filters of its colour model."""
 
 import logging
-from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measure import Contender, time_interleaved
-from benchmarks.reference.color_filters import time_color_filters
-from benchmarks.stages import Comparison, PreparedDrive
+from benchmarks.measure import Comparison, Contender, compare
+from benchmarks.reference.color_filters import ReferenceAdaptiveColors, wandering_ratios
+from benchmarks.stages import PreparedDrive
 from perception.errors import DriveError, PerceptionError
 from perception.pipeline import Pipeline, PipelineConfig
+from perception.tracking.single_object.color_model import AdaptiveColorModel
 from perception.tracking.single_object.handover import tracker_input_of
-from perception.tracking.single_object.tracker import TrackerInput
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Boxes3D
 
 log = logging.getLogger(__name__)
 
 _COLORS_IN_USE = 70  # the thesis' mean (5.3.3)
+_IMAGES = 50
 
 
 def compare_single_object_trackers(prepared: PreparedDrive) -> Comparison:
     """Let every tracker track the object of the first frame that is labelled longest."""
     config = PipelineConfig.for_motion("none")
     pipeline = Pipeline(prepared.drive.sensor, config)
-    tracker_inputs = [
+    inputs = [
         tracker_input_of(pipeline.step(frame), config.ego_vehicle) for frame in prepared.frames
     ]
     track_id, box_velo = _longest(prepared)
 
     def contender(name: str) -> Contender:
         tracker = single_object_tracker(name, prepared.drive.sensor)
-        tracker.init(
-            tracker_inputs[0], box_velo
-        )  # one in the image alone refuses where there is none
-        return Contender(name, _tracking(tracker.init, tracker.update, tracker_inputs, box_velo))
+
+        def run(i: int) -> object:
+            return tracker.update(inputs[i]) if i else tracker.init(inputs[0], box_velo)
+
+        run(0)  # a tracker in the image refuses a drive without one
+        return Contender(name, run)
 
     contenders: list[Contender] = []
     for name in TRACKERS:
@@ -42,23 +44,18 @@ def compare_single_object_trackers(prepared: PreparedDrive) -> Comparison:
             contenders.append(contender(name))
         except PerceptionError as error:
             log.warning("not measured: %s", error)
-    timings = time_interleaved(contenders, len(tracker_inputs))
-    return Comparison(f"tracking one object, track {track_id}", timings, {})
+    return compare(f"tracking one object, track {track_id}", contenders, len(inputs))
 
 
 def compare_color_filters(_: PreparedDrive) -> Comparison:
     """Filter the bins of a colour model by one batch of filters and by a loop over them."""
-    title = f"colour model, {_COLORS_IN_USE} of 512 bins in use"
-    return Comparison(title, time_color_filters(_COLORS_IN_USE), {})
-
-
-def _tracking(
-    init: Callable[[TrackerInput, Boxes3D], object],
-    update: Callable[[TrackerInput], object],
-    tracker_inputs: list[TrackerInput],
-    box_velo: Boxes3D,
-) -> Callable[[int], object]:
-    return lambda i: update(tracker_inputs[i]) if i else init(tracker_inputs[0], box_velo)
+    ratios = wandering_ratios(_COLORS_IN_USE, _IMAGES)
+    batch, reference = AdaptiveColorModel(), ReferenceAdaptiveColors()
+    contenders = [
+        Contender("Trifuse", lambda i: batch.update(ratios[i])),
+        Contender("reference: one filter per bin", lambda i: reference.update(ratios[i])),
+    ]
+    return compare(f"colour model, {_COLORS_IN_USE} of 512 bins in use", contenders, _IMAGES)
 
 
 def _longest(prepared: PreparedDrive) -> tuple[int, Boxes3D]:

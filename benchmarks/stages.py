@@ -1,17 +1,15 @@
 """Each stage beside its reference implementation, the thesis' method, and the best library."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from benchmarks.ground_peers import PatchworkGround, RansacPlane
-from benchmarks.measure import Cell, Contender, Timing, time_interleaved, timing_table
+from benchmarks.measure import Comparison, Contender, add_peer, compare, metric
 from benchmarks.reference.voxels import count_voxels_by_unique_rows
 from benchmarks.registration_peers import one_call_small_gicp, open3d_point_to_plane
-from perception.errors import DriveError, MissingDependencyError, ModelError
+from perception.errors import DriveError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.se3 import inverse
 from perception.localization.odometry import LidarOdometry
@@ -22,27 +20,6 @@ from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.obstacles.voxels import count_voxels
 from perception.pipeline import PipelineConfig
 from perception.types import Drive, Frame, GroundModel
-
-log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """The timings of one stage, and the metrics of its contenders.
-
-    Attributes:
-        stage: Name of the stage.
-        timings: Timings, that of Trifuse first.
-        metrics: Values of each contender, by metric with unit.
-    """
-
-    stage: str
-    timings: list[Timing]
-    metrics: dict[str, dict[str, Cell]]
-
-    def table(self) -> str:
-        """Return it as text."""
-        return timing_table(self.stage, self.timings, **self.metrics)
 
 
 @dataclass(frozen=True)
@@ -113,7 +90,7 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
         contenders,
         lambda: Contender("Open3D, point to plane", scan_to_scan(open3d_point_to_plane())),
     )
-    return Comparison("registration", time_interleaved(contenders, len(frames)), {})
+    return compare("registration", contenders, len(frames))
 
 
 def compare_ground(prepared: PreparedDrive) -> Comparison:
@@ -122,41 +99,34 @@ def compare_ground(prepared: PreparedDrive) -> Comparison:
     default = ground_estimator(config.ground, "default", sensor, config.area)
     thesis = ground_estimator(config.ground, "thesis", sensor, config.area)
 
-    def newest(i: int) -> Any:  # noqa: ANN401 - a float32 array
-        return prepared.frames[i].points_velo
+    def plane() -> Contender:
+        peer = RansacPlane()
+
+        def run(i: int) -> GroundModel:
+            points_velo = prepared.frames[i].points_velo
+            return peer.estimate(points_velo[config.area.contains_xy(points_velo)])
+
+        return Contender("one RANSAC plane (Open3D)", run)
+
+    def patchwork() -> Contender:
+        peer = PatchworkGround(sensor)
+        return Contender("Patchwork++", lambda i: peer.estimate(prepared.frames[i].points_velo))
+
+    def mde_mm(grounds: list[GroundModel]) -> float:
+        bottoms_m = [prepared.drive.labels(i).boxes_velo.bottom_m for i in range(len(grounds))]
+        errors = [
+            ground_errors(i, ground, bottoms_m[i], config.area) for i, ground in enumerate(grounds)
+        ]
+        return 1e3 * mean_displacement_error(GroundErrors.concatenate(errors)).mde_m
 
     contenders = [
         Contender("Trifuse", lambda i: default.update(prepared.windows[i])),
         Contender("thesis: piecewise planes", lambda i: thesis.update(prepared.windows[i])),
     ]
-
-    def plane() -> Contender:
-        peer = RansacPlane()
-        return Contender(
-            "one RANSAC plane (Open3D)",
-            lambda i: peer.estimate(newest(i)[config.area.contains_xy(newest(i))]),
-        )
-
-    def patchwork() -> Contender:
-        peer = PatchworkGround(sensor)
-        return Contender("Patchwork++", lambda i: peer.estimate(newest(i)))
-
     add_peer(contenders, plane)
     add_peer(contenders, patchwork)
-    feet: dict[str, list[GroundErrors]] = {contender.name: [] for contender in contenders}
-
-    def evaluate(name: str, i: int, ground: GroundModel) -> None:
-        if prepared.drive.has_labels:
-            bottoms = prepared.drive.labels(i).boxes_velo.bottom_m
-            feet[name].append(ground_errors(i, ground, bottoms, config.area))
-
-    timings = time_interleaved(contenders, len(prepared.frames), evaluate)
-    errors: dict[str, Cell] = {
-        name: f"{1e3 * mean_displacement_error(GroundErrors.concatenate(rows)).mde_m:.1f}"
-        for name, rows in feet.items()
-        if rows
-    }
-    return Comparison("ground", timings, {"mDE [mm]": errors} if errors else {})
+    metrics = [metric("mDE [mm]", mde_mm, ".1f")] if prepared.drive.has_labels else []
+    return compare("ground", contenders, len(prepared.frames), *metrics)
 
 
 def compare_voxels(prepared: PreparedDrive) -> Comparison:
@@ -169,7 +139,7 @@ def compare_voxels(prepared: PreparedDrive) -> Comparison:
             lambda i: count_voxels_by_unique_rows(prepared.frames[i].points_velo, size_m),
         ),
     ]
-    return Comparison("voxel counting", time_interleaved(contenders, len(prepared.frames)), {})
+    return compare("voxel counting", contenders, len(prepared.frames))
 
 
 def compare_motion(prepared: PreparedDrive) -> Comparison:
@@ -186,12 +156,4 @@ def compare_motion(prepared: PreparedDrive) -> Comparison:
             lambda i: counters.update(prepared.windows[i], grounds[i]),
         ),
     ]
-    return Comparison("static and moving", time_interleaved(contenders, len(prepared.frames)), {})
-
-
-def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
-    """Add a peer, or log why it is not measured."""
-    try:
-        contenders.append(make())
-    except (MissingDependencyError, ModelError) as error:
-        log.warning("not measured: %s", error)
+    return compare("static and moving", contenders, len(prepared.frames))

@@ -6,9 +6,7 @@ Bins), and it is what took most of the thesis' time a frame (7.1.2, Computationa
 
 import numpy as np
 
-from benchmarks.measure import Contender, Timing, time_interleaved
 from benchmarks.reference.point_tracker import ReferenceKalmanFilter
-from perception.tracking.single_object.color_model import AdaptiveColorModel
 from perception.tracking.single_object.config import ColorModelConfig
 from perception.types import Float64
 
@@ -58,14 +56,3 @@ def wandering_ratios(in_use: int, frames: int, seed: int = 0) -> Float64:
     ratios = np.zeros((frames, BINS))
     ratios[:, bins] = np.where(is_observed, np.clip(values, 0, 1), 0)
     return ratios
-
-
-def time_color_filters(in_use: int = 70, frames: int = 50) -> list[Timing]:
-    """Time a frame of the batched filters and of the reference; 70 bins are the thesis' mean."""
-    seen = wandering_ratios(in_use, frames)
-    ours, reference = AdaptiveColorModel(), ReferenceAdaptiveColors()
-    contenders = [
-        Contender("Trifuse", lambda frame: ours.update(seen[frame])),
-        Contender("reference: one filter per bin", lambda frame: reference.update(seen[frame])),
-    ]
-    return time_interleaved(contenders, frames)

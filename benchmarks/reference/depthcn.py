@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from benchmarks.reference.overlap import area, iou
+from perception.detection.config import DEFAULT_NMS, NmsConfig
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import propose
 from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
@@ -13,7 +15,7 @@ from perception.types import Detections, Float64, Frame, UInt8
 
 
 def detect_one_by_one(
-    verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, max_iou: float = 0.5
+    verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, nms: NmsConfig = DEFAULT_NMS
 ) -> Detections:
     """Detect as `DepthCn` does, with a call of the network for each proposal."""
     calibration, size_px = camera_of(frame)
@@ -26,7 +28,11 @@ def detect_one_by_one(
     verified = verify_one_by_one(verifier, image, windows)
     right, bottom = size_px[0] - 1, size_px[1] - 1
     boxes_px = np.clip(verified.boxes_px, 0, [right, bottom, right, bottom])
-    kept = suppress_by_loop(boxes_px, verified.scores, max_iou)
+    kept = [
+        row
+        for row in suppress_by_loop(boxes_px, verified.scores, nms.max_iou)
+        if verified.scores[row] >= nms.min_score and area(boxes_px[row].tolist()) > 0
+    ]
     return Detections(boxes_px[kept], verified.scores[kept], np.full(len(kept), VEHICLE))
 
 
@@ -42,14 +48,8 @@ def verify_one_by_one(verifier: Verifier, image: UInt8, windows: Float64) -> Ver
 def suppress_by_loop(boxes_px: Float64, scores: Float64, max_iou: float) -> list[int]:
     """Return the rows that stay, best first, comparing each with each that stays."""
     kept: list[int] = []
+    boxes = boxes_px.tolist()
     for row in sorted(range(len(scores)), key=lambda row: -scores[row]):
-        if all(_iou(boxes_px[row], boxes_px[other]) <= max_iou for other in kept):
+        if all(iou(boxes[row], boxes[other]) <= max_iou for other in kept):
             kept.append(row)
     return kept
-
-
-def _iou(a: Float64, b: Float64) -> float:
-    width = max(0.0, min(a[2], b[2]) - max(a[0], b[0]))
-    height = max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
-    union = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - width * height
-    return float(width * height / union) if union > 0 else 0.0

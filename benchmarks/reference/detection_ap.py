@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.reference.overlap import area, iou, shared_area
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
 
@@ -175,7 +176,8 @@ def _count(frame: _Frame, limit: float, threshold: float) -> tuple[int, int, int
     for number, detection in enumerate(frame.detections):
         is_left = detection.status == _COUNTED and number not in taken
         if is_left and detection.score >= threshold:
-            wrong += not any(_share(detection.edges, box) > limit for box in frame.dont_care)
+            covered = max((shared_area(detection.edges, box) for box in frame.dont_care), default=0)
+            wrong += covered <= limit * area(detection.edges)
     return right, wrong, missed, similarity
 
 
@@ -191,37 +193,18 @@ def _best_fit(
             continue
         if detection.status == _IGNORED:
             first_ignored = number if first_ignored is None else first_ignored
-        elif _iou(truth.edges, detection.edges) > best_iou:
-            best, best_iou = number, _iou(truth.edges, detection.edges)
+        elif iou(truth.edges, detection.edges) > best_iou:
+            best, best_iou = number, iou(truth.edges, detection.edges)
     return first_ignored if best is None else best
 
 
 def _may_match(truth: _Box, detection: _Box, limit: float) -> bool:
     if _OUT in (truth.status, detection.status):
         return False
-    return _iou(truth.edges, detection.edges) > limit
+    return iou(truth.edges, detection.edges) > limit
 
 
 def _envelope(part: list[float], right: list[float], wrong: list[float]) -> list[float]:
     ratios = [p / (r + w) if r + w else 0.0 for p, r, w in zip(part, right, wrong, strict=True)]
     ratios += [0.0] * (41 - len(ratios))
     return [max(ratios[place:]) for place in range(41)]
-
-
-def _iou(a: list[float], b: list[float]) -> float:
-    shared = _shared_area(a, b)
-    return shared / (_area(a) + _area(b) - shared) if shared else 0.0
-
-
-def _share(box: list[float], region: list[float]) -> float:
-    shared = _shared_area(box, region)
-    return shared / _area(box) if shared else 0.0
-
-
-def _area(box: list[float]) -> float:
-    return (box[2] - box[0]) * (box[3] - box[1])
-
-
-def _shared_area(a: list[float], b: list[float]) -> float:
-    width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    return width * height if width > 0 and height > 0 else 0.0

@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 
+from benchmarks.reference import overlap
 from perception.detection.config import TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.types import MODALITIES, Detections, Float64, Int
@@ -12,23 +13,23 @@ from perception.types import MODALITIES, Detections, Float64, Int
 Box = tuple[int, int]
 
 
-def reference_tri_boxes(scene: DetectedScene, rules: TriBoxConfig) -> Int:
+def reference_tri_boxes(scene: DetectedScene, config: TriBoxConfig) -> Int:
     """Return (T, 3) combinations in rising order."""
     parts = _parts(scene)
     boxes = [(column, row) for column, part in enumerate(parts) for row in range(len(part))]
-    iou = {(a, b): _iou(_edges(parts, a), _edges(parts, b)) for a in boxes for b in boxes}
+    iou = {(a, b): overlap.iou(_edges(parts, a), _edges(parts, b)) for a in boxes for b in boxes}
     links = {
-        a: [b for b in boxes if iou[a, b] > rules.min_iou and _type(parts, a) == _type(parts, b)]
+        a: [b for b in boxes if iou[a, b] > config.min_iou and _type(parts, a) == _type(parts, b)]
         for a in boxes
     }
     rows: set[tuple[int, ...]] = set()
     for box in boxes:
-        together = _connected(box, links) if rules.by_set else set(links[box]) | {box}
+        together = _connected(box, links) if config.by_set else set(links[box]) | {box}
         choices: list[list[int]] = []
         for column in range(len(MODALITIES)):
             others = [other for other in together if other[0] == column]
             others.sort(key=lambda b: (-iou[box, b], -float(parts[b[0]].scores[b[1]]), b[1]))
-            chosen = [row for _, row in others[: rules.max_partners]] or [-1]
+            chosen = [row for _, row in others[: config.max_partners]] or [-1]
             choices.append([box[1]] if column == box[0] else chosen)
         rows.update(product(*choices))
     return np.array(sorted(rows), np.int64).reshape(-1, len(MODALITIES))
@@ -84,11 +85,3 @@ def _type(parts: list[Detections], box: Box) -> str:
 def _shape(edges: tuple[float, float, float, float]) -> list[float]:
     x1, y1, x2, y2 = edges
     return [x2 - x1, y2 - y1, (x1 + x2) / 2, (y1 + y2) / 2]
-
-
-def _iou(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    width = min(a[2], b[2]) - max(a[0], b[0])
-    height = min(a[3], b[3]) - max(a[1], b[1])
-    shared = max(width, 0.0) * max(height, 0.0)
-    areas = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1])
-    return shared / (areas - shared) if areas > shared else 0.0

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.measure import Contender, Timing, time_interleaved
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import inverse
 from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
-from perception.tracking.point_tracker import PointTracker
 from perception.types import Boxes3D, Float64, Tracks
 
 
@@ -198,17 +196,3 @@ def moving_squares(count: int, frames: int, seed: int = 0) -> list[Footprints]:
         points_m[:, :2] += np.repeat(center_m, len(square), axis=0)
         scans.append(footprints_of(points_m, object_of, count))
     return scans
-
-
-def time_trackers(objects: int, frames: int = 50) -> list[Timing]:
-    """Time a frame of the batched tracker and of the reference on the same objects."""
-    scans, pose, nothing = moving_squares(objects, frames), np.eye(4), Footprints.empty()
-    ours, reference = PointTracker(), ReferencePointTracker()
-    contenders = [
-        Contender("Trifuse", lambda i: ours.update(0.1 * i, pose, scans[i], nothing)),
-        Contender(
-            "reference: one filter per track",
-            lambda i: reference.update(0.1 * i, pose, scans[i], nothing),
-        ),
-    ]
-    return time_interleaved(contenders, frames)

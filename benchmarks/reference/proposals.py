@@ -12,7 +12,7 @@ from perception.types import Calibration, Float, Float64
 
 
 def boxes_by_loop(
-    points_velo: Float, calibration: Calibration, size_px: tuple[int, int], rules: ProposalConfig
+    points_velo: Float, calibration: Calibration, size_px: tuple[int, int], config: ProposalConfig
 ) -> Float64:
     """Return (M, 4) boxes as the author's code makes them."""
     ahead = [
@@ -21,15 +21,15 @@ def boxes_by_loop(
         if 5 <= point[0] <= 80 and abs(point[1]) <= 80
     ]
     means, deviations = np.mean(ahead, axis=0), np.std(ahead, axis=0)
-    least = np.finfo(float).eps
-    typical = [point for point in ahead if _density(point, means, deviations) > least]
-    above_ground = _in_varied_cells(typical, rules)
+    min_density = np.finfo(float).eps
+    typical = [point for point in ahead if _density(point, means, deviations) > min_density]
+    above_ground = _in_varied_cells(typical, config)
     seen = [(point, _pixel(point, calibration)) for point in above_ground]
     seen = [(point, pixel) for point, pixel in seen if _is_inside(pixel, size_px)]
     if not seen:
         return np.zeros((0, 4))
     xy_m = np.array([point[:2] for point, _ in seen])
-    labels = cluster_by_definition(xy_m, rules.radius_m, rules.min_points)
+    labels = cluster_by_definition(xy_m, config.radius_m, config.min_points)
     boxes = []
     for number in range(int(labels.max()) + 1):
         pixels = [pixel for (_, pixel), label in zip(seen, labels, strict=True) if label == number]
@@ -46,16 +46,16 @@ def _density(point: list[float], means: Float64, deviations: Float64) -> float:
     return float(math.prod(factors))
 
 
-def _in_varied_cells(points: list[list[float]], rules: ProposalConfig) -> list[list[float]]:
+def _in_varied_cells(points: list[list[float]], config: ProposalConfig) -> list[list[float]]:
     cells: dict[tuple[int, int], list[list[float]]] = defaultdict(list)
     for point in points:
-        cells[_cell(point, rules.cell_m)].append(point)
+        cells[_cell(point, config.cell_m)].append(point)
     is_varied = {
         cell: len(of_cell) > 1
-        and statistics.variance([point[2] for point in of_cell]) >= rules.min_variance_m2
+        and statistics.variance([point[2] for point in of_cell]) >= config.min_variance_m2
         for cell, of_cell in cells.items()
     }
-    return [point for point in points if is_varied[_cell(point, rules.cell_m)]]
+    return [point for point in points if is_varied[_cell(point, config.cell_m)]]
 
 
 def _cell(point: list[float], cell_m: float) -> tuple[int, int]:

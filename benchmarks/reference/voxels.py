@@ -52,11 +52,11 @@ def count_columns_by_loop(grid: Int) -> Int:
     return counter
 
 
-def log_ratio_by_loop(moving: Int, static: Int, least: float = 1.0) -> Float64:
+def log_ratio_by_loop(moving: Int, static: Int, min_count: float = 1.0) -> Float64:
     """Take the log-likelihood ratio of two counters, cell by cell (5.4)."""
     ratio = np.zeros(moving.shape)
     for i, j in np.ndindex(*moving.shape):
-        ratio[i, j] = np.log(max(moving[i, j], least) / max(static[i, j], least))
+        ratio[i, j] = np.log(max(moving[i, j], min_count) / max(static[i, j], min_count))
     return ratio
 
 

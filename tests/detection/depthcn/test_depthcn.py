@@ -156,9 +156,16 @@ def test_whole_way_from_scan_to_detections(write_model):
     again = detector.verify_frame(frame, densify(project_frame(frame)))
     np.testing.assert_array_equal(again.detections.boxes_px, detections.boxes_px)
     np.testing.assert_array_equal(detector.detect(frame).scores, detections.scores)
-    plain = detect_one_by_one(detector.verifier, frame)
-    np.testing.assert_allclose(plain.boxes_px, detections.boxes_px, atol=1e-3)
-    np.testing.assert_allclose(plain.scores, detections.scores, atol=1e-6)
+
+
+@pytest.mark.parametrize("min_score", [0.0, 0.2, 0.6])
+def test_the_reference_keeps_the_same_detections(write_model, min_score):
+    nms = NmsConfig(min_score=min_score)
+    detector = DepthCn(write_model(), nms=nms)
+    detections = detector.detect(street())
+    reference = detect_one_by_one(detector.verifier, street(), nms=nms)
+    np.testing.assert_allclose(reference.boxes_px, detections.boxes_px, atol=1e-3)
+    np.testing.assert_allclose(reference.scores, detections.scores, atol=1e-6)
 
 
 def test_real_frame_is_detected_in_without_its_image(kitti_root, write_model):
