@@ -20,7 +20,7 @@ from data.kitti.labels import read_label_lines
 from data.kitti.sensor_files import NumberedFiles
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.grouping import ranks_in_groups
+from perception.evaluation.grouping import ranks_in_groups
 from perception.types import Float64, Int, Progress
 
 _COLUMNS = (

@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 
-from perception.evaluation.report import Metric, Metrics
+from perception.evaluation.report import Metric, SummedMetrics
 from perception.types import Bool
 
 
 @dataclass(frozen=True)
-class Confusion(Metrics):
+class Confusion(SummedMetrics):
     """Counts of predictions against targets; the counts of several frames are added.
 
     Attributes:
@@ -23,14 +23,6 @@ class Confusion(Metrics):
     true_positives: int = 0
     false_positives: int = 0
     false_negatives: int = 0
-
-    def __add__(self, other: Self) -> "Confusion":
-        """Return the counts of both."""
-        return Confusion(
-            self.true_positives + other.true_positives,
-            self.false_positives + other.false_positives,
-            self.false_negatives + other.false_negatives,
-        )
 
     @property
     def precision(self) -> Annotated[float, Metric("precision", ".3f")]:

@@ -11,33 +11,33 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.multi_object import track_assignment
-from perception.evaluation.multi_object.false_tracks import (
-    FalseTracks,
-    TrackOutcomes,
-    find_false_tracks,
-    track_outcomes,
-)
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.moving_scene import MovingScene
-from perception.evaluation.multi_object.target_errors import (
-    ERROR_COLUMNS,
-    OBJECT_COLUMNS,
-    TargetErrors,
-    target_errors,
-)
+from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.multi_object.track_assignment import (
-    SimilarityFrames,
     assign_tracks,
-    similarity_frames,
+    similarity_by_distance,
+    tracked_frame,
 )
-from perception.evaluation.report import Column, Report, Table
-from perception.types import Float64, Frame, Labels, PointTruth, Result
+from perception.evaluation.multi_object.track_errors import (
+    FalseTracks,
+    MatchedErrors,
+    ObjectTracking,
+    TargetErrors,
+    TrackOutcomes,
+    find_false_tracks,
+    target_errors,
+    track_outcomes,
+)
+from perception.evaluation.report import CONTEXT, Metric, Report, Table
+from perception.geometry.box_overlap import iou_bev
+from perception.types import Frame, Labels, PointTruth, Result
 
 PROTOCOL_WORDS = {"tracks": track_assignment.__doc__, "metrics": __doc__}
 
@@ -55,7 +55,7 @@ class MovingObjectTruth(Protocol):
 
 
 @dataclass(frozen=True)
-class DatmoReport:
+class DatmoReport(Report):
     """Metrics of the tracks of one method on one drive.
 
     Attributes:
@@ -64,74 +64,35 @@ class DatmoReport:
         by_distance: Metrics by distance of the centres.
         by_overlap: Metrics by overlap of the outlines.
         by_loose_overlap: Metrics by overlap with CLEAR and identity at the loose threshold.
-        errors: Errors at the objects that must be tracked, in each frame.
-        types: Class name of each labelled object.
+        errors: Errors of matched tracks.
+        objects: Tracking of each object that must be tracked, by its track id.
         false_tracks: Tracks that match no moving object.
-        seconds: (F,) Time in s of detection and tracking in each evaluated frame.
+        frames: Number of evaluated frames.
+        ms_per_frame: Mean time of detection and tracking; NaN without a frame.
+        ms_p99: 99th percentile of the same time.
     """
 
-    protocol: DatmoProtocol
+    protocol: Annotated[DatmoProtocol, CONTEXT]
     duration_s: float
     by_distance: MotMetrics
     by_overlap: MotMetrics
     by_loose_overlap: MotMetrics
-    errors: TargetErrors
-    types: Mapping[int, str]
+    errors: MatchedErrors
+    objects: Mapping[str, ObjectTracking]
     false_tracks: FalseTracks
-    seconds: Float64
+    frames: Annotated[int, Metric("frames")]
+    ms_per_frame: Annotated[float, Metric("mean [ms]", ".1f")]
+    ms_p99: Annotated[float, Metric("p99 [ms]", ".1f")]
 
     @property
-    def frames(self) -> int:
-        """Number of evaluated frames."""
-        return len(self.seconds)
-
-    def time_ms(self, quantile: float | None = None) -> float:
-        """Return the mean time per frame in ms, or a quantile; NaN without a frame."""
-        if not self.frames:
-            return float("nan")
-        seconds = self.seconds
-        return 1000 * float(seconds.mean() if quantile is None else np.quantile(seconds, quantile))
+    def never_tracked(self) -> list[str]:
+        """Track ids of the objects that no track ever matched."""
+        return [number for number, one in self.objects.items() if not one.frames_tracked]
 
     @property
-    def never_tracked(self) -> list[int]:
-        """Ids of the objects that no track ever matched."""
-        return [number for number, rows in self.errors.by_object().items() if not len(rows.matched)]
-
-    def object_table(self, method: str) -> Table[TargetErrors]:
-        """Return the table of the objects that must be tracked."""
-        kind = Column[TargetErrors](
-            "type", lambda e: self.types.get(int(e.object_ids[0])), "", "type"
-        )
-        rows = {str(number): rows for number, rows in self.errors.by_object().items()}
-        title = f"Objects that must be tracked: {method}"
-        return Table(title, (kind, *OBJECT_COLUMNS), rows, heading="object")
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all metrics by name."""
-        return {
-            "frames": self.frames,
-            "duration_s": self.duration_s,
-            "by_distance": self.by_distance.to_json(),
-            "by_overlap": self.by_overlap.to_json(),
-            "by_loose_overlap": self.by_loose_overlap.to_json(),
-            "never_tracked": self.never_tracked,
-            "false_tracks": self.false_tracks,
-            "objects": self.object_table("").to_json(),
-            **Table("", _TRACK_COLUMNS, {"": self}).to_json()[""],
-        }
-
-
-_Report = Column[DatmoReport]
-_TRACK_COLUMNS: tuple[Column[DatmoReport], ...] = (
-    _Report("never tracked", lambda r: len(r.never_tracked)),
-    _Report("false tracks", lambda r: len(r.false_tracks.ids)),
-    _Report("/min", lambda r: r.false_tracks.per_minute, ".1f"),
-    _Report("never matched", lambda r: len(r.false_tracks.never_matched)),
-    _Report("of these on parked vehicles", lambda r: len(r.false_tracks.on_parked)),
-    *(column.of(lambda r: r.errors.matched) for column in ERROR_COLUMNS),
-    _Report("mean [ms]", lambda r: r.time_ms(), ".1f", "ms_per_frame"),
-    _Report("p99 [ms]", lambda r: r.time_ms(0.99), ".1f", "ms_p99"),
-)
+    def count_never_tracked(self) -> Annotated[int, Metric("objects never tracked")]:
+        """Number of objects that no track ever matched."""
+        return len(self.never_tracked)
 
 
 @dataclass(frozen=True)
@@ -146,22 +107,34 @@ class DatmoComparison(Report):
 
     def tables(self) -> list[Table[Any]]:
         """Return the metrics with methods as rows, then the objects of each method."""
-        protocol = next(iter(self.reports.values())).protocol
+        reports = self.reports
+        protocol = next(iter(reports.values())).protocol
         within_m = protocol.targets.max_distance_m * (1 - protocol.distance_threshold)
         where, unit = "on the ground plane; CLEAR and identity", "ratios in percent"
         distance = f"By distance of the centres {where} within {within_m:g} m; {unit}"
         overlap = f"By overlap {where} at IoU {protocol.overlap_threshold:g}; {unit}"
         loose = f"By overlap {where} at IoU {protocol.loose_overlap_threshold:g}; {unit}"
-        reports, errors = (
-            self.reports,
-            "False tracks, and errors of matched tracks (medians; extent: means)",
-        )
+        errors = "Errors of matched tracks (medians; extent: means)"
         return [
-            mot_table(distance, {name: report.by_distance for name, report in reports.items()}),
-            mot_table(overlap, {name: report.by_overlap for name, report in reports.items()}),
-            mot_table(loose, {name: report.by_loose_overlap for name, report in reports.items()}),
-            Table(errors, _TRACK_COLUMNS, reports),
-            *(report.object_table(name) for name, report in reports.items()),
+            mot_table(distance, {name: one.by_distance for name, one in reports.items()}),
+            mot_table(overlap, {name: one.by_overlap for name, one in reports.items()}),
+            mot_table(loose, {name: one.by_loose_overlap for name, one in reports.items()}),
+            Table(errors, MatchedErrors.columns(), {n: one.errors for n, one in reports.items()}),
+            Table(
+                "False tracks",
+                FalseTracks.columns(),
+                {name: one.false_tracks for name, one in reports.items()},
+            ),
+            Table("Objects that no track matched, and time", DatmoReport.columns(), reports),
+            *(
+                Table(
+                    f"Objects that must be tracked: {name}",
+                    ObjectTracking.columns(),
+                    one.objects,
+                    heading="object",
+                )
+                for name, one in reports.items()
+            ),
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -182,7 +155,8 @@ class DatmoMeasure:
         self._truth, self._protocol = truth, protocol or DatmoProtocol()
         self._stamps_s: list[float] = []
         self._seconds: list[float] = []
-        self._similarities: list[SimilarityFrames] = []
+        self._by_distance: list[TrackedFrame] = []
+        self._by_overlap: list[TrackedFrame] = []
         self._errors: list[TargetErrors] = []
         self._outcomes: list[TrackOutcomes] = []
 
@@ -201,28 +175,34 @@ class DatmoMeasure:
         if scene is None:
             return
         assignment = assign_tracks(scene, tracks, targets)
+        by_distance = similarity_by_distance(targets)
         self._stamps_s.append(frame.stamp_s)
         self._seconds.append(result.timings_s.get("moving objects", np.nan))
-        self._similarities.append(similarity_frames(scene, tracks, assignment, targets))
+        self._by_distance.append(tracked_frame(scene, tracks, assignment, by_distance))
+        self._by_overlap.append(tracked_frame(scene, tracks, assignment, iou_bev))
         self._errors.append(target_errors(frame.stamp_s, scene, tracks, assignment))
         self._outcomes.append(track_outcomes(tracks, assignment))
 
     def compute(self) -> DatmoReport:
         """Return the metrics of all frames so far."""
         protocol, errors = self._protocol, TargetErrors.concatenate(self._errors)
-        duration_s = _duration_s(self._stamps_s)
-        by_distance = [frame.by_distance for frame in self._similarities]
-        by_overlap = [frame.by_overlap for frame in self._similarities]
+        duration_s, types = _duration_s(self._stamps_s), self._truth.types()
+        ms = 1e3 * np.array(self._seconds or [np.nan])
         return DatmoReport(
-            protocol=protocol,
-            duration_s=duration_s,
-            by_distance=evaluate_tracks(by_distance, protocol.distance_threshold),
-            by_overlap=evaluate_tracks(by_overlap, protocol.overlap_threshold),
-            by_loose_overlap=evaluate_tracks(by_overlap, protocol.loose_overlap_threshold),
-            errors=errors,
-            types=self._truth.types(),
+            protocol,
+            duration_s,
+            by_distance=evaluate_tracks(self._by_distance, protocol.distance_threshold),
+            by_overlap=evaluate_tracks(self._by_overlap, protocol.overlap_threshold),
+            by_loose_overlap=evaluate_tracks(self._by_overlap, protocol.loose_overlap_threshold),
+            errors=errors.summary(),
+            objects={
+                str(number): rows.of_object(types.get(number))
+                for number, rows in errors.by_object().items()
+            },
             false_tracks=find_false_tracks(TrackOutcomes.concatenate(self._outcomes), duration_s),
-            seconds=np.array(self._seconds, np.float64),
+            frames=len(self._seconds),
+            ms_per_frame=float(ms.mean()),
+            ms_p99=float(np.quantile(ms, 0.99)),
         )
 
 

@@ -44,10 +44,6 @@ class Column(Generic[Row]):
     spec: str = ""
     key: str | None = None
 
-    def of(self, part: Callable[[Any], Row]) -> "Column[Any]":
-        """Return the column of a row that holds this column's row as a part."""
-        return Column(self.name, lambda row: self.value(part(row)), self.spec, self.key)
-
     def cell(self, row: Row) -> str:
         """Return the value as text, a dash where it is unknown."""
         value = self.value(row)
@@ -112,6 +108,15 @@ class Metrics:
             for name, annotations in _annotations(type(self))
             if CONTEXT not in annotations
         }
+
+
+class SummedMetrics(Metrics):
+    """Base of counts and sums: those of several frames or sequences are added, field by field."""
+
+    def __add__(self, other: Self) -> Self:
+        """Return the sums of both."""
+        names = (field.name for field in fields(self))  # type: ignore[arg-type]
+        return type(self)(*(getattr(self, name) + getattr(other, name) for name in names))
 
 
 class Report(Metrics):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from perception.evaluation.multi_object.matching import matching_components, max_weight_matching
+from perception.evaluation.multi_object.matching import competing_pairs, max_weight_matching
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.5, 1.0])
@@ -25,10 +25,7 @@ def test_a_pair_may_give_way_to_two():
 
 def test_only_rivals_come_in_groups_in_the_order_of_their_first_pair():
     rows, columns = np.array([9, 4, 4, 2, 1, 1, 0]), np.array([3, 8, 5, 5, 0, 1, 2])
-    first, second = matching_components(rows, columns)
-    assert (first.pairs.tolist(), second.pairs.tolist()) == ([1, 2, 3], [4, 5])
-    assert (first.rows.tolist(), first.columns.tolist()) == ([1, 1, 0], [1, 0, 0])
-    assert (second.rows.tolist(), second.columns.tolist()) == ([0, 0], [0, 1])
+    assert [group.tolist() for group in competing_pairs(rows, columns)] == [[1, 2, 3], [4, 5]]
     empty = np.zeros(0, int)
-    assert matching_components(empty, empty) == []
+    assert competing_pairs(empty, empty) == []
     assert max_weight_matching(empty, empty, np.zeros(0)).tolist() == []

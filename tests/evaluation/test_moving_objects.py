@@ -5,25 +5,27 @@ import pytest
 
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.config import MovingObjectConfig
-from perception.evaluation.multi_object.false_tracks import (
-    TrackOutcomes,
-    find_false_tracks,
-    track_outcomes,
-)
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
 from perception.evaluation.multi_object.moving_scene import (
     MovingScene,
     is_target,
     points_above_bottom,
 )
-from perception.evaluation.multi_object.target_errors import (
-    ERROR_COLUMNS,
+from perception.evaluation.multi_object.track_assignment import (
+    assign_tracks,
+    similarity_by_distance,
+    tracked_frame,
+)
+from perception.evaluation.multi_object.track_errors import (
     NO_TRACK,
     TargetErrors,
+    TrackOutcomes,
+    find_false_tracks,
     target_errors,
+    track_outcomes,
 )
-from perception.evaluation.multi_object.track_assignment import assign_tracks, similarity_frames
 from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
+from perception.geometry.box_overlap import iou_bev
 from perception.types import Boxes3D, Calibration, Tracks
 from tests.faults import fault
 
@@ -69,12 +71,15 @@ def view_of(*dont_care_px: tuple[float, float, float, float]) -> LabelledView:
 
 
 def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
-    evaluated = [
-        similarity_frames(scene, tracks, assign_tracks(scene, tracks, CONFIG), CONFIG)
-        for scene, tracks in frames
-    ]
-    by_overlap = evaluate_tracks([frame.by_overlap for frame in evaluated])
-    by_distance = evaluate_tracks([frame.by_distance for frame in evaluated])
+    by_overlap, by_distance = (
+        evaluate_tracks(
+            [
+                tracked_frame(scene, tracks, assign_tracks(scene, tracks, CONFIG), similarity)
+                for scene, tracks in frames
+            ]
+        )
+        for similarity in (iou_bev, similarity_by_distance(CONFIG))
+    )
     assert by_overlap.clear.false_positives >= by_distance.clear.false_positives
     return by_distance
 
@@ -84,10 +89,6 @@ def errors_over(frames: list[tuple[MovingScene, Tracks]]) -> TargetErrors:
         target_errors(0.1 * number, scene, tracks, assign_tracks(scene, tracks, CONFIG))
         for number, (scene, tracks) in enumerate(frames)
     )
-
-
-def values_of(errors: TargetErrors) -> dict[str | None, float]:
-    return {column.key: column.value(errors.matched) for column in ERROR_COLUMNS}
 
 
 def driving(frames: int) -> list[tuple[MovingScene, Tracks]]:
@@ -103,8 +104,8 @@ def test_a_perfect_tracker_scores_one():
     assert scores.identity.idf1 == 1.0
     errors = errors_over(frames)
     assert len(errors.matched) == len(errors) == 24
-    values = values_of(errors)
-    assert (values["center_m"], values["velocity_m_s"], values["heading_rad"]) == (0.0, 0.0, 0.0)
+    values = errors.summary()
+    assert (values.center_m, values.velocity_m_s, values.heading_rad) == (0.0, 0.0, 0.0)
 
 
 def test_frames_before_a_tracker_is_sure_are_misses():
@@ -115,7 +116,7 @@ def test_frames_before_a_tracker_is_sure_are_misses():
     assert scores_of(frames).clear.false_negatives == 6
     errors, _ = errors_over(frames).by_object().values()
     assert (len(errors), len(errors.matched)) == (12, 9)
-    assert errors.time_to_first_track_s == pytest.approx(0.3)
+    assert errors.of_object("Car").time_to_first_track_s == pytest.approx(0.3)
 
 
 def test_who_must_be_tracked():
@@ -221,8 +222,9 @@ def test_an_exchanged_identity_counts_once():
     assert scores.hota.det_a.mean() == 1.0
     assert scores.hota.ass_a.mean() == pytest.approx(0.75)
     car, person = errors_over(frames).by_object().values()
-    assert (np.unique(car.track_ids).tolist(), car.switches) == ([3], 0)
-    assert (np.unique(person.track_ids).tolist(), person.switches) == ([8, 9], 1)
+    assert (np.unique(car.track_ids).tolist(), car.of_object("Car").switches) == ([3], 0)
+    assert np.unique(person.track_ids).tolist() == [8, 9]
+    assert person.of_object("Pedestrian").switches == 1
 
 
 def test_errors_of_place_velocity_heading_and_extent():
@@ -240,8 +242,8 @@ def test_errors_of_place_velocity_heading_and_extent():
         replace(tracks, velocities_m_s=np.array([[0.5, 0]])),
         assign_tracks(scene, tracks, CONFIG),
     )
-    assert np.isnan(values_of(slow)["heading_rad"])
-    assert values_of(slow)["length_m"] == pytest.approx(1.0)
+    assert np.isnan(slow.summary().heading_rad)
+    assert slow.summary().length_m == pytest.approx(1.0)
 
 
 def test_an_object_that_nobody_follows_is_lost():
@@ -249,7 +251,8 @@ def test_an_object_that_nobody_follows_is_lost():
     rows = errors_over(frames)
     assert (rows.track_ids == NO_TRACK).all()
     assert len(rows.by_object()) == 2
-    assert all(np.isnan(one.time_to_first_track_s) for one in rows.by_object().values())
+    objects = [one.of_object("Car") for one in rows.by_object().values()]
+    assert all(np.isnan(one.time_to_first_track_s) for one in objects)
     assert len(rows.matched) == 0
 
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.grouping import pairs_in_groups
 from perception.evaluation.detection.protocol import (
     DONT_CARE,
     NO_ALPHA_RAD,
     DetectionClass,
     Difficulty,
 )
+from perception.evaluation.grouping import pairs_in_groups
 from perception.geometry.box_overlap_px import paired_intersection_over_area_px, paired_iou_px
 from perception.types import ArrayTable, Bool, Float64, Int
 

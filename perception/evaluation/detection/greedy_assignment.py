@@ -1,21 +1,9 @@
 """Greedy assignment of detections to labels in the order of the official tool, for all frames at once."""
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from perception.evaluation.detection.grouping import ranks_in_groups
+from perception.evaluation.grouping import ranks_in_groups
 from perception.types import Bool, Int
-
-
-def connected_groups(truths: Int, detections: Int) -> Int:
-    """Return (P,) the connected component of each pair in the graph of overlapping boxes."""
-    if len(truths) == 0:
-        return np.zeros(0, np.int64)
-    height = int(truths.max()) + 1
-    nodes = height + int(detections.max()) + 1
-    edges = coo_matrix((np.ones(len(truths), bool), (truths, height + detections)), (nodes, nodes))
-    return np.asarray(connected_components(edges, directed=False)[1][truths], np.int64)
 
 
 def rounds_in_groups(truths: Int, groups: Int) -> Int:

@@ -17,13 +17,10 @@ from perception.evaluation.detection.evaluation_boxes import (
     OverlapPairs,
     evaluation_mask,
 )
-from perception.evaluation.detection.greedy_assignment import (
-    assign_greedily,
-    connected_groups,
-    rounds_in_groups,
-)
+from perception.evaluation.detection.greedy_assignment import assign_greedily, rounds_in_groups
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
 from perception.evaluation.detection.threshold_sweep import count_at_steps, plan_sweep
+from perception.evaluation.grouping import connected_groups
 from perception.types import ArrayTable, Float64, Int
 
 

@@ -16,8 +16,8 @@ from perception.evaluation.detection.evaluation_boxes import (
     evaluation_mask,
     pair_boxes,
 )
-from perception.evaluation.detection.grouping import ranks_in_groups
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
+from perception.evaluation.grouping import ranks_in_groups
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import Float64, Int
 

@@ -11,12 +11,8 @@ from perception.evaluation.detection.evaluation_boxes import (
     EvaluationMask,
     OverlapPairs,
 )
-from perception.evaluation.detection.greedy_assignment import (
-    assign_greedily,
-    connected_groups,
-    rounds_in_groups,
-)
-from perception.evaluation.detection.grouping import pairs_in_groups, ranks_in_groups
+from perception.evaluation.detection.greedy_assignment import assign_greedily, rounds_in_groups
+from perception.evaluation.grouping import connected_groups, pairs_in_groups, ranks_in_groups
 from perception.types import ArrayTable, Float64, Int
 
 MAX_BLOCK_PAIRS = 1_000_000  # pairs that are matched at once; bounds the memory at 100 MB

@@ -4,13 +4,18 @@ K. Bernardin, R. Stiefelhagen, "Evaluating Multiple Object Tracking Performance:
 EURASIP JIVP 2008; mostly tracked and lost after Y. Li et al., CVPR 2009.
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.multi_object.matching import matching_components
-from perception.evaluation.multi_object.pairs import BoxPairs, group_by_track, pair_boxes
-from perception.evaluation.multi_object.sequence import TrackedSequence
+from perception.evaluation.multi_object.matching import best_matching, competing_pairs
+from perception.evaluation.multi_object.sequence import (
+    BoxPairs,
+    TrackedSequence,
+    group_by_track,
+    pair_boxes,
+)
+from perception.evaluation.report import SummedMetrics
 from perception.types import Bool, Int
 
 # Bonus of a pair that was matched in the previous frame: more than any sum of similarities in a frame.
@@ -18,7 +23,7 @@ _CONTINUED = 1000.0
 
 
 @dataclass(frozen=True)
-class Clear:
+class Clear(SummedMetrics):
     """Counts at one threshold; those of several sequences are added. Ratios without a denominator are 0.
 
     Attributes:
@@ -42,10 +47,6 @@ class Clear:
     partly_tracked: int = 0
     mostly_lost: int = 0
     similarity_sum: float = 0.0
-
-    def __add__(self, other: "Clear") -> "Clear":
-        """Return the counts of both."""
-        return Clear(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
     @property
     def mota(self) -> float:
@@ -106,13 +107,13 @@ def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
 
 def _match_frames(pairs: BoxPairs) -> Bool:
     """Match frame by frame: a pair of the previous frame is kept while its similarity is high enough."""
-    before = _pair_before(pairs)
+    rows, columns, before = pairs.truth_boxes, pairs.track_boxes, _pair_before(pairs)
     is_matched = np.ones(len(before), bool)
-    for group in matching_components(pairs.truth_boxes, pairs.track_boxes):
-        earlier = before[group.pairs]
+    for group in competing_pairs(rows, columns):
+        earlier = before[group]
         is_continued = (earlier >= 0) & is_matched[earlier]
-        weights = _CONTINUED * is_continued + pairs.similarity[group.pairs]
-        is_matched[group.pairs] = group.max_weight(weights)
+        weights = _CONTINUED * is_continued + pairs.similarity[group]
+        is_matched[group] = best_matching(rows[group], columns[group], weights)
     return is_matched
 
 

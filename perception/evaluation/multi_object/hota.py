@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from perception.evaluation.multi_object.matching import max_weight_matching
-from perception.evaluation.multi_object.pairs import (
+from perception.evaluation.multi_object.sequence import (
     PairedSequence,
+    TrackedSequence,
     TrackPairs,
     group_by_track,
     pair_boxes,
 )
-from perception.evaluation.multi_object.sequence import TrackedSequence
+from perception.evaluation.report import SummedMetrics
 from perception.types import Float64, Int
 
 ALPHAS: Float64 = np.arange(1, 20) / 20
@@ -30,7 +31,7 @@ def _no_sums() -> Float64:
 
 
 @dataclass(frozen=True)
-class Hota:
+class Hota(SummedMetrics):
     """Counts and sums at the 19 thresholds of similarity `ALPHAS`, 0.05 to 0.95; those of several sequences are added.
 
     Ratios without a denominator are 0, except the localisation accuracy, which is 1. Every ratio
@@ -53,18 +54,6 @@ class Hota:
     association_recall_sum: Float64 = field(default_factory=_no_sums)
     association_precision_sum: Float64 = field(default_factory=_no_sums)
     similarity_sum: Float64 = field(default_factory=_no_sums)
-
-    def __add__(self, other: "Hota") -> "Hota":
-        """Return the sums of both, as of one longer sequence in which no id occurs in both parts."""
-        return Hota(
-            self.true_positives + other.true_positives,
-            self.false_negatives + other.false_negatives,
-            self.false_positives + other.false_positives,
-            self.association_sum + other.association_sum,
-            self.association_recall_sum + other.association_recall_sum,
-            self.association_precision_sum + other.association_precision_sum,
-            self.similarity_sum + other.similarity_sum,
-        )
 
     @property
     def hota(self) -> Float64:

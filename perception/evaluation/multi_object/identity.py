@@ -7,12 +7,16 @@ ECCV Workshops 2016.
 from dataclasses import dataclass
 
 from perception.evaluation.multi_object.matching import max_weight_matching
-from perception.evaluation.multi_object.pairs import group_by_track, pair_boxes
-from perception.evaluation.multi_object.sequence import TrackedSequence
+from perception.evaluation.multi_object.sequence import (
+    TrackedSequence,
+    group_by_track,
+    pair_boxes,
+)
+from perception.evaluation.report import SummedMetrics
 
 
 @dataclass(frozen=True)
-class Identity:
+class Identity(SummedMetrics):
     """Counts at one threshold; those of several sequences are added. Ratios without a denominator are 0.
 
     Attributes:
@@ -24,14 +28,6 @@ class Identity:
     true_positives: int = 0
     false_positives: int = 0
     false_negatives: int = 0
-
-    def __add__(self, other: "Identity") -> "Identity":
-        """Return the counts of both."""
-        return Identity(
-            self.true_positives + other.true_positives,
-            self.false_positives + other.false_positives,
-            self.false_negatives + other.false_negatives,
-        )
 
     @property
     def idf1(self) -> float:

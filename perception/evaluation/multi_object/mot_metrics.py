@@ -1,6 +1,6 @@
 """HOTA, CLEAR and identity of one sequence, or of several, together."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,11 +8,14 @@ from perception.evaluation.multi_object.clear import Clear, clear
 from perception.evaluation.multi_object.hota import Hota, hota
 from perception.evaluation.multi_object.identity import Identity, identity
 from perception.evaluation.multi_object.sequence import TrackedSequence
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, SummedMetrics, Table
+
+_PRINTED_RATIOS = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1")
+_PRINTED_COUNTS = ("TP", "FP", "FN", "IDSW", "Frag", "MT", "PT", "ML")
 
 
 @dataclass(frozen=True)
-class MotMetrics:
+class MotMetrics(SummedMetrics):
     """Metrics of multi-object tracking; those of several sequences are added.
 
     Attributes:
@@ -25,19 +28,41 @@ class MotMetrics:
     clear: Clear = field(default_factory=Clear)
     identity: Identity = field(default_factory=Identity)
 
-    def __add__(self, other: "MotMetrics") -> "MotMetrics":
-        """Return the metrics of both, as of one longer sequence."""
-        return MotMetrics(
-            self.hota + other.hota, self.clear + other.clear, self.identity + other.identity
-        )
+    def ratios(self) -> dict[str, float]:
+        """Return ratios from 0 to 1 by the names of the literature, those of HOTA averaged over its thresholds."""
+        hota, clear, identity = self.hota, self.clear, self.identity
+        # fmt: off
+        at_thresholds = {
+            "HOTA": hota.hota, "DetA": hota.det_a, "AssA": hota.ass_a, "LocA": hota.loc_a,
+            "DetRe": hota.det_re, "DetPr": hota.det_pr, "AssRe": hota.ass_re, "AssPr": hota.ass_pr,
+        }
+        return {
+            **{name: float(ratio.mean()) for name, ratio in at_thresholds.items()},
+            "HOTA(0)": float(hota.hota[0]), "LocA(0)": float(hota.loc_a[0]),
+            "MOTA": clear.mota, "MODA": clear.moda, "sMOTA": clear.smota, "MOTP": clear.motp,
+            "IDF1": identity.idf1, "IDP": identity.idp, "IDR": identity.idr,
+        }
+        # fmt: on
+
+    def counts(self) -> dict[str, int]:
+        """Return counts of boxes, switches and objects by the names of the literature."""
+        clear, identity = self.clear, self.identity
+        # fmt: off
+        return {
+            "TP": clear.true_positives, "FP": clear.false_positives, "FN": clear.false_negatives,
+            "IDSW": clear.id_switches, "Frag": clear.fragmentations,
+            "MT": clear.mostly_tracked, "PT": clear.partly_tracked, "ML": clear.mostly_lost,
+            "IDTP": identity.true_positives, "IDFP": identity.false_positives,
+            "IDFN": identity.false_negatives,
+        }
+        # fmt: on
 
     def to_json(self) -> dict[str, Any]:
-        """Return ratios from 0 to 1 and counts, by the names of the literature."""
+        """Return all ratios and counts, and those of HOTA at each threshold."""
         hota = self.hota
         at_each = {"HOTA": hota.hota, "DetA": hota.det_a, "AssA": hota.ass_a, "LocA": hota.loc_a}
         counts = {"TP": hota.true_positives, "FP": hota.false_positives, "FN": hota.false_negatives}
-        scalars = {name: value(self) for name, value in {**_RATIOS, **_COUNTS}.items()}
-        return {**scalars, "per_alpha": {**at_each, **counts}}
+        return {**self.ratios(), **self.counts(), "per_alpha": {**at_each, **counts}}
 
 
 def evaluate_tracks(sequence: TrackedSequence, threshold: float = 0.5) -> MotMetrics:
@@ -50,50 +75,13 @@ def evaluate_tracks(sequence: TrackedSequence, threshold: float = 0.5) -> MotMet
     return MotMetrics(hota(sequence), clear(sequence, threshold), identity(sequence, threshold))
 
 
-_RATIOS: dict[str, Callable[[MotMetrics], float]] = {
-    "HOTA": lambda m: float(m.hota.hota.mean()),
-    "DetA": lambda m: float(m.hota.det_a.mean()),
-    "AssA": lambda m: float(m.hota.ass_a.mean()),
-    "LocA": lambda m: float(m.hota.loc_a.mean()),
-    "DetRe": lambda m: float(m.hota.det_re.mean()),
-    "DetPr": lambda m: float(m.hota.det_pr.mean()),
-    "AssRe": lambda m: float(m.hota.ass_re.mean()),
-    "AssPr": lambda m: float(m.hota.ass_pr.mean()),
-    "HOTA(0)": lambda m: float(m.hota.hota[0]),
-    "LocA(0)": lambda m: float(m.hota.loc_a[0]),
-    "MOTA": lambda m: m.clear.mota,
-    "MODA": lambda m: m.clear.moda,
-    "sMOTA": lambda m: m.clear.smota,
-    "MOTP": lambda m: m.clear.motp,
-    "IDF1": lambda m: m.identity.idf1,
-    "IDP": lambda m: m.identity.idp,
-    "IDR": lambda m: m.identity.idr,
-}
-_COUNTS: dict[str, Callable[[MotMetrics], int]] = {
-    "TP": lambda m: m.clear.true_positives,
-    "FP": lambda m: m.clear.false_positives,
-    "FN": lambda m: m.clear.false_negatives,
-    "IDSW": lambda m: m.clear.id_switches,
-    "Frag": lambda m: m.clear.fragmentations,
-    "MT": lambda m: m.clear.mostly_tracked,
-    "PT": lambda m: m.clear.partly_tracked,
-    "ML": lambda m: m.clear.mostly_lost,
-    "IDTP": lambda m: m.identity.true_positives,
-    "IDFP": lambda m: m.identity.false_positives,
-    "IDFN": lambda m: m.identity.false_negatives,
-}
-
-
-def mot_table(title: str, metrics: Mapping[str, MotMetrics]) -> Table[MotMetrics]:
+def mot_table(title: str, metrics: Mapping[str, MotMetrics]) -> Table[dict[str, float]]:
     """Return the table of several sequences or trackers: ratios in percent, then counts."""
-    ratios = [_percent_column(n) for n in ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1")]
-    counts = [
-        Column(name, value)
-        for name, value in _COUNTS.items()
-        if len(name) < 3 or name in ("IDSW", "Frag")
+    columns = [
+        Column[dict[str, float]](name, lambda row, name=name: row[name], spec)  # type: ignore[misc]
+        for names, spec in ((_PRINTED_RATIOS, ".3%"), (_PRINTED_COUNTS, ""))
+        for name in names
     ]
-    return Table(title, [*ratios, *counts], metrics)
-
-
-def _percent_column(name: str) -> Column[MotMetrics]:
-    return Column(name, lambda metrics: 100 * _RATIOS[name](metrics), ".3f")
+    return Table(
+        title, columns, {n: {**one.ratios(), **one.counts()} for n, one in metrics.items()}
+    )

@@ -6,9 +6,9 @@ from typing import Annotated
 import numpy as np
 
 from perception.evaluation.config import MovingObjectConfig
-from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
+from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState, raised_boxes
 from perception.geometry.boxes import corners, points_inside
-from perception.geometry.camera import is_in_view, project
+from perception.geometry.camera import project
 from perception.types import SHARED, ArrayTable, Bool, Boxes3D, Float, Float64, Int
 
 _DONT_CARE_SHARE = 0.5  # share of a box in the image at which it counts as in a DontCare region
@@ -35,8 +35,7 @@ class MovingScene(ArrayTable):
 
 def points_above_bottom(boxes_velo: Boxes3D, points_velo: Float, clearance_m: float) -> Int:
     """Return (M,) number of points in each box, without those near its bottom."""
-    lift_m = np.array([0.0, 0.0, clearance_m])
-    raised = Boxes3D(boxes_velo.bottom_m + lift_m, boxes_velo.size_m - lift_m, boxes_velo.yaw_rad)
+    raised = raised_boxes(boxes_velo, clearance_m)
     return np.asarray(np.count_nonzero(points_inside(raised, points_velo), axis=1), np.int64)
 
 
@@ -54,7 +53,7 @@ def _is_watched(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) 
     if scene.view is None:
         return is_near
     middle = boxes.bottom_m + boxes.size_m * (0, 0, 0.5)
-    return is_near & is_in_view(scene.view.calibration, middle, scene.view.image_size_px)
+    return is_near & scene.view.contains(middle)
 
 
 def is_labelled_region(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:

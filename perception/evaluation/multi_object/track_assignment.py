@@ -16,6 +16,7 @@
 - The remaining tracks are evaluated twice: by distance and by overlap.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,9 @@ from perception.geometry.box_overlap import (
     iou_bev,
 )
 from perception.types import Boxes3D, Float64, Int, Tracks
+
+# Returns (M, T) similarity of M objects and T tracks.
+Similarity = Callable[[Boxes3D, Boxes3D], Float64]
 
 _COVERED_SHARE = 0.5  # share of a track's outline at which it lies on an object
 
@@ -66,7 +70,8 @@ def assign_tracks(
 ) -> FrameAssignment:
     """Assign the tracks of one frame to its objects by the protocol of this module."""
     boxes, targets = scene.objects.boxes_velo, is_target(scene, config)
-    similarity = _similarity(boxes, tracks.boxes, config)
+    by_distance = similarity_by_distance(config)(boxes, tracks.boxes)
+    similarity = np.maximum(by_distance, iou_bev(boxes, tracks.boxes))
     target_rows = np.flatnonzero(targets)
     pairs = _best_pairs(similarity[target_rows], config.min_similarity)
     own_similarity = np.zeros(len(tracks))
@@ -95,38 +100,21 @@ def assign_tracks(
     )
 
 
-@dataclass(frozen=True)
-class SimilarityFrames:
-    """One frame as the tracking metrics take it.
-
-    Attributes:
-        by_distance: Frame with the similarity by distance of the centres.
-        by_overlap: Frame with the overlap (IoU) of the outlines.
-    """
-
-    by_distance: TrackedFrame
-    by_overlap: TrackedFrame
-
-
-def similarity_frames(
-    scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, config: MovingObjectConfig
-) -> SimilarityFrames:
-    """Return the evaluated objects and tracks of one frame, by distance and by overlap."""
-    truth = scene.objects.boxes_velo[assignment.targets]
-    predicted = tracks[assignment.evaluated]
-    ids = scene.objects.track_ids[assignment.targets], predicted.ids
-    distances_m = center_distances_m(truth, predicted.boxes)
-    by_distance = distance_similarity(distances_m, config.max_distance_m)
-    return SimilarityFrames(
-        by_distance=TrackedFrame(*ids, by_distance),
-        by_overlap=TrackedFrame(*ids, iou_bev(truth, predicted.boxes)),
+def tracked_frame(
+    scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, similarity: Similarity
+) -> TrackedFrame:
+    """Return the evaluated objects and tracks of one frame, as the tracking metrics take them."""
+    truth, predicted = scene.objects[assignment.targets], tracks[assignment.evaluated]
+    return TrackedFrame(
+        truth.track_ids, predicted.ids, similarity(truth.boxes_velo, predicted.boxes)
     )
 
 
-def _similarity(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
-    """Return (M, T) similarity of objects and tracks: by distance or overlap, whichever is greater."""
-    by_distance = distance_similarity(center_distances_m(boxes, tracks), config.max_distance_m)
-    return np.maximum(by_distance, iou_bev(boxes, tracks))
+def similarity_by_distance(config: MovingObjectConfig) -> Similarity:
+    """Return the similarity that falls with the distance of the centres."""
+    return lambda boxes, tracks: distance_similarity(
+        center_distances_m(boxes, tracks), config.max_distance_m
+    )
 
 
 def _best_pairs(similarity: Float64, min_similarity: float) -> tuple[Int, Int]:

@@ -1,6 +1,8 @@
-"""Pairs of rows of the same group, and the place of each row within its group."""
+"""Groups of rows: pairs within a group, places in it, and the groups that pairs connect."""
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from perception.types import Int
 
@@ -29,3 +31,13 @@ def ranks_in_groups(groups: Int) -> Int:
     ranks = np.empty(len(groups), np.int64)
     ranks[order] = np.arange(len(groups)) - np.searchsorted(ordered, ordered)
     return ranks
+
+
+def connected_groups(rows: Int, columns: Int) -> Int:
+    """Return (P,) the connected component of each pair in the graph whose edges are the pairs."""
+    if len(rows) == 0:
+        return np.zeros(0, np.int64)
+    height = int(rows.max()) + 1
+    nodes = height + int(columns.max()) + 1
+    edges = coo_matrix((np.ones(len(rows), bool), (rows, height + columns)), (nodes, nodes))
+    return np.asarray(connected_components(edges, directed=False)[1][rows], np.int64)
