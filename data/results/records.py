@@ -1,52 +1,21 @@
-"""JSON Lines: one record a line, complete after every frame, read back as the same dataclass."""
+"""JSON Lines: one record a line, whole after every frame, read back as the same dataclass."""
 
 import dataclasses
 import json
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Self, TextIO, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from data.results.documents import to_serializable
+from perception.atomic_file import append_atomically
 from perception.errors import LabelError
 
 Record = TypeVar("Record")
 
 
-class LineFiles:
-    """Text files of a folder that grow by whole lines, each complete after every frame; a context manager."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._files: dict[str, TextIO] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for file in self._files.values():
-            file.close()
-
-    def append(self, name: str, lines: str) -> None:
-        """Append lines to a file, which replaces that of an earlier run.
-
-        Args:
-            name: Path of the file in the folder.
-            lines: Whole lines, or none.
-        """
-        if name not in self._files:
-            path = self._folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._files[name] = path.open("w")
-        self._files[name].write(lines)
-        self._files[name].flush()
-
-    def append_record(self, name: str, record: object) -> None:
-        """Append a dataclass to a JSON Lines file; its fields are the keys of the object."""
-        self.append(name, json.dumps(to_serializable(record)) + "\n")
-
-    def remove(self, name: str) -> None:
-        """Remove the file of an earlier run."""
-        (self._folder / name).unlink(missing_ok=True)
+def append_record(path: Path, record: object) -> None:
+    """Append a dataclass to a JSON Lines file; its fields are the keys of the object."""
+    append_atomically(path, f"{json.dumps(to_serializable(record))}\n".encode())
 
 
 def read_records(path: Path, kind: type[Record]) -> list[Record]:
@@ -57,7 +26,7 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
         kind: Dataclass of a line.
 
     Raises:
-        LabelError: the file cannot be read, or a line is no record of this kind.
+        LabelError: The file cannot be read, or a line is no record of this kind.
     """
     try:
         lines = path.read_text().splitlines()

@@ -11,12 +11,12 @@ from typing import Self
 import numpy as np
 
 from data.frames import frame_count
-from data.results.documents import write_config
-from data.results.records import LineFiles
-from data.results.run_folder import RunFolderWriter
+from data.results.documents import write_config, write_json
+from data.results.objects import TrajectoryRecord
+from data.results.records import append_record
+from data.results.run_folder import append_frame
 from data.results.run_video import RunVideo
-from data.results.trajectory import TrajectoryRecord
-from perception.errors import PerceptionError
+from perception.errors import PerceptionError, UsageError
 from perception.evaluation.run_summary import RunSummary
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
@@ -45,6 +45,7 @@ class RunConfig:
         on_bad_frame: Stop at a damaged frame, or skip it.
         pipeline: Pipeline configuration.
         track: Id of the track or vehicle that a one-object tracker takes over, or None.
+        min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl, 0 to 1.
     """
 
     frames: int | None = None
@@ -52,6 +53,16 @@ class RunConfig:
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     track: int | None = None
+    min_vehicle_score: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Validate the score."""
+        if not 0 <= self.min_vehicle_score <= 1:
+            raise UsageError(
+                "min_vehicle_score",
+                expected="a score from 0 to 1",
+                found=f"{self.min_vehicle_score:g}",
+            )
 
 
 def run_drive(
@@ -72,14 +83,13 @@ def run_drive(
     summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
     start = time.perf_counter()
     with ExitStack() as files:
-        folder = files.enter_context(RunFolderWriter(out, drive, pipeline.area))
         write_config(out, drive, sensor=drive.sensor.name, **vars(config))
         video = files.enter_context(_open_video(drive, out, config))
         tracking = files.enter_context(ObjectTracking(out, _handover(drive, config)))
         try:
             for result in map(tracking.update, results):
                 video.add(result, tracking.without_object(result), tracking.figure)
-                folder.write(result)
+                append_frame(out, drive, result, pipeline.area, config.min_vehicle_score)
                 summary.update(result, drive.point_truth(result.frame.index))
         except PerceptionError:
             log.warning("%d frames are done; their results are in %s", summary.frames, out)
@@ -87,7 +97,7 @@ def run_drive(
         finally:
             results.close()
             summary.elapsed_s = time.perf_counter() - start
-            folder.write_summary(summary.to_json())
+            write_json(out / "summary.json", summary.to_json())
     if summary.frames:
         title = f"{drive.name}: a typical frame"
         plot_timeline(
@@ -112,14 +122,13 @@ class ObjectTracking:
         """
         self.figure: TrackedObjectFigure | None = None
         self._handover, self._trail = handover, TrackedObjectTrail()
-        self._files = LineFiles(out)
+        self._path = out / "trajectory.jsonl"
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        """Close the file; warn where the object never appeared."""
-        self._files.__exit__()
+        """Warn where the object never appeared."""
         if kind is None and self._handover is not None and not self._handover.has_started:
             log.warning(
                 "--track %d: no frame has a track or a located vehicle of this id; tracks.jsonl and "
@@ -136,7 +145,8 @@ class ObjectTracking:
             tracked = self._handover.update(result)
         seconds = time.perf_counter() - start_s
         if tracked is not None:
-            self._files.append_record("trajectory.jsonl", TrajectoryRecord.of(result, tracked))
+            track_id = self._handover.track_id
+            append_record(self._path, TrajectoryRecord.of(result, tracked, track_id, None))
             self._trail.add(result, tracked)
             path_velo = self._trail.path_velo(result)[-_MAX_DRAWN_POSITIONS:]
             name = str(self._handover.track_id)

@@ -20,22 +20,23 @@ summary.json          the printed summary
 import json
 import time
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from data.results.documents import write_json
-from data.results.records import LineFiles, read_records
-from data.results.tracks import FrameTracks, append_tracks
-from data.results.vehicles import FrameVehicles, append_vehicles
-from perception.atomic_file import write_atomically
+from data.frames import file_number
+from data.kitti.tracking_rows import format_result_rows
+from data.results.kitti_rows import format_object_rows, track_rows, vehicle_rows
+from data.results.objects import FrameLine, FrameTracks, FrameVehicles, frame_of, numbers
+from data.results.records import append_record, read_records
+from perception.atomic_file import append_atomically, atomic_file, write_atomically
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
 from perception.types import Drive, Float64, GroundModel, PointState, Result
 
+FRAMES = "frames.jsonl"
 # Classes of SemanticKITTI; its moving-object benchmark maps all static classes to 9, all moving ones to 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
 SEMANTIC_KITTI[PointState.GROUND] = 40
@@ -44,12 +45,10 @@ SEMANTIC_KITTI[PointState.MOVING] = 251
 
 
 @dataclass(frozen=True)
-class FrameRecord:
+class FrameRecord(FrameLine):
     """One line of `frames.jsonl`.
 
     Attributes:
-        frame: Index of the frame.
-        stamp_s: Time of the scan.
         position_m: Position of the LiDAR in the world frame x, y, z.
         points: Number of points by state: outside, ground, static, moving.
         voxels: Number of static and of moving voxels.
@@ -59,8 +58,6 @@ class FrameRecord:
         seconds: Time of each stage.
     """
 
-    frame: int
-    stamp_s: float
     position_m: list[float]
     points: dict[str, int]
     voxels: dict[str, int]
@@ -75,9 +72,8 @@ class FrameRecord:
         states = np.bincount(result.obstacles.point_states, minlength=len(PointState))
         obstacles = result.obstacles
         return cls(
-            frame=result.frame.index,
-            stamp_s=round(result.frame.stamp_s, 6),
-            position_m=[round(float(x), 4) for x in result.world_SE3_velo[:3, 3]],
+            *frame_of(result),
+            position_m=numbers(result.world_SE3_velo[:3, 3]),
             points={state.name.lower(): int(states[state]) for state in PointState},
             voxels={"static": len(obstacles.static), "moving": len(obstacles.moving)},
             tracks=len(result.tracks),
@@ -98,39 +94,26 @@ def make_results_folder(parent: Path = Path("results")) -> Path:
     return folder
 
 
-class RunFolderWriter:
-    """Writes the results of one run, frame by frame; a context manager."""
+def append_frame(
+    out: Path, drive: Drive, result: Result, area: LocalArea, min_vehicle_score: float
+) -> None:
+    """Write the result of one frame; every file is whole after it.
 
-    def __init__(self, out: Path, drive: Drive, area: LocalArea) -> None:
-        """Make the folder.
-
-        Args:
-            out: Folder of the results.
-            drive: Drive of the run.
-            area: Area in which ground heights are written.
-        """
-        self.out, self._drive, self._area = out, drive, area
-        (out / "labels").mkdir(parents=True, exist_ok=True)
-        (out / "obstacles").mkdir(exist_ok=True)
-        self._files = LineFiles(out)
-        self._files.append("frames.jsonl", "")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._files.__exit__()
-
-    def write(self, result: Result) -> None:
-        """Write the result of one frame."""
-        name = f"{result.frame.index:06d}"
-        labels = SEMANTIC_KITTI[result.obstacles.point_states]
-        write_atomically(self.out / "labels" / f"{name}.label", labels.tobytes())
-        static, moving = result.obstacles.static, result.obstacles.moving
-        xy_m, heights_m = sample_ground(result.ground, self._area)
-        arrays = BytesIO()
+    Args:
+        out: Folder of the results.
+        drive: Drive of the run.
+        result: Result of the frame.
+        area: Area in which ground heights are written.
+        min_vehicle_score: Score from which a vehicle is listed in `vehicles.jsonl`.
+    """
+    name = f"{result.frame.index:06d}"
+    labels = SEMANTIC_KITTI[result.obstacles.point_states]
+    write_atomically(out / "labels" / f"{name}.label", labels.tobytes())
+    static, moving = result.obstacles.static, result.obstacles.moving
+    xy_m, heights_m = sample_ground(result.ground, area)
+    with atomic_file(out / "obstacles" / f"{name}.npz") as part:
         np.savez(
-            arrays,
+            part,
             static_centers_m=static.centers_m,
             static_counts=static.counts,
             moving_centers_m=moving.centers_m,
@@ -138,16 +121,29 @@ class RunFolderWriter:
             ground_xy_m=xy_m,
             ground_height_m=heights_m,
         )
-        write_atomically(self.out / "obstacles" / f"{name}.npz", arrays.getvalue())
-        pose = " ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel())
-        self._files.append("poses.txt", f"{pose}\n")
-        append_tracks(self._files, self._drive.name, self._drive.calibration, result)
-        append_vehicles(self._files, self.out, self._drive, result)
-        self._files.append_record("frames.jsonl", FrameRecord.of(result))
+    pose = " ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel())
+    append_atomically(out / "poses.txt", f"{pose}\n".encode())
+    append_record(out / "tracks.jsonl", FrameTracks.of(result))
+    vehicles = FrameVehicles.of(result, min_vehicle_score)
+    if vehicles is not None:
+        append_record(out / "vehicles.jsonl", vehicles)
+    append_kitti_rows(out, drive, result)
+    append_record(out / FRAMES, FrameRecord.of(result))
 
-    def write_summary(self, summary: object) -> None:
-        """Write `summary.json`."""
-        write_json(self.out / "summary.json", summary)
+
+def append_kitti_rows(out: Path, drive: Drive, result: Result) -> None:
+    """Write the tracks and the vehicles of one frame as rows of KITTI's benchmarks; only with a camera."""
+    frame, calibration = result.frame.index, drive.calibration
+    if calibration is not None and calibration.image_size_px is not None:
+        rows = format_result_rows(track_rows(frame, result.tracks, calibration))
+        append_atomically(out / "tracks" / f"{drive.name}.txt", rows.encode())
+    vehicles, calibration = result.vehicles, result.frame.calibration
+    if vehicles is not None and calibration is not None:
+        file = out / "data" / f"{file_number(drive, frame):06d}.txt"
+        write_atomically(file, format_object_rows(vehicles, calibration).encode())
+        if drive.is_sequence:
+            rows = format_result_rows(vehicle_rows(frame, vehicles, calibration))
+            append_atomically(out / "vehicles" / f"{drive.name}.txt", rows.encode())
 
 
 class RunFolder:
@@ -162,7 +158,7 @@ class RunFolder:
         Raises:
             DriveError: the folder holds no results of a run.
         """
-        if not (path / "frames.jsonl").is_file():
+        if not (path / FRAMES).is_file():
             raise DriveError(
                 path, expected="a folder that `trifuse run` wrote", found="no frames.jsonl"
             )
@@ -170,7 +166,7 @@ class RunFolder:
 
     def frames(self) -> list[FrameRecord]:
         """Read `frames.jsonl`."""
-        return read_records(self.path / "frames.jsonl", FrameRecord)
+        return read_records(self.path / FRAMES, FrameRecord)
 
     def poses(self) -> Float64:
         """Read the (F, 4, 4) world_SE3_velo of `poses.txt`."""

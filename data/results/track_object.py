@@ -13,8 +13,10 @@ from data.derived.track_start import TrackStart
 from data.frames import frame_count, read_frames
 from data.kitti.tracking_rows import format_result_rows
 from data.results.documents import write_config, write_json
-from data.results.records import LineFiles
-from data.results.trajectory import TrajectoryRecord, trajectory_rows
+from data.results.kitti_rows import trajectory_rows
+from data.results.objects import TrajectoryRecord
+from data.results.records import append_record
+from perception.atomic_file import append_atomically
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
@@ -84,13 +86,11 @@ def track_object(
     )
     last = frame_count(drive, None if config.frames is None else start.frame + config.frames)
     count = last - start.frame
-    trail = TrackedObjectTrail()
+    trail, calibration = TrackedObjectTrail(), drive.calibration
     composition = TrackedObjectComposition(frame_count=count, name=start.name)
     stages = LidarStages(drive.sensor, config.pipeline)
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
     with ExitStack() as files:
-        lines = files.enter_context(LineFiles(out))
-        lines.remove("trajectory.txt")
         write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **vars(config))
         video_path = out / "video.mp4" if config.video else None
         video = files.enter_context(open_video(video_path, drive.sensor.rate_hz))
@@ -108,12 +108,12 @@ def track_object(
                         else tracker.init(tracker_input, start.box_velo)
                     )
                 seconds = time.perf_counter() - start_s
-                lines.append_record("trajectory.jsonl", TrajectoryRecord.of(result, tracked))
-                rows = trajectory_rows(
-                    result, tracked, start.object_id, start.kind, drive.calibration
-                )
-                if rows is not None:
-                    lines.append("trajectory.txt", format_result_rows(rows))
+                identity = start.object_id, start.kind
+                record = TrajectoryRecord.of(result, tracked, *identity)
+                append_record(out / "trajectory.jsonl", record)
+                if calibration is not None and calibration.image_size_px is not None:
+                    rows = trajectory_rows(frame.index, tracked, *identity, calibration)
+                    append_atomically(out / "trajectory.txt", format_result_rows(rows).encode())
                 summary.update(result, tracked, seconds)
                 if config.video:
                     trail.add(result, tracked)

@@ -15,16 +15,14 @@ from data.derived.track_start import TrackStart, TrackStartConfig, find_start, p
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.results.documents import to_serializable
+from data.results.objects import TrajectoryRecord
 from data.results.records import read_records
 from data.results.track_object import TrackConfig, track_object
-from data.results.trajectory import TrajectoryRecord, trajectory_rows
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.cli.progress import progress_bar
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary, path_length_m
-from perception.pipeline import PipelineConfig
-from perception.pipeline.lidar_stages import LidarStages
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
 
@@ -105,7 +103,7 @@ def test_every_file_is_there(results):
 def test_the_trajectory_tells_the_object_in_both_frames(results, street, labelled_id):
     lines = lines_of(results / "trajectory.jsonl")
     assert [line["frame"] for line in lines] == list(range(FRAMES))
-    assert lines[0]["state"] == "seen"
+    assert lines[0]["status"] == "seen"
     labels = open_drive(street).labels(0)
     box = labels.boxes_velo[labels.track_ids == labelled_id]
     np.testing.assert_allclose(lines[0]["velo"]["position_m"], box.bottom_m[0], atol=1.0)
@@ -143,14 +141,15 @@ def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
     assert "speed 18.0 km/h on average" in table
     assert "mean error" not in table
     assert read_result_rows(tmp_path / "trajectory.txt").frames.tolist() == [0, 1]
-    assert [line["state"] for line in lines_of(tmp_path / "trajectory.jsonl")] == states
+    assert [line["status"] for line in lines_of(tmp_path / "trajectory.jsonl")] == states
 
 
 def test_a_tracker_in_the_image_gives_rectangles_and_no_place(street, tmp_path):
     summary = track_scripted(street, tmp_path, [TrackStatus.SEEN] * 2, in_space=False)
     line = lines_of(tmp_path / "trajectory.jsonl")[1]
-    assert line["velo"] is None
-    assert line["world"] is None
+    unknown = {"position_m": [None] * 3, "yaw_rad": None, "velocity_m_s": [None] * 3}
+    assert line["velo"] == unknown
+    assert line["size_m"] == [None] * 3
     assert line["box_px"] == [10, 20, 30, 40]
     rows = read_result_rows(tmp_path / "trajectory.txt")
     np.testing.assert_array_equal(rows.boxes_px, [[10, 20, 30, 40]] * 2)
@@ -265,16 +264,6 @@ def test_who_stands_and_trembles_goes_nowhere():
     steps = np.column_stack([np.arange(0, 10, 0.25), np.zeros(40), np.zeros(40)])
     assert path_length_m(steps) == pytest.approx(9.5)
     assert path_length_m(np.zeros((0, 3))) == 0
-
-
-def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
-    drive = open_drive(street, images=False)
-    result, _ = LidarStages(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
-    box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
-    tracked = TrackedObject(TrackStatus.SEEN, box, np.zeros(2), None)
-    assert len(trajectory_rows(result, tracked, 0, None, drive.calibration)) == 1
-    assert trajectory_rows(result, tracked, 0, None, None) is None
-    assert TrajectoryRecord.of(result, replace(tracked, box_velo=None)).speed_m_s is None
 
 
 def test_real_cyclist_from_its_label(kitti_root, tmp_path, capsys):

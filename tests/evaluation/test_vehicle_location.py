@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.results.vehicles import to_vehicle_rows
+from data.results.kitti_rows import vehicle_rows
 from perception.detection.vehicles.locate import locate
 from perception.evaluation.vehicle_location import location_errors
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
@@ -30,7 +30,7 @@ def test_errors_are_those_that_were_made():
 def test_rows_hold_what_is_known_and_the_formats_words_for_what_is_not():
     true = cars((12.0, 2.0, 0.0), (25.0, -3.0, 0.0), (30.0, 5.0, 0.0))
     found = locate(detected(true), frame_of(road(), sides(true[[0, 2]])), FlatRoad())
-    rows = to_vehicle_rows(4, replace(found, ids=np.array([8, 9, -1])), CALIBRATION)
+    rows = vehicle_rows(4, replace(found, ids=np.array([8, 9, -1])), CALIBRATION)
     assert rows.ids.tolist() == [8, 9]
     assert rows.frames.tolist() == [4, 4]
     assert rows.bottoms_cam_m[0, 2] == pytest.approx(12.0 - 0.27, abs=0.2)

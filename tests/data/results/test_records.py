@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from data.results.records import LineFiles, read_records
-from perception.errors import LabelError
+from data.results.records import append_record, read_records
+from perception.errors import LabelError, WriteError
+from tests.faults import fault
+from tests.full_disk import file_size_limit
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,18 @@ LINES = [Line(0, Place([1.0, 2.0], 0.5), {"dm": None, "rm": 0.25}), Line(1, None
 
 def test_what_is_written_is_read_back_after_every_line(tmp_path):
     path = tmp_path / "made" / "lines.jsonl"
-    with LineFiles(tmp_path) as files:
-        for count, line in enumerate(LINES, start=1):
-            files.append_record("made/lines.jsonl", line)
-            assert read_records(path, Line) == LINES[:count]
+    for count, line in enumerate(LINES, start=1):
+        append_record(path, line)
+        assert read_records(path, Line) == LINES[:count]
+
+
+def test_a_full_disk_leaves_whole_lines(tmp_path):
+    path = tmp_path / "lines.jsonl"
+    for line in LINES:
+        append_record(path, line)
+    with file_size_limit(path.stat().st_size + 5), fault(WriteError, str(path)):
+        append_record(path, LINES[0])
+    assert read_records(path, Line) == LINES
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"frame": 1}', '{"frame": "x"}'])

@@ -1,0 +1,156 @@
+"""Objects of a frame as lines of JSON, with numbers to check by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data.results.documents import to_serializable
+from data.results.objects import FrameTracks, FrameVehicles, TrajectoryRecord
+from data.results.records import append_record, read_records
+from perception.geometry import se3
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
+from perception.types import (
+    Boxes3D,
+    Detections,
+    Frame,
+    FusedDetections,
+    Obstacles,
+    Result,
+    Tracks,
+    Vehicles,
+    Voxels,
+)
+
+# A van ahead that was seen, and a walker behind, who is predicted and whom no detector has classified.
+VAN_COVARIANCE = np.diag([0.04, 0.01, 0.25, 0.16])
+TRACKS = Tracks(
+    ids=np.array([4, 9]),
+    boxes=Boxes3D(
+        np.array([[10.0, 2.0, -1.7], [-8.0, -1.0, -1.6]]),
+        np.array([[4.2, 1.8, 1.5], [0.8, 0.6, 1.75]]),
+        np.array([0.0, 3.0]),
+    ),
+    velocities_m_s=np.array([[3.0, 4.0], [0.0, -1.0]]),
+    is_observed=np.array([True, False]),
+    covariances=np.stack([VAN_COVARIANCE, np.full((4, 4), np.nan)]),
+    types=np.array(["Van", ""]),
+    scores=np.array([0.8125, np.nan]),
+)
+# A tracked car on the ground, and one of which there is nothing but a faint box in the image.
+VEHICLES = Vehicles(
+    fused=FusedDetections(
+        Detections(
+            np.array([[500.0, 150, 620.25, 240], [10, 160, 60, 200]]),
+            np.array([0.875, 0.03125]),
+            np.array(["Car", "Van"]),
+        ),
+        source_indices=np.array([[0, 0, -1], [-1, 1, -1]]),
+        dominant_modality=np.array([0, 1]),
+    ),
+    ids=np.array([4, -1]),
+    boxes=Boxes3D(
+        np.array([[10.0, 2.0, -1.7], [np.nan] * 3]),
+        np.array([[4.2, 1.8, 1.5], [np.nan] * 3]),
+        np.array([0.0, np.nan]),
+    ),
+    distances_m=np.array([8.5, np.nan]),
+    velocities_m_s=np.array([[3.0, 4.0], [np.nan, np.nan]]),
+    covariances=TRACKS.covariances,
+    owners=np.array([0, -1, 0]),
+)
+MODALITY_DETECTIONS = {
+    "rgb": Detections(np.zeros((1, 4)), np.array([0.75]), np.array(["Car"])),
+    "dm": Detections(np.zeros((2, 4)), np.array([0.5, 0.25]), np.array(["Car", "Van"])),
+}
+EMPTY = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
+
+
+@pytest.fixture
+def result():
+    # The vehicle is at (100, 50, 3) and heads along the world's y.
+    pose = se3.from_euler(0, 0, np.pi / 2, np.array([100.0, 50.0, 3.0]))
+    return Result(
+        Frame(7, 0.7, np.ones((1, 4), np.float32)),
+        pose,
+        None,
+        Obstacles(np.zeros(1, np.uint8), EMPTY, EMPTY),
+        TRACKS,
+        modality_detections=MODALITY_DETECTIONS,
+        vehicles=VEHICLES,
+    )
+
+
+def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
+    line = to_serializable(FrameTracks.of(result))
+    assert (line["frame"], line["stamp_s"]) == (7, 0.7)
+    van, walker = line["tracks"]
+    assert van == {
+        "id": 4,
+        "type": "Van",
+        "score": 0.8125,
+        "is_observed": True,
+        "size_m": [4.2, 1.8, 1.5],
+        "speed_m_s": 5.0,
+        "covariance": VAN_COVARIANCE.tolist(),
+        "velo": {
+            "position_m": [10.0, 2.0, -1.7],
+            "yaw_rad": 0.0,
+            "velocity_m_s": [3.0, 4.0, 0.0],
+        },
+        "world": {
+            "position_m": [98.0, 60.0, 1.3],
+            "yaw_rad": pytest.approx(np.pi / 2, abs=1e-6),
+            "velocity_m_s": [-4.0, 3.0, 0.0],
+        },
+    }
+    assert (walker["id"], walker["is_observed"], walker["speed_m_s"]) == (9, False, 1.0)
+    assert (walker["type"], walker["score"], walker["covariance"]) == (None, None, None)
+    # 3 rad and a quarter turn are more than half a turn.
+    assert walker["world"]["yaw_rad"] == pytest.approx(3 + np.pi / 2 - 2 * np.pi, abs=1e-6)
+
+
+def test_a_line_of_vehicles_holds_what_is_known_of_them(result):
+    line = to_serializable(FrameVehicles.of(result))
+    car, faint = line["vehicles"]
+    track = to_serializable(FrameTracks.of(result))["tracks"][0]
+    shared = ("id", "size_m", "speed_m_s", "covariance", "velo", "world")
+    assert {name: car[name] for name in shared} == {name: track[name] for name in shared}
+    assert (car["type"], car["score"], car["dominant_modality"]) == ("Car", 0.875, "rgb")
+    assert car["scores"] == {"rgb": 0.75, "dm": 0.5, "rm": None}
+    assert (car["points"], car["distance_m"]) == (2, 8.5)
+    unknown = {"position_m": [None] * 3, "yaw_rad": None, "velocity_m_s": [None] * 3}
+    assert (faint["id"], faint["type"], faint["points"]) == (None, "Van", 0)
+    assert (faint["distance_m"], faint["speed_m_s"], faint["covariance"]) == (None, None, None)
+    assert faint["velo"] == unknown
+    assert faint["box_px"] == [10, 160, 60, 200]
+
+
+def test_faint_vehicles_are_listed_on_demand(result):
+    assert [one.score for one in FrameVehicles.of(result, 0.05).vehicles] == [0.875]
+    assert [one.score for one in FrameVehicles.of(result, 0.03125).vehicles] == [0.875, 0.0312]
+    assert FrameVehicles.of(result, 0.9).vehicles == []
+    assert FrameVehicles.of(replace(result, vehicles=None)) is None
+
+
+@pytest.mark.parametrize("kind", [None, "Cyclist"])
+def test_one_tracked_object_has_the_fields_of_a_track(result, kind):
+    tracked = TrackedObject(TrackStatus.PREDICTED, TRACKS.boxes[:1], np.array([3.0, 4.0]), None)
+    record = TrajectoryRecord.of(result, tracked, 4, kind)
+    track = FrameTracks.of(result).tracks[0]
+    assert (record.frame, record.stamp_s, record.status) == (7, 0.7, "predicted")
+    assert (record.id, record.type, record.score, record.box_px) == (4, kind, None, None)
+    assert (record.velo, record.world, record.size_m) == (track.velo, track.world, track.size_m)
+
+
+def test_what_is_written_is_read_back(result, tmp_path):
+    in_image = TrackedObject(TrackStatus.SEEN, None, np.zeros(2), np.array([1.0, 2, 3, 4]))
+    for line in (
+        FrameTracks.of(result),
+        FrameTracks.of(replace(result, tracks=Tracks.empty())),
+        FrameVehicles.of(result),
+        TrajectoryRecord.of(result, in_image, 4, None),
+    ):
+        path = tmp_path / f"{type(line).__name__}.jsonl"
+        append_record(path, line)
+        assert read_records(path, type(line))[-1] == line
