@@ -8,13 +8,14 @@ from perception.pipeline import PipelineConfig
 _PIPELINE = PipelineConfig()
 
 
-def run(
+def run(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     frames: DriveFlags,
     out: Path | None = None,
     video: bool = True,
     track: int | None = None,
+    min_vehicle_score: float = 0.05,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
     """Run the pipeline on a drive; write ground, obstacles, tracks, vehicles, and a video.
@@ -26,6 +27,7 @@ def run(
         out: Folder for the results; else results/<time>, with results/latest pointing to it.
         video: Draw the video.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
+        min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl; 0 for all.
         pipeline: Pipeline configuration.
     """
     from data.open_drive import open_drive
@@ -37,6 +39,8 @@ def run(
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor, images=images)
-    config = RunConfig(frames.frames, video, frames.on_bad_frame, pipeline, track)
+    config = RunConfig(
+        frames.frames, video, frames.on_bad_frame, pipeline, track, min_vehicle_score
+    )
     results = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
     print(run_drive(opened, results, out or make_results_folder(), config).text())
