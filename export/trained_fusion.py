@@ -123,6 +123,7 @@ def run_experiment(
         seed=run.seed,
         training_data=experiment.drives.names,
         detectors=detections.detectors,
+        class_names=detections.class_names,
         revision=program_revision(),
     )
     sizes = hidden_sizes(experiment.sweep, experiment.sweep_two)

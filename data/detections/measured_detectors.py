@@ -13,7 +13,8 @@ from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
+from perception.detection.fusion.class_fusion import fusion_of
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
@@ -130,12 +131,15 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
     """Return three detectors, whose detections are cached, and their fusions."""
     detector = open_modalities(options.config)
     networks = detector.detectors
-    known = next(iter(networks.values())).class_names
+    fusions = open_fusions(options.config, options.fusions, detector)
+    detected = dict.fromkeys(name for one in networks.values() for name in one.class_names)
+    known = [name for name in detected if all(name in one.class_names for one in fusions.values())]
     classes = _parse_classes(options.classes or ("Car",), known)
     if len(classes) != 1:
         expected = "one class with --detector fusion"
         raise UsageError("--classes", expected=expected, found=",".join(options.classes))
-    fusions = open_fusions(options.config, options.fusions, detector)
+    name = classes[0].name.lower()
+    blind = [key for key, one in networks.items() if name not in map(str.lower, one.class_names)]
     # Everything besides the frames that the cached detections depend on.
     fingerprint = f"{_model_paths(options.config).fingerprint()} {options.config.nms}"
     cached = FingerprintedDetector(detector, fingerprint)
@@ -143,7 +147,11 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
 
     def start(drive: Drive) -> tuple[Detect, FusionMeasure]:
         measure = FusionMeasure(classes, options.metric, options.progress, fusions=fusions)
-        return lambda frame: detected_scene(drive, frame.index, cached, store), measure
+
+        def detect(frame: Frame) -> DetectedScene:
+            return detected_scene(drive, frame.index, cached, store).without(*blind)
+
+        return detect, measure
 
     metadata = {str(name): dict(one.metadata) for name, one in networks.items()}
     metadata |= {f"fusion {name}": dict(one.metadata) for name, one in fusions.items()}
@@ -177,7 +185,7 @@ def open_fusions(
         fusion.model or "default", max_iou=overlap, tri_boxes=fusion.tri_boxes
     )
     for one in fusions.values():
-        warn_of_detector_mismatch(one, detector.detectors)
+        fusion_of(one, detector.detectors)  # logs where it does not fit
     return fusions
 
 

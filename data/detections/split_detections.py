@@ -1,5 +1,7 @@
 """Detections of labelled drives, split for the training, validation and test of their fusion."""
 
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +17,13 @@ from data.detections.detected_frames import DetectedFrames
 from data.samples.cached_frames import open_drives
 from data.samples.config import SplitBy, TrainingDrives
 from data.samples.splits import validation_frames
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detector_fingerprints import detector_fingerprints
 from perception.errors import UsageError
-from perception.types import Progress
+from perception.types import Modality, Progress
+
+log = logging.getLogger(__name__)
 
 _STREAM = 0xF  # stream of random numbers
 
@@ -31,7 +36,7 @@ class SplitDetections:
         training: Frames that the fusion is fitted to.
         validation: Frames that stop the training and calibrate its scores.
         test: Frames on which the result is evaluated.
-        class_names: Classes of the detectors.
+        class_names: Classes that all detectors know.
         detectors: Fingerprints of the detectors, for the model file.
     """
 
@@ -63,13 +68,15 @@ def split_detections(
         PerceptionError: a drive, a frame or a model cannot be read or used.
     """
     detectors = models.open()
+    class_names = shared_classes(detectors)
     fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), models.fingerprint())
     store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
     parts = []
     for paths in drives.parts:
         opened = open_drives(paths)
         require_no_training_drives(opened, detectors)
-        parts.append(detect_drives(opened, fingerprinted, store, config.on_bad_frame, progress))
+        found = detect_drives(opened, fingerprinted, store, config.on_bad_frame, progress)
+        parts.append(found.of_classes(class_names))
     rng = np.random.default_rng([seed, _STREAM])
     if len(parts) == 1:
         whole, fraction = parts[0], config.validation_fraction
@@ -77,8 +84,29 @@ def split_detections(
         parts = [whole[np.flatnonzero(~is_kept)], whole[np.flatnonzero(is_kept)]]
     training, kept = parts
     validation, test = _halves(kept, config.split_by, rng)
-    names = next(iter(detectors.values())).class_names
-    return SplitDetections(training, validation, test, names, detector_fingerprints(detectors))
+    fingerprints = detector_fingerprints(detectors)
+    return SplitDetections(training, validation, test, class_names, fingerprints)
+
+
+def shared_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str, ...]:
+    """Return the classes that all detectors know, and log the others, which cannot be fused.
+
+    Raises:
+        UsageError: they have no class in common.
+    """
+    names = [one.class_names for one in detectors.values()]
+    shared = tuple(name for name in names[0] if all(name in one for one in names))
+    if not shared:
+        raise UsageError(
+            "detectors",
+            expected="a class that all of them detect",
+            found="; ".join(
+                f"{key} {', '.join(one.class_names)}" for key, one in detectors.items()
+            ),
+        )
+    if others := sorted({name for one in names for name in one} - set(shared)):
+        log.warning("not fused: %s, which not all detectors detect", ", ".join(others))
+    return shared
 
 
 def _halves(

@@ -6,7 +6,7 @@ Rows are `KEY: numbers`; the tracking benchmark spells some keys otherwise and l
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,14 @@ _VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam")
 _IMU_TO_VELO_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
 # Raw recordings state it; of the benchmarks, only synthetic drives do, which may have no image to ask.
 _IMAGE_SIZE_KEYS = ("S_rect_02",)
+# Image sizes of KITTI's recordings by focal length in pixels; the files of the benchmarks do not state them.
+_KITTI_IMAGE_SIZES_PX = {
+    721.5377: (1242, 375),
+    707.0493: (1224, 370),
+    707.0912: (1226, 370),
+    718.3351: (1238, 374),
+    718.856: (1241, 376),
+}
 
 CAM_TO_CAM = "calib_cam_to_cam.txt"
 VELO_TO_CAM = "calib_velo_to_cam.txt"
@@ -150,6 +158,13 @@ def _read_raw_camera(folder: Path) -> Calibration:
         image_size_px=_image_size_px(cameras),
         source=str(cameras.path),
     )
+
+
+def with_kitti_image_size(camera: Calibration) -> Calibration:
+    """Return a camera of KITTI with the size of its images, where its file does not state it."""
+    focal_px = round(float(camera.image_P_cam[0, 0]), 4)
+    size_px = camera.image_size_px or _KITTI_IMAGE_SIZES_PX.get(focal_px)
+    return replace(camera, image_size_px=size_px)
 
 
 def _image_size_px(text: CalibrationText) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from data.kitti.calibration import read_benchmark_calibration
+from data.kitti.calibration import read_benchmark_calibration, with_kitti_image_size
 from data.kitti.labels import read_object_labels
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
@@ -110,9 +110,9 @@ class ObjectFrames:
         if not folder.is_dir():
             return None
         camera = read_benchmark_calibration(folder / f"{self.scans.path(number).stem}.txt").camera
-        if camera is None or image is None:
-            return camera
-        return replace(camera, image_size_px=(image.shape[1], image.shape[0]))
+        if camera is not None and image is not None:
+            camera = replace(camera, image_size_px=(image.shape[1], image.shape[0]))
+        return None if camera is None else with_kitti_image_size(camera)
 
     def labels(self, index: int) -> Labels:
         """Read the labels of one frame.

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from data.kitti.calibration import DriveCalibration
+from data.kitti.calibration import DriveCalibration, with_kitti_image_size
 from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.sensor_files import (
@@ -241,8 +241,9 @@ class CameraFiles:
         """Combine the calibration and the images of a drive."""
         camera = calibration.camera
         size = _find_image_size(camera, images)
-        if camera is not None and size is not None:
-            camera = replace(camera, image_size_px=size.size_px)
+        if camera is not None:
+            known = camera if size is None else replace(camera, image_size_px=size.size_px)
+            camera = with_kitti_image_size(known)
         return cls(camera, size, images if load_images and len(images) else None)
 
 

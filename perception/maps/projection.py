@@ -7,12 +7,19 @@ from typing import Annotated
 import cv2
 import numpy as np
 
-from perception.errors import CalibrationError
 from perception.geometry.camera import project
 from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Frame, Int
 
 # Nearer returns are those of the vehicle itself.
 _NEAREST_M = 0.5
+# Camera for which maps are made where a drive has none: it looks ahead, with the image, the field of view (81 x 29
+# degrees) and the place beside the LiDAR of the camera that the networks of this package were trained for.
+VIRTUAL_CAMERA = Calibration(
+    image_P_cam=np.array([[721.5, 0, 609.5, 0], [0, 721.5, 172.9, 0], [0, 0, 1, 0]]),
+    cam_SE3_velo=np.array([[0, -1, 0, 0], [0, 0, -1, -0.08], [1, 0, 0, -0.27], [0, 0, 0, 1]]),
+    image_size_px=(1242, 375),
+    source="virtual camera",
+)
 
 
 @dataclass(frozen=True)
@@ -69,33 +76,23 @@ def project_scan(
 
 
 def project_frame(frame: Frame) -> SparseMaps:
-    """Project the scan of a frame into its camera's image.
-
-    Raises:
-        CalibrationError: the frame has no camera, or the size of its image is unknown.
-    """
+    """Project the scan of a frame into the image of its camera, or of the virtual camera where it has none."""
     return project_scan(frame.points_velo, *camera_of(frame))
 
 
 def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
-    """Return the calibration of a frame's camera, and (width, height) of its image.
+    """Return the calibration of the camera that a frame's maps are made for, and (width, height) of its image.
 
-    Raises:
-        CalibrationError: the frame has no camera, or the size of its image is unknown.
+    A frame without a calibration has the virtual camera. Where neither image nor calibration states the size of the
+    image, the principal point is assumed to be its middle.
     """
-    calibration = frame.calibration
-    if calibration is None:
-        raise CalibrationError(frame.source, expected="a camera's calibration", found="none")
+    calibration = frame.calibration or VIRTUAL_CAMERA
     size_px = calibration.image_size_px
-    if frame.image is not None:
+    if frame.calibration is not None and frame.image is not None:
         size_px = frame.image.shape[1], frame.image.shape[0]
     if size_px is None:
-        raise CalibrationError(
-            calibration.source,
-            expected="the size of the camera's image",
-            found="neither an image nor its size",
-            advice="add a row such as S_rect_02: 1242 375",
-        )
+        column, row = calibration.image_P_cam[:2, 2]
+        size_px = max(1, round(2 * column)), max(1, round(2 * row))
     return calibration, size_px
 
 

@@ -1,6 +1,7 @@
-"""The stages that need a camera: dense maps, detectors of three modalities and their fusion, DepthCN, vehicles."""
+"""The stages that detect vehicles: dense maps, detectors of three modalities and their fusion, DepthCN, tracks."""
 
 import logging
+from concurrent.futures import Future
 from dataclasses import replace
 
 from perception.detection.config import DetectionConfig
@@ -16,10 +17,9 @@ from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
-from perception.errors import CalibrationError
 from perception.maps.densify import DenseMaps, densify
-from perception.maps.projection import camera_of, project_frame
-from perception.pipeline.stages import LidarResult
+from perception.maps.projection import project_frame
+from perception.pipeline.lidar_stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
@@ -47,49 +47,83 @@ class CameraStages:
         self._detectors = _open_detectors(detection)
         self._depthcn = _open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
-        self._has_warned = False
+        self._noted: set[str] = set()
         self.reset()
 
     def reset(self) -> None:
         """Forget the vehicles of the drive so far."""
         self._tracker = VehicleTracker(self._vehicles.tracker)
 
-    def can_detect(self, frame: Frame) -> bool:
-        """Tell whether a detector runs and the frame has a camera; warn once where it has none."""
-        if self._detectors is None and self._depthcn is None:
-            return False
-        try:
-            camera_of(frame)
-        except CalibrationError as error:
-            if not self._has_warned:
-                log.warning("no vehicles are detected: %s", error)
-            self._has_warned = True
-            return False
-        return True
+    def step(self, frame: Frame, lidar: "Future[LidarResult]", clock: StageClock) -> Result:
+        """Run the stages on a frame in their order, beside those of the LiDAR worker.
 
-    def maps(self, frame: Frame) -> DenseMaps:
-        """Return the dense maps, which are made once for all detectors."""
-        return densify(project_frame(frame))
+        Args:
+            frame: Frame of the drive.
+            lidar: Result of the LiDAR stages, once they are done.
+            clock: Clock of the stages.
+        """
+        self._note_missing(frame)
+        has_detector = self._detectors is not None or self._depthcn is not None
+        maps = clock.run("maps", _make_maps, frame) if has_detector else None
+        detections = self._detect(frame, maps, clock)  # image and map detectors, fusion
+        depthcn = self._detect_by_depthcn(frame, maps, clock)
+        lidar_result = lidar.result()
+        vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
+        result = lidar_result.of_frame(frame)
+        if detections is not None and vehicles is not None:
+            result = replace(
+                result,
+                modality_detections=detections.modality_detections,
+                map_images=detections.map_images,
+                vehicles=vehicles.vehicles,
+                tracks=vehicles.tracks,
+            )
+        return replace(
+            result,
+            depthcn=depthcn,
+            timings_s=result.timings_s | clock.seconds,
+            spans=result.spans + clock.spans,
+        )
 
-    def detect(
+    def _note_missing(self, frame: Frame) -> None:
+        """Log once each what the detectors have to do without."""
+        modalities = set(self._detectors.detectors) if self._detectors else set()
+        uses_maps = self._depthcn is not None or bool(modalities - {"rgb"})
+        if frame.calibration is None and (modalities or uses_maps):
+            missing, rest = "calibration of a camera", "maps of a virtual camera that looks ahead"
+        elif frame.image is None and "rgb" in modalities:
+            missing, rest = "camera image", "maps of the scan"
+        else:
+            return
+        if missing not in self._noted:
+            vehicles = (
+                f"vehicles are detected in {rest} alone"
+                if uses_maps
+                else "no vehicles are detected"
+            )
+            log.warning("%s: no %s: %s", frame.source, missing, vehicles)
+            self._noted.add(missing)
+
+    def _detect(
         self, frame: Frame, maps: DenseMaps | None, clock: StageClock
     ) -> MultimodalOutput | None:
         """Return the detections of three modalities and their fusion; None where they are off or lack an image."""
         detectors = self._detectors
-        if maps is None or detectors is None:
+        if detectors is None:
             return None
-        if frame.image is None and detectors.detectors.keys() == {"rgb"}:
+        has_image = frame.image is not None and frame.calibration is not None
+        if not has_image and detectors.detectors.keys() == {"rgb"}:
             return None
         with clock.nested() as spans:
             multimodal = detectors.detect(frame, maps)
             spans.extend(multimodal.spans)
         return multimodal
 
-    def detect_by_depthcn(
+    def _detect_by_depthcn(
         self, frame: Frame, maps: DenseMaps | None, clock: StageClock
     ) -> Detections | None:
         """Return the detections of DepthCN; None where it is off."""
-        if maps is None or self._depthcn is None:
+        if self._depthcn is None:
             return None
         # A network that was trained on maps of another method makes its own.
         is_same = self._depthcn.verifier.method == "default"
@@ -97,7 +131,7 @@ class CameraStages:
             "DepthCN", self._depthcn.verify_frame, frame, maps if is_same else None
         ).detections
 
-    def locate_and_track(
+    def _locate_and_track(
         self,
         frame: Frame,
         detections: MultimodalOutput | None,
@@ -113,31 +147,10 @@ class CameraStages:
             located = locate(detections.fused, frame, lidar.ground, self._vehicles)
             return self._tracker.update(located, frame, lidar.world_SE3_velo, lidar.tracks)
 
-    def result(
-        self,
-        frame: Frame,
-        lidar: LidarResult,
-        detections: MultimodalOutput | None,
-        vehicles: VehicleTrackerResult | None,
-        depthcn: Detections | None,
-        clock: StageClock,
-    ) -> Result:
-        """Join the results of all stages."""
-        result = lidar.of_frame(frame)
-        if detections is not None and vehicles is not None:
-            result = replace(
-                result,
-                modality_detections=detections.modality_detections,
-                map_images=detections.map_images,
-                vehicles=vehicles.vehicles,
-                tracks=vehicles.tracks,
-            )
-        return replace(
-            result,
-            depthcn=depthcn,
-            timings_s=result.timings_s | clock.seconds,
-            spans=lidar.spans + clock.spans,
-        )
+
+def _make_maps(frame: Frame) -> DenseMaps:
+    """Return the dense maps, which are made once for all detectors."""
+    return densify(project_frame(frame))
 
 
 def is_detection_enabled(config: DetectionConfig) -> bool:

@@ -22,8 +22,7 @@ from typing import IO, Any, cast
 from perception.errors import PerceptionError
 from perception.geometry.threads import limit_blas_threads, limit_opencv_threads
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.lidar_stages import LidarStages
-from perception.pipeline.stages import LidarResult
+from perception.pipeline.lidar_stages import LidarResult, LidarStages
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.types import Frame

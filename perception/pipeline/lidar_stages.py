@@ -1,6 +1,6 @@
 """The stages that need the scans alone: registration, ground, static and moving, moving objects."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,10 +12,47 @@ from perception.localization.registration import RegisteredScans, Registration
 from perception.obstacles.ground import ground_estimator
 from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.stages import LidarResult, run_lidar_stages
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
-from perception.types import Frame, GroundModel, Obstacles, PointState, Result
+from perception.types import (
+    Float64,
+    Frame,
+    GroundModel,
+    Obstacles,
+    PointState,
+    Result,
+    StageSpan,
+    Tracks,
+)
+
+
+@dataclass(frozen=True)
+class LidarResult:
+    """Result of the LiDAR stages for one frame.
+
+    Attributes:
+        world_SE3_velo: (4, 4) refined pose of the LiDAR.
+        ground: Ground surface in the LiDAR frame.
+        obstacles: Static and moving obstacles.
+        tracks: Moving objects with their ids.
+        is_reset: Whether poses of earlier scans no longer fit to this one.
+        spans: Start and end of each stage.
+        scan: Input of DATMO; None where the result comes from another process.
+    """
+
+    world_SE3_velo: Float64
+    ground: GroundModel
+    obstacles: Obstacles
+    tracks: Tracks
+    is_reset: bool
+    spans: tuple[StageSpan, ...]
+    scan: SegmentedScan | None
+
+    def of_frame(self, frame: Frame) -> Result:
+        """Return it as the result of a frame without detectors."""
+        timings_s = {span.stage: span.stop_s - span.start_s for span in self.spans}
+        result = Result(frame, self.world_SE3_velo, self.ground, self.obstacles, self.tracks)
+        return replace(result, timings_s=timings_s, spans=self.spans)
 
 
 class LidarStages:
@@ -38,22 +75,36 @@ class LidarStages:
         self._registration = Registration(
             registration, config.method_of(registration), motion.previous_scans
         )
-        self.ground = ground_estimator(
+        self._ground = ground_estimator(
             ground, config.method_of(ground), sensor, config.area, config.seed
         )
-        self.motion = motion_segmenter(motion, config.method_of(motion), sensor, config.area)
-        self.datmo = datmo_stage(config.datmo, sensor, config.area)
+        self._motion = motion_segmenter(motion, config.method_of(motion), sensor, config.area)
+        self._datmo = datmo_stage(config.datmo, sensor, config.area)
 
     def close(self) -> None:
         """Do nothing: there is no process to end."""
 
-    def step(self, frame: Frame, clock: StageClock) -> LidarResult:
-        """Run all stages on a frame.
+    def step(self, frame: Frame, clock: StageClock, *, with_datmo: bool = True) -> LidarResult:
+        """Run the stages on a frame, in their order.
+
+        Args:
+            frame: Frame of the drive.
+            clock: Clock of the stages.
+            with_datmo: Whether moving objects are detected and tracked, where DATMO is on.
 
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
-        return run_lidar_stages(self, frame, clock)
+        scans = clock.run("registration", self._register, frame)
+        ground = clock.run("ground", self._ground.update, scans.window)
+        obstacles = clock.run("static and moving", self._motion.update, scans.window, ground)
+        scan = _segmented_scan(frame, scans, ground, obstacles)
+        tracks = Tracks.empty()
+        if self._datmo is not None and with_datmo:
+            tracks = clock.run("moving objects", self._datmo.update, scan)
+        obstacles = _of_whole_scan(frame, scans, obstacles)
+        pose, is_reset = scan.world_SE3_velo, scans.is_reset
+        return LidarResult(pose, ground, obstacles, tracks, is_reset, clock.spans, scan)
 
     def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
         """Run the stages before moving objects, to compare methods of DATMO on the same scans.
@@ -62,37 +113,36 @@ class LidarStages:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
         with limit_blas_threads():
-            result = run_lidar_stages(self, frame, StageClock(), with_datmo=False)
+            result = self.step(frame, StageClock(), with_datmo=False)
         assert result.scan is not None  # it is of this process
         return result.of_frame(frame), result.scan
 
-    def register(self, frame: Frame) -> RegisteredScans:
+    def _register(self, frame: Frame) -> RegisteredScans:
         """Register the scan, without returns of the vehicle itself, which would be obstacles that move with it."""
         if self._registration.is_empty:
             check_mounting(frame.points_velo, self._sensor, frame.source)
         rows = np.flatnonzero(~self._config.ego_vehicle.contains_xy(frame.points_velo))
         return self._registration.update(frame, rows)
 
-    def segmented_scan(
-        self, frame: Frame, scans: RegisteredScans, ground: GroundModel, obstacles: Obstacles
-    ) -> SegmentedScan:
-        """Return the input of DATMO."""
-        newest = scans.window.newest
-        ins_pose = frame.world_SE3_velo
-        return SegmentedScan(
-            stamp_s=frame.stamp_s,
-            points_velo=newest.points_velo,
-            point_states=obstacles.point_states,
-            ground=ground,
-            world_SE3_velo=newest.world_SE3_velo,
-            ins_world_SE3_velo=newest.world_SE3_velo if ins_pose is None else ins_pose,
-            is_reset=scans.is_reset,
-        )
 
-    def of_whole_scan(
-        self, frame: Frame, scans: RegisteredScans, obstacles: Obstacles
-    ) -> Obstacles:
-        """Return the obstacles with a state for every point of the frame, returns of the vehicle itself included."""
-        point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
-        point_states[scans.rows] = obstacles.point_states
-        return replace(obstacles, point_states=point_states)
+def _segmented_scan(
+    frame: Frame, scans: RegisteredScans, ground: GroundModel, obstacles: Obstacles
+) -> SegmentedScan:
+    """Return the input of DATMO."""
+    newest, ins_pose = scans.window.newest, frame.world_SE3_velo
+    return SegmentedScan(
+        stamp_s=frame.stamp_s,
+        points_velo=newest.points_velo,
+        point_states=obstacles.point_states,
+        ground=ground,
+        world_SE3_velo=newest.world_SE3_velo,
+        ins_world_SE3_velo=newest.world_SE3_velo if ins_pose is None else ins_pose,
+        is_reset=scans.is_reset,
+    )
+
+
+def _of_whole_scan(frame: Frame, scans: RegisteredScans, obstacles: Obstacles) -> Obstacles:
+    """Return the obstacles with a state for every point of the frame, returns of the vehicle itself included."""
+    point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
+    point_states[scans.rows] = obstacles.point_states
+    return replace(obstacles, point_states=point_states)

@@ -18,8 +18,7 @@ from perception.geometry.threads import limit_opencv_threads
 from perception.pipeline.camera_stages import CameraStages, is_detection_enabled
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_process import LidarProcess
-from perception.pipeline.lidar_stages import LidarStages
-from perception.pipeline.stages import LidarResult, run_camera_stages
+from perception.pipeline.lidar_stages import LidarResult, LidarStages
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
@@ -120,8 +119,7 @@ class Pipeline:
         self, frame: Frame, arrival_s: float, lidar: "Future[LidarResult]"
     ) -> Result:
         """Run maps, detectors, fusion and DepthCN; then, with the LiDAR stages' result, vehicles."""
-        clock = StageClock(self._camera_worker.name, arrival_s)
-        return run_camera_stages(self._camera, frame, lidar, clock)
+        return self._camera.step(frame, lidar, StageClock(self._camera_worker.name, arrival_s))
 
     def _submit_independent(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         self._submit_reset()

@@ -1,13 +1,21 @@
 """Which pixel holds which return: homogeneous, rounded, the nearest wins, nothing from behind."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.reference.maps import project_by_loop
 from perception.errors import PerceptionError
 from perception.maps.densify import densify
-from perception.maps.projection import SparseMaps, project_scan
-from perception.types import Calibration
+from perception.maps.projection import (
+    VIRTUAL_CAMERA,
+    SparseMaps,
+    camera_of,
+    project_frame,
+    project_scan,
+)
+from perception.types import Calibration, Frame
 
 # x forward of the LiDAR is z of the camera; 10 px of focal length, principal point (8, 4), and an
 # offset as KITTI's P2 has one.
@@ -93,3 +101,27 @@ def test_of_many_returns_in_one_pixel_the_nearest_stays_alone():
 def test_of_equals_in_one_pixel_the_first_stays():
     scan = points([10, 0, 0, 0.3], [10, 0, 0, 0.8], [10, 0, 0, 0.1])
     assert project_scan(scan, CALIBRATION, SIZE).reflectance.tolist() == [np.float32(0.3)]
+
+
+def test_frame_without_a_calibration_has_the_virtual_camera():
+    image = np.zeros((90, 160, 3), np.uint8)
+    for bare in (
+        Frame(0, 0.0, points([10, 0, 0, 0.5])),
+        Frame(0, 0.0, points([9, 0, 0, 1]), image),
+    ):
+        camera, size_px = camera_of(bare)
+        assert camera is VIRTUAL_CAMERA
+        assert size_px == camera.image_size_px == (1242, 375)
+    # It looks ahead: a return in the middle, at the height of the LiDAR, is above the middle of the image.
+    sparse = project_frame(Frame(0, 0.0, points([10, 0, 0, 0.5], [-10, 0, 0, 0.5])))
+    assert sparse.pixels[:, 0].tolist() == [610]
+    assert 0 < sparse.pixels[0, 1] < 187
+
+
+def test_size_of_the_image_is_that_of_the_image_else_stated_else_twice_the_principal_point():
+    image = np.zeros((9, 17, 3), np.uint8)
+    unstated = Frame(0, 0.0, points([10, 0, 0, 0.5]), calibration=CALIBRATION)
+    assert camera_of(unstated)[1] == (16, 8)
+    stated = replace(unstated, calibration=replace(CALIBRATION, image_size_px=(20, 10)))
+    assert camera_of(stated)[1] == (20, 10)
+    assert camera_of(replace(unstated, image=image))[1] == (17, 9)

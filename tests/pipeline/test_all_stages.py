@@ -1,6 +1,5 @@
 """All stages together: the same answer in every way of running them, and what a missing camera changes."""
 
-import logging
 import threading
 from dataclasses import fields, is_dataclass, replace
 
@@ -14,6 +13,7 @@ from perception.detection.detectors import modalities
 from perception.detection.detectors.modalities import modality_image
 from perception.errors import ModelError, PoseError
 from perception.maps.densify import densify
+from perception.maps.projection import VIRTUAL_CAMERA
 from perception.pipeline import Pipeline, PipelineConfig, camera_stages
 from perception.pipeline.lidar_process import LidarProcess
 from perception.types import MODALITIES
@@ -147,24 +147,54 @@ def test_without_poses_vehicles_are_located_all_the_same(street_frames, all_stag
     assert all(len(found) > 0 for found in without)
 
 
-def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(
-    street_frames, all_stages, caplog
+def notes_of(caplog) -> list[tuple]:
+    """Return the arguments of all notes of the pipeline."""
+    return [one.args for one in caplog.records if one.name.startswith("perception.pipeline")]
+
+
+@pytest.mark.parametrize(
+    ("missing", "named", "camera"),
+    [
+        (("image",), "camera image", None),
+        (("calibration",), "calibration of a camera", VIRTUAL_CAMERA),
+        (("image", "calibration"), "calibration of a camera", VIRTUAL_CAMERA),
+    ],
+)
+def test_what_is_missing_of_the_camera_is_noted_once(
+    street_frames, all_stages, caplog, missing, named, camera
 ):
-    blind = [replace(frame, image=None, calibration=None) for frame in street_frames]
-    with Pipeline(config=all_stages) as pipeline, caplog.at_level(logging.WARNING):
-        results = [pipeline.step(frame) for frame in blind]
-    of_pipeline = [
-        record for record in caplog.records if record.name.startswith("perception.pipeline")
-    ]
-    assert [record.message for record in of_pipeline] == [
-        "no vehicles are detected: synthetic_0000 frame 0: expected a camera's calibration, found none."
-    ]
-    assert all(result.vehicles is None and result.depthcn is None for result in results)
-    assert not any(result.modality_detections for result in results)
-    with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
-        expected = [pipeline.step(frame) for frame in blind]
+    frames = [replace(frame, **dict.fromkeys(missing)) for frame in street_frames]
+    with Pipeline(config=all_stages) as pipeline:
+        results = [pipeline.step(frame) for frame in frames]
+    ((source, what, _),) = notes_of(caplog)
+    assert (source, what) == (frames[0].source, named)
+    # The maps are those of the camera in its place.
+    seen = [replace(one, image=None, calibration=camera or one.calibration) for one in frames]
+    with Pipeline(config=all_stages) as pipeline:
+        expected = [pipeline.step(frame) for frame in seen]
     for one, other in zip(results, expected, strict=True):
-        assert_same(comparable(one), comparable(other))
+        assert set(one.modality_detections) == {"dm", "rm"}
+        assert_same(comparable(replace(one, frame=other.frame)), comparable(other))
+    assert any(np.isfinite(one.vehicles.boxes.bottom_m).any() for one in results)
+
+
+def test_the_image_detector_alone_needs_image_and_calibration(street_frames, all_stages, caplog):
+    detection = replace(
+        all_stages.detection, modalities=("rgb",), depthcn=DepthCnConfig(enabled=False)
+    )
+    alone = replace(all_stages, detection=detection)
+    for missing in ("image", "calibration"):
+        caplog.clear()
+        with Pipeline(config=alone) as pipeline:
+            results = [pipeline.step(replace(frame, **{missing: None})) for frame in street_frames]
+        assert len(notes_of(caplog)) == 1
+        assert all(result.vehicles is None for result in results)
+
+
+def test_without_detectors_nothing_is_missing(street_frames, caplog):
+    with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
+        pipeline.step(replace(street_frames[0], image=None, calibration=None))
+    assert notes_of(caplog) == []
 
 
 def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, all_stages):

@@ -95,6 +95,7 @@ class FusionTrainingConfig:
         seed: Seed of the initial weights and of the order of the rows.
         training_data: Names of the training drives, for the model file.
         detectors: Fingerprints of the detectors, for the model file.
+        class_names: Classes of the detectors, for the model file.
         revision: Revision of the program, for the model file.
     """
 
@@ -106,6 +107,7 @@ class FusionTrainingConfig:
     seed: int = 0
     training_data: str = "unknown"
     detectors: str = "unknown"
+    class_names: tuple[str, ...] = ("Car",)
     revision: str = "unknown"
 
     @property
@@ -119,6 +121,7 @@ class FusionTrainingConfig:
             "seed": self.seed,
             "training_data": self.training_data,
             "detectors": self.detectors,
+            "classes": ",".join(self.class_names),
             "revision": self.revision,
         }
 

@@ -91,6 +91,7 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         "optimiser": str(hyper_parameters["optimiser"]),
         "training_data": str(hyper_parameters["training_data"]),
         "detectors": str(hyper_parameters["detectors"]),
+        "classes": str(hyper_parameters["classes"]),
         "revision": str(hyper_parameters["revision"]),
         "epochs": str(content["epoch"] + 1),
     }

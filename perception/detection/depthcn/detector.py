@@ -80,11 +80,7 @@ class DepthCn:
         self._nms = nms
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the vehicles in the camera's view, best first; the image is not used.
-
-        Raises:
-            CalibrationError: the frame has no camera, or the size of the image is unknown.
-        """
+        """Return the vehicles in the camera's view, best first; the image is not used."""
         return self.verify_frame(frame).detections
 
     def verify_frame(self, frame: Frame, dense: DenseMaps | None = None) -> VerifiedProposals:

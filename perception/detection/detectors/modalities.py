@@ -57,7 +57,6 @@ def modality_image(frame: Frame, modality: Modality, filling: MapFilling = "defa
 
     Raises:
         ImageError: the frame has no image, and the modality is rgb.
-        CalibrationError: the frame has no camera to project the scan to, and the modality is a map.
     """
     if modality == "rgb":
         return camera_image(frame)

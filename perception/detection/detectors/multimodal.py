@@ -24,7 +24,7 @@ from perception.detection.detectors.modalities import (
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.nms_fusion import NmsFusion
-from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
+from perception.detection.fusion.class_fusion import fusion_of
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.maps.densify import DenseMaps
@@ -106,7 +106,7 @@ class MultimodalDetector:
             workers: Number of detectors that run at once.
 
         Raises:
-            ModelError: a detector has another modality than its key, or detectors differ in their classes.
+            ModelError: a detector has another modality than its key.
             UsageError: there is no detector.
         """
         _validate(detectors)
@@ -114,18 +114,17 @@ class MultimodalDetector:
         """Detectors by modality."""
         self._fusion: DetectionFusion = fusion or NmsFusion()
         if isinstance(fusion, Fusion):
-            warn_of_detector_mismatch(fusion, detectors)
+            self._fusion = fusion_of(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
 
     def detect(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalOutput:
-        """Detect in one frame; without an image, the map detectors run alone.
+        """Detect in one frame; without an image and its calibration, the map detectors run alone.
 
         Args:
             frame: Scan and camera, with an image where there is one.
             dense: Dense maps of the frame by the default filling, where they exist already.
 
         Raises:
-            CalibrationError: a detector needs maps, and the frame has no camera to project the scan to.
             ImageError: the only detector needs an image, and the frame has none.
             ModelError: an output of a network is not finite.
         """
@@ -141,9 +140,8 @@ class MultimodalDetector:
         outputs = {name: running[name].result() for name in MODALITIES if name in running}
         detections = {name: one.value.detections for name, one in outputs.items()}
         used = next(iter(maps.value.values()), dense)
-        fused = _time(
-            lambda: self._fusion.fuse(detections, _size_px(frame), used, frame.calibration)
-        )
+        camera, size_px = self._camera(frame)
+        fused = _time(lambda: self._fusion.fuse(detections, size_px, used, camera))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in outputs.items()}
         images: dict[Modality, UInt8] = {
@@ -154,8 +152,21 @@ class MultimodalDetector:
         return MultimodalOutput(detections, fused.value, used, images, timings_s, tuple(spans))
 
     def _uses_image(self, frame: Frame) -> bool:
-        is_alone = len(self.detectors) == 1
-        return "rgb" in self.detectors and (frame.image is not None or is_alone)
+        if self._needs_no_maps:
+            return True
+        has_image = frame.image is not None and frame.calibration is not None
+        return "rgb" in self.detectors and has_image
+
+    @property
+    def _needs_no_maps(self) -> bool:
+        return self.detectors.keys() == {"rgb"}
+
+    def _camera(self, frame: Frame) -> tuple[Calibration | None, tuple[int, int]]:
+        """Return the camera of the detections, None of an image without a calibration, and the size of its image."""
+        if self._needs_no_maps and frame.calibration is None:
+            height_px, width_px = camera_image(frame).shape[:2]
+            return None, (width_px, height_px)
+        return camera_of(frame)
 
     def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
         """Return the dense maps by each filling that a detector needs."""
@@ -216,28 +227,13 @@ def _time(make: Callable[[], Value]) -> _Timed[Value]:
     return _Timed(value, threading.current_thread().name, start_s, time.perf_counter())
 
 
-def _size_px(frame: Frame) -> tuple[int, int]:
-    """Return the (width, height) of the image, also where the frame has none."""
-    if frame.image is not None:
-        return frame.image.shape[1], frame.image.shape[0]
-    return camera_of(frame)[1]
-
-
 def _validate(detectors: Mapping[Modality, ModalityDetector]) -> None:
     if not detectors:
         raise UsageError("detectors", expected=f"one of {', '.join(MODALITIES)}", found="none")
-    first = next(iter(detectors.values()))
     for modality, detector in detectors.items():
         if detector.modality != modality:
             raise ModelError(
                 detector.model.name,
                 expected=f"a detector of modality {modality}",
                 found=f"one of {detector.modality}",
-            )
-        if detector.class_names != first.class_names:
-            raise ModelError(
-                detector.model.name,
-                expected=f"classes {', '.join(first.class_names)} as of {first.model.name}",
-                found=", ".join(detector.class_names),
-                advice="fuse detectors that were trained for the same classes, in the same order",
             )

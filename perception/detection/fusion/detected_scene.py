@@ -1,6 +1,6 @@
 """Detections of all modalities in one frame, with the depths of their boxes."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -105,6 +105,25 @@ class DetectedScene:
         if {"dm", "rm"} <= set(lost):
             depths_m = {}
         return replace(self, modality_detections=modality_detections, depths_m=depths_m)
+
+    def of_classes(self, class_names: Collection[str]) -> "DetectedScene":
+        """Return the scene with the detections of some classes alone."""
+        rows = {
+            name: rows_of_classes(found, class_names)
+            for name, found in self.modality_detections.items()
+        }
+        return replace(
+            self,
+            modality_detections={
+                name: found[rows[name]] for name, found in self.modality_detections.items()
+            },
+            depths_m={name: found[rows[name]] for name, found in self.depths_m.items()},
+        )
+
+
+def rows_of_classes(detections: Detections, class_names: Collection[str]) -> Int:
+    """Return the rows of the detections of some classes."""
+    return np.flatnonzero(np.isin(detections.types, list(class_names)))
 
 
 def scene_of(

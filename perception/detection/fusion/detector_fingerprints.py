@@ -1,13 +1,10 @@
 """Detectors that a fusion was trained with: scores of other detectors mean something else."""
 
-import logging
 from collections.abc import Mapping
 from typing import Protocol
 
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.types import Modality
-
-log = logging.getLogger(__name__)
 
 
 class FittedModel(Protocol):
@@ -29,27 +26,20 @@ def detector_fingerprints(detectors: Mapping[Modality, ModalityDetector]) -> str
     return ", ".join(f"{name} {one.model.fingerprint}" for name, one in sorted(detectors.items()))
 
 
-def warn_of_detector_mismatch(
+def unfitted_detectors(
     fusion: FittedModel, detectors: Mapping[Modality, ModalityDetector]
-) -> None:
-    """Log a warning where detectors are not those that a fusion was trained with.
+) -> list[str]:
+    """Return the names of the detectors that are not those that a fusion was trained with.
 
-    It is no error, since detectors may have been trained further. A file without fingerprints causes no warning.
+    It is no error, since detectors may have been trained further. A fusion without fingerprints fits to all.
     """
     known = dict(
         word.split(" ", 1)
         for word in fusion.metadata.get("detectors", "").split(", ")
         if " " in word
     )
-    others = [
+    return [
         one.model.name
         for name, one in detectors.items()
         if known.get(name, one.model.fingerprint) != one.model.fingerprint
     ]
-    if others:
-        log.warning(
-            "%s was trained with other detectors than %s: its scores may be wrong; retrain it with "
-            "`trifuse train fusion`",
-            fusion.name,
-            " and ".join(others),
-        )

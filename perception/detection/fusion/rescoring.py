@@ -33,7 +33,7 @@ from perception.types import Calibration as CameraCalibration
 KIND = "fusion"
 CONTRACT = ModelContract(
     metadata={"kind": KIND, "modalities": ",".join(MODALITIES)},
-    required_keys=("variant", "features", "hidden", "calibration"),
+    required_keys=("variant", "features", "hidden", "calibration", "classes"),
     inputs={"features": ModelInput(np.float32, (None, None))},
     outputs=("scores",),
 )
@@ -86,7 +86,10 @@ class Fusion:
         """Metadata of the model file."""
         self.variant: FusionVariant = _variant(self._model)
         """Features of a combination that the network takes."""
-        self._max_iou = max_iou
+        self.class_names = tuple(self.metadata["classes"].split(","))
+        """Classes of its training."""
+        self.max_iou = max_iou
+        """Overlap (IoU) above which two boxes show the same object."""
         self._tri_boxes = tri_boxes or TRI_BOX_CONFIGS[self.variant]
         self.calibrations = _calibrations(self._model)
         """Calibration from scores to probabilities."""
@@ -136,7 +139,7 @@ class Fusion:
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Return the boxes that suppression keeps, with the combination of each."""
-        kept = suppress(rescored.detections, self._max_iou)
+        kept = suppress(rescored.detections, self.max_iou)
         rows = rescored.best[kept]
         source_indices = rescored.tri_boxes[rows]
         detections = rescored.detections[kept]
@@ -145,7 +148,7 @@ class Fusion:
             places = scene.merged.places(source_indices)
             others_px = scene.merged.detections.boxes_px[places]
             is_own, is_present = places == kept[:, None], places >= 0
-            is_same = is_own | (is_present & (_overlaps(others_px, is_own) > self._max_iou))
+            is_same = is_own | (is_present & (_overlaps(others_px, is_own) > self.max_iou))
             boxes_px = _weighted_mean(others_px, is_same, rescored.tri_scores[rows])
         scores = self.calibrations.of(scene.modality_detections).probabilities(detections.scores)
         return FusedDetections(

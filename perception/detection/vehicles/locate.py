@@ -38,9 +38,6 @@ def locate(
         frame: Frame of the detections.
         ground: Ground model; None takes the lowest points around a vehicle for its ground.
         config: Points, boxes and minimum score.
-
-    Raises:
-        CalibrationError: The frame has no camera, or the size of its image is not known.
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px

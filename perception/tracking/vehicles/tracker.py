@@ -72,9 +72,6 @@ class VehicleTracker:
             frame: Time and camera; a frame that is not later than the last one clears the tracks.
             world_SE3_velo: (4, 4) pose of the frame.
             tracks: Moving objects in the same scan, with the ids of their own tracker; None without one.
-
-        Raises:
-            CalibrationError: The frame has no camera, or the size of its image is not known.
         """
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
             self.clear()

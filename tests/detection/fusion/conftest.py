@@ -34,6 +34,7 @@ def weighted_sums(variant: FusionVariant, weights, **metadata: str) -> bytes:
         "features": ",".join(names),
         "hidden": "",
         "calibration": "1.0,1.0,0.0",
+        "classes": "Car",
     }
     helper.set_model_props(model, known | metadata)
     return bytes(model.SerializeToString())

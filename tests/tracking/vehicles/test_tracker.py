@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from perception.detection.vehicles.locate import locate
-from perception.errors import CalibrationError
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
-from perception.types import Boxes3D, Frame, FusedDetections, Tracks
+from perception.types import Boxes3D, FusedDetections, Tracks
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, observed_from, road, sides
 
 _ROAD = road(step_m=1.0)
@@ -133,17 +132,6 @@ def test_in_a_row_no_car_takes_the_id_of_a_missed_neighbour():
         reported = drive.observe(world, missed=(missed,)).vehicles.ids.tolist()
         assert reported == [one for one in expected if one != missed]
     assert drive.observe(world).vehicles.ids.tolist() == expected
-
-
-def test_a_frame_without_a_camera_is_an_error_and_changes_nothing():
-    drive, world = Drive(), cars((20.0, 4.0, 0.0))
-    for _ in range(3):
-        located = drive.observe(world).vehicles
-    blind = Frame(9, 0.9, np.ones((len(located.owners), 4), np.float32))
-    with pytest.raises(CalibrationError) as caught:
-        drive.tracker.update(located, blind, np.eye(4))
-    assert caught.value.expected == "a camera's calibration"
-    assert drive.observe(world).vehicles.ids.tolist() == [0]
 
 
 def test_a_vehicle_that_is_not_located_is_tracked_in_the_image():
