@@ -66,6 +66,7 @@ class DatmoReport(Report):
         by_loose_overlap: Metrics by overlap with CLEAR and identity at the loose threshold.
         errors: Errors of matched tracks.
         objects: Tracking of each object that must be tracked, by its track id.
+        never_tracked: Track ids of the objects that no track ever matched.
         false_tracks: Tracks that match no moving object.
         frames: Number of evaluated frames.
         ms_per_frame: Mean time of detection and tracking; NaN without a frame.
@@ -79,15 +80,11 @@ class DatmoReport(Report):
     by_loose_overlap: MotMetrics
     errors: MatchedErrors
     objects: Mapping[str, ObjectTracking]
+    never_tracked: list[int]
     false_tracks: FalseTracks
     frames: Annotated[int, Metric("frames")]
     ms_per_frame: Annotated[float, Metric("mean [ms]", ".1f")]
     ms_p99: Annotated[float, Metric("p99 [ms]", ".1f")]
-
-    @property
-    def never_tracked(self) -> list[str]:
-        """Track ids of the objects that no track ever matched."""
-        return [number for number, one in self.objects.items() if not one.frames_tracked]
 
     @property
     def count_never_tracked(self) -> Annotated[int, Metric("objects never tracked")]:
@@ -187,6 +184,10 @@ class DatmoMeasure:
         """Return the metrics of all frames so far."""
         protocol, errors = self._protocol, TargetErrors.concatenate(self._errors)
         duration_s, types = _duration_s(self._stamps_s), self._truth.types()
+        objects = {
+            str(number): rows.of_object(types.get(number))
+            for number, rows in errors.by_object().items()
+        }
         ms = 1e3 * np.array(self._seconds or [np.nan])
         return DatmoReport(
             protocol,
@@ -195,10 +196,8 @@ class DatmoMeasure:
             by_overlap=evaluate_tracks(self._by_overlap, protocol.overlap_threshold),
             by_loose_overlap=evaluate_tracks(self._by_overlap, protocol.loose_overlap_threshold),
             errors=errors.summary(),
-            objects={
-                str(number): rows.of_object(types.get(number))
-                for number, rows in errors.by_object().items()
-            },
+            objects=objects,
+            never_tracked=[int(n) for n, one in objects.items() if not one.frames_tracked],
             false_tracks=find_false_tracks(TrackOutcomes.concatenate(self._outcomes), duration_s),
             frames=len(self._seconds),
             ms_per_frame=float(ms.mean()),

@@ -146,7 +146,7 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
     results = written["results"]
     assert list(results) == ["thesis", "default"]
     assert results["default"]["by_distance"]["HOTA"] == 1.0
-    assert results["default"]["count_never_tracked"] == 0
+    assert results["default"]["never_tracked"] == []
     assert results["thesis"]["by_overlap"]["MOTA"] == 0.0
     assert {int(number) for number in results["thesis"]["objects"]} == set(
         results["thesis"]["never_tracked"]
