@@ -22,8 +22,8 @@ def compare_average_precision() -> Comparison:
     sets = [random_boxes(_FRAMES, np.random.default_rng(seed)) for seed in range(_SETS)]
 
     def at_once(i: int) -> Float64:
-        metrics = kitti_average_precision(*sets[i], _FRAMES, (CAR,))
-        return np.array([curve.precision for curve in metrics.classes[0].curves.values()])
+        curves = kitti_average_precision(*sets[i], _FRAMES, (CAR,))[CAR]
+        return np.array([curve.precision for curve in curves.values()])
 
     def reference(i: int) -> Float64:
         curves = (reference_curve(*sets[i], _FRAMES, CAR, one) for one in DIFFICULTIES)

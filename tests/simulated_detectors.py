@@ -77,7 +77,7 @@ def precision(frames: DetectedFrames, detections: DetectedBoxes, iou: float = 0.
     """Return the average precision in percent, at KITTI's moderate level."""
     of_class = KITTI_CLASSES[0].at_iou(iou)
     figures = kitti_average_precision(frames.truth, detections, len(frames), (of_class,))
-    return figures.classes[0].curves["moderate"].ap()
+    return figures[of_class]["moderate"].ap()
 
 
 def _boxes_at(distances_m, heights_m, rng):

@@ -64,8 +64,7 @@ def precision_curves(
     truth: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass = CAR
 ) -> dict[str, PrecisionCurve]:
     """Return KITTI's precision curves by difficulty; none where nothing was detected."""
-    metrics = kitti_average_precision(truth, detections, frames, (of_class,))
-    return metrics.classes[0].curves
+    return kitti_average_precision(truth, detections, frames, (of_class,))[of_class]
 
 
 def class_correctness(

@@ -44,8 +44,7 @@ def box(x: float, width: float = 100, height: float = 50) -> list[float]:
 
 
 def easy(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> PrecisionCurve:
-    metrics = kitti_average_precision(truths, detections, frames, CAR)
-    return metrics.classes[0].curves["easy"]
+    return kitti_average_precision(truths, detections, frames, CAR)[CAR[0]]["easy"]
 
 
 def test_two_cars_of_which_one_is_found_first_and_a_ghost_between():
@@ -89,9 +88,9 @@ def test_one_missing_heading_leaves_all_without():
 def test_a_class_without_detections_has_no_metrics():
     truths = truths_of((0, "Car", box(0)), (0, "Cyclist", box(300)))
     detections = detections_of((0, "Cyclist", box(300), 0.5))
-    car, pedestrian, cyclist = kitti_average_precision(truths, detections, 1).classes
-    assert car.curves == pedestrian.curves == {}
-    assert cyclist.curves["easy"].true_positives.tolist() == [1]
+    car, pedestrian, cyclist = kitti_average_precision(truths, detections, 1).values()
+    assert car == pedestrian == {}
+    assert cyclist["easy"].true_positives.tolist() == [1]
 
 
 def test_a_class_without_labels_rests_on_no_truths():
@@ -103,15 +102,15 @@ def test_a_class_without_labels_rests_on_no_truths():
 
 
 def test_nothing_at_all():
-    for of_class in kitti_average_precision(truths_of(), detections_of(), 0).classes:
-        assert of_class.curves == {}
+    metrics = kitti_average_precision(truths_of(), detections_of(), 0)
+    assert list(metrics.values()) == [{}, {}, {}]
 
 
 def test_any_class_may_be_looked_for():
     tram = DetectionClass("Tram", iou=0.3, neighbours=("Truck",))
     truths = truths_of((0, "Tram", box(0)), (0, "Truck", box(200)))
     detections = detections_of((0, "TRAM", box(50), 0.9), (0, "tram", box(200), 0.8))
-    curve = kitti_average_precision(truths, detections, 1, [tram]).classes[0].curves["hard"]
+    curve = kitti_average_precision(truths, detections, 1, [tram])[tram]["hard"]
     assert (curve.truths, curve.matches) == (1, 1)
     assert curve.false_positives.tolist() == [0]
     with pytest.raises(UsageError) as error:
@@ -154,9 +153,9 @@ def test_boxes_beyond_the_last_frame():
 
 
 def test_no_resample_without_frames():
-    statistics = match_detections(truths_of(), detections_of(), 0)
+    matches = match_detections(truths_of(), detections_of(), 0)[CAR[0]]
     with pytest.raises(UsageError) as error:
-        resample_precision(statistics, 5, np.random.default_rng(0))
+        resample_precision(matches, 5, np.random.default_rng(0))
     assert error.value.found == "5 resamples of 0 frames"
 
 

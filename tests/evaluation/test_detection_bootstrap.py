@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from perception.evaluation.detection.average_precision import DetectionStatistics, match_detections
+from perception.evaluation.detection.average_precision import ClassMatches, match_detections
 from perception.evaluation.detection.bootstrap import percentile_interval, resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 
 
-def noisy_statistics(frames: int, cyclist_frames: int = 1) -> DetectionStatistics:
+def noisy_matches(frames: int, cyclist_frames: int = 1) -> list[ClassMatches]:
     """Return frames of two cars, of which three in four are found, and every other frame has a ghost."""
     rng = np.random.default_rng(7)
     numbers = np.repeat(np.arange(frames), 2)
@@ -26,46 +26,45 @@ def noisy_statistics(frames: int, cyclist_frames: int = 1) -> DetectionStatistic
     shifted = boxes[kept] + np.where(again | ~is_found[kept], 500, 0)[:, None]
     scores = rng.normal(size=len(kept)) - again
     detections = DetectedBoxes(numbers[kept], types[kept], nothing[kept], shifted, scores)
-    return match_detections(truths, detections, frames, KITTI_CLASSES)
+    return list(match_detections(truths, detections, frames, KITTI_CLASSES).values())
 
 
 def test_the_same_generator_gives_the_same_interval():
-    statistics = noisy_statistics(60)
+    car, _, _ = noisy_matches(60)
     first, again, other = (
-        resample_precision(statistics, 20, np.random.default_rng(seed))[0]["easy"]
-        for seed in (1, 1, 2)
+        resample_precision(car, 20, np.random.default_rng(seed))["easy"] for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(first.percent[40], again.percent[40])
-    assert percentile_interval(first.percent[40]) == percentile_interval(again.percent[40])
-    assert percentile_interval(first.percent[40]) != percentile_interval(other.percent[40])
+    np.testing.assert_array_equal(first[40], again[40])
+    assert percentile_interval(first[40]) == percentile_interval(again[40])
+    assert percentile_interval(first[40]) != percentile_interval(other[40])
 
 
 @pytest.mark.parametrize("points", [11, 40])
 def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
     widths = []
     for frames in (60, 600):
-        statistics = noisy_statistics(frames)
-        metric = statistics.metrics().classes[0].curves["moderate"].ap(points)
-        samples = resample_precision(statistics, 100, np.random.default_rng(0))[0]["moderate"]
-        interval = percentile_interval(samples.percent[points])
+        car, _, _ = noisy_matches(frames)
+        metric = car.curves()["moderate"].ap(points)
+        samples = resample_precision(car, 100, np.random.default_rng(0))["moderate"]
+        interval = percentile_interval(samples[points])
         assert interval.low < metric < interval.high
-        narrow = percentile_interval(samples.percent[points], confidence=0.5)
+        narrow = percentile_interval(samples[points], confidence=0.5)
         assert interval.low < narrow.low < narrow.high < interval.high
         widths.append(interval.high - interval.low)
     assert 0 < widths[1] < 0.6 * widths[0]
 
 
 def test_resamples_without_an_object_are_unknown():
-    car, pedestrian, cyclist = resample_precision(
-        noisy_statistics(30), 40, np.random.default_rng(0)
+    car, pedestrian, cyclist = (
+        resample_precision(one, 40, np.random.default_rng(0)) for one in noisy_matches(30)
     )
     assert pedestrian == {}
-    is_nothing = np.isnan(cyclist["easy"].percent[40])
+    is_nothing = np.isnan(cyclist["easy"][40])
     # One frame in 30 holds the cyclist: (1 - 1/30)^30, a third of all resamples, lack it.
     assert 5 < is_nothing.sum() < 25
-    assert not np.isnan(car["easy"].percent[40]).any()
-    never = resample_precision(noisy_statistics(30, cyclist_frames=0), 4, np.random.default_rng(0))
-    assert never[2] == {}
+    assert not np.isnan(car["easy"][40]).any()
+    _, _, never = noisy_matches(30, cyclist_frames=0)
+    assert resample_precision(never, 4, np.random.default_rng(0)) == {}
 
 
 def test_progress_sees_every_resample():
@@ -76,5 +75,5 @@ def test_progress_sees_every_resample():
             seen.append(number)
             yield number
 
-    resample_precision(noisy_statistics(10), 5, np.random.default_rng(0), watch)
+    resample_precision(noisy_matches(10)[0], 5, np.random.default_rng(0), watch)
     assert seen == [0, 1, 2, 3, 4]

@@ -71,13 +71,11 @@ def test_any_overlap_gives_the_counts_of_the_plain_form(seed: int, iou: float):
     truths, detections = crowded_frames(seed)
     classes = [of_class.at_iou(iou) for of_class in KITTI_CLASSES]
     metrics = kitti_average_precision(truths, detections, FRAMES, classes)
-    for of_class in metrics.classes:
+    for of_class, curves in metrics.items():
         for difficulty in DIFFICULTIES:
-            naive = reference_curve(
-                truths, detections, FRAMES, of_class.detection_class, difficulty
-            )
-            assert_same(of_class.curves[difficulty.name], naive)
-    assert metrics.classes[0].curves["hard"].matches > 5 or iou > 0.8
+            naive = reference_curve(truths, detections, FRAMES, of_class, difficulty)
+            assert_same(curves[difficulty.name], naive)
+    assert metrics[classes[0]]["hard"].matches > 5 or iou > 0.8
 
 
 def test_frames_that_weigh_double_are_frames_that_are_there_twice():
@@ -90,7 +88,7 @@ def test_frames_that_weigh_double_are_frames_that_are_there_twice():
         take_frames(truths, frames), take_frames(detections, frames), len(frames), car, hard
     )
     assert naive.matches > 10
-    assert_same(statistics.metrics(weights).classes[0].curves["hard"], naive)
+    assert_same(statistics[car].curves(weights)["hard"], naive)
 
 
 def take_frames(rows, frames):
@@ -103,11 +101,12 @@ def take_frames(rows, frames):
 
 def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
     truths, detections = crowded_frames(4)
-    whole = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
+    car = KITTI_CLASSES[0].at_iou(0.2)
+    whole = kitti_average_precision(truths, detections, FRAMES, [car])[car]
     monkeypatch.setattr(threshold_sweep, "MAX_BLOCK_PAIRS", 7)
-    blocks = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
-    for name, curve in whole.classes[0].curves.items():
-        same = blocks.classes[0].curves[name]
+    blocks = kitti_average_precision(truths, detections, FRAMES, [car])[car]
+    for name, curve in whole.items():
+        same = blocks[name]
         np.testing.assert_array_equal(curve.false_positives, same.false_positives)
         np.testing.assert_array_equal(curve.orientation_similarity, same.orientation_similarity)
 

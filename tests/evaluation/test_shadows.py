@@ -54,7 +54,7 @@ def step(
     world_SE3_velo = from_euler(0, 0, 0, np.array([ego_m, 0.0, 0.0]))
     static = Voxels(voxels, np.ones(len(voxels), np.int64), 0.1)
     nothing = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
-    scan = Frame(frame, 0.1 * frame, np.zeros((1, 4), np.float32))
+    scan = Frame(frame, 0.1 * frame, np.ones((1, 4), np.float32))
     obstacles = Obstacles(np.zeros(1, np.uint8), static, nothing)
     return shadow_detector.update(Result(scan, world_SE3_velo, Level(), obstacles), *annotations)
 

@@ -89,9 +89,9 @@ def curve_panels(validation_metrics: DetectionMetrics) -> list[CurvePanel]:
     """Return a panel for each class and IoU, with a curve for each difficulty."""
     return [
         precision_panel(
-            f"{one.detection_class.name}, IoU {one.detection_class.iou:g}",
-            {f"{name}: {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
+            f"{of_class.name}, IoU {of_class.iou:g}",
+            {f"{name}: {curve.ap():.1f} %": curve.precision for name, curve in curves.items()},
             "AP",
         )
-        for one in validation_metrics.classes
+        for of_class, curves in validation_metrics.items()
     ]

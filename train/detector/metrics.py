@@ -9,7 +9,7 @@ from torchmetrics import Metric
 
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.average_precision import (
-    ClassMetrics,
+    ClassCurves,
     DetectionMetrics,
     kitti_average_precision,
 )
@@ -91,8 +91,10 @@ def measure(
 
 def mean_precision(metrics: DetectionMetrics) -> dict[str, float]:
     """Return average precision in percent over the classes: `easy` .. and `easy_50` .. at an IoU of a half."""
-    half = len(metrics.classes) // 2
-    parts = {"": metrics.classes[:half], "_50": metrics.classes[half:]}
+    parts = {
+        "": [curves for one, curves in metrics.items() if one == kitti_class(one.name)],
+        "_50": [curves for one, curves in metrics.items() if one.iou == LOOSE_IOU],
+    }
     return {
         f"{one.name}{mark}": float(np.mean([precision(of, one.name) for of in classes]))
         for mark, classes in parts.items()
@@ -103,14 +105,14 @@ def mean_precision(metrics: DetectionMetrics) -> dict[str, float]:
 def precision_table(metrics: DetectionMetrics) -> dict[str, dict[str, float]]:
     """Return average precision in percent by class and overlap, such as `Car 0.7`, and by difficulty."""
     return {
-        f"{of.detection_class.name} {of.detection_class.iou:g}": {
-            one.name: precision(of, one.name) for one in DIFFICULTIES
+        f"{of_class.name} {of_class.iou:g}": {
+            one.name: precision(curves, one.name) for one in DIFFICULTIES
         }
-        for of in metrics.classes
+        for of_class, curves in metrics.items()
     }
 
 
-def precision(metrics: ClassMetrics, difficulty: str) -> float:
+def precision(curves: ClassCurves, difficulty: str) -> float:
     """Return the average precision in percent, 0 where nothing was detected."""
-    curve = metrics.curves.get(difficulty)
+    curve = curves.get(difficulty)
     return curve.ap() if curve else 0.0

@@ -15,68 +15,33 @@ from perception.evaluation.detection.protocol import (
 )
 from perception.types import Int
 
-
-@dataclass(frozen=True)
-class ClassMetrics:
-    """Metrics of one class.
-
-    Attributes:
-        detection_class: Class and its IoU threshold.
-        curves: Precision-recall curves by difficulty; empty where nothing of the class was detected.
-    """
-
-    detection_class: DetectionClass
-    curves: dict[str, PrecisionCurve]
+# Precision-recall curves by difficulty; none where nothing of the class was detected.
+ClassCurves = dict[str, PrecisionCurve]
+DetectionMetrics = dict[DetectionClass, ClassCurves]
 
 
 @dataclass(frozen=True)
-class DetectionMetrics:
-    """Metrics of all classes.
+class ClassMatches:
+    """Matches of one class in all frames, from which the curves of any bootstrap resample follow.
 
     Attributes:
         frames: Number of frames.
-        classes: Metrics of each class.
-    """
-
-    frames: int
-    classes: tuple[ClassMetrics, ...]
-
-
-@dataclass(frozen=True)
-class DetectionStatistics:
-    """Matches of all classes, from which the metrics of any bootstrap resample follow.
-
-    Attributes:
-        frames: Number of frames.
-        has_orientation: Whether every detection has a heading.
-        classes: Classes with their IoU thresholds.
-        statistics: Matches of each class by difficulty; empty where nothing of the class was detected.
+        has_orientation: Whether every detection, of any class, has a heading.
+        by_difficulty: Matches by difficulty; none where nothing of the class was detected.
     """
 
     frames: int
     has_orientation: bool
-    classes: tuple[DetectionClass, ...]
-    statistics: tuple[dict[str, MatchStatistics], ...]
+    by_difficulty: dict[str, MatchStatistics]
 
-    def metrics(self, frame_weights: Int | None = None) -> DetectionMetrics:
-        """Return the metrics of all frames, or of a resample with (F,) multiplicities of the frames."""
-        return DetectionMetrics(
-            frames=self.frames,
-            classes=tuple(
-                ClassMetrics(
-                    detection_class,
-                    {
-                        name: compute_curve(
-                            of_difficulty,
-                            has_orientation=self.has_orientation,
-                            frame_weights=frame_weights,
-                        )
-                        for name, of_difficulty in statistics.items()
-                    },
-                )
-                for detection_class, statistics in zip(self.classes, self.statistics, strict=True)
-            ),
-        )
+    def curves(self, frame_weights: Int | None = None) -> ClassCurves:
+        """Return the curves of all frames, or of a resample with (F,) multiplicities of the frames."""
+        return {
+            name: compute_curve(
+                matches, has_orientation=self.has_orientation, frame_weights=frame_weights
+            )
+            for name, matches in self.by_difficulty.items()
+        }
 
 
 def match_detections(
@@ -85,27 +50,19 @@ def match_detections(
     frames: int,
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
-) -> DetectionStatistics:
+) -> dict[DetectionClass, ClassMatches]:
     """Match the boxes of all frames for every class and difficulty.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    evaluation_boxes = pair_boxes(truths, detections, frames)
-    return DetectionStatistics(
-        frames=frames,
-        has_orientation=evaluation_boxes.has_orientation,
-        classes=tuple(classes),
-        statistics=tuple(
-            {
-                one.name: match_statistics(evaluation_boxes, detection_class, one)
-                for one in difficulties
-            }
-            if evaluation_boxes.has_detections_of(detection_class)
-            else {}
-            for detection_class in classes
-        ),
-    )
+    boxes = pair_boxes(truths, detections, frames)
+    matches = {}
+    for of_class in classes:
+        found = difficulties if boxes.has_detections_of(of_class) else ()
+        statistics = {one.name: match_statistics(boxes, of_class, one) for one in found}
+        matches[of_class] = ClassMatches(frames, boxes.has_orientation, statistics)
+    return matches
 
 
 def kitti_average_precision(
@@ -115,7 +72,7 @@ def kitti_average_precision(
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
 ) -> DetectionMetrics:
-    """Return the average precision of detections by KITTI's 2D protocol.
+    """Return the precision-recall curves of each class by KITTI's 2D protocol.
 
     As with the official tool, a class without detections has no metrics, and a class without labels has an
     average precision of 0.
@@ -130,4 +87,5 @@ def kitti_average_precision(
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    return match_detections(truths, detections, frames, classes, difficulties).metrics()
+    matches = match_detections(truths, detections, frames, classes, difficulties)
+    return {of_class: one.curves() for of_class, one in matches.items()}

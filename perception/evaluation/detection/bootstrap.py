@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import UsageError
-from perception.evaluation.detection.average_precision import DetectionStatistics
-from perception.evaluation.detection.precision_curve import PrecisionCurve
+from perception.evaluation.detection.average_precision import ClassMatches
+from perception.evaluation.detection.config import RECALL_POINTS
 from perception.types import Float64, Progress
 
 
@@ -25,15 +25,8 @@ class Interval:
 NO_INTERVAL = Interval(np.nan, np.nan)
 
 
-@dataclass(frozen=True)
-class PrecisionSamples:
-    """Average precision of one class at one difficulty in N bootstrap resamples.
-
-    Attributes:
-        percent: (N,) averages in percent by the number of recall points; NaN of a resample without an object.
-    """
-
-    percent: dict[int, Float64]
+# (N,) average precision in percent of N resamples, by number of recall points; NaN of one without an object.
+PrecisionSamples = dict[int, Float64]
 
 
 def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
@@ -46,46 +39,36 @@ def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
 
 
 def resample_precision(
-    statistics: DetectionStatistics,
+    matches: ClassMatches,
     resamples: int,
     generator: np.random.Generator,
     progress: Progress = iter,
-) -> tuple[dict[str, PrecisionSamples], ...]:
-    """Return the average precision of bootstrap resamples, the same resamples for all classes and difficulties.
+) -> dict[str, PrecisionSamples]:
+    """Return the average precision of bootstrap resamples by difficulty, the same resamples for all of them.
 
     Args:
-        statistics: Matches of all frames.
+        matches: Matches of one class in all frames.
         resamples: Number of resamples.
         generator: Random generator of the resamples.
         progress: Iterates over the resamples and may show a progress bar.
 
-    Returns:
-        Samples of each class by difficulty.
-
     Raises:
         UsageError: there is no frame or no resample.
     """
-    if resamples < 1 or statistics.frames < 1:
+    if resamples < 1 or matches.frames < 1:
         raise UsageError(
             "bootstrap",
             expected="at least one resample of at least one frame",
-            found=f"{resamples} resamples of {statistics.frames} frames",
+            found=f"{resamples} resamples of {matches.frames} frames",
         )
-    metrics = []
+    curves = []
     for _ in progress(range(resamples)):
-        drawn = generator.integers(statistics.frames, size=statistics.frames)
-        metrics.append(statistics.metrics(np.bincount(drawn, minlength=statistics.frames)))
-    return tuple(
-        {name: _samples([one.classes[k].curves[name] for one in metrics]) for name in by_difficulty}
-        for k, by_difficulty in enumerate(statistics.statistics)
-    )
-
-
-def _samples(curves: list[PrecisionCurve]) -> PrecisionSamples:
-    points: tuple[int, ...] = (11, 40)
-    return PrecisionSamples(
-        {
-            recall_points: np.array([c.ap(recall_points) if c.truths else np.nan for c in curves])
-            for recall_points in points
+        drawn = generator.integers(matches.frames, size=matches.frames)
+        curves.append(matches.curves(np.bincount(drawn, minlength=matches.frames)))
+    return {
+        name: {
+            points: np.array([c[name].ap(points) if c[name].truths else np.nan for c in curves])
+            for points in RECALL_POINTS
         }
-    )
+        for name in matches.by_difficulty
+    }

@@ -75,7 +75,7 @@ class PrecisionMetrics:
 
     def resampled_ap(self, points: int = 40) -> Float64:
         """Return (N,) average precisions of the resamples in percent, NaN without an object."""
-        return self.samples.percent[points] if self.samples else np.zeros(0)
+        return self.samples[points] if self.samples else np.zeros(0)
 
     def interval(self, points: int = 40) -> Interval:
         """Return the 95 % interval of the average precision; NaN without resamples."""
@@ -135,12 +135,14 @@ def measure_precision(
     }
     metrics: dict[float, dict[str, PrecisionMetrics]] = {}
     for iou in config.iou or (detection_class.iou,):
-        statistics = match_detections(truths, detections, frames, [detection_class.at_iou(iou)])
-        curves = statistics.metrics().classes[0].curves
+        (matches,) = match_detections(
+            truths, detections, frames, [detection_class.at_iou(iou)]
+        ).values()
+        curves = matches.curves()
         samples: Mapping[str, PrecisionSamples] = {}
         if config.bootstrap:
             rng = np.random.default_rng(config.seed)
-            (samples,) = resample_precision(statistics, config.bootstrap, rng, progress)
+            samples = resample_precision(matches, config.bootstrap, rng, progress)
         metrics[iou] = {
             level: PrecisionMetrics(objects[level], curves.get(level), samples.get(level))
             for level in LEVELS

@@ -17,9 +17,14 @@ from perception.evaluation.detection.evaluation_boxes import (
     OverlapPairs,
     evaluation_mask,
 )
-from perception.evaluation.detection.greedy_assignment import assign_greedily, rounds_in_groups
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
-from perception.evaluation.detection.threshold_sweep import count_at_steps, plan_sweep
+from perception.evaluation.detection.threshold_sweep import (
+    StepCounts,
+    assign_greedily,
+    count_at_steps,
+    plan_sweep,
+    rounds_in_groups,
+)
 from perception.evaluation.grouping import connected_groups
 from perception.types import ArrayTable, Float64, Int
 
@@ -116,19 +121,14 @@ def _count_increments(
     sweep = plan_sweep(evaluation_boxes, mask, pairs_to_match)
     gains = count_at_steps(evaluation_boxes, mask, sweep).gains(sweep.step_groups)
     detections, count = evaluation_boxes.detections, len(evaluation_boxes.detections)
-    cleared = np.zeros(count, np.int64)
-    true_positives, found_truths = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    similarity = np.zeros(count)
-    true_positives[sweep.steps] = gains.true_positives
-    found_truths[sweep.steps] = gains.found_truths
-    cleared[sweep.steps] = gains.cleared
-    similarity[sweep.steps] = gains.similarity
+    zeros = np.zeros(count, np.int64)
+    gained = StepCounts(zeros, zeros, zeros, np.zeros(count)).replaced(sweep.steps, gains)
     increments = CountIncrements(
         scores=detections.scores,
         frames=detections.frames,
-        true_positives=true_positives,
-        false_positives=mask.is_false_positive_if_unmatched - cleared,
-        found_truths=found_truths,
-        similarity=similarity,
+        true_positives=gained.true_positives,
+        false_positives=mask.is_false_positive_if_unmatched - gained.cleared,
+        found_truths=gained.found_truths,
+        similarity=gained.similarity,
     )[mask.is_matchable_detection]
     return increments[np.argsort(-increments.scores, kind="stable")]

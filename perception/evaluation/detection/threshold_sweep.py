@@ -1,4 +1,7 @@
-"""Counts of matches at every score threshold, in each group of overlapping boxes by itself."""
+"""Counts of matches at every score threshold, in each group of overlapping boxes by itself.
+
+Labels choose in the order of the official tool, for all frames at once: those of one round share no detection.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -11,9 +14,8 @@ from perception.evaluation.detection.evaluation_boxes import (
     EvaluationMask,
     OverlapPairs,
 )
-from perception.evaluation.detection.greedy_assignment import assign_greedily, rounds_in_groups
 from perception.evaluation.grouping import connected_groups, pairs_in_groups, ranks_in_groups
-from perception.types import ArrayTable, Float64, Int
+from perception.types import ArrayTable, Bool, Float64, Int
 
 MAX_BLOCK_PAIRS = 1_000_000  # pairs that are matched at once; bounds the memory at 100 MB
 
@@ -143,3 +145,33 @@ def _count(
         cleared=np.bincount(of_steps[is_cleared], minlength=steps),
         similarity=np.asarray(np.bincount(of_steps, similarity, minlength=steps), np.float64),
     )
+
+
+def rounds_in_groups(truths: Int, groups: Int) -> Int:
+    """Return (P,) the number of labels of a pair's group that are assigned before that pair's own."""
+    _, firsts, of_pairs = np.unique(truths, return_index=True, return_inverse=True)
+    return ranks_in_groups(groups[firsts])[of_pairs]
+
+
+def assign_greedily(truths: Int, detections: Int, rounds: Int) -> Bool:
+    """Assign to one label after the other its preferred detection among those that are still free.
+
+    Labels of the same round must not share a detection, since they are assigned together.
+
+    Args:
+        truths: (P,) label of each pair; the pairs of one label are adjacent, the preferred one first.
+        detections: (P,) detection of each pair, numbered from 0.
+        rounds: (P,) round in which the label is assigned, from 0.
+
+    Returns:
+        (P,) mask of the matched pairs.
+    """
+    is_taken = np.zeros(detections.max(initial=-1) + 1, bool)
+    is_matched = np.zeros(len(truths), bool)
+    for round_number in range(rounds.max(initial=-1) + 1):
+        pairs = np.flatnonzero(rounds == round_number)
+        pairs = pairs[~is_taken[detections[pairs]]]
+        chosen = pairs[np.diff(truths[pairs], prepend=-1) != 0]
+        is_matched[chosen] = True
+        is_taken[detections[chosen]] = True
+    return is_matched
