@@ -110,14 +110,14 @@ class VehicleRecord(ObjectRecord):
     """One detected vehicle in one frame.
 
     Attributes:
-        box_px: Rectangle x1 y1 x2 y2 in the image.
+        box_px: Rectangle x1 y1 x2 y2 in the image; null without a camera.
         dominant_modality: Modality of the detector with the largest weight in the fused score.
         scores: Score of each detector by modality; null where it has no detection.
         points: Number of LiDAR points on the vehicle.
         distance_m: Distance from the LiDAR to the nearest return.
     """
 
-    box_px: list[Number]
+    box_px: list[float] | None
     dominant_modality: str
     scores: dict[str, Number]
     points: int
@@ -141,7 +141,7 @@ class FrameVehicles(FrameLine):
         if vehicles is None:
             return None
         rows = np.flatnonzero(vehicles.fused.detections.scores >= min_score)
-        fused = vehicles.fused[rows]
+        fused, has_camera = vehicles.fused[rows], result.frame.calibration is not None
         objects = Tracks(
             ids=vehicles.ids[rows],
             boxes=vehicles.boxes[rows],
@@ -152,7 +152,7 @@ class FrameVehicles(FrameLine):
             scores=fused.detections.scores,
         )
         columns = {
-            "box_px": numbers(fused.detections.boxes_px),
+            "box_px": numbers(fused.detections.boxes_px) if has_camera else [None] * len(rows),
             "dominant_modality": [MODALITIES[one] for one in fused.dominant_modality],
             "scores": [_scores(result, sources) for sources in fused.source_indices],
             "points": vehicles.point_counts[rows].tolist(),

@@ -12,6 +12,7 @@ from perception.geometry import se3
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import (
     Boxes3D,
+    Calibration,
     Detections,
     Frame,
     FusedDetections,
@@ -70,8 +71,9 @@ EMPTY = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
 def result():
     # The vehicle is at (100, 50, 3) and heads along the world's y.
     pose = se3.from_euler(0, 0, np.pi / 2, np.array([100.0, 50.0, 3.0]))
+    camera = Calibration(np.eye(3, 4), np.eye(4))
     return Result(
-        Frame(7, 0.7, np.ones((1, 4), np.float32)),
+        Frame(7, 0.7, np.ones((1, 4), np.float32), calibration=camera),
         pose,
         None,
         Obstacles(np.zeros(1, np.uint8), EMPTY, EMPTY),
@@ -124,6 +126,11 @@ def test_a_line_of_vehicles_holds_what_is_known_of_them(result):
     assert (faint["distance_m"], faint["speed_m_s"], faint["covariance"]) == (None, None, None)
     assert faint["velo"] == unknown
     assert faint["box_px"] == [10, 160, 60, 200]
+
+
+def test_without_a_camera_there_are_no_rectangles(result):
+    bare = replace(result, frame=replace(result.frame, calibration=None))
+    assert [one.box_px for one in FrameVehicles.of(bare).vehicles] == [None, None]
 
 
 def test_faint_vehicles_are_listed_on_demand(result):
