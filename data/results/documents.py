@@ -5,6 +5,7 @@ import json
 import math
 import os
 import platform
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ import yaml
 
 from perception import __version__
 from perception.atomic_file import write_atomically
-from perception.types import Drive
 
 
 def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_serializable`
@@ -24,23 +24,19 @@ def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_ser
 
 def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_serializable`
     """Write a YAML document atomically, with its fields in their order."""
-    write_atomically(path, _yaml(document).encode())
+    write_atomically(path, yaml_text(document).encode())
 
 
-def write_config(out: Path, drive: Drive, **flags: object) -> None:
+def write_config(out: Path, command: str, values: Mapping[str, object]) -> None:
     """Write `config.yaml` into a folder of results; `--config` takes the file back.
 
     Args:
         out: Folder of the results.
-        drive: Drive of the run, named in comments at the top.
-        flags: Effective value of each flag; dataclasses become sections.
+        command: Words that call the command, named in a comment at the top.
+        values: Effective value of each flag; dataclasses become sections.
     """
-    header = (
-        f"# trifuse {__version__}\n"
-        f"# drive: {drive.root.resolve()}\n"
-        f"# name: {drive.name}, sensor: {drive.sensor.name}\n"
-    )
-    write_atomically(out / "config.yaml", f"{header}{_yaml(flags)}".encode())
+    text = f"# trifuse {__version__}: {command}\n{yaml_text(values)}"
+    write_atomically(out / "config.yaml", text.encode())
 
 
 def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks any configuration or report
@@ -70,7 +66,8 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def _yaml(document: object) -> str:
+def yaml_text(document: object) -> str:
+    """Return a document as YAML, with its fields in their order."""
     text: str = yaml.safe_dump(to_serializable(document), sort_keys=False)
     return text
 

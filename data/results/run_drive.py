@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from data.frames import frame_count
-from data.results.documents import write_config, write_json
+from data.results.documents import write_json
 from data.results.objects import TrajectoryRecord
 from data.results.records import append_record
 from data.results.run_folder import append_frame
@@ -83,7 +83,6 @@ def run_drive(
     summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
     start = time.perf_counter()
     with ExitStack() as files:
-        write_config(out, drive, sensor=drive.sensor.name, **vars(config))
         video = files.enter_context(_open_video(drive, out, config))
         tracking = files.enter_context(ObjectTracking(out, _handover(drive, config)))
         try:

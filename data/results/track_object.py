@@ -12,7 +12,7 @@ import numpy as np
 from data.derived.track_start import TrackStart
 from data.frames import frame_count, read_frames
 from data.kitti.tracking_rows import format_result_rows
-from data.results.documents import write_config, write_json
+from data.results.documents import write_json
 from data.results.kitti_rows import trajectory_rows
 from data.results.objects import TrajectoryRecord
 from data.results.records import append_record
@@ -91,7 +91,6 @@ def track_object(
     stages = LidarStages(drive.sensor, config.pipeline)
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
     with ExitStack() as files:
-        write_config(out, drive, sensor=drive.sensor.name, **_start_flags(start), **vars(config))
         video_path = out / "video.mp4" if config.video else None
         video = files.enter_context(open_video(video_path, drive.sensor.rate_hz))
         try:
@@ -149,15 +148,6 @@ def _scene(
         region=tracker.colors.region if isinstance(tracker, FusionTracker) else None,
         truth=truth if truth is not None and len(truth) else None,
     )
-
-
-def _start_flags(start: TrackStart) -> dict[str, object]:
-    """Return the flags that name the object and its start frame."""
-    if start.truth is not None:
-        return {"track_id": start.object_id, "start_frame": start.frame}
-    box = start.box_velo
-    numbers = np.concatenate([box.bottom_m[0], box.size_m[0], box.yaw_rad])
-    return {"box": ",".join(f"{number:g}" for number in numbers), "start_frame": start.frame}
 
 
 def _points_in(box_velo: Boxes3D, tracker_input: TrackerInput) -> int:

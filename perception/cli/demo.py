@@ -2,9 +2,16 @@
 
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
+
 
 def demo(
-    *, out: Path = Path("results/demo"), frames: int = 60, sensor: str = "HDL-64E", seed: int = 0
+    *,
+    config: CommandConfig,
+    out: Path = Path("results/demo"),
+    frames: int = 60,
+    sensor: str = "HDL-64E",
+    seed: int = 0,
 ) -> None:
     """Write a short synthetic drive and run every stage on it; needs no data.
 
@@ -25,10 +32,11 @@ def demo(
     from perception.cli.progress import counting_bar
     from perception.sensor import load_sensor
 
-    config = SynthConfig(frames=frames, sensor=load_sensor(sensor), seed=seed)
+    synth_config = SynthConfig(frames=frames, sensor=load_sensor(sensor), seed=seed)
     with counting_bar("writing a street", frames) as bar:
-        (folder,) = write_drives(out / "drive", config, bar.update)
+        (folder,) = write_drives(out / "drive", synth_config, bar.update)
     drive, run_config = open_drive(folder), RunConfig()
     results = drive_results(drive, run_config.pipeline, limit=None, on_bad_frame="stop")
+    config.write(out)
     print(run_drive(drive, results, out, run_config).text())
     print(f"video: {out / 'video.mp4'}")

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags
 from perception.detection.config import DepthCnConfig, DetectionConfig, NmsConfig
 
@@ -17,6 +18,7 @@ def detect(  # noqa: PLR0913 - flags of a command
     root: Path,
     *,
     drive: DriveFlags,
+    config: CommandConfig,
     out: Path | None = None,
     display_score: float = DetectionConfig.display_score,
     video: bool = True,
@@ -44,18 +46,18 @@ def detect(  # noqa: PLR0913 - flags of a command
     from data.detections.result_folder import DetectionFolder
     from data.frames import frame_count, read_frames
     from data.open_drive import open_drive
-    from data.results.documents import write_config, write_json
+    from data.results.documents import write_json
     from data.results.run_folder import make_results_folder
     from perception.cli.progress import progress_bar
     from perception.geometry.threads import limit_blas_threads
 
     opened = open_drive(root, sequence=drive.sequence, sensor=drive.sensor)
-    config = DetectionConfig(depthcn=depthcn, nms=nms, display_score=display_score)
-    detector = open_depthcn(config, opened.sensor)
+    detection = DetectionConfig(depthcn=depthcn, nms=nms, display_score=display_score)
+    detector = open_depthcn(detection, opened.sensor)
     folder, start_s = out or make_results_folder(), time.perf_counter()
     metadata = dict(detector.verifier.model.metadata)
-    write_config(folder, opened, detection=config, network=metadata)
-    summary = DetectSummary(opened.name, display_score)
+    config.write(folder)
+    summary = DetectSummary(opened.name, display_score, metadata)
     count = frame_count(opened, drive.frames)
     frames = read_frames(opened, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
     try:
@@ -78,6 +80,7 @@ class DetectSummary:
     Attributes:
         name: Name of the drive.
         display_score: Score from which a detection is counted as displayed.
+        network: Metadata of the network.
         seconds: Time by stage, one entry a frame.
         counts: Number of proposals, detections and displayed detections, one entry a frame.
         elapsed_s: Wall time with reading, drawing and writing.
@@ -85,6 +88,7 @@ class DetectSummary:
 
     name: str
     display_score: float
+    network: dict[str, str]
     seconds: dict[str, list[float]] = field(default_factory=dict)
     counts: list[tuple[int, int, int]] = field(default_factory=list)
     elapsed_s: float = 0.0
@@ -124,6 +128,7 @@ class DetectSummary:
             "stages_ms": stage_table("", self.seconds).to_json(),
             "proposals": proposals,
             "detections": detections,
+            "network": self.network,
             "displayed": {"display_score": self.display_score, "detections": displayed},
         }
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
     EvaluatedDrive,
     EvaluationDocument,
@@ -25,11 +26,12 @@ Method = Literal["default", "thesis", "author"]
 _PIPELINE, _PROTOCOL = PipelineConfig.for_motion("none"), DatmoProtocol()
 
 
-def evaluate_datmo(
+def evaluate_datmo(  # noqa: PLR0913 - flags of a command
     root: Path,
     *,
     drive: DriveFlags,
     report: ReportFlags,
+    config: CommandConfig,
     methods: tuple[Method, ...] = ("default", "thesis", "author"),
     pipeline: PipelineConfig = _PIPELINE,
     protocol: DatmoProtocol = _PROTOCOL,
@@ -57,9 +59,9 @@ def evaluate_datmo(
     comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
     data = EvaluatedDrive.of(labelled, drive.frames, next(iter(comparison.reports.values())).frames)
     words = {**PROTOCOL_WORDS, "values": protocol}
-    document = EvaluationDocument("datmo", data, words, pipeline)
+    document = EvaluationDocument("datmo", data, words)
     heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"
-    publish_report(heading, comparison, document, report.json)
+    publish_report(heading, comparison, document, config, report.json)
 
 
 def compare_methods(

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import DriveFlags, ReportFlags, require_positive
 from perception.cli.parser import FlagGroup
@@ -28,6 +29,7 @@ def evaluate_detection(  # noqa: PLR0913 - flags of a command
     drive: DriveFlags,
     metric: PrecisionFlags,
     report: ReportFlags,
+    config: CommandConfig,
     detector: str = "fusion",
     classes: tuple[str, ...] = (),
     fusions: tuple[Path, ...] = (),
@@ -73,10 +75,10 @@ def evaluate_detection(  # noqa: PLR0913 - flags of a command
         "detection",
         measured.data,
         protocol(metric),
-        {"detector": detector, "detection": detection, "networks": opened.metadata},
         training_data(opened.metadata),
+        opened.metadata,
     )
-    publish_report(opened.title, measured, document, report.json)
+    publish_report(opened.title, measured, document, config, report.json)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
     EvaluationDocument,
     evaluate_drive,
@@ -19,6 +20,7 @@ def evaluate_ground(
     *,
     drive: DriveFlags,
     report: ReportFlags,
+    config: CommandConfig,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
     """Measure how far the estimated ground is from the bottom centres of labelled objects, in metres.
@@ -37,5 +39,7 @@ def evaluate_ground(
     area = pipeline.area
     measure = GroundMeasure(area, thesis_slice_edges_m(labelled.sensor, area))
     data = evaluate_drive(labelled, drive, pipeline, measure)
-    document = EvaluationDocument("ground", data, PROTOCOL, pipeline)
-    publish_report(f"{data}, method {pipeline.method}", measure.compute(), document, report.json)
+    document = EvaluationDocument("ground", data, PROTOCOL)
+    publish_report(
+        f"{data}, method {pipeline.method}", measure.compute(), document, config, report.json
+    )

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
     EvaluationDocument,
     evaluate_drive,
@@ -20,6 +21,7 @@ def evaluate_obstacles(
     *,
     drive: DriveFlags,
     report: ReportFlags,
+    config: CommandConfig,
     pipeline: PipelineConfig = _PIPELINE,
     protocol: ObstacleProtocol = _PROTOCOL,
 ) -> None:
@@ -46,5 +48,7 @@ def evaluate_obstacles(
     measure = ObstacleMeasure(pipeline.area, protocol, motion)
     data = evaluate_drive(labelled, drive, pipeline, measure)
     words = {**PROTOCOL_WORDS, "values": protocol}
-    document = EvaluationDocument("obstacles", data, words, pipeline)
-    publish_report(f"{data}, method {pipeline.method}", measure.compute(), document, report.json)
+    document = EvaluationDocument("obstacles", data, words)
+    publish_report(
+        f"{data}, method {pipeline.method}", measure.compute(), document, config, report.json
+    )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import DriveFlags, ReportFlags
 from perception.errors import UsageError
@@ -24,6 +25,7 @@ def evaluate_otd(  # noqa: PLR0913 - flags of a command
     *,
     drive: DriveFlags,
     report: ReportFlags,
+    config: CommandConfig,
     set: ObjectSet = "all",
     trackers: tuple[str, ...] = (),
     track_id: int | None = None,
@@ -52,8 +54,8 @@ def evaluate_otd(  # noqa: PLR0913 - flags of a command
     from perception.evaluation.single_object.plots import write_plots
 
     names = require_trackers(trackers)
-    config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.sensor)
-    found, measure = find_objects(config), SingleObjectMeasure(names)
+    set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.sensor)
+    found, measure = find_objects(set_config), SingleObjectMeasure(names)
     for one in found.drives:
         runs = run_trackers(one.drive, one.objects, names, tracker, pipeline, drive.on_bad_frame)
         for target, by_name in zip(one.objects, runs, strict=True):
@@ -68,12 +70,11 @@ def evaluate_otd(  # noqa: PLR0913 - flags of a command
     heading = f"{root}: {count} of {count + len(found.absent)} sequences of the set {set}"
     document = EvaluationDocument(
         "otd",
-        {"config": config, "drives": drives, "absent": reasons},
+        {"config": set_config, "drives": drives, "absent": reasons},
         metrics.protocol,
-        {"trackers": names, "tracker": tracker, "pipeline": pipeline},
     )
     heading = "\n".join([f"{heading}; absent:", *absent]) if absent else heading
-    publish_report(heading, metrics, document, report.json)
+    publish_report(heading, metrics, document, config, report.json)
     if plots is not None:
         for path in write_plots(plots, f"{root.name}, set {set}", metrics):
             print(path)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluate_detection import PrecisionFlags, protocol, resample_bar
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import ReportFlags
@@ -13,6 +14,8 @@ from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionCla
 
 if TYPE_CHECKING:
     from data.kitti.detection_rows import DetectionSet
+    from perception.evaluation.detection.class_precision import PrecisionReport
+    from perception.evaluation.report import Report
 
 Kind = Literal["auto", "detections", "tracks"]
 
@@ -41,6 +44,7 @@ def evaluate_results(  # noqa: PLR0913 - flags of a command
     labels: Path,
     metric: ResultPrecisionFlags,
     report: ReportFlags,
+    config: CommandConfig,
     kind: Kind = "auto",
     classes: tuple[str, ...] = (),
     frame_list: Path | None = None,
@@ -65,10 +69,15 @@ def evaluate_results(  # noqa: PLR0913 - flags of a command
         plot: PNG file for the precision-recall curves of detections.
     """
     if kind == "tracks" or (kind == "auto" and _are_tracks(results)):
-        _measure_tracks(results, labels, classes, seqmap, report.json)
-    else:
-        chosen = [_parse_class(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
-        _measure_detections(results, labels, chosen, metric, frame_list, plot, report.json)
+        publish_report(*_measure_tracks(results, labels, classes, seqmap), config, report.json)
+        return
+    chosen = [_parse_class(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
+    heading, precision, document = _measure_detections(results, labels, chosen, metric, frame_list)
+    publish_report(heading, precision, document, config, report.json)
+    if plot is not None:
+        from perception.render.curve_plots import plot_curves
+
+        plot_curves(plot, f"{results}: {precision.title}", precision.panels(), share_y="all")
 
 
 def _are_tracks(results: Path) -> bool:
@@ -78,15 +87,13 @@ def _are_tracks(results: Path) -> bool:
     return bool(names) and len(names[0]) != len("000000")
 
 
-def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
+def _measure_detections(
     results: Path,
     labels: Path,
     classes: Sequence[DetectionClass],
     metric: PrecisionFlags,
     frame_list: Path | None,
-    plot: Path | None,
-    json: Path | None,
-) -> None:
+) -> "tuple[str, PrecisionReport, EvaluationDocument]":
     from data.kitti.detection_rows import read_detection_set, read_frame_list
     from perception.cli.progress import frame_progress_bar
     from perception.evaluation.detection.class_precision import (
@@ -107,20 +114,15 @@ def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
         "missing_results": found.missing_results,
         "detections": len(found.detections),
     }
-    document = EvaluationDocument(
-        "detections", data, protocol(metric, classes=classes), {"metric": metric}, _SPLIT
-    )
+    words = protocol(metric, classes=classes)
+    document = EvaluationDocument("detections", data, words, _SPLIT)
     computed = PrecisionReport(f"Average precision, {frames} frames", precision, metric)
-    publish_report(_describe(results, found), computed, document, json)
-    if plot is not None:
-        from perception.render.curve_plots import plot_curves
-
-        plot_curves(plot, f"{results}: {frames} frames", computed.panels(), share_y="all")
+    return _describe(results, found), computed, document
 
 
 def _measure_tracks(
-    results: Path, labels: Path, classes: Sequence[str], seqmap: Path | None, json: Path | None
-) -> None:
+    results: Path, labels: Path, classes: Sequence[str], seqmap: Path | None
+) -> "tuple[str, Report, EvaluationDocument]":
     from data.kitti.tracker_files import label_folder, pair_with_labels, sequences_in
     from perception.cli.progress import progress_bar
     from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS
@@ -140,12 +142,12 @@ def _measure_tracks(
         **_paths(results=results, labels=folder, seqmap=seqmap),
         "frames": computed.frame_counts,
     }
-    document = EvaluationDocument("tracks", data, computed.protocol(), {"classes": chosen}, _SPLIT)
+    document = EvaluationDocument("tracks", data, computed.protocol(), _SPLIT)
     heading = (
         f"{results}: {len(computed.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
         f"{computed.frames} frames"
     )
-    publish_report(heading, computed, document, json)
+    return heading, computed, document
 
 
 def _parse_class(name: str, ious: Sequence[float]) -> DetectionClass:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluate_detection import PrecisionFlags, protocol, training_data
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import DriveFlags, ReportFlags
@@ -33,6 +34,7 @@ def evaluate_robustness(  # noqa: PLR0913 - flags of a command
     drive: DriveFlags,
     metric: CorruptionPrecisionFlags,
     report: ReportFlags,
+    config: CommandConfig,
     class_name: str = "Car",
     plot: Path | None = None,
     levels: CorruptionLevels = _LEVELS,
@@ -74,11 +76,11 @@ def evaluate_robustness(  # noqa: PLR0913 - flags of a command
         "robustness",
         measured.data,
         protocol(metric, levels=levels),
-        {"detection": detection, "networks": metadata},
         training_data(metadata),
+        metadata,
     )
     heading = f"{class_name}, IoU over {metric.iou[0]:g}"
-    publish_report(heading, measured, document, report.json)
+    publish_report(heading, measured, document, config, report.json)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
     EvaluatedDrive,
     EvaluationDocument,
@@ -50,6 +51,7 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
     *,
     drive: DriveFlags,
     report: ReportFlags,
+    config: CommandConfig,
     detector: VehicleDetector = "fused",
     display_score: float = DetectionConfig.display_score,
     noise: LabelNoise = _NOISE,
@@ -88,15 +90,9 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
         measure.update(result, labelled.labels(result.frame.index), None)
     metrics = measure.compute()
     data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
-    settings = {
-        "detector": detector,
-        "display_score": display_score,
-        "noise": noise,
-        "pipeline": pipeline,
-    }
-    document = EvaluationDocument("vehicles", data, PROTOCOL_WORDS, settings)
+    document = EvaluationDocument("vehicles", data, PROTOCOL_WORDS)
     heading = f"{data}, detector {detector}, scores from {display_score:g}"
-    publish_report(heading, metrics, document, report.json)
+    publish_report(heading, metrics, document, config, report.json)
 
 
 def _results(

@@ -1,10 +1,11 @@
 """Evaluation of a measure over a drive with labels or exact truth, and output of its report."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from data.results.command_config import SECTION, CommandConfig
 from perception import __version__
 from perception.cli.flags import DriveFlags
 from perception.errors import DriveError
@@ -55,15 +56,15 @@ class EvaluationDocument:
         measure: Name of the command, such as ground.
         data: Frames or files that were evaluated.
         protocol: Rules of the measure in words and values.
-        configuration: Configuration of what was evaluated.
         split: Data that were trained on or left out, in words.
+        networks: Metadata of each network.
     """
 
     measure: str
     data: object
     protocol: Mapping[str, Any]
-    configuration: object
     split: str = _NO_SPLIT
+    networks: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def open_labelled_drive(root: Path, flags: DriveFlags) -> Drive:
@@ -107,12 +108,19 @@ def evaluate_drive(
 
 
 def publish_report(
-    heading: str, report: Report, document: EvaluationDocument, json: Path | None
+    heading: str,
+    report: Report,
+    document: EvaluationDocument,
+    config: CommandConfig,
+    json: Path | None,
 ) -> None:
-    """Print the tables of a report below a heading; write its metrics where a JSON file is asked for."""
+    """Print the tables of a report below a heading; write its metrics where a JSON file is asked for.
+
+    `--config` reads the configuration of the JSON file back.
+    """
     from data.results.documents import write_json
 
     print("\n\n".join([heading, *(table.text() for table in report.tables())]))
     if json is not None:
-        stated = {**vars(document), "program": f"trifuse {__version__}"}
+        stated = {**vars(document), SECTION: config.values, "program": f"trifuse {__version__}"}
         write_json(json, {**stated, "results": report.to_json()})

@@ -2,23 +2,28 @@
 
 import argparse
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args, get_origin
 
 
-def help_formatter(types: Mapping[str, Any], summary: str) -> type[argparse.HelpFormatter]:
+def help_formatter(
+    types: Mapping[str, Any], places: Sequence[str], summary: str
+) -> type[argparse.HelpFormatter]:
     """Return the class that formats the help of a command.
 
     Args:
         types: Type of each flag by its full name.
+        places: Names of the positional arguments.
         summary: First line of the command's docstring.
     """
-    return type("CommandHelp", (_Help,), {"types": types, "summary": summary.rstrip(".")})
+    attributes = {"types": types, "places": places, "summary": summary.rstrip(".")}
+    return type("CommandHelp", (_Help,), attributes)
 
 
 class _Help(argparse.RawDescriptionHelpFormatter):
     types: ClassVar[Mapping[str, Any]] = {}
+    places: ClassVar[Sequence[str]] = ()
     summary: ClassVar[str] = ""
 
     def __init__(self, prog: str) -> None:
@@ -33,8 +38,8 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         return "\n".join(textwrap.fill(line, width) for line in text.split("\n"))
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
-        if not action.option_strings:
-            return action.dest.upper()
+        if action.dest in self.places:
+            return place_words(action.dest, self.types[action.dest])
         if _is_print_config(action):
             return "--print-config"
         flag = max(action.option_strings, key=len).removesuffix("+").replace("_", "-")
@@ -52,7 +57,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
             return "YAML file with this section."
         if isinstance(action.default, bool):
             return f"{text} [{'on' if action.default else 'off'}]"
-        if not action.option_strings or action.default in (None, argparse.SUPPRESS, "", ()):
+        if action.default in (None, argparse.SUPPRESS, "", ()):
             return text
         return f"{text} [{_shown(action.default)}]"
 
@@ -60,6 +65,11 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 def item_type(kind: Any) -> Any | None:  # noqa: ANN401 - any annotation
     """Return the type of a list's items, or None of what is no list."""
     return get_args(kind)[0] if get_origin(kind) in (list, tuple) else None
+
+
+def place_words(name: str, kind: Any) -> str:  # noqa: ANN401 - any annotation
+    """Return a positional argument as the help shows it."""
+    return name.upper() if item_type(kind) is None else f"{name.upper()} ..."
 
 
 def type_words(kind: Any) -> str:  # noqa: ANN401 - any annotation

@@ -99,7 +99,7 @@ Help:        trifuse COMMAND --help
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return 0, or 2 where the user has to act."""
+    """Run one command; return 0, 2 where the user has to act, or 130 after an interrupt."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):
         print(_overview())
@@ -109,13 +109,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     logging.basicConfig(handlers=[_LogHandler()], format="%(message)s", level=logging.INFO)
     try:
-        _run(words)
+        run_command_line(words)
     except PerceptionError as error:
         _print_error(f"trifuse {words[0]}: {error}")
         return 2
-    except KeyboardInterrupt:
-        _print_error(f"trifuse {words[0]}: stopped; what was written is kept")
-        return 2
+    except KeyboardInterrupt as stopped:
+        advice = f"; {stopped}" if stopped.args else ""
+        _print_error(f"trifuse {words[0]}: stopped, what was written is kept{advice}")
+        return 130
     except BrokenPipeError:  # the reader, such as `head`, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -139,7 +140,12 @@ def _print_error(sentence: str) -> None:
     print(sentence, file=sys.stderr)
 
 
-def _run(words: list[str]) -> None:
+def run_command_line(words: Sequence[str]) -> None:
+    """Run the command that the words call.
+
+    Raises:
+        PerceptionError: The user has to act.
+    """
     for count in (2, 1):
         name = " ".join(words[:count])
         if name in COMMANDS:
@@ -160,7 +166,7 @@ def _run(words: list[str]) -> None:
         )
 
 
-def _run_command(name: str, words: list[str]) -> None:
+def _run_command(name: str, words: Sequence[str]) -> None:
     prog = f"trifuse {name}"
     function = COMMANDS[name].load()
     if {"-h", "--help", "--help-all"} & set(words):

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from data.results.command_config import CommandConfig
 from perception.cli.flags import SourceFlags
 from perception.errors import DriveError, UsageError
 from perception.types import Drive, MapMethod
@@ -11,10 +12,11 @@ if TYPE_CHECKING:
     from perception.maps.densify import DenseMaps
 
 
-def maps(
+def maps(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     source: SourceFlags,
+    config: CommandConfig,
     frame: int = 0,
     all: bool = False,
     method: MapMethod = "default",
@@ -43,6 +45,7 @@ def maps(
     opened = open_drive(drive, sequence=source.sequence, sensor=source.sensor)
     if all:
         folder = out or make_results_folder()
+        config.write(folder)
         for one in progress_bar(read_frames(opened), "frames", len(opened)):
             name = f"{file_number(opened, one.index):06d}.png"
             write_maps(densify(project_frame(one), method), folder, name)
@@ -51,6 +54,7 @@ def maps(
     numbers = [file_number(opened, index) for index in range(len(opened))]
     chosen = opened[_index_of(frame, numbers, opened)]
     folder = out or make_results_folder()
+    config.write(folder)
     sparse = project_frame(chosen)
     methods = sorted(FILL_METHODS, key=lambda name: name != method)
     by_method = {name: densify(sparse, name) for name in methods}

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags
 from perception.pipeline import PipelineConfig
 
@@ -12,6 +13,7 @@ def run(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     frames: DriveFlags,
+    config: CommandConfig,
     out: Path | None = None,
     video: bool = True,
     track: int | None = None,
@@ -39,8 +41,10 @@ def run(  # noqa: PLR0913 - flags of a command
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor, images=images)
-    config = RunConfig(
+    run_config = RunConfig(
         frames.frames, video, frames.on_bad_frame, pipeline, track, min_vehicle_score
     )
     results = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
-    print(run_drive(opened, results, out or make_results_folder(), config).text())
+    folder = out or make_results_folder()
+    config.write(folder)
+    print(run_drive(opened, results, folder, run_config).text())

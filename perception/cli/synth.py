@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
 from perception.types import Layout
 
 
 def synth(  # noqa: PLR0913 - flags of a command
     out: Path,
     *,
+    config: CommandConfig,
     layout: Layout = "raw",
     frames: int = 80,
     drives: int = 1,
@@ -41,7 +43,7 @@ def synth(  # noqa: PLR0913 - flags of a command
     from perception.cli.progress import counting_bar
     from perception.sensor import load_sensor
 
-    config = SynthConfig(
+    synth_config = SynthConfig(
         layout=layout,
         frames=frames,
         drives=drives,
@@ -51,7 +53,8 @@ def synth(  # noqa: PLR0913 - flags of a command
         images=images,
         ego_m_s=speed,
     )
-    with counting_bar("synth", config.total_frames) as bar:
-        folders = write_drives(out, config, bar.update)
+    with counting_bar("synth", synth_config.total_frames) as bar:
+        folders = write_drives(out, synth_config, bar.update)
+    config.write(out)
     for folder in dict.fromkeys(folders):
         print(folder)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
@@ -14,6 +15,7 @@ def track(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     frames: DriveFlags,
+    config: CommandConfig,
     track_id: int | None = None,
     box: str | None = None,
     start_frame: int | None = None,
@@ -31,7 +33,7 @@ def track(  # noqa: PLR0913 - flags of a command
         drive: KITTI raw drive, tracking folder, or synthetic drive.
         track_id: Track id of a labelled object, which is tracked from its first label on and compared with its labels.
         box: Box of the object as x,y,z,length,width,height,yaw in metres and radians; x y z is the centre of the
-            bottom face in the LiDAR frame of the start frame. A negative first number needs --box=-5,...
+            bottom face in the LiDAR frame of the start frame.
         start_frame: Start frame; else the first frame of the object or of the drive. --frames counts from there.
         tracker: Name of the tracker; ms-i, cbwh and opencv-* work in the image alone.
         out: Folder for the results; else results/<time>, with results/latest pointing to it.
@@ -48,7 +50,9 @@ def track(  # noqa: PLR0913 - flags of a command
     start_config = TrackStartConfig(track_id, box, start_frame)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor)
     start = find_start(opened, start_config)
-    config = TrackConfig(
+    track_config = TrackConfig(
         tracker, frames.frames, video, frames.on_bad_frame, pipeline, tracker_config
     )
-    print(track_object(opened, start, out or make_results_folder(), config, progress_bar).text())
+    folder = out or make_results_folder()
+    config.write(folder)
+    print(track_object(opened, start, folder, track_config, progress_bar).text())

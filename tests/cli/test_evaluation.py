@@ -220,7 +220,7 @@ def test_the_command_prints_a_table_and_writes_the_same_as_json(
     assert written["measure"] == measure
     assert written["data"]["frames"] == 154
     assert written["data"]["first_frames"] == written["data"]["frames_evaluated"] == 3
-    assert written["configuration"]["area"]["ahead_m"] == 25
+    assert written["configuration"]["pipeline"]["area"]["ahead_m"] == 25
     assert set(written) >= {"split", "protocol", "results", "program"}
     printed = capsys.readouterr().out
     assert printed.startswith("0000: 3 of 154 frames, HDL-64E, method default")

@@ -6,8 +6,9 @@ from typing import Literal
 
 import pytest
 
-from perception.cli.parser import FlagGroup, call, flag_types, help_text, normalize
+from perception.cli.parser import FlagGroup, call, flag_types, help_text, read_words
 from perception.errors import UsageError
+from tests.faults import fault
 
 
 @dataclass(frozen=True)
@@ -128,20 +129,29 @@ def test_a_file_gives_values_and_flags_behind_it_win(tmp_path):
     assert (shared.frames, video, pipeline.motion.voxel_size_m) == (7, False, 0.3)
 
 
+def test_what_is_typed_wins_over_a_file_wherever_it_stands(tmp_path):
+    file = tmp_path / "flags.yaml"
+    file.write_text("frames: 5\n")
+    assert called("a", "--frames", "7", "--config", str(file))[1].frames == 7
+
+
 @pytest.mark.parametrize(
-    ("words", "normal"),
+    ("words", "values"),
     [
-        (["--on-bad-frame", "skip"], ["--on_bad_frame", "skip"]),
-        (["--video"], ["--video=true"]),
-        (["--no-video", "a"], ["--video=false", "a"]),
-        (["--iou=0.7,0.5"], ["--iou=[0.7,0.5]"]),
-        (["--iou", "[0.7]"], ["--iou=[0.7]"]),
-        (["--names", ""], ["--names=[]"]),
-        (["--pipeline.motion.voxel-size", "1"], ["--pipeline.motion.voxel_size_m", "1"]),
+        (["--on-bad-frame", "skip"], [("on_bad_frame", "skip")]),
+        (["--video"], [("video", "true")]),
+        (["--video", "false"], [("video", "false")]),
+        (["--no-video", "a"], [("drive", "a"), ("video", "false")]),
+        (["--iou=0.7,0.5"], [("iou", "[0.7,0.5]")]),
+        (["--iou", "[0.7]"], [("iou", "[0.7]")]),
+        (["--names", ""], [("names", "[]")]),
+        (["--frames", "-3", "a"], [("drive", "a"), ("frames", "-3")]),
+        (["--pipeline.motion.voxel", "1"], [("pipeline.motion.voxel_size_m", "1")]),
     ],
 )
-def test_words_become_those_of_the_parser(words, normal):
-    assert normalize(words, flag_types(command)) == normal
+def test_words_become_names_and_values(words, values):
+    types = {**flag_types(command), "on_bad_frame": str}
+    assert read_words("trifuse do", words, types, ["drive"]) == values
 
 
 @pytest.mark.parametrize(
@@ -170,9 +180,8 @@ def test_what_cannot_be_parsed_is_one_sentence(words, error):
 
 def test_files_that_cannot_be_used_are_named(tmp_path):
     file = tmp_path / "flags.yaml"
-    where, expected, found = refused("a", "--config", str(file))
-    assert (where, expected) == ("--config", "a YAML file that can be read")
-    assert found.endswith("flags.yaml")
+    with fault(UsageError, f"--config {file}", "a YAML file", "No such file"):
+        called("a", "--config", str(file))
     file.write_text("pipeline:\n  motion:\n    voxel_siz_m: 0.3\n")
     assert refused("a", "--config", str(file)) == (
         "--config",

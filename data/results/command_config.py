@@ -1,0 +1,64 @@
+"""The configuration of a command: what `config.yaml` holds is what `--config` reads."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from perception.errors import UsageError
+
+# Section of a JSON report that holds the configuration.
+SECTION = "configuration"
+
+
+@dataclass(frozen=True)
+class CommandConfig:
+    """Effective values of a command's arguments and flags, but for those that name its outputs.
+
+    Attributes:
+        command: Words that call the command, such as `trifuse run`.
+        values: Value of each argument and flag by name; a dataclass is a section.
+    """
+
+    command: str = "trifuse"
+    values: Mapping[str, object] = field(default_factory=dict)
+
+    def text(self) -> str:
+        """Return the configuration as YAML."""
+        from data.results.documents import yaml_text
+
+        return yaml_text(self.values)
+
+    def write(self, folder: Path) -> None:
+        """Write `config.yaml` into a folder of results."""
+        from data.results.documents import write_config
+
+        write_config(folder, self.command, self.values)
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """Read the flags of a `config.yaml`, or those that a JSON report was made with.
+
+    Raises:
+        UsageError: The file cannot be read, or holds no names and values.
+    """
+    import yaml
+
+    try:
+        text = path.read_text()
+        document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise _unreadable(path, " ".join(str(error).split())) from error
+    if document is None:
+        return {}
+    if not isinstance(document, dict):
+        raise _unreadable(path, f"a {type(document).__name__}")
+    configuration: dict[str, Any] = document.get(SECTION, document)
+    return configuration
+
+
+def _unreadable(path: Path, found: str) -> UsageError:
+    return UsageError(
+        f"--config {path}", expected="a YAML file of flags and their values", found=found
+    )
