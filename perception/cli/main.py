@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt as stopped:
         advice = f"; {stopped}" if stopped.args else ""
-        _print_error(f"trifuse {words[0]}: stopped, what was written is kept{advice}")
+        _print_error(f"trifuse {words[0]}: stopped; what was written is kept{advice}")
         return 130
     except BrokenPipeError:  # the reader, such as `head`, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

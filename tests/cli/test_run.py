@@ -95,7 +95,8 @@ def test_poses_are_where_the_drive_was(results, street):
 
 def test_the_written_configuration_is_the_effective_one(results, street):
     config = yaml.safe_load((results / "config.yaml").read_text())
-    assert config["sensor"] == "HDL-64E"
+    assert (config["drive"], config["frames"]) == (str(street), None)
+    assert "out" not in config
     assert config["pipeline"]["motion"]["previous_scans"] == 6
     assert config["pipeline"]["area"]["ahead_m"] == 30.0
 
@@ -105,7 +106,7 @@ def test_the_written_configuration_can_be_given_back(street, tmp_path):
     words = ["--frames", "2", "--no-video", "--pipeline.motion.voxel-size", "0.2"]
     assert main(["run", str(street), "--out", str(first), *words]) == 0
     config = first / "config.yaml"
-    assert main(["run", str(street), "--out", str(second), "--config", str(config)]) == 0
+    assert main(["run", "--config", str(config), "--out", str(second)]) == 0
     assert (second / "config.yaml").read_text() == config.read_text()
     assert yaml.safe_load(config.read_text())["pipeline"]["motion"]["voxel_size_m"] == 0.2
     assert (second / "tracks.jsonl").read_text() == (first / "tracks.jsonl").read_text()

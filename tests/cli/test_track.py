@@ -124,7 +124,7 @@ def test_the_rows_are_those_of_the_benchmark(results, labelled_id):
 def test_configuration_and_summary_say_what_was_followed(results, labelled_id):
     config = yaml.safe_load((results / "config.yaml").read_text())
     assert config["tracker"] == "h-fus"
-    assert (config["track_id"], config["start_frame"]) == (labelled_id, 0)
+    assert (config["track_id"], config["start_frame"]) == (labelled_id, None)
     summary = json.loads((results / "summary.json").read_text())
     assert summary["frames"] == sum(summary["states"].values()) == FRAMES
     assert summary["against_labels"]["frames"] == FRAMES
