@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,12 @@ class CommandConfig:
     """Effective values of a command's arguments and flags, but for those that name its outputs.
 
     Attributes:
-        command: Words that call the command, such as `trifuse run`.
+        command: Words that call the command, such as `run`.
         values: Value of each argument and flag by name; a dataclass is a section.
     """
 
-    command: str = "trifuse"
-    values: Mapping[str, object] = field(default_factory=dict)
+    command: str
+    values: Mapping[str, object]
 
     def text(self) -> str:
         """Return the configuration as YAML."""

@@ -63,7 +63,7 @@ def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
         UsageError: A flag is unknown, or its value is not of its type.
     """
     arguments = parse(prog, function, [word for word in words if word not in _PRINT_CONFIG])
-    config = CommandConfig(prog, dict(_config_values(function, arguments)))
+    config = CommandConfig(prog.removeprefix("trifuse "), dict(_config_values(function, arguments)))
     if set(words) & _PRINT_CONFIG:
         print(config.text(), end="")
         return
