@@ -200,11 +200,7 @@ def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
 
 
 def run_depthcn(detector: DepthCn, frame: Frame) -> tuple[FrameDetections, DenseMaps]:
-    """Detect in one frame and time each stage; return the dense maps of the scan, too.
-
-    Raises:
-        CalibrationError: the frame has no camera to project to.
-    """
+    """Detect in one frame and time each stage; return the dense maps of the scan, too."""
     calibration, _ = camera_of(frame)
     clock = StageClock()
     with clock.stage("proposals"):

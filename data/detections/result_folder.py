@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Self
 
 from data.frames import file_number
-from data.kitti.detection_rows import format_result_rows
+from data.results.kitti_rows import format_object_rows
 from perception.atomic_file import write_atomically, write_jpeg
 from perception.errors import PerceptionError
-from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.detector_measure import FrameDetections
 from perception.maps.densify import DenseMaps
+from perception.maps.projection import camera_of
 from perception.render.detection_composition import DetectionComposition, DetectionScene
 from perception.render.detections import color_depth_map
 from perception.render.video import open_video
-from perception.types import Drive, Frame
+from perception.types import Drive, Frame, Vehicles
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,8 @@ log = logging.getLogger(__name__)
 class DetectionFolder:
     """Writes the detections of one drive, frame by frame; a context manager.
 
-    data/NNNNNN.txt      result rows of KITTI's object benchmark; empty where nothing is detected
+    data/NNNNNN.txt      result rows of KITTI's object benchmark, with 3D boxes where the scan locates them; empty
+                         where nothing is detected; in pixels and axes of a virtual camera where there is none
     video.mp4            of a sequence: camera and depth map with proposals and detections
     preview.jpg          the middle frame of it
     previews/NNNNNN.jpg  the same of each object frame
@@ -54,10 +55,20 @@ class DetectionFolder:
             log.warning("%d frames were written before this to %s", self._written, self._out)
         self._files.__exit__(kind, *error)  # type: ignore[arg-type]
 
-    def write(self, frame: Frame, output: FrameDetections, dense: DenseMaps) -> None:
-        """Write one frame."""
+    def write(
+        self, frame: Frame, output: FrameDetections, vehicles: Vehicles, dense: DenseMaps
+    ) -> None:
+        """Write one frame.
+
+        Args:
+            frame: Frame of the drive.
+            output: Detections, proposals and times.
+            vehicles: The same detections, located in the scan.
+            dense: Dense maps of the frame.
+        """
         number = file_number(self._drive, frame.index)
-        rows = format_result_rows(DetectedBoxes.of_frames([output.detections]))
+        calibration, _ = camera_of(frame)
+        rows = format_object_rows(vehicles, calibration)
         write_atomically(self._out / "data" / f"{number:06d}.txt", rows.encode())
         self._written += 1
         if self._display_score is None or output.proposals_px is None:

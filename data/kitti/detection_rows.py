@@ -111,22 +111,6 @@ def read_frame_list(path: Path) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def format_result_rows(detections: DetectedBoxes) -> str:
-    """Return the rows of one frame, each with its line end; unknown values get KITTI's numbers."""
-    columns = zip(
-        detections.types.tolist(),
-        detections.alphas_rad.tolist(),
-        detections.boxes_px.tolist(),
-        detections.scores.tolist(),
-        strict=True,
-    )
-    return "".join(
-        f"{kind} -1 -1 {alpha:.6g} {' '.join(f'{edge:.6f}' for edge in box)} "
-        f"-1 -1 -1 -1000 -1000 -1000 -10 {score!r}\n"
-        for kind, alpha, box, score in columns
-    )
-
-
 @dataclass(frozen=True)
 class _Table:
     """Rows of many files: index of the frame, type, and the numbers after it."""

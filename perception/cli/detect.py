@@ -27,7 +27,7 @@ def detect(  # noqa: PLR0913 - flags of a command
 ) -> None:
     """Detect vehicles by DepthCN in the LiDAR scans of a drive and write KITTI result files.
 
-    OUT/data/NNNNNN.txt holds the detections of a frame, OUT/video.mp4 the camera and the depth map with proposals
+    OUT/data/NNNNNN.txt holds the detections of a frame with their 3D boxes, OUT/video.mp4 the camera and the depth map with proposals
     and detections (previews/NNNNNN.jpg of object frames), OUT/config.yaml the configuration.
 
     Example: trifuse detect kitti/tracking --sequence 0000 --out results/vehicles
@@ -49,7 +49,9 @@ def detect(  # noqa: PLR0913 - flags of a command
     from data.results.documents import write_json
     from data.results.run_folder import make_results_folder
     from perception.cli.progress import progress_bar
+    from perception.detection.vehicles.locate import locate
     from perception.geometry.threads import limit_blas_threads
+    from perception.types import FusedDetections
 
     opened = open_drive(root, sequence=drive.sequence, sensor=drive.sensor)
     detection = DetectionConfig(depthcn=depthcn, nms=nms, display_score=display_score)
@@ -64,9 +66,11 @@ def detect(  # noqa: PLR0913 - flags of a command
         with DetectionFolder(folder, opened, count, display_score if video else None) as files:
             for frame in progress_bar(frames, opened.name, count):
                 with limit_blas_threads():
-                    detections, dense = run_depthcn(detector, frame)
-                files.write(frame, detections, dense)
-                summary.add(detections)
+                    output, dense = run_depthcn(detector, frame)
+                    fused = FusedDetections.unfused(output.detections)
+                    vehicles = locate(fused, frame, ground=None)
+                files.write(frame, output, vehicles, dense)
+                summary.add(output)
     finally:
         summary.elapsed_s = time.perf_counter() - start_s
         write_json(folder / "summary.json", summary.to_json())

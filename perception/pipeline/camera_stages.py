@@ -90,7 +90,7 @@ class CameraStages:
         modalities = set(self._detectors.detectors) if self._detectors else set()
         uses_maps = self._depthcn is not None or bool(modalities - {"rgb"})
         if frame.calibration is None and (modalities or uses_maps):
-            missing, rest = "calibration of a camera", "maps of a virtual camera that looks ahead"
+            missing, rest = "calibration of a camera", "maps of a virtual camera"
         elif frame.image is None and "rgb" in modalities:
             missing, rest = "camera image", "maps of the scan"
         else:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,3 +50,9 @@ class FusedDetections(ArrayTable):
     detections: Detections
     source_indices: Annotated[Int, len(MODALITIES)]
     dominant_modality: Int
+
+    @classmethod
+    def unfused(cls, detections: Detections) -> Self:
+        """Return detections that come from no detector of a modality, such as those of DepthCN."""
+        count = len(detections)
+        return cls(detections, np.full((count, len(MODALITIES)), -1), np.full(count, -1))

@@ -1,17 +1,19 @@
 """`trifuse detect`: the files that it writes, its summary, and its errors."""
 
 import json
+import shutil
 from pathlib import Path
 
 import av
 import cv2
+import numpy as np
 import pytest
 import yaml
 
 from data.kitti.detection_rows import read_detection_set
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
-from tests.car_frames import SIZE_PX, write_car_frames
+from tests.car_frames import SIZE_PX
 
 FRAMES = 3
 
@@ -117,11 +119,23 @@ def test_a_drive_of_which_no_frame_can_be_read(car_frames, label_reader, tmp_pat
     assert "no frame could be read" in capsys.readouterr().out
 
 
-def test_a_drive_without_a_camera_has_nothing_to_project_to(label_reader, tmp_path, capsys):
-    drive = write_car_frames(tmp_path / "blind", frames=1, camera=False)
-    label_reader(drive)
-    assert detect(drive, tmp_path / "out") == 2
-    assert "expected a camera's calibration, found none" in capsys.readouterr().err
+def test_without_a_camera_vehicles_have_3d_boxes_all_the_same(street, tmp_path):
+    blind = tmp_path / "blind" / "training"
+    shutil.copytree(street / "training" / "velodyne", blind / "velodyne")
+    for drive, name in ((street, "seen"), (blind.parent, "unseen")):
+        assert detect(drive, tmp_path / name, "--sequence", "0", "--no-video") == 0
+    seen, unseen = (_located_rows(tmp_path / name) for name in ("seen", "unseen"))
+    assert len(unseen) > 0
+    # Each vehicle in front is where it is by the camera of the drive, whose axes are nearly the same.
+    nearest_m = np.linalg.norm(seen[:, None] - unseen, axis=2).min(axis=1)
+    assert np.median(nearest_m) < 0.5
+
+
+def _located_rows(out: Path) -> np.ndarray:
+    """Return (R, 3) x, y and z of the likely vehicles of the first frame that have a 3D box."""
+    rows = [row.split() for row in (out / "data" / "000000.txt").read_text().splitlines()]
+    numbers = np.array([row[1:] for row in rows], float)
+    return numbers[(numbers[:, 14] > 0.5) & (numbers[:, 10] > -1000)][:, 10:13]
 
 
 @pytest.mark.parametrize(

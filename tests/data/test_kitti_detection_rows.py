@@ -2,13 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from data.kitti.detection_rows import format_result_rows, read_detection_set, read_frame_list
+from data.kitti.detection_rows import read_detection_set, read_frame_list
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.average_precision import kitti_average_precision
-from perception.evaluation.detection.box_rows import DetectedBoxes
 from tests.faults import fault
 
 CAR = "Car 0.10 1 -1.57 599.41 156.40 629.75 189.25 1.5 1.6 3.9 0.47 1.49 69.44 -1.56"
@@ -146,19 +144,3 @@ def test_lists_that_cannot_be_read(
     frame_list.write_text(text)
     with fault(LabelError, where=where, expected=expected, found=found):
         read_frame_list(frame_list)
-
-
-def test_what_is_written_is_read(tmp_path: Path):
-    written = DetectedBoxes(
-        frames=np.array([0, 0]),
-        types=np.array(["Car", "Cyclist"]),
-        alphas_rad=np.array([-10.0, 1.25]),
-        boxes_px=np.array([[1.5, 2, 30, 40], [0, 0, 1000.123456, 300]]),
-        scores=np.array([1 / 3, -2.5e-7]),
-    )
-    (tmp_path / "results").mkdir()
-    (tmp_path / "results" / "000000.txt").write_text(format_result_rows(written))
-    write(tmp_path / "labels", {0: CAR})
-    read = read_detection_set(tmp_path / "results", tmp_path / "labels").detections
-    for name, column in vars(written).items():
-        np.testing.assert_array_equal(getattr(read, name), column)
