@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from benchmarks.studies.report import RESULTS, publish
+from benchmarks.studies.report import RESULTS, publish, value_table
 from data.samples.crops.config import CropDataConfig
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
 from perception.cli.train import TrainingFlags, import_trainer
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
 from train.config import TrainingRun
@@ -70,9 +70,9 @@ def augmentation(
     publish(
         out,
         "Table 7.8",
-        table=_table(config.method, trained),
-        numbers={name: asdict(one) for name, one in trained.items()},
-        conditions={"experiment": experiment, "run": run, "thesis_percent": THESIS_PERCENT},
+        {"accuracy": _table(config.method, trained)},
+        {"experiment": experiment, "run": run},
+        trained={name: asdict(one) for name, one in trained.items()},
     )
 
 
@@ -92,24 +92,30 @@ def _train(
     return trained
 
 
-def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> str:
+def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[Any]:
     counts = next(iter(trained.values())).counts
     title = (
         f"Accuracy in %, {method} network: {counts['training_crops']} training and "
         f"{counts['validation_crops']} validation crops"
     )
-    rows = {f"{name} augmentation": (one, *THESIS_PERCENT[name]) for name, one in trained.items()}
-    columns: list[Column[tuple[TrainedVerifier, float, float]]] = [
-        Column("best epoch", lambda row: row[0].epoch),
-        Column("training", lambda row: 100 * row[0].training["accuracy"], ".2f"),
-        Column("validation", lambda row: 100 * row[0].validation["accuracy"], ".2f"),
-        Column(
-            "balanced accuracy", lambda row: 100 * row[0].validation["balanced_accuracy"], ".2f"
-        ),
-        Column("thesis training", lambda row: row[1], ".2f"),
-        Column("thesis validation", lambda row: row[2], ".2f"),
-    ]
-    return Table(title, columns, rows).text()
+    percents = (
+        "training",
+        "validation",
+        "balanced accuracy",
+        "thesis training",
+        "thesis validation",
+    )
+    rows = {
+        f"{name} augmentation": (
+            one.epoch,
+            100 * one.training["accuracy"],
+            100 * one.validation["accuracy"],
+            100 * one.validation["balanced_accuracy"],
+            *THESIS_PERCENT[name],
+        )
+        for name, one in trained.items()
+    }
+    return value_table(title, "", ("best epoch", *percents), rows, ("d", *[".2f"] * 5))
 
 
 def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifier"]) -> None:

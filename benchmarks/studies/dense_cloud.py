@@ -1,20 +1,19 @@
 """A pole in the merged cloud, by INS alone and after registration (Fig. 5.2)."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import RESULTS, publish
+from benchmarks.studies.report import RESULTS, publish, value_table
 from perception.errors import DriveError
-from perception.evaluation.report import format_table
 from perception.geometry.grids import LocalArea
-from perception.types import Bool, Float32, Float64, GroundModel, Int, UInt8
+from perception.types import Bool, Float64, GroundModel, Int, UInt8
 
 if TYPE_CHECKING:
     from perception.localization.scan_window import DenseCloud
+    from perception.render.obstacle_plots import AgedPoints
 
 _CELL_M = 0.1
 _LOW_M, _HIGH_M = 0.3, 2.0
@@ -45,7 +44,7 @@ def dense_cloud(
     """
     from perception.localization.registration import register_window
     from perception.localization.scan_window import merge
-    from perception.render.obstacle_plots import AgedPoints, plot_aged_points
+    from perception.render.obstacle_plots import plot_aged_points
 
     opened = window.open(drive)
     merged = read_merged_frame(opened, window)
@@ -61,24 +60,20 @@ def dense_cloud(
     }
     place_m = np.array(at) if at else find_pole(merged.cloud, ground, merged.area)
     cutouts = {name: cut_out(cloud, ground, place_m) for name, cloud in clouds.items()}
-    apart_cm = {name: 1e2 * one.disagreement_m for name, one in cutouts.items()}
+    apart_cm = {name: 1e2 * disagreement_m(one) for name, one in cutouts.items()}
     title = f"Merged cloud of a thin object, {merged.title}"
-    panels = {
-        f"{name}\nscans {apart_cm[name]:.1f} cm apart": AgedPoints(one.points_m, one.age)
-        for name, one in cutouts.items()
-    }
+    panels = {f"{name}\nscans {apart_cm[name]:.1f} cm apart": one for name, one in cutouts.items()}
     plot_aged_points(out, title, panels)
-    rows = [[name, str(len(one.age)), f"{apart_cm[name]:.1f}"] for name, one in cutouts.items()]
-    place = f"at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m"
-    disagreement_m = {name: one.disagreement_m for name, one in cutouts.items()}
+    place = f"{title}, at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m"
+    rows = {name: (len(one.age), apart_cm[name]) for name, one in cutouts.items()}
     publish(
         out,
         "Fig. 5.2",
-        table=format_table(f"{title}, {place}", ("", "points", "scans apart [cm]"), rows),
-        numbers={"disagreement_m": disagreement_m, "place_m": place_m},
-        conditions={
+        {"clouds": value_table(place, "", ("points", "scans apart [cm]"), rows, ("d", ".1f"))},
+        {
             **merged.conditions,
-            "disagreement": "RMS over the earlier scans of the distance between the median position "
+            "place_m": place_m,
+            "scans apart": "RMS over the earlier scans of the distance between the median position "
             "of their points within 0.5 m of the place and that of the newest scan's",
         },
     )
@@ -136,33 +131,23 @@ def _distinct_values_around(cells: Int, values: Int | UInt8, shape: tuple[int, i
     return total
 
 
-@dataclass(frozen=True)
-class Cutout:
-    """Points of a merged cloud around one place.
-
-    Attributes:
-        points_m: (P, 3) offsets from the place on the ground below it.
-        age: (P,) number of scans before the newest.
-    """
-
-    points_m: Float32
-    age: UInt8
-
-    @property
-    def disagreement_m(self) -> float:
-        """RMS distance of the object's centre in the earlier scans from that in the newest scan."""
-        ages = np.unique(self.age)
-        centers = np.array([np.median(self.points_m[self.age == a, :2], axis=0) for a in ages])
-        return float(np.sqrt(np.mean(np.sum((centers[1:] - centers[0]) ** 2, axis=1))))
-
-
 def cut_out(
     cloud: "DenseCloud", ground: GroundModel, place_m: Float64, radius_m: float = 0.5
-) -> Cutout:
+) -> "AgedPoints":
     """Return the points above the ground within a radius of a place (2,)."""
-    offset = cloud.points_velo[:, :2] - place_m
+    from perception.render.obstacle_plots import AgedPoints
+
+    offset_m = cloud.points_velo[:, :2] - place_m
     height_m = ground.distance_m(cloud.points_velo)
-    is_inside: Bool = (np.hypot(*offset.T) < radius_m) & (height_m > _LOW_M)
+    is_inside: Bool = (np.hypot(*offset_m.T) < radius_m) & (height_m > _LOW_M)
     is_inside &= height_m < _HIGH_M
-    points = np.column_stack([offset, height_m])[is_inside]
-    return Cutout(points.astype(np.float32), cloud.age[is_inside])
+    points_m = np.column_stack([offset_m, height_m])[is_inside]
+    return AgedPoints(points_m.astype(np.float32), cloud.age[is_inside])
+
+
+def disagreement_m(points: "AgedPoints") -> float:
+    """Return the RMS distance of the object's centre in the earlier scans from that in the newest scan."""
+    ages = np.unique(points.age)
+    centers_m = [np.median(points.points_m[points.age == age, :2], axis=0) for age in ages]
+    offsets_m = np.array(centers_m[1:]) - centers_m[0]
+    return float(np.sqrt(np.mean(np.sum(offsets_m**2, axis=1))))

@@ -46,9 +46,9 @@ def detector_losses(
     publish(
         out,
         "none: the thesis trains as published",
-        table="\n\n".join(precision_tables("Losses", metrics, iou) for iou in IOU),
-        numbers=metrics,
-        conditions={"variants": variants, "training": training},
+        precision_tables("Losses", metrics, IOU),
+        {"variants": variants, "training": training},
+        variants=metrics,
     )
 
 

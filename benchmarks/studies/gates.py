@@ -5,13 +5,23 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrame, MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import RESULTS, publish
-from perception.evaluation.report import format_table
+from benchmarks.studies.report import RESULTS, publish, value_table
+from perception.evaluation.report import Value
 from perception.obstacles.ground_planes import PiecewisePlanes, PlaneStep, plane_step
 from perception.types import Bool, Float
 
 _CLEARANCE_M = 0.2  # d_min of Table 7.1
-_HEADER = ("slice", "points", "in gate", "gate z [m]", "δψ [deg]", "δZ [cm]", "accepted")
+_SPECS = {
+    "from [m]": ".1f",
+    "to [m]": ".1f",
+    "points": "d",
+    "in gate": "d",
+    "gate low [m]": ".2f",
+    "gate high [m]": ".2f",
+    "δψ [deg]": ".2f",
+    "δZ [cm]": ".1f",
+    "accepted": "",
+}
 
 
 def gates(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "gates.png") -> None:
@@ -30,12 +40,13 @@ def gates(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "gates.
     is_inlier = passes_gate(points_velo, planes)
     title = f"Gates and planes, {merged.title}"
     plot_gates(out, title, GatedCloud(points_velo, is_inlier, planes, _CLEARANCE_M), merged.area)
+    rows = _rows(merged, is_inlier)
     publish(
         out,
         "Figs 5.4, 5.5",
-        table=format_table(title, _HEADER, _rows(merged, is_inlier)),
-        numbers={"planes": planes, "steps": plane_steps(planes)},
-        conditions=merged.conditions,
+        {"slices": value_table(title, "slice", list(_SPECS), rows, list(_SPECS.values()))},
+        merged.conditions,
+        planes=planes.planes,
     )
 
 
@@ -51,22 +62,18 @@ def plane_steps(planes: PiecewisePlanes) -> list[PlaneStep]:
     return [plane_step(planes.planes[k], planes.proposed[k + 1], edge_m) for k, edge_m in edges]
 
 
-def _rows(merged: MergedFrame, is_inlier: Bool) -> list[list[str]]:
-    planes, area, rows = merged.planes, merged.area, []
+def _rows(merged: MergedFrame, is_inlier: Bool) -> dict[str, tuple[Value, ...]]:
+    planes, area, rows = merged.planes, merged.area, {}
     slices = planes.slice_of(merged.cloud.points_velo[:, 0])
-    bounds = [-area.behind_m, *planes.edges_m, area.ahead_m]
+    bounds_m = [-area.behind_m, *planes.edges_m, area.ahead_m]
     for k, step in enumerate([None, *plane_steps(planes)]):
-        change = ("-", "-")
-        if step is not None:
-            change = (f"{np.degrees(step.angle_rad):.2f}", f"{1e2 * step.step_m:.1f}")
-        rows.append(
-            [
-                f"S{k}  {bounds[k]:.1f} to {bounds[k + 1]:.1f} m",
-                str(np.count_nonzero(slices == k)),
-                str(np.count_nonzero((slices == k) & is_inlier)),
-                "{:.2f} to {:.2f}".format(*planes.gates_m[k]),
-                *change,
-                "yes" if planes.is_valid[k] else "no",
-            ]
+        change = (None, None) if step is None else (np.degrees(step.angle_rad), 1e2 * step.step_m)
+        rows[f"S{k}"] = (
+            *bounds_m[k : k + 2],
+            np.count_nonzero(slices == k),
+            np.count_nonzero((slices == k) & is_inlier),
+            *planes.gates_m[k],
+            *change,
+            "yes" if planes.is_valid[k] else "no",
         )
     return rows

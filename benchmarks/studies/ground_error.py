@@ -56,7 +56,7 @@ def ground_error(
     opened, scans, steps = config.open(drive), config.previous_scans, config.steps_per_slice
     errors = measure_ground_errors(opened, config)
     metrics = {pair: mean_displacement_error(rows) for pair, rows in errors.items()}
-    mde_m = np.array([[metrics[m, eta].mde_m for eta in steps] for m in scans])
+    mde_mm = np.array([[1e3 * metrics[m, eta].mde_m for eta in steps] for m in scans])
     one = next(iter(metrics.values()))
     title = f"Ground error of the thesis' method, {opened.name}, {one.frames} frames"
     grid = ValueGrid(
@@ -64,18 +64,19 @@ def ground_error(
         rows=scans,
         column_name="elevation steps per slice, η",
         columns=steps,
-        values=1e3 * mde_m,
+        values=mde_mm,
         value_name="mDE [mm]",
         digits=1,
     )
     plot_grid(out, title, grid, is_low_good=True)
-    rows = {f"m = {m}": 1e3 * values for m, values in zip(scans, mde_m, strict=True)}
+    rows = {f"m = {m}": values for m, values in zip(scans, mde_mm, strict=True)}
     publish(
         out,
         "Fig. 7.1",
-        table=value_table(title, "mDE [mm]", [f"η = {eta}" for eta in steps], rows),
-        numbers={"mde_m": mde_m, "frames": one.frames, "objects": one.objects},
-        conditions={"drive": opened.name, "config": config, "area": LocalArea()},
+        {"mde_mm": value_table(title, "mDE [mm]", [f"η = {eta}" for eta in steps], rows)},
+        {"drive": opened.name, "config": config, "area": LocalArea()},
+        frames=one.frames,
+        objects=one.objects,
     )
 
 

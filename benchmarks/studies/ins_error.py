@@ -78,7 +78,6 @@ def ins_error(
     publish(
         out,
         "7.1.1, tolerance to localization error",
-        table=tracking_table(title, "INS error: method", cases),
-        numbers=[{"ins": ins, "methods": methods} for ins, methods in metrics.items()],
-        conditions={"drives": streets, "config": config, "sensor": model, "protocol": PROTOCOL},
+        {"tracks": tracking_table(title, "INS error: method", cases)},
+        {"drives": streets, "config": config, "sensor": model, "protocol": PROTOCOL},
     )

@@ -31,13 +31,12 @@ def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.
     states = segmenter.update(merged.window, merged.planes).point_states
     title = f"From counters to masks, {merged.title}"
     plot_masks(out, title, counters, merged.frame.points_velo[states >= PointState.STATIC])
-    counts = _counts(counters)
+    columns = ("columns", "points in them")
     publish(
         out,
         "Fig. 5.6",
-        table=value_table(title, "", ("columns", "points in them"), counts, "d"),
-        numbers={name: {"columns": c, "points": p} for name, (c, p) in counts.items()},
-        conditions=merged.conditions,
+        {"steps": value_table(title, "", columns, _counts(counters), "d")},
+        merged.conditions,
     )
 
 

@@ -1,6 +1,5 @@
 """The thesis' motion grids of one frame: subtraction, suppression, and objects (Fig. 5.10)."""
 
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -10,7 +9,6 @@ from benchmarks.studies.merged_frame import existing_frame
 from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.progress import progress_bar
 from perception.datmo.config import AUTHOR, THESIS
-from perception.evaluation.report import Column, Table
 from perception.pipeline import PipelineConfig
 from perception.types import Boxes3D, Drive, Frame
 
@@ -62,22 +60,17 @@ def motion_grid(
     grids, boxes = detector.grids, axis_aligned_boxes(footprints)
     title = f"2.5D motion grids by {_SOURCES[preset]}, {opened.name} frame {newest}"
     plot_motion_grids(out, title, MotionGridScene(grids, boxes, scan.ground, _camera(last, opened)))
-    counts = _counts(grids)
-    cells = value_table(title, "", ("cells",), {name: (n,) for name, n in counts.items()}, "d")
+    counts = {name: (count,) for name, count in _counts(grids).items()}
     values = np.column_stack([footprints.centroids_m, boxes.size_m, footprints.points])
-    rows = {str(number): row.tolist() for number, row in enumerate(values, start=1)}
-    formats = (*[".3f"] * 5, ".0f")
-    columns = [Column(n, itemgetter(k), formats[k]) for k, n in enumerate(_COLUMNS)]
-    objects = Table("Objects", columns, rows, "object")
+    objects = {str(number): row for number, row in enumerate(values, start=1)}
     publish(
         out,
         "Fig. 5.10",
-        table=f"{cells}\n\n{objects.text()}",
-        numbers={
-            "cells": counts,
-            "objects": [dict(zip(_COLUMNS, row, strict=True)) for row in rows.values()],
+        {
+            "cells": value_table(title, "", ("cells",), counts, "d"),
+            "objects": value_table("Objects", "object", _COLUMNS, objects, (*[".3f"] * 5, ".0f")),
         },
-        conditions={"drive": opened.name, "frame": newest, "preset": preset, "config": config},
+        {"drive": opened.name, "frame": newest, "preset": preset, "config": config},
     )
 
 

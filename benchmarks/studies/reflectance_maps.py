@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.studies.detector_variants import DetectorVariant, VariantFlags, study_variants
 from benchmarks.studies.report import RESULTS, publish
@@ -13,6 +13,7 @@ from benchmarks.studies.variant_report import (
     precision_tables,
     times_table,
 )
+from perception.evaluation.report import Table
 from train.detector.config import Preset
 
 if TYPE_CHECKING:
@@ -67,26 +68,21 @@ def reflectance_maps(
     variants = map_variants(training.variant(drives, "rm", size, preset), wide_size)
     metrics = study_variants(variants, training, out.with_suffix(""))
     plot_variant_curves(out, "Detectors of the reflectance map", metrics, _IOU)
-    tables = [
-        precision_tables(title, {name: metrics[name] for name in (*thesis, TRIFUSE)}, _IOU, thesis)
-        for title, thesis in (
-            ("Sparse, dense and wide (Table B.2)", THESIS_B2),
-            ("Interpolations (Table B.3)", THESIS_B3),
-        )
-    ]
-    tables.append(
-        times_table("Time per frame (Table B.1; the thesis' on a GPU)", metrics, THESIS_B1_MS)
-    )
+    tables: dict[str, Table[Any]] = {}
+    for title, thesis in (
+        ("Sparse, dense and wide (Table B.2)", THESIS_B2),
+        ("Interpolations (Table B.3)", THESIS_B3),
+    ):
+        compared = {name: metrics[name] for name in (*thesis, TRIFUSE)}
+        tables |= precision_tables(title, compared, [_IOU], thesis)
+    title = "Time per frame (Table B.1; the thesis' on a GPU)"
+    tables[title] = times_table(title, metrics, THESIS_B1_MS)
     publish(
         out,
         "Tables B.1, B.2 and B.3",
-        table="\n\n".join(tables),
-        numbers=metrics,
-        conditions={
-            "variants": variants,
-            "training": training,
-            "thesis": {"B.1 ms": THESIS_B1_MS, "B.2": THESIS_B2, "B.3": THESIS_B3},
-        },
+        tables,
+        {"variants": variants, "training": training},
+        variants=metrics,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the studies share: the drive they look at, and the figure, table and numbers they leave."""
+"""What the studies share: the drive they read, and the tables and numbers that they write beside the figure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Any
 from perception import __version__
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Table, Value
 from perception.types import Drive, Float64
 
 RESULTS = Path("results") / "study"
@@ -71,36 +71,54 @@ class StreetFlags(FlagGroup):
 
 
 def publish(
-    out: Path, repeats: str, *, table: str, numbers: object, conditions: dict[str, Any]
+    out: Path,
+    repeats: str,
+    tables: Mapping[str, Table[Any]],
+    conditions: Mapping[str, object],
+    **details: object,
 ) -> None:
-    """Write the numbers beside the figure, and print the table and both paths.
+    """Write the numbers beside the figure, and print the tables and both paths.
 
     Args:
         out: Figure, named as the study.
         repeats: Figure or table of the thesis that the study repeats.
-        table: Results as text.
-        numbers: Results for programs.
+        tables: Results by their names in the JSON document.
         conditions: Drive, frames and parameters.
+        details: Results for the JSON document alone.
     """
     from data.results.documents import write_json
 
+    results = {name: table.to_json() for name, table in tables.items()}
     document = {
         "repeats": repeats,
         "program": f"trifuse {__version__}",
         "conditions": conditions,
-        "results": numbers,
+        "results": {**results, **details},
     }
     write_json(out.with_suffix(".json"), document)
-    print(f"{table}\n\n{out}\n{out.with_suffix('.json')}")
+    text = "\n\n".join(table.text() for table in tables.values())
+    print(f"{text}\n\n{out}\n{out.with_suffix('.json')}")
 
 
 def value_table(
     title: str,
     heading: str,
     columns: Sequence[str],
-    rows: Mapping[str, Sequence[float | None] | Float64],
-    spec: str = ".1f",
-) -> str:
-    """Return a table of numbers, all formatted by one specification."""
-    cells = [Column(name, itemgetter(place), spec) for place, name in enumerate(columns)]
-    return Table(title, cells, rows, heading).text()
+    rows: Mapping[str, Sequence[Value] | Float64],
+    specs: str | Sequence[str] = ".1f",
+) -> Table[Any]:
+    """Return a table of values.
+
+    Args:
+        title: Title of the table.
+        heading: Heading of the names of the rows.
+        columns: (C,) names of the columns, with units; their names in the JSON document too.
+        rows: (C,) values by the name of the row.
+        specs: Format specification of all columns, or of each.
+    """
+    each = [specs] * len(columns) if isinstance(specs, str) else specs
+    cells: list[Column[Any]] = [
+        Column(name, itemgetter(place), spec, name)
+        for place, (name, spec) in enumerate(zip(columns, each, strict=True))
+    ]
+    return Table(title, cells, rows, heading)

@@ -43,7 +43,6 @@ def sensors(*, streets: StreetFlags, out: Path = RESULTS / "sensors.png") -> Non
     publish(
         out,
         "none: the thesis has one sensor",
-        table=tracking_table(title, "LiDAR: method", metrics),
-        numbers=metrics,
-        conditions={"drives": streets, "sensors": SENSORS, "protocol": PROTOCOL},
+        {"tracks": tracking_table(title, "LiDAR: method", metrics)},
+        {"drives": streets, "sensors": SENSORS, "protocol": PROTOCOL},
     )

@@ -50,11 +50,9 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
     publish(
         out,
         "none: the thesis trains on KITTI",
-        table="\n\n".join(
-            precision_tables("Shares of the training frames", metrics, iou) for iou in IOU
-        ),
-        numbers=metrics,
-        conditions={"variants": variants, "training": training, "real": real},
+        precision_tables("Shares of the training frames", metrics, IOU),
+        {"variants": variants, "training": training, "real": real},
+        variants=metrics,
     )
 
 

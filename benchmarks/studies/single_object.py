@@ -48,14 +48,12 @@ class SingleObjectStudyMetrics:
 
     Attributes:
         scores: Metrics over all frames.
-        hidden_frames: Number of frames in which the object is hidden.
         reacquired_s: Seconds from the end of the occlusion until the tracker has the object again;
             infinite where it never has, NaN where the object was never hidden.
         refusal: Reason why the tracker could not begin, or None.
     """
 
     scores: "SingleObjectMetrics"
-    hidden_frames: int
     reacquired_s: float
     refusal: str | None = None
 
@@ -81,7 +79,7 @@ def single_object(
 
     require_trackers(config.trackers)
     model, panels = load_sensor(sensor), []
-    metrics: dict[str, dict[str, SingleObjectStudyMetrics]] = {}
+    rows: dict[str, SingleObjectStudyMetrics] = {}
     for scenario in scenarios.all_scenarios(config.object_class, config.duration_s):
         drive = scenarios.ScenarioDrive(scenario, seed=config.seed, sensor=model)
         truth, frames = scenarios.true_track(drive), len(drive)
@@ -93,24 +91,20 @@ def single_object(
             name: single_object_errors(truth, run.track, drive.calibration)
             for name, run in runs.items()
         }
-        metrics[scenario.name] = {
-            name: SingleObjectStudyMetrics(
+        for name, run in runs.items():
+            rows[f"{scenario.name}: {name}"] = SingleObjectStudyMetrics(
                 single_object_metrics(errors[name]),
-                int(np.isnan(truth.boxes_px[:, 0]).sum()),
                 reacquisition_time_s(truth, errors[name]),
                 run.refusal,
             )
-            for name, run in runs.items()
-        }
         panels.append(_error_panel(scenario.name, truth, errors))
     subject = f"a {config.object_class.lower()} by {model.name}"
     plot_curves(out, f"Tracking {subject}: centre error", panels, columns=4, share_y="all")
     publish(
         out,
         "the challenges of Table 3.2 and A.1, on scenes with exact truth",
-        table=_table(f"tracking {subject}, {frames} frames per scene", metrics),
-        numbers=metrics,
-        conditions={"config": config, "sensor": model, "reacquired_iou": _REACQUIRED_IOU},
+        {"trackers": _table(f"tracking {subject}, {frames} frames per scene", rows)},
+        {"config": config, "sensor": model, "reacquired_iou": _REACQUIRED_IOU},
     )
 
 
@@ -145,24 +139,25 @@ def reacquisition_time_s(truth: "TrueTrack", errors: "SingleObjectErrors") -> fl
 
 
 _COLUMNS: list[Column[SingleObjectStudyMetrics]] = [
-    Column("E3D [m]", lambda m: m.scores.center_m, ".2f"),
-    Column("E2D [px]", lambda m: m.scores.center_px, ".1f"),
-    Column("heading [deg]", lambda m: float(np.degrees(m.scores.heading_rad)), ".1f"),
-    Column("observed [%]", lambda m: 100 * m.scores.seen, ".0f"),
-    Column("predicted [%]", lambda m: 100 * m.scores.predicted, ".0f"),
-    Column("lost [%]", lambda m: 100 * m.scores.lost, ".0f"),
-    Column("drifted [%]", lambda m: 100 * m.scores.drifted, ".0f"),
-    Column("reacquired [s]", lambda m: m.reacquired_s, ".1f"),
-    Column("time [ms/frame]", lambda m: m.scores.ms_per_frame, ".1f"),
+    Column("E3D [m]", lambda m: m.scores.center_m, ".2f", "center_m"),
+    Column("E2D [px]", lambda m: m.scores.center_px, ".1f", "center_px"),
+    Column("heading [deg]", lambda m: np.degrees(m.scores.heading_rad), ".1f", "heading_deg"),
+    Column("observed [%]", lambda m: m.scores.seen, ".0%", "observed"),
+    Column("predicted [%]", lambda m: m.scores.predicted, ".0%", "predicted"),
+    Column("lost [%]", lambda m: m.scores.lost, ".0%", "lost"),
+    Column("drifted [%]", lambda m: m.scores.drifted, ".0%", "drifted"),
+    Column("reacquired [s]", lambda m: m.reacquired_s, ".1f", "reacquired_s"),
+    Column("time [ms/frame]", lambda m: m.scores.ms_per_frame, ".1f", "ms_per_frame"),
 ]
 
 
-def _table(title: str, metrics: Mapping[str, Mapping[str, SingleObjectStudyMetrics]]) -> str:
-    rows = {f"{scene}: {name}": one for scene in metrics for name, one in metrics[scene].items()}
-    measured = {name: one for name, one in rows.items() if one.refusal is None}
+def _table(
+    title: str, rows: Mapping[str, SingleObjectStudyMetrics]
+) -> Table[SingleObjectStudyMetrics]:
+    measured = {name: row for name, row in rows.items() if row.refusal is None}
     notes = (
         "Errors are means over all frames, hidden ones included. reacquired: time from the end of the "
         f"occlusion until observed with an overlap over {_REACQUIRED_IOU:g}; inf: never.",
-        *(f"{name}: {one.refusal}" for name, one in rows.items() if one.refusal is not None),
+        *(f"{name}: {row.refusal}" for name, row in rows.items() if row.refusal is not None),
     )
-    return Table(title, _COLUMNS, measured, "scene: tracker", notes).text()
+    return Table(title, _COLUMNS, measured, "scene: tracker", notes)

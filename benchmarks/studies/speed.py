@@ -47,24 +47,24 @@ def speed(drive: str, *, config: SpeedConfig, out: Path = RESULTS / "speed.png")
     cases = [ThesisCase(m, size) for size in sizes_m for m in scans]
     measured = time_thesis(opened, cases, frames)
     thesis = np.array([frames_per_s(measured[case]) for case in cases]).reshape(-1, len(scans))
-    default = np.array([frames_per_s(time_default(opened, m, max(scans), frames)) for m in scans])
-    title = f"Speed over merged scans and voxel size, {opened.name}, {frames} frames"
     names = [f"thesis, υ = {100 * size:g} cm" for size in sizes_m]
-    rows: dict[str, Float64] = dict(zip(names, thesis, strict=True))
-    curves = [Curve(name, scans, speeds) for name, speeds in rows.items()]
-    curves.append(Curve("default, υ = 10 cm", scans, default, is_emphasised=True))
-    plot_curves(
-        out, title, [CurvePanel("", "merged scans before the newest, m", "frames/s", curves)]
-    )
-    columns = [f"m = {m}" for m in scans]
+    speeds: dict[str, Float64] = dict(zip(names, thesis, strict=True))
+    default = [frames_per_s(time_default(opened, m, max(scans), frames)) for m in scans]
+    speeds["default, υ = 10 cm"] = np.array(default)
+    title = f"Speed over merged scans and voxel size, {opened.name}, {frames} frames"
+    curves = [
+        Curve(name, scans, values, is_emphasised=name.startswith("default"))
+        for name, values in speeds.items()
+    ]
+    panel = CurvePanel("", "merged scans before the newest, m", "frames/s", curves)
+    plot_curves(out, title, [panel])
     publish(
         out,
         "Fig. 7.3",
-        table=value_table(title, "frames/s", columns, {**rows, "default": default}, ".2f"),
-        numbers={"thesis_frames_per_s": thesis, "default_frames_per_s": default},
-        conditions={
-            "drive": opened.name,
-            "config": config,
-            "timing": "stages alone, reading left out",
+        {
+            "frames_per_s": value_table(
+                title, "frames/s", [f"m = {m}" for m in scans], speeds, ".2f"
+            )
         },
+        {"drive": opened.name, "config": config, "timing": "stages alone, reading left out"},
     )

@@ -52,9 +52,8 @@ def stages(
     publish(
         out,
         "Table 7.3",
-        table=value_table(title, "stage", ("mean [ms]", "share [%]"), rows),
-        numbers={"published_percent": PUBLISHED_PERCENT, "thesis_s": thesis, "default_s": default},
-        conditions={"drive": opened.name, "frames": frames, "case": case},
+        {"stages": value_table(title, "stage", ("mean [ms]", "share [%]"), rows)},
+        {"drive": opened.name, "frames": frames, "case": case},
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from benchmarks.studies.report import value_table
 from perception.cli.evaluate_datmo import Method, compare_methods
 from perception.cli.flags import DriveFlags
 from perception.evaluation.config import DatmoProtocol
+from perception.evaluation.report import Table
 from perception.pipeline import PipelineConfig
 from perception.types import Drive, Float64
 
@@ -56,7 +57,7 @@ def by_metric(cases: Sequence[MethodMetrics]) -> dict[str, dict[str, Float64]]:
     }
 
 
-def tracking_table(title: str, heading: str, cases: Mapping[str, MethodMetrics]) -> str:
+def tracking_table(title: str, heading: str, cases: Mapping[str, MethodMetrics]) -> Table[Any]:
     """Return a table with a row for each case and method."""
     rows = {
         f"{case}: {m}": [*values.values()] for case in cases for m, values in cases[case].items()

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,32 +22,33 @@ _DISPLAY_LEVEL = "moderate"
 def precision_tables(
     title: str,
     metrics: Mapping[str, VariantMetrics],
-    iou: float,
+    ious: Sequence[float],
     thesis: Mapping[str, Percent] | None = None,
-) -> str:
-    """Return a table for each drive with a row for each variant, and the thesis' values where there are any."""
-    tables = []
-    for drive in _drives(metrics):
-        columns: list[Column[tuple[str, VariantMetrics]]] = [
-            Column("data", lambda row, drive=drive: str(row[1].drives[drive]["data"])),  # type: ignore[misc]
-            Column("training frames", lambda row: row[1].training_frames),
-            Column("best epoch", lambda row: row[1].epoch),
-            *(Column(level, partial(_precision, drive, iou, level)) for level in LEVELS),
+) -> dict[str, Table[str]]:
+    """Return a table for each IoU and drive with a row for each variant, beside the thesis' values where there are any."""
+    tables = {}
+    for iou, drive in product(ious, _drives(metrics)):
+        data = {name: one.drives[drive]["data"] for name, one in metrics.items()}
+        columns: list[Column[str]] = [
+            Column("data", data.get),
+            Column("training frames", lambda name: metrics[name].training_frames, key="frames"),
+            Column("best epoch", lambda name: metrics[name].epoch, key="epoch"),
         ]
-        if thesis is not None:
-            columns += [
-                Column(f"thesis {level}", partial(_published, thesis, place), ".2f")
-                for place, level in enumerate(LEVELS)
-            ]
-        rows = {name: (name, one) for name, one in metrics.items()}
+        for place, level in enumerate(LEVELS):
+            of = drive, iou, level
+            columns.append(Column(level, partial(_precision, metrics, of), ".2f", level))
+            if any(_interval(metrics, of, name) for name in metrics):
+                columns.append(Column("95 %", partial(_interval, metrics, of)))
+            if thesis is not None:
+                columns.append(Column("thesis", partial(_published, thesis, place), ".2f"))
         heading = f"{title}: AP R40 [%] on {drive}, IoU over {iou:g}"
-        tables.append(Table(heading, columns, rows).text())
-    return "\n\n".join(tables)
+        tables[heading] = Table(heading, columns, {name: name for name in metrics})
+    return tables
 
 
 def times_table(
     title: str, metrics: Mapping[str, VariantMetrics], thesis_ms: tuple[float, float]
-) -> str:
+) -> Table[Any]:
     """Return the times of maps and networks, and those of the thesis."""
     rows = {name: (one.maps_ms, one.network_ms) for name, one in metrics.items()}
     return value_table(title, "", ("map [ms]", "network [ms]"), {**rows, "thesis": thesis_ms})
@@ -99,14 +102,19 @@ def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:
     return list(next(iter(metrics.values())).drives)
 
 
-def _precision(drive: str, iou: float, level: str, row: tuple[str, VariantMetrics]) -> str:
-    found = row[1].detections(drive, iou, level) or {}
+def _precision(
+    metrics: Mapping[str, VariantMetrics], of: tuple[str, float, str], name: str
+) -> float:
+    return metrics[name].ap(*of)
+
+
+def _interval(
+    metrics: Mapping[str, VariantMetrics], of: tuple[str, float, str], name: str
+) -> str | None:
+    found = metrics[name].detections(*of) or {}
     low, high = found.get("ap_r40_low_percent"), found.get("ap_r40_high_percent")
-    interval = "" if low is None else f" ({low:.1f} to {high:.1f})"
-    return f"{row[1].ap(drive, iou, level):.2f}{interval}"
+    return None if low is None else f"{low:.1f} to {high:.1f}"
 
 
-def _published(
-    thesis: Mapping[str, Percent], place: int, row: tuple[str, VariantMetrics]
-) -> float | None:
-    return thesis[row[0]][place] if row[0] in thesis else None
+def _published(thesis: Mapping[str, Percent], place: int, name: str) -> float | None:
+    return thesis[name][place] if name in thesis else None

@@ -46,7 +46,7 @@ def test_the_grids_of_a_drive_without_camera_are_seen_from_above(source, tmp_pat
     assert image.shape[1] > 2000
     assert image.std() > 20
     document = json.loads(plot_path.with_suffix(".json").read_text())
-    cells = document["results"]["cells"]
+    cells = {name: row["cells"] for name, row in document["results"]["cells"].items()}
     assert cells["occupied"] > cells["above ground, E"] > cells["(a) subtraction alone"]
     assert cells["(a) subtraction alone"] > cells["(b) after suppression, M"]
     assert cells["after morphology"] >= cells["(c) of objects"]
@@ -89,7 +89,7 @@ def test_on_the_real_drive_each_step_lies_on_the_image(kitti_root, tmp_path, cap
     document = json.loads(plot_path.with_suffix(".json").read_text())
     assert document["repeats"] == "Fig. 5.10"
     assert document["conditions"]["config"]["background"]["scans"] == 50
-    cells = document["results"]["cells"]
+    cells = {name: row["cells"] for name, row in document["results"]["cells"].items()}
     assert cells["(b) after suppression, M"] < 0.4 * cells["(a) subtraction alone"]
     assert "(b) after suppression, M" in capsys.readouterr().out
     # Suppressed cells are red on the image, the others green.

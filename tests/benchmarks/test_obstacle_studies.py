@@ -17,7 +17,7 @@ from benchmarks.studies.chain_times import (
     mean_times_s,
     time_thesis,
 )
-from benchmarks.studies.dense_cloud import Cutout, cut_out, dense_cloud, find_pole
+from benchmarks.studies.dense_cloud import cut_out, dense_cloud, disagreement_m, find_pole
 from benchmarks.studies.gates import gates, passes_gate
 from benchmarks.studies.ground_error import GroundErrorConfig, ground_error
 from benchmarks.studies.masks import masks
@@ -95,14 +95,14 @@ def test_a_cloud_without_a_pole_is_an_error():
 
 def test_scans_that_agree_are_not_apart():
     cloud = DenseCloud(*pole_at(6.0, 3.0))
-    assert cut_out(cloud, LevelGround(), np.array([6.0, 3.0])).disagreement_m == pytest.approx(0)
+    pole = cut_out(cloud, LevelGround(), np.array([6.0, 3.0]))
+    assert disagreement_m(pole) == pytest.approx(0)
 
 
 def test_scans_that_disagree_are_apart_by_their_shift():
     # The earlier scans are 0.1 and 0.2 m off the newest: RMS sqrt((0.01 + 0.04) / 2).
-    cutout = cut_out(DenseCloud(*pole_at(6.0, 3.0, 0.1)), LevelGround(), np.array([6.0, 3.0]))
-    assert isinstance(cutout, Cutout)
-    assert cutout.disagreement_m == pytest.approx(np.sqrt(0.025), abs=1e-3)
+    pole = cut_out(DenseCloud(*pole_at(6.0, 3.0, 0.1)), LevelGround(), np.array([6.0, 3.0]))
+    assert disagreement_m(pole) == pytest.approx(np.sqrt(0.025), abs=1e-3)
 
 
 def test_a_gate_lets_through_what_lies_between_its_limits():
@@ -122,19 +122,21 @@ def test_gates(drive, tmp_path, capsys):
     gates("memory", window=merged_frame(drive), out=plot_path)
     assert is_plot(plot_path)
     numbers = numbers_of(plot_path)
-    planes = numbers["planes"]
-    assert len(planes["planes"]) == len(numbers["steps"]) + 1
-    assert planes["planes"][0][3] == pytest.approx(HDL_32E.height_m, abs=0.1)
-    assert "S0  -5.0 to 5.0 m" in capsys.readouterr().out
+    assert len(numbers["planes"]) == len(numbers["slices"])
+    assert numbers["planes"][0][3] == pytest.approx(HDL_32E.height_m, abs=0.1)
+    first = numbers["slices"]["S0"]
+    assert (first["from [m]"], first["to [m]"]) == (-5, 5)
+    assert first["in gate"] < first["points"]
+    assert "δψ [deg]" in capsys.readouterr().out
 
 
 def test_masks(drive, tmp_path):
     plot_path = tmp_path / "masks.png"
     masks("memory", window=merged_frame(drive), out=plot_path)
     assert is_plot(plot_path)
-    numbers = numbers_of(plot_path)
-    assert numbers["(c) static after subtraction"]["points"] < numbers["(b) merged"]["points"]
-    assert numbers["(f) static"]["points"] <= numbers["(c) static after subtraction"]["points"]
+    points = {name: row["points in them"] for name, row in numbers_of(plot_path)["steps"].items()}
+    assert points["(c) static after subtraction"] < points["(b) merged"]
+    assert points["(f) static"] <= points["(c) static after subtraction"]
 
 
 def test_dense_cloud(drive, tmp_path):
@@ -145,7 +147,7 @@ def test_dense_cloud(drive, tmp_path):
         "memory", window=merged_frame(drive), at=tuple(upright[0, :2].tolist()), out=plot_path
     )
     assert is_plot(plot_path)
-    assert set(numbers_of(plot_path)["disagreement_m"]) == {
+    assert set(numbers_of(plot_path)["clouds"]) == {
         "INS alone",
         "thesis: BGF and ICP",
         "default: GICP to a keyframe",
@@ -159,11 +161,11 @@ def test_ground_error(drive, tmp_path, capsys):
     plot_path = tmp_path / "error.png"
     ground_error("memory", config=config, out=plot_path)
     assert is_plot(plot_path)
-    mde_m = np.array(numbers_of(plot_path)["mde_m"])
-    assert mde_m.shape == (2, 2)
+    mde_mm = numbers_of(plot_path)["mde_mm"]
+    assert list(mde_mm) == ["m = 1", "m = 3"]
     # One step a slice follows a slope late: 0.03 to 0.4 m from street to street.
-    assert (mde_m[:, 0] < 0.4).all()
-    assert (mde_m[:, 1] < 0.1).all()
+    assert all(0 < row["η = 1"] < 400 for row in mde_mm.values())
+    assert all(0 < row["η = 2"] < 100 for row in mde_mm.values())
     assert numbers_of(plot_path)["objects"] > 0
     assert "η = 2" in capsys.readouterr().out
 
@@ -198,9 +200,10 @@ def test_stages(drive, tmp_path, monkeypatch, capsys):
     plot_path = tmp_path / "stages.png"
     stages.stages("memory", source=in_memory(DriveOfStudy, drive), frames=1, out=plot_path)
     assert cv2.imread(str(plot_path)) is not None
-    numbers = numbers_of(plot_path)
-    assert sum(numbers["published_percent"].values()) == pytest.approx(100)
-    assert numbers["default_s"] == DEFAULT_TIMES[0]
+    rows = numbers_of(plot_path)["stages"]
+    published = [row["share [%]"] for name, row in rows.items() if name.startswith("published")]
+    assert sum(published) == pytest.approx(100)
+    assert rows["default: registration"] == pytest.approx({"mean [ms]": 10, "share [%]": 50})
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["default:", "registration", "10.0", "50.0"] in words
 
@@ -213,9 +216,9 @@ def test_speed(drive, tmp_path, monkeypatch):
     plot_path = tmp_path / "speed.png"
     speed.speed("memory", config=config, out=plot_path)
     assert is_plot(plot_path)
-    numbers = numbers_of(plot_path)
-    assert np.shape(numbers["thesis_frames_per_s"]) == (2, 2)
-    np.testing.assert_allclose(numbers["default_frames_per_s"], [50, 50])
+    rows = numbers_of(plot_path)["frames_per_s"]
+    assert [name.partition(",")[0] for name in rows] == ["thesis", "thesis", "default"]
+    assert rows["default, υ = 10 cm"] == pytest.approx({"m = 1": 50, "m = 2": 50})
 
 
 def test_a_drive_too_short_to_be_timed_is_refused(drive):
@@ -240,7 +243,8 @@ def test_registration_brings_a_real_pole_together(kitti_root, tmp_path):
     raw = kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync"
     plot_path = tmp_path / "cloud.png"
     assert main(["study", "dense-cloud", str(raw), "--frame", "77", "--out", str(plot_path)]) == 0
-    apart_m = json.loads(plot_path.with_suffix(".json").read_text())["results"]["disagreement_m"]
-    assert apart_m["INS alone"] > 0.1
-    assert apart_m["thesis: BGF and ICP"] < 0.04
-    assert apart_m["default: GICP to a keyframe"] < 0.04
+    rows = numbers_of(plot_path)["clouds"]
+    apart_cm = {name: row["scans apart [cm]"] for name, row in rows.items()}
+    assert apart_cm["INS alone"] > 10
+    assert apart_cm["thesis: BGF and ICP"] < 4
+    assert apart_cm["default: GICP to a keyframe"] < 4

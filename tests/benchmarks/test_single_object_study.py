@@ -94,12 +94,11 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
     single_object.single_object(config=config, sensor="VLP-16", out=plot_path)
     assert cv2.imread(str(plot_path)).std() > 5
     document = json.loads(plot_path.with_suffix(".json").read_text())
-    assert list(document["results"]) == ["baseline", "pose"]
-    for metrics in document["results"].values():
-        assert list(metrics) == ["default", "3d-kf"]
-        assert metrics["default"]["scores"]["frames"] == 5
-        assert metrics["default"]["scores"]["center_m"] < 0.5
-        assert metrics["default"]["hidden_frames"] == 0
+    rows = document["results"]["trackers"]
+    assert list(rows) == ["baseline: default", "baseline: 3d-kf", "pose: default", "pose: 3d-kf"]
+    for scene in ("baseline", "pose"):
+        assert rows[f"{scene}: default"]["center_m"] < 0.5
+        assert rows[f"{scene}: default"]["reacquired_s"] is None  # never hidden
     assert "\npose: 3d-kf " in capsys.readouterr().out
 
 

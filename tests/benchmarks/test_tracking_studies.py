@@ -55,14 +55,10 @@ def test_ins_error(tmp_path, capsys):
     ins_error(streets=StreetFlags(3), config=config, sensor="VLP-16", out=plot_path)
     assert cv2.imread(str(plot_path)).std() > 5
     document = json.loads(plot_path.with_suffix(".json").read_text())
-    assert [case["ins"] for case in document["results"]] == [
-        {"position_m": 0.0, "angle_deg": 0.0},
-        {"position_m": 1.0, "angle_deg": 0.0},
-        {"position_m": 0.0, "angle_deg": 2.0},
-    ]
-    for case in document["results"]:
-        assert list(case["methods"]) == list(METHODS)
-        assert all(0 <= m["HOTA [%]"] <= 100 for m in case["methods"].values())
+    rows = document["results"]["tracks"]
+    cases = ("0 m, 0°", "1 m, 0°", "0 m, 2°")
+    assert list(rows) == [f"{case}: {method}" for case in cases for method in METHODS]
+    assert all(0 <= row["HOTA [%]"] <= 100 for row in rows.values())
     assert document["conditions"]["protocol"]["view"] == "all"
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert sum(line[:3] == ["1", "m,", "0°:"] for line in words) == len(METHODS)
@@ -84,14 +80,14 @@ def test_sensors(tmp_path, monkeypatch, capsys):
     plot_path = tmp_path / "sensors.png"
     monkeypatch.setattr(sensors, "SENSORS", (HDL_32E, VLP_16))
     sensors.sensors(streets=StreetFlags(10, drives=2), out=plot_path)
-    numbers = json.loads(plot_path.with_suffix(".json").read_text())["results"]
+    rows = json.loads(plot_path.with_suffix(".json").read_text())["results"]["tracks"]
     assert cv2.imread(str(plot_path)).std() > 5
     for sensor, share in (("HDL-32E", 100), ("VLP-16", 40)):
-        assert list(numbers[sensor]) == list(METHODS)
-        for measures in numbers[sensor].values():
-            assert list(measures) == NAMES
-            assert measures["MOTA [%]"] == pytest.approx(share)
-            assert measures["false tracks [/min]"] == pytest.approx(60)
+        for method in METHODS:
+            row = rows[f"{sensor}: {method}"]
+            assert list(row) == NAMES
+            assert row["MOTA [%]"] == pytest.approx(share)
+            assert row["false tracks [/min]"] == pytest.approx(60)
     assert capsys.readouterr().out.count(": default") == 2
 
 
