@@ -32,20 +32,14 @@ def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
 
 def frame_files(drive: Drive, index: int) -> list[Path]:
     """Return the files of a frame and its labels; none for a drive in memory."""
+    if not isinstance(drive, ObjectFrames | KittiSequence):
+        return []
+    scan = drive.scans.paths[index]
     if isinstance(drive, ObjectFrames):
-        number = drive.number(index)
-        scan = drive.scans.path(number)
         texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
-        return [scan, *texts, *_image_files(drive, number)]
-    if isinstance(drive, KittiSequence):
-        number = drive.scans.numbers[index]
-        labels = [drive.label_file] if drive.label_file else []
-        return [drive.scans.path(number), *labels, *_image_files(drive, number)]
-    return []
-
-
-def _image_files(drive: ObjectFrames | KittiSequence, number: int) -> list[Path]:
-    return [drive.images.path(number)] if drive.images is not None else []
+    else:
+        texts = [drive.label_file] if drive.label_file else []
+    return [scan, *texts, *([drive.images.paths[index]] if drive.images is not None else [])]
 
 
 @cache

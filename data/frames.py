@@ -4,8 +4,10 @@ import logging
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+from data.beam_pattern import beam_anomalies
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
+from data.plausibility import describe_invalid_points
 from perception.errors import PerceptionError
 from perception.types import Drive, Frame, OnBadFrame
 
@@ -18,16 +20,16 @@ def frame_count(drive: Drive, limit: int | None) -> int:
 
 
 def file_number(drive: Drive, index: int) -> int:
-    """Return the number in the file names of a frame."""
-    if isinstance(drive, ObjectFrames):
-        return drive.number(index)
-    return drive.scans.numbers[index] if isinstance(drive, KittiSequence) else index
+    """Return the frame number in KITTI's rows and file names; the index where names are others."""
+    return drive.scans.numbers[index] if isinstance(drive, KittiSequence | ObjectFrames) else index
 
 
 def read_frames(
     drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None, first: int = 0
 ) -> Iterator[Frame]:
     """Yield the frames of a drive in order, reading the next one in the background.
+
+    What is odd about the drive, but no error, is logged once, with the first frame that shows it.
 
     Args:
         drive: Drive to read.
@@ -38,18 +40,37 @@ def read_frames(
     Raises:
         PerceptionError: A frame cannot be read and `on_bad_frame` is "stop".
     """
-    count = frame_count(drive, limit)
+    frames = _read_ahead(drive, on_bad_frame, range(first, frame_count(drive, limit)))
+    has_begun = has_invalid_points = False
+    for frame in frames:
+        if not has_begun:
+            for sentence in _drive_notes(drive, frame):
+                log.warning("%s", sentence)
+        if frame.invalid_points and not has_invalid_points:
+            log.warning("%s", describe_invalid_points(frame))
+        has_begun, has_invalid_points = True, has_invalid_points or frame.invalid_points > 0
+        yield frame
+
+
+def _drive_notes(drive: Drive, frame: Frame) -> Iterator[str]:
+    """Yield what is not used as it is, and that the beams are those of another sensor."""
+    yield from drive.notes
+    yield from (anomaly.example for anomaly in beam_anomalies(frame, drive.sensor))
+
+
+def _read_ahead(drive: Drive, on_bad_frame: OnBadFrame, indices: range) -> Iterator[Frame]:
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="reader") as reader:
-        ahead = reader.submit(drive.__getitem__, first) if first < count else None
-        for index in range(first, count):
-            assert ahead is not None
-            current = ahead
-            ahead = reader.submit(drive.__getitem__, index + 1) if index + 1 < count else None
+        current = None
+        for index in indices:
+            current = current or reader.submit(drive.__getitem__, index)
+            ahead = reader.submit(drive.__getitem__, index + 1) if index + 1 in indices else None
             try:
                 frame = current.result()
             except PerceptionError as error:
                 if on_bad_frame == "stop":
                     raise
-                log.warning("skipped frame %d: %s", index, error)
+                log.warning("skipped frame %d: %s", file_number(drive, index), error)
                 continue
+            finally:
+                current = ahead
             yield frame

@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from data.beam_pattern import beam_anomalies
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from data.plausibility import (
     Anomaly,
     calibration_anomalies,
+    describe_invalid_points,
     label_anomalies,
     motion_anomalies,
     projection_anomalies,
@@ -28,7 +30,7 @@ from perception.errors import (
     ScanError,
 )
 from perception.localization.mounting import check_mounting
-from perception.types import Frame, Progress
+from perception.types import Float64, Frame, Progress
 
 KittiDrive = KittiSequence | ObjectFrames
 
@@ -67,7 +69,7 @@ class DriveSummary:
     Attributes:
         name: Name of the drive.
         sensor: Name of its LiDAR.
-        frames: Number of frames, missing ones included.
+        frames: Number of scans.
         seconds: Time from the first to the last readable scan; 0 for unrelated frames.
         distance_m: Driven distance by the INS in metres, or None without an INS.
         mean_points: Mean number of points of a readable scan.
@@ -102,9 +104,9 @@ class _FindingList:
 
     findings: dict[str, Finding] = field(default_factory=dict)
 
-    def add(self, what: str, example: str, *, is_fault: bool = True) -> None:
+    def add(self, what: str, example: str, *, is_fault: bool = True, count: int = 1) -> None:
         known = self.findings.get(what, Finding(what, 0, example, is_fault))
-        self.findings[what] = replace(known, count=known.count + 1)
+        self.findings[what] = replace(known, count=known.count + count)
 
     def add_error(self, error: PerceptionError) -> None:
         self.add(_WHAT.get(type(error), "other"), str(error))
@@ -130,13 +132,16 @@ def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
             if not points or not drive.is_sequence:
                 _inspect_setup(frame, drive, collected)
             points.append(len(frame.points_velo))
-            stamps_s[index] = frame.stamp_s
+            stamps_s[frame.number] = frame.stamp_s
+            if frame.invalid_points:
+                sentence, count = describe_invalid_points(frame), frame.invalid_points
+                collected.add("points without a return", sentence, is_fault=False, count=count)
         _inspect_truth(drive, index, collected)
     distance_m = None
     if isinstance(drive, KittiSequence):
         collected.add_anomalies(time_anomalies(stamps_s))
         distance_m = _inspect_ins(drive, stamps_s, collected)
-    _add_missing_parts(drive, collected)
+    _add_notes(drive, collected)
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
         name=drive.name,
@@ -174,11 +179,15 @@ def _scans_of(drive: KittiDrive) -> KittiDrive:
 
 
 def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> None:
-    """Check the mounting of LiDAR and camera, for which one frame is enough."""
+    """Check the sensor and the mounting of LiDAR and camera, for which one frame is enough."""
     try:
         check_mounting(frame.points_velo, drive.sensor, frame.source)
     except MountingError as error:
         collected.add_error(error)
+    collected.add_anomalies(beam_anomalies(frame, drive.sensor))
+    if frame.calibration is None and drive.has_images:
+        sentence = f"{frame.source}: its image is not used, as the drive has no camera calibration."
+        collected.add("images without calibration", sentence, is_fault=False)
     if frame.calibration is not None:
         collected.add_anomalies(calibration_anomalies(frame.calibration))
         collected.add_anomalies(projection_anomalies(frame))
@@ -188,7 +197,8 @@ def _inspect_truth(drive: KittiDrive, index: int, collected: _FindingList) -> No
     try:
         if drive.has_labels:
             size = drive.calibration.image_size_px if drive.calibration else None
-            collected.add_anomalies(label_anomalies(drive.labels(index), size, f"frame {index}"))
+            where = f"frame {drive.scans.numbers[index]}"
+            collected.add_anomalies(label_anomalies(drive.labels(index), size, where))
         if drive.point_labels is not None:
             drive.point_truth(index)
     except ScanError:
@@ -208,15 +218,18 @@ def _inspect_ins(
             rotation_anomalies(drive.velo_SE3_imu, f"{drive.name} velo_SE3_imu")
         )
     packets = {}
+    positions_m: list[Float64] = []
     for index in range(len(drive)):
         try:
-            packets[index] = drive.ins_packet(index)
+            packets[drive.scans.numbers[index]] = drive.ins_packet(index)
+            pose = drive.world_SE3_velo(index)
         except PoseError as error:
             collected.add_error(error)
+            continue
+        if pose is not None:
+            positions_m.append(pose[:3, 3])
     period_s = 1 / drive.sensor.rate_hz
     collected.add_anomalies(motion_anomalies(packets, stamps_s, period_s))
-    poses = [drive.world_SE3_velo(index) for index in packets]
-    positions_m = [pose[:3, 3] for pose in poses if pose is not None]
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(positions_m)))
 
 
@@ -230,7 +243,13 @@ def _parts(drive: KittiDrive) -> Iterator[str]:
     return (part for part, is_present in present.items() if is_present)
 
 
-def _add_missing_parts(drive: KittiDrive, collected: _FindingList) -> None:
+def _add_notes(drive: KittiDrive, collected: _FindingList) -> None:
+    """Note missing parts, gaps in the numbering, and files that are not used as they are."""
+    for note in drive.notes:
+        collected.add("files joined otherwise, or not used", note, is_fault=False)
+    for before, after in drive.scans.gaps if drive.is_sequence else ():
+        sentence = f"{before}: expected the next number after it, found {after.name}."
+        collected.add("gaps in the numbering", sentence, is_fault=False)
     consequences = {
         "images": (drive.has_images, "stages that need a camera cannot run"),
         "INS": (drive.has_poses or not drive.is_sequence, "poses come from registration alone"),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from data.kitti.objects import ObjectFrames, is_object_folder, open_objects
 from data.kitti.raw import is_raw_drive, open_raw, raw_drives_in
+from data.kitti.sensor_files import no_scans
 from data.kitti.sequence import KittiSequence
 from data.kitti.tracking import open_tracking, tracking_sequences_in
 from perception.errors import DriveError, UsageError
@@ -71,8 +72,10 @@ def sequences_in(path: Path) -> list[str | None]:
 
 def _detect_layout(path: Path) -> _DriveLocation:
     """Return the layout of a path, looking into training/, then testing/."""
-    if not path.is_dir():
-        raise DriveError(path, expected=_LAYOUTS, found="no such folder")
+    if path.exists() and not path.is_dir():
+        raise DriveError(
+            path, expected="a folder", found="a file", advice="name the folder of the drive"
+        )
     if is_raw_drive(path):
         return _DriveLocation(path, "raw")
     for folder in (path, path / "training", path / "testing"):
@@ -82,9 +85,7 @@ def _detect_layout(path: Path) -> _DriveLocation:
             return _DriveLocation(folder, "tracking", tuple(sequences))
     if drives := raw_drives_in(path):
         return _DriveLocation(path, "date", tuple(drives))
-    entries = sorted(entry.name for entry in path.iterdir() if entry.name[0] != ".")
-    listing = ", ".join(entries[:6]) + (" ..." if len(entries) > 6 else "")
-    raise DriveError(path, expected=_LAYOUTS, found=listing or "an empty folder")
+    raise no_scans(path, _LAYOUTS)
 
 
 def _reject_sequence(path: Path, sequence: str | None) -> None:

@@ -36,6 +36,14 @@ class Anomaly:
     example: str
 
 
+def describe_invalid_points(frame: Frame) -> str:
+    """Return a sentence on the points of a scan that were no measurement."""
+    return (
+        f"{frame.source}: {frame.invalid_points} of {len(frame.points_velo)} points are NaN, infinite "
+        "or beyond 10 km; they keep their rows, without a return."
+    )
+
+
 def time_anomalies(stamps_s: Mapping[int, float]) -> Iterator[Anomaly]:
     """Find gaps between consecutive frames, and time that does not advance."""
     steps = {b: stamps_s[b] - stamps_s[a] for a, b in pairwise(stamps_s) if b == a + 1}

@@ -126,8 +126,7 @@ def posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
         return None  # reading this frame raises the error
     if world_SE3_velo is None:
         return None
-    stamp_s = drive.clock.stamp_s(drive.scans.numbers[index])
-    return PosedLabels(index, stamp_s, world_SE3_velo, labels)
+    return PosedLabels(index, drive.stamp_s(index), world_SE3_velo, labels)
 
 
 def gather_tracks(posed_labels: list[PosedLabels]) -> TrackPositions:

@@ -43,7 +43,7 @@ class DriveObjects:
         """
         return cls(
             sequence=drive.name,
-            stamps_s=[_stamp_s(drive, index) for index in range(len(drive))],
+            stamps_s=[drive.stamp_s(index) for index in range(len(drive))],
             camera_labels=[drive.labels(index) for index in range(len(drive))],
             truth=moving_truth(drive) if drive.has_poses else None,
         )
@@ -105,12 +105,6 @@ class DriveObjects:
             if len(camera_labels)
             else _UNLABELLED_OCCLUSION,
         )
-
-
-def _stamp_s(drive: KittiSequence | SyntheticDrive, index: int) -> float:
-    if isinstance(drive, SyntheticDrive):
-        return drive.stamp_s(index)
-    return drive.clock.stamp_s(drive.scans.numbers[index])
 
 
 def _of_track(labels: Labels, track_id: int) -> Labels:

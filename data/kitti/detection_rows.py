@@ -10,14 +10,14 @@ Labels have 15 columns, results a 16th; neither needs a calibration here:
 What a detector does not say is -1 (truncation, occlusion, size), -1000 (place) or -10 (angle).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from data.kitti.labels import read_label_lines
-from data.kitti.sensor_files import NumberedFiles
+from data.kitti.sensor_files import list_folder
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.grouping import ranks_in_groups
@@ -28,7 +28,6 @@ _COLUMNS = (
     *("height", "width", "length", "x", "y", "z", "ry", "score"),
 )
 _LABEL_COLUMNS, _RESULT_COLUMNS = len(_COLUMNS) - 1, len(_COLUMNS)
-_SUFFIXES = (".txt",)
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def read_detection_set(
         raise DriveError(
             result_files.folder,
             expected=f"results of the {len(chosen)} frames, named as their labels are",
-            found=f"{len(result_files)} results of other frames",
+            found=f"{len(result_files.paths)} results of other frames",
             advice="name the folder of the result files, and the list of the frames that they are of",
         )
     return DetectionSet(
@@ -120,18 +119,28 @@ class _Table:
     numbers: Float64
 
 
-def _text_files(folder: Path, inner: Sequence[str]) -> NumberedFiles:
+@dataclass(frozen=True)
+class _TextFiles:
+    """Texts of a folder by the number in their names."""
+
+    folder: Path
+    paths: Mapping[int, Path]
+
+
+def _text_files(folder: Path, inner: Sequence[str]) -> _TextFiles:
     """List the texts of a folder, or of the first inner one that exists."""
     within = next((folder / name for name in inner if (folder / name).is_dir()), folder)
-    files = NumberedFiles.within(within, _SUFFIXES)
-    if not len(files):
+    texts = [path for path in sorted(list_folder(within)) if path.suffix == ".txt"]
+    paths = {int(path.stem): path for path in texts if path.stem.isdecimal()}
+    if not paths:
         found = "no such file" if within.is_dir() else "no folder"
         raise DriveError(within, expected="texts named 000000.txt", found=found)
-    return files
+    return _TextFiles(within, paths)
 
 
-def _read_labels(files: NumberedFiles, chosen: Sequence[int], progress: Progress) -> TrueBoxes:
-    table = _read_table([files.path(number) for number in chosen], _LABEL_COLUMNS, progress)
+def _read_labels(files: _TextFiles, chosen: Sequence[int], progress: Progress) -> TrueBoxes:
+    paths = [files.paths.get(number, files.folder / f"{number:06d}.txt") for number in chosen]
+    table = _read_table(paths, _LABEL_COLUMNS, progress)
     return TrueBoxes(
         frames=table.frames,
         types=table.types,
@@ -142,7 +151,7 @@ def _read_labels(files: NumberedFiles, chosen: Sequence[int], progress: Progress
     )
 
 
-def _read_results(files: NumberedFiles, chosen: Sequence[int], progress: Progress) -> DetectedBoxes:
+def _read_results(files: _TextFiles, chosen: Sequence[int], progress: Progress) -> DetectedBoxes:
     table = _read_table([files.paths.get(number) for number in chosen], _RESULT_COLUMNS, progress)
     return DetectedBoxes(
         frames=table.frames,

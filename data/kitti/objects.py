@@ -15,7 +15,10 @@ from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
     SCAN_SUFFIXES,
-    NumberedFiles,
+    FrameFiles,
+    join_notes,
+    list_folder,
+    no_scans,
     read_image,
     read_point_truth,
     read_scan,
@@ -27,15 +30,14 @@ from perception.types import Calibration, Frame, Labels, PointTruth, UInt8
 
 def is_object_folder(folder: Path) -> bool:
     """Return whether a folder holds object frames."""
-    scans = folder / "velodyne"
-    return scans.is_dir() and any(path.suffix in SCAN_SUFFIXES for path in scans.iterdir())
+    return any(path.suffix in SCAN_SUFFIXES for path in list_folder(folder / "velodyne"))
 
 
 @dataclass(frozen=True)
 class ObjectFrames:
     """Unrelated frames: no order in time, no poses.
 
-    Frames are those with a scan, in the order of their numbers, which may have gaps.
+    Frames are those with a scan, in the order of their names.
 
     Attributes:
         name: Name of the folder.
@@ -46,16 +48,18 @@ class ObjectFrames:
         label_folder: Folder of the labels, or None.
         point_labels: Exact truth of synthetic points, or None.
         calibration: None, as each frame has its own calibration.
+        notes: Sentences on files that are not joined to the scans by their names.
     """
 
     name: str
     root: Path
     sensor: LidarModel
-    scans: NumberedFiles
-    images: NumberedFiles | None = None
+    scans: FrameFiles
+    images: FrameFiles | None = None
     label_folder: Path | None = None
-    point_labels: NumberedFiles | None = None
+    point_labels: FrameFiles | None = None
     calibration: Calibration | None = None
+    notes: tuple[str, ...] = ()
     is_sequence: bool = False
     has_poses: bool = False
 
@@ -75,26 +79,23 @@ class ObjectFrames:
     def __iter__(self) -> Iterator[Frame]:
         return (self[index] for index in range(len(self)))
 
-    def number(self, index: int) -> int:
-        """Return the number that a frame has in KITTI's file names."""
-        return list(self.scans.paths)[index]
-
     def __getitem__(self, index: int) -> Frame:
         """Read one frame.
 
         Raises:
             PerceptionError: A file of the frame is missing or damaged.
         """
-        number = self.number(index)
         image = self.image(index)
-        path = self.scans.path(number)
+        path = self.scans.paths[index]
         return Frame(
             index=range(len(self))[index],
             points_velo=read_scan(path),
             stamp_s=range(len(self))[index] / self.sensor.rate_hz,
             image=image,
-            calibration=self._calibration(number, image),
+            calibration=self._calibration(index, image),
             source=str(path),
+            name=self.scans.names[index],
+            number=self.scans.numbers[index],
         )
 
     def image(self, index: int) -> UInt8 | None:
@@ -103,13 +104,13 @@ class ObjectFrames:
         Raises:
             ImageError: The image is missing or damaged.
         """
-        return None if self.images is None else read_image(self.images.path(self.number(index)))
+        return None if self.images is None else read_image(self.images.paths[index])
 
-    def _calibration(self, number: int, image: UInt8 | None = None) -> Calibration | None:
+    def _calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
         folder = self.root / "calib"
         if not folder.is_dir():
             return None
-        camera = read_benchmark_calibration(folder / f"{self.scans.path(number).stem}.txt").camera
+        camera = read_benchmark_calibration(folder / f"{self.scans.paths[index].stem}.txt").camera
         if camera is not None and image is not None:
             camera = replace(camera, image_size_px=(image.shape[1], image.shape[0]))
         return None if camera is None else with_kitti_image_size(camera)
@@ -124,9 +125,8 @@ class ObjectFrames:
         """
         if self.label_folder is None:
             raise DriveError(self.root, expected="object frames with labels", found="none")
-        number = self.number(index)
-        calibration = self._calibration(number)
-        path = self.label_folder / f"{self.scans.path(number).stem}.txt"
+        calibration = self._calibration(index)
+        path = self.label_folder / f"{self.scans.paths[index].stem}.txt"
         if calibration is None:
             raise CalibrationError(self.root / "calib", expected=f"one for {path}", found="none")
         if not path.is_file():
@@ -141,9 +141,8 @@ class ObjectFrames:
         """
         if self.point_labels is None:
             return None
-        number = self.number(index)
-        points = len(read_scan(self.scans.path(number)))
-        return read_point_truth(self.point_labels.path(number), points)
+        points = len(read_scan(self.scans.paths[index]))
+        return read_point_truth(self.point_labels.paths[index], points)
 
 
 def open_objects(folder: Path, sensor: LidarModel, *, images: bool = True) -> ObjectFrames:
@@ -152,18 +151,19 @@ def open_objects(folder: Path, sensor: LidarModel, *, images: bool = True) -> Ob
     Raises:
         DriveError: The folder holds no scan.
     """
-    scans = NumberedFiles.within(folder / "velodyne", SCAN_SUFFIXES)
+    scans = FrameFiles.within(folder / "velodyne", SCAN_SUFFIXES)
     if not len(scans):
-        raise DriveError(scans.folder, expected="scans named 000000.bin", found="none")
-    image_files = NumberedFiles.within(folder / "image_2", IMAGE_SUFFIXES)
-    point_labels = NumberedFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
+        raise no_scans(scans.folder)
+    image_files = FrameFiles.within(folder / "image_2", IMAGE_SUFFIXES)
+    point_labels = FrameFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
     label_folder = folder / "label_2"
     return ObjectFrames(
         name=folder.resolve().name,
         root=folder,
         sensor=sensor,
         scans=scans,
-        images=image_files if images and len(image_files) else None,
+        images=image_files.joined(scans) if images else None,
         label_folder=label_folder if label_folder.is_dir() else None,
-        point_labels=point_labels if len(point_labels) else None,
+        point_labels=point_labels.joined(scans),
+        notes=join_notes(scans, {"images": image_files}),
     )

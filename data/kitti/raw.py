@@ -19,12 +19,14 @@ from data.kitti.sensor_files import (
     POINT_LABEL_SUFFIXES,
     SCAN_SUFFIXES,
     SKIP_ADVICE,
-    NumberedFiles,
+    FrameFiles,
+    join_notes,
+    list_folder,
+    no_scans,
 )
-from data.kitti.sequence import CameraFiles, Clock, FixedRateClock, KittiSequence
-from perception.errors import DriveError, PoseError
+from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from perception.errors import PoseError
 from perception.sensor import LidarModel
-from perception.types import Float64
 
 
 def is_raw_drive(folder: Path) -> bool:
@@ -34,7 +36,7 @@ def is_raw_drive(folder: Path) -> bool:
 
 def raw_drives_in(folder: Path) -> list[str]:
     """List the raw drives in the folder of a date."""
-    return sorted(entry.name for entry in folder.iterdir() if is_raw_drive(entry))
+    return sorted(entry.name for entry in list_folder(folder) if is_raw_drive(entry))
 
 
 def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiSequence:
@@ -44,15 +46,16 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
         DriveError: The drive holds no scan.
         CalibrationError: A calibration file cannot be used, or the INS has no calibration.
     """
-    scans = NumberedFiles.within(folder / "velodyne_points" / "data", SCAN_SUFFIXES)
+    scans = FrameFiles.within(folder / "velodyne_points" / "data", SCAN_SUFFIXES)
     if not len(scans):
-        raise DriveError(scans.folder, expected="scans named 0000000000.bin", found="none")
+        raise no_scans(scans.folder)
     calibration = read_raw_calibration(_calibration_folder(folder))
-    image_files = NumberedFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
-    camera = CameraFiles.of(calibration, image_files, load_images=images)
-    packets = NumberedFiles.within(folder / "oxts" / "data", (".txt",))
+    image_files = FrameFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
+    camera = CameraFiles.of(calibration.camera, image_files, scans, load=images)
+    packet_files = FrameFiles.within(folder / "oxts" / "data", (".txt",))
+    packets = packet_files.joined(scans)
     label_file = folder / "label_02.txt"
-    point_labels = NumberedFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
+    point_labels = FrameFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
     return KittiSequence(
         name=folder.resolve().name,
         root=folder,
@@ -62,10 +65,11 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
         clock=_clock(folder / "velodyne_points" / "timestamps.txt", scans, sensor),
         images=camera.images,
         image_size=camera.image_size,
-        ins=OxtsFiles(packets) if len(packets) else None,
+        ins=None if packets is None else OxtsFiles(packets),
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
-        point_labels=point_labels if len(point_labels) else None,
+        point_labels=point_labels.joined(scans),
+        notes=join_notes(scans, {"images": image_files, "INS packets": packet_files}),
     )
 
 
@@ -77,70 +81,40 @@ def _calibration_folder(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class OxtsFiles:
-    """INS packets, one file each."""
+    """INS packets, one file for each scan."""
 
-    files: NumberedFiles
+    files: FrameFiles
 
-    def packet(self, number: int) -> InsPacket:
+    def packet(self, index: int) -> InsPacket:
         """Read the packet of a frame.
 
         Raises:
             PoseError: The packet is missing or malformed.
         """
-        path = self.files.path(number)
+        path = self.files.paths[index]
         try:
             return parse_oxts_packet(path.read_text(), path)
         except (OSError, UnicodeDecodeError) as error:
             found = "no file" if isinstance(error, FileNotFoundError) else str(error)
             raise PoseError(
-                path, expected=f"the INS packet of frame {number}", found=found, advice=SKIP_ADVICE
+                path, expected=f"the INS packet of frame {index}", found=found, advice=SKIP_ADVICE
             ) from error
 
 
-@dataclass(frozen=True)
-class TimestampFile:
-    """Timestamps as read, seconds since the drive's first, NaN where a row is no time.
-
-    Attributes:
-        path: File of timestamps.
-        stamps_s: Seconds since the first timestamp of the drive, by row.
-        row_of_number: Row of each frame, by frame number.
-    """
-
-    path: Path
-    stamps_s: Float64
-    row_of_number: dict[int, int]
-
-    def stamp_s(self, number: int) -> float:
-        """Return the time of a frame's scan since the drive's first.
-
-        Raises:
-            DriveError: The row is missing, or is not a time.
-        """
-        row = self.row_of_number[number]
-        if row >= len(self.stamps_s) or np.isnan(self.stamps_s[row]):
-            raise DriveError(
-                f"{self.path} row {row + 1}",
-                expected="a time such as 2011-09-26 13:04:32.335337762",
-                found="no such row" if row >= len(self.stamps_s) else "another text",
-                advice="correct the row, or remove the file for a steady clock",
-            )
-        return float(self.stamps_s[row])
-
-
-def _clock(path: Path, scans: NumberedFiles, sensor: LidarModel) -> Clock:
+def _clock(path: Path, scans: FrameFiles, sensor: LidarModel) -> ScanClock:
     if not path.is_file():
-        return FixedRateClock(sensor.rate_hz, scans.numbers[0])
+        return ScanClock.without_timestamps(scans, sensor.rate_hz)
     timestamps = np.array(
         [_parse_timestamp(line) for line in path.read_text().splitlines()], "datetime64[ns]"
     )
-    # A row a frame; or, where frames are missing, a row for each of those that are there.
+    # A row a scan; or, where scans are missing, a row for each frame number.
     is_row_a_scan = len(timestamps) == len(scans)
-    rows = enumerate(scans.paths) if is_row_a_scan else ((n, n) for n in scans.numbers)
-    row_of_number = {number: row for row, number in rows}
+    rows = range(len(scans)) if is_row_a_scan else scans.numbers
     known = timestamps[~np.isnat(timestamps)]
     origin = known[0] if len(known) else np.datetime64("1970-01-01", "ns")
-    return TimestampFile(path, (timestamps - origin) / np.timedelta64(1, "s"), row_of_number)
+    stamps_s = (timestamps - origin) / np.timedelta64(1, "s")
+    of_scans_s = [stamps_s[row] if row < len(stamps_s) else np.nan for row in rows]
+    return ScanClock(np.array(of_scans_s), tuple(rows), path)
 
 
 def _parse_timestamp(line: str) -> np.datetime64:

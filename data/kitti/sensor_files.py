@@ -1,20 +1,30 @@
 """Sensor files, one per frame: scans, images, and the exact truth of synthetic points."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from perception.errors import ImageError, LabelError, ScanError
-from perception.types import Float32, PointTruth, UInt8
+from perception.errors import DriveError, ImageError, LabelError, ScanError
+from perception.types import Float32, Float64, PointTruth, UInt8
 
 SCAN_SUFFIXES = (".bin",)
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 POINT_LABEL_SUFFIXES = (".label",)
 SKIP_ADVICE = "pass --on-bad-frame skip to go on without this frame"
 
+_POINT_CLOUD_SUFFIXES = {
+    ".bag", ".csv", ".db3", ".feather", ".las", ".laz", ".mcap", ".npy", ".npz", ".parquet", ".pcap", ".pcd", ".ply",
+    ".xyz",
+}  # fmt: skip
+_MAX_LISTED = 6  # entries of a folder in an error
+_MAX_FRAMES = 1_000_000  # KITTI's frame numbers have six digits
+_UNIX_DIGITS = {13, 16, 19}  # of today's Unix times in ms, us and ns
 _POINT_BYTES = 16  # x, y, z, reflectance as float32
 # SemanticKITTI numbers the moving classes apart: car, bicyclist, person, motorcyclist, on rails,
 # bus, truck, other vehicle.
@@ -23,43 +33,165 @@ _END_OF_IMAGE = {b"\x89PNG": b"IEND", b"\xff\xd8\xff": b"\xff\xd9"}  # by how th
 
 
 @dataclass(frozen=True)
-class NumberedFiles:
-    """Files of one folder, named by the number of their frame.
+class FrameFiles:
+    """Files of one folder, one a frame, in the natural order of their names.
+
+    KITTI names a file by the number of its frame. Where the names are others, such as stamps in nanoseconds, frames
+    are numbered by position, and results are named as the files are.
 
     Attributes:
         folder: Folder of the files.
-        paths: Paths by frame number, in order.
+        paths: Paths in order.
     """
 
     folder: Path
-    paths: Mapping[int, Path]
+    paths: tuple[Path, ...]
 
     @classmethod
-    def within(cls, folder: Path, suffixes: tuple[str, ...]) -> "NumberedFiles":
-        """List a folder; one that does not exist holds no files."""
-        entries = folder.iterdir() if folder.is_dir() else ()
-        found = [path for path in entries if path.suffix in suffixes and path.stem.isdigit()]
-        return cls(folder, {int(path.stem): path for path in sorted(found)})
+    def within(cls, folder: Path, suffixes: tuple[str, ...]) -> "FrameFiles":
+        """List a folder; one that does not exist holds no files.
+
+        Raises:
+            DriveError: The folder cannot be listed.
+        """
+        found = [path for path in list_folder(folder) if path.suffix in suffixes]
+        return cls(folder, tuple(sorted(found, key=_natural_key)))
 
     def __len__(self) -> int:
         return len(self.paths)
 
-    @property
-    def numbers(self) -> range:
-        """All numbers from the first to the last, those of missing files included."""
-        return range(min(self.paths), max(self.paths) + 1) if self.paths else range(0)
+    @cached_property
+    def _numbers_in_names(self) -> tuple[int, ...] | None:
+        stems = [path.stem for path in self.paths]
+        if not all(stem.isdecimal() for stem in stems):
+            return None
+        numbers = tuple(map(int, stems))
+        is_kitti = len(set(numbers)) == len(numbers) and max(numbers, default=0) < _MAX_FRAMES
+        return numbers if is_kitti else None
 
     @property
-    def missing(self) -> list[int]:
-        """Numbers between the first and the last that have no file."""
-        return [number for number in self.numbers if number not in self.paths]
+    def numbers(self) -> tuple[int, ...]:
+        """Frame number of each file: that in its name, or its position where the names are not KITTI's."""
+        return self._numbers_in_names or tuple(range(len(self)))
 
-    def path(self, number: int) -> Path:
-        """Return the file of a frame, or its expected path."""
-        if number in self.paths:
-            return self.paths[number]
-        sample = next(iter(self.paths.values()))
-        return self.folder / f"{number:0{len(sample.stem)}d}{sample.suffix}"
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Name of each frame in results: its number in six digits, or the name of its file without suffix."""
+        if self._numbers_in_names is None:
+            return tuple(path.stem for path in self.paths)
+        return tuple(f"{number:06d}" for number in self._numbers_in_names)
+
+    @property
+    def gaps(self) -> list[tuple[Path, Path]]:
+        """Neighbouring files between whose numbers there are others."""
+        known = self._numbers_in_names or ()
+        numbered = pairwise(zip(known, self.paths, strict=False))
+        return [
+            (path, after) for (number, path), (second, after) in numbered if second > number + 1
+        ]
+
+    @cached_property
+    def unix_stamps_s(self) -> Float64 | None:
+        """(F,) seconds since the first file where names are Unix times in ms, us or ns; else None."""
+        stems = [path.stem for path in self.paths]
+        digits = {len(stem) if stem.isdecimal() else 0 for stem in stems}
+        if len(digits) != 1 or not digits <= _UNIX_DIGITS:
+            return None
+        return np.array([int(stem) - int(stems[0]) for stem in stems]) / 10.0 ** (digits.pop() - 10)
+
+    def is_joined_by_position(self, scans: "FrameFiles") -> bool:
+        """Return whether no file has the name of a scan, but there is one for each scan."""
+        return len(self) == len(scans) and not set(self.names) & set(scans.names)
+
+    def joined(self, scans: "FrameFiles") -> "FrameFiles | None":
+        """Return the file of each scan by name, or by position where `is_joined_by_position`.
+
+        A scan whose file is missing gets the path that is expected.
+
+        Returns:
+            As many files as scans, or None where no scan has a file.
+        """
+        if self.is_joined_by_position(scans):
+            return self
+        by_name = dict(zip(self.names, self.paths, strict=True))
+        if not by_name.keys() & set(scans.names):
+            return None
+        paths = (by_name.get(name, self._expected_path(name)) for name in scans.names)
+        return FrameFiles(self.folder, tuple(paths))
+
+    def _expected_path(self, name: str) -> Path:
+        sample = self.paths[0]
+        if self._numbers_in_names is not None and name.isdecimal():
+            name = f"{int(name):0{len(sample.stem)}d}"
+        return self.folder / f"{name}{sample.suffix}"
+
+
+def join_notes(scans: FrameFiles, files_of: Mapping[str, FrameFiles]) -> tuple[str, ...]:
+    """Return a sentence for each kind of files that is not joined to the scans by names."""
+    notes = []
+    for what, files in files_of.items():
+        found = f"{files.folder}: {len(files)} {what}"
+        if len(files) and files.is_joined_by_position(scans):
+            notes.append(f"{found} are joined to the scans in order, as their names differ.")
+        elif len(files) and files.joined(scans) is None:
+            sample = scans.paths[0].stem
+            notes.append(
+                f"{found} are not used, as none is named as one of the {len(scans)} scans is, such as {sample}."
+            )
+    return tuple(notes)
+
+
+def list_folder(folder: Path) -> list[Path]:
+    """Return the entries of a folder that are not hidden; none where there is no folder.
+
+    Raises:
+        DriveError: The folder cannot be listed.
+    """
+    try:
+        return [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise DriveError(
+            folder,
+            expected="a folder that can be read",
+            found=error.strerror or type(error).__name__,
+            advice="allow reading and listing it",
+        ) from error
+
+
+def describe_folder(folder: Path) -> str:
+    """Return what a folder holds in a few words.
+
+    Raises:
+        DriveError: The folder cannot be listed.
+    """
+    groups: dict[str, list[str]] = {}
+    for path in sorted(list_folder(folder)):
+        groups.setdefault("" if path.is_dir() else path.suffix, []).append(path.name)
+    words = [
+        f"{len(names)} {suffix} files"
+        if suffix and len(names) > _MAX_LISTED
+        else ", ".join(names[:_MAX_LISTED]) + (" ..." if len(names) > _MAX_LISTED else "")
+        for suffix, names in groups.items()
+    ]
+    return ", ".join(words) or ("an empty folder" if folder.is_dir() else "no such folder")
+
+
+def no_scans(folder: Path, expected: str = "scans named 000000.bin") -> DriveError:
+    """Return the error of a folder without the scans that are expected there."""
+    suffixes = {path.suffix for path in list_folder(folder)}
+    advice = None
+    if suffixes & _POINT_CLOUD_SUFFIXES:
+        advice = "write each scan as a .bin file of float32 numbers: x, y, z in metres, reflectance 0 to 1"
+    elif suffixes & set(SCAN_SUFFIXES):
+        advice = "move the .bin files into velodyne_points/data within the folder of the drive"
+    return DriveError(folder, expected=expected, found=describe_folder(folder), advice=advice)
+
+
+def _natural_key(path: Path) -> list[int | str]:
+    """Return text and numbers in turn, so that 2 comes before 10."""
+    return [int(part) if part.isdecimal() else part for part in re.split(r"([0-9]+)", path.stem)]
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from data.kitti.calibration import DriveCalibration, with_kitti_image_size
+import numpy as np
+
+from data.kitti.calibration import with_kitti_image_size
 from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.sensor_files import (
+    FrameFiles,
     ImageSize,
-    NumberedFiles,
     read_image,
     read_point_truth,
     read_scan,
@@ -25,34 +27,47 @@ from perception.types import Calibration, Float64, Frame, Labels, PointTruth, UI
 class InsSource(Protocol):
     """Source of the INS packets of a drive."""
 
-    def packet(self, number: int) -> InsPacket:
+    def packet(self, index: int) -> InsPacket:
         """Read the packet of a frame; raise PoseError where it is missing or malformed."""
         ...
 
 
-class Clock(Protocol):
-    """Clock of the scans of a drive."""
-
-    def stamp_s(self, number: int) -> float:
-        """Return the time of a frame's scan since the drive's first."""
-        ...
-
-
 @dataclass(frozen=True)
-class FixedRateClock:
-    """Clock for drives without timestamps: the sensor turns at its nominal rate.
+class ScanClock:
+    """Times of the scans of a drive.
 
     Attributes:
-        rate_hz: Scans per second.
-        first_number: Number of the drive's first frame.
+        stamps_s: (F,) seconds since the first time of the drive, NaN where it is unknown.
+        rows: Row of each scan in the file of timestamps; none without a file.
+        path: File of timestamps, for error messages.
     """
 
-    rate_hz: float
-    first_number: int
+    stamps_s: Float64
+    rows: tuple[int, ...] = ()
+    path: Path | None = None
 
-    def stamp_s(self, number: int) -> float:
-        """Return the time of a frame's scan since the drive's first."""
-        return (number - self.first_number) / self.rate_hz
+    @classmethod
+    def without_timestamps(cls, scans: FrameFiles, rate_hz: float) -> "ScanClock":
+        """Return the Unix times that the scans are named by, else the times of a steady rate."""
+        if scans.unix_stamps_s is not None:
+            return cls(scans.unix_stamps_s)
+        return cls((np.array(scans.numbers) - scans.numbers[0]) / rate_hz)
+
+    def stamp_s(self, index: int) -> float:
+        """Return the time of a frame's scan.
+
+        Raises:
+            DriveError: The row is missing, or is not a time.
+        """
+        stamp_s = float(self.stamps_s[index])
+        if np.isnan(stamp_s):
+            raise DriveError(
+                f"{self.path} row {self.rows[index] + 1}",
+                expected="a time such as 2011-09-26 13:04:32.335337762",
+                found="no such row, or another text",
+                advice="correct the row, or remove the file for a steady clock",
+            )
+        return stamp_s
 
 
 @dataclass(frozen=True)
@@ -64,28 +79,30 @@ class KittiSequence:
         root: Folder of the drive, or of all sequences.
         sensor: LiDAR model.
         calibration: Calibration of the camera, with the image size where a file states it.
-        scans: Scans, one per frame; a number without a scan between the first and the last is a missing frame.
-        clock: Clock of the scans.
-        images: Images of the left colour camera, or None.
+        scans: Scans, one per frame.
+        clock: Times of the scans.
+        images: Images of the left colour camera, one per scan, or None.
         image_size: Size that every image must have, or None.
         ins: INS packets, or None.
         velo_SE3_imu: (4, 4) transform from the IMU to the LiDAR; required with `ins`.
         label_file: Labels in tracking format, or None.
-        point_labels: Exact truth of synthetic points, or None.
+        point_labels: Exact truth of synthetic points, one file per scan, or None.
+        notes: Sentences on files that are not joined to the scans by their names.
     """
 
     name: str
     root: Path
     sensor: LidarModel
     calibration: Calibration | None
-    scans: NumberedFiles
-    clock: Clock
-    images: NumberedFiles | None = None
+    scans: FrameFiles
+    clock: ScanClock
+    images: FrameFiles | None = None
     image_size: ImageSize | None = None
     ins: InsSource | None = None
     velo_SE3_imu: Float64 | None = None
     label_file: Path | None = None
-    point_labels: NumberedFiles | None = None
+    point_labels: FrameFiles | None = None
+    notes: tuple[str, ...] = ()
     is_sequence: bool = True
 
     def __post_init__(self) -> None:
@@ -114,7 +131,7 @@ class KittiSequence:
         return self.label_file is not None
 
     def __len__(self) -> int:
-        return len(self.scans.numbers)
+        return len(self.scans)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[index] for index in range(len(self)))
@@ -125,38 +142,37 @@ class KittiSequence:
         Raises:
             PerceptionError: A file of the frame is missing or damaged.
         """
-        number = self.scans.numbers[index]
-        path = self.scans.path(number)
+        path = self.scans.paths[index]
         return Frame(
-            index=number - self.scans.numbers[0],
+            index=range(len(self))[index],
             points_velo=read_scan(path),
-            stamp_s=self.clock.stamp_s(number),
+            stamp_s=self.stamp_s(index),
             image=self.image(index),
-            world_SE3_velo=self._world_SE3_velo(number),
+            world_SE3_velo=self.world_SE3_velo(index),
             calibration=self.calibration,
             source=str(path),
+            name=self.scans.names[index],
+            number=self.scans.numbers[index],
         )
-
-    def _world_SE3_velo(self, number: int) -> Float64 | None:
-        if self.ins is None or self.velo_SE3_imu is None:
-            return None
-        return self._world.world_SE3_imu(self.ins.packet(number)) @ inverse(self.velo_SE3_imu)
 
     @cached_property
     def _world(self) -> Mercator:
         """World frame with its origin at the first readable packet."""
         failure: PoseError | None = None
-        for number in self.scans.numbers:
+        for index in range(len(self)):
             try:
-                return Mercator.around(self._packet(number))
+                return Mercator.around(self.ins_packet(index))
             except PoseError as error:
                 failure = failure or error
         raise failure or PoseError(self.root, expected="an INS packet", found="none")
 
-    def _packet(self, number: int) -> InsPacket:
-        if self.ins is None:
-            raise DriveError(self.root, expected="a drive with INS packets", found="none")
-        return self.ins.packet(number)
+    def stamp_s(self, index: int) -> float:
+        """Return the time of a scan in seconds.
+
+        Raises:
+            DriveError: The row of timestamps is missing, or is not a time.
+        """
+        return self.clock.stamp_s(index)
 
     def image(self, index: int) -> UInt8 | None:
         """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
@@ -164,9 +180,9 @@ class KittiSequence:
         Raises:
             ImageError: The image is missing, damaged or of another size.
         """
-        if self.images is None:
-            return None
-        return read_image(self.images.path(self.scans.numbers[index]), self.image_size)
+        return (
+            None if self.images is None else read_image(self.images.paths[index], self.image_size)
+        )
 
     def ins_packet(self, index: int) -> InsPacket:
         """Read the INS packet of one frame.
@@ -175,7 +191,9 @@ class KittiSequence:
             DriveError: The drive has no INS.
             PoseError: The packet is missing or malformed.
         """
-        return self._packet(self.scans.numbers[index])
+        if self.ins is None:
+            raise DriveError(self.root, expected="a drive with INS packets", found="none")
+        return self.ins.packet(index)
 
     def world_SE3_velo(self, index: int) -> Float64 | None:
         """Return the (4, 4) INS pose of one frame without reading its scan, or None without INS.
@@ -183,13 +201,16 @@ class KittiSequence:
         Raises:
             PoseError: The packet is missing or malformed.
         """
-        return self._world_SE3_velo(self.scans.numbers[index])
+        if self.ins is None or self.velo_SE3_imu is None:
+            return None
+        return self._world.world_SE3_imu(self.ins.packet(index)) @ inverse(self.velo_SE3_imu)
 
     def labels(self, index: int) -> Labels:
         """Read the labels of one frame.
 
         Raises:
             DriveError: The drive has no labels.
+            CalibrationError: There is no camera calibration, which labels need.
             LabelError: The label file cannot be read.
         """
         return self._labels_by_number.get(self.scans.numbers[index], empty_labels())
@@ -199,9 +220,9 @@ class KittiSequence:
         if self.label_file is None:
             raise DriveError(self.root, expected="a drive with labels", found="none")
         if self.calibration is None:
-            raise DriveError(
+            raise CalibrationError(
                 self.root,
-                expected=f"a camera calibration to place the labels of {self.label_file.name}",
+                expected=f"a camera calibration, to place the labels of {self.label_file}",
                 found="none",
             )
         return read_tracking_labels(self.label_file, self.calibration)
@@ -214,10 +235,8 @@ class KittiSequence:
         """
         if self.point_labels is None:
             return None
-        number = self.scans.numbers[index]
-        return read_point_truth(
-            self.point_labels.path(number), len(read_scan(self.scans.path(number)))
-        )
+        points = len(read_scan(self.scans.paths[index]))
+        return read_point_truth(self.point_labels.paths[index], points)
 
 
 @dataclass(frozen=True)
@@ -227,30 +246,38 @@ class CameraFiles:
     Attributes:
         calibration: Calibration with the image size, where the calibration or the first image states it.
         image_size: Image size, and the file that states it.
-        images: Image files, or None where there are none or they are not to be loaded.
+        images: Image of each scan, or None where there are none or they are not to be loaded.
     """
 
     calibration: Calibration | None
     image_size: ImageSize | None
-    images: NumberedFiles | None
+    images: FrameFiles | None
 
     @classmethod
     def of(
-        cls, calibration: DriveCalibration, images: NumberedFiles, *, load_images: bool
+        cls, calibration: Calibration | None, images: FrameFiles, scans: FrameFiles, *, load: bool
     ) -> "CameraFiles":
-        """Combine the calibration and the images of a drive."""
-        camera = calibration.camera
-        size = _find_image_size(camera, images)
-        if camera is not None:
-            known = camera if size is None else replace(camera, image_size_px=size.size_px)
-            camera = with_kitti_image_size(known)
-        return cls(camera, size, images if load_images and len(images) else None)
+        """Combine the calibration and the images of a drive.
+
+        Args:
+            calibration: Calibration of the camera, or None.
+            images: Images of the left colour camera.
+            scans: Scans of the drive.
+            load: Whether frames carry images.
+        """
+        size = _find_image_size(calibration, images)
+        if calibration is not None:
+            known = (
+                calibration if size is None else replace(calibration, image_size_px=size.size_px)
+            )
+            calibration = with_kitti_image_size(known)
+        return cls(calibration, size, images.joined(scans) if load else None)
 
 
-def _find_image_size(camera: Calibration | None, images: NumberedFiles) -> ImageSize | None:
+def _find_image_size(camera: Calibration | None, images: FrameFiles) -> ImageSize | None:
     if camera is not None and camera.image_size_px is not None:
         return ImageSize(camera.image_size_px, source=camera.source)
-    for path in images.paths.values():
+    for path in images.paths:
         try:
             height, width = read_image(path).shape[:2]
         except ImageError:

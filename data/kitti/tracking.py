@@ -15,17 +15,19 @@ from data.kitti.sensor_files import (
     POINT_LABEL_SUFFIXES,
     SCAN_SUFFIXES,
     SKIP_ADVICE,
-    NumberedFiles,
+    FrameFiles,
+    join_notes,
+    list_folder,
+    no_scans,
 )
-from data.kitti.sequence import CameraFiles, FixedRateClock, KittiSequence
-from perception.errors import DriveError, PoseError
+from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from perception.errors import PoseError
 from perception.sensor import LidarModel
 
 
 def tracking_sequences_in(folder: Path) -> list[str]:
     """List the sequences in a training or testing folder."""
-    scans = folder / "velodyne"
-    return sorted(entry.name for entry in scans.iterdir() if entry.is_dir())
+    return sorted(entry.name for entry in list_folder(folder / "velodyne") if entry.is_dir())
 
 
 def open_tracking(
@@ -37,59 +39,68 @@ def open_tracking(
         DriveError: The sequence has no scan.
         CalibrationError: The calibration file cannot be used, or the INS has no calibration.
     """
-    scans = NumberedFiles.within(folder / "velodyne" / sequence, SCAN_SUFFIXES)
+    scans = FrameFiles.within(folder / "velodyne" / sequence, SCAN_SUFFIXES)
     if not len(scans):
-        raise DriveError(scans.folder, expected="scans named 000000.bin", found="none")
+        raise no_scans(scans.folder)
     calibration_file = folder / "calib" / f"{sequence}.txt"
     calibration = DriveCalibration(None, None)
     if calibration_file.is_file():
         calibration = read_benchmark_calibration(calibration_file)
-    image_files = NumberedFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
-    camera = CameraFiles.of(calibration, image_files, load_images=images)
+    image_files = FrameFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
+    camera = CameraFiles.of(calibration.camera, image_files, scans, load=images)
     packets = folder / "oxts" / f"{sequence}.txt"
     label_file = folder / "label_02" / f"{sequence}.txt"
-    point_labels = NumberedFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)
+    point_labels = FrameFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)
     return KittiSequence(
         name=sequence,
         root=folder,
         sensor=sensor,
         calibration=camera.calibration,
         scans=scans,
-        clock=FixedRateClock(sensor.rate_hz, scans.numbers[0]),
+        clock=ScanClock.without_timestamps(scans, sensor.rate_hz),
         images=camera.images,
         image_size=camera.image_size,
-        ins=OxtsFile.read(packets) if packets.is_file() else None,
+        ins=OxtsFile.read(packets, scans.numbers) if packets.is_file() else None,
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
-        point_labels=point_labels if len(point_labels) else None,
+        point_labels=point_labels.joined(scans),
+        notes=join_notes(scans, {"images": image_files}),
     )
 
 
 @dataclass(frozen=True)
 class OxtsFile:
-    """INS packets, one row each."""
+    """INS packets, one row for each frame number.
+
+    Attributes:
+        path: File of the packets.
+        rows: Rows of the file.
+        numbers: Frame number of each scan.
+    """
 
     path: Path
     rows: tuple[str, ...]
+    numbers: tuple[int, ...]
 
     @classmethod
-    def read(cls, path: Path) -> "OxtsFile":
+    def read(cls, path: Path, numbers: tuple[int, ...]) -> "OxtsFile":
         """Split the file into rows, which are parsed on access.
 
         Raises:
             PoseError: The file is not text.
         """
         try:
-            return cls(path, tuple(path.read_text().splitlines()))
+            return cls(path, tuple(path.read_text().splitlines()), numbers)
         except (OSError, UnicodeDecodeError) as error:
             raise PoseError(path, expected="INS packets as text", found=str(error)) from error
 
-    def packet(self, number: int) -> InsPacket:
+    def packet(self, index: int) -> InsPacket:
         """Read the packet of a frame.
 
         Raises:
             PoseError: The packet is missing or malformed.
         """
+        number = self.numbers[index]
         where = f"{self.path} row {number + 1}"
         row = self.rows[number] if number < len(self.rows) else ""
         if not row.strip():

@@ -33,6 +33,7 @@ class SyntheticDrive:
     is_sequence = True
     has_poses = True
     has_labels = True
+    notes = ()
 
     def __init__(
         self,

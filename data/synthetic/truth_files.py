@@ -54,9 +54,7 @@ def read_truth(drive: KittiSequence, files: TruthFiles) -> list[PosedLabels]:
     labels = read_tracking_labels(files.labels, drive.calibration)
     poses = _read_poses(files.poses, len(drive))
     return [
-        PosedLabels(
-            index, drive.clock.stamp_s(number), poses[index], labels.get(number, empty_labels())
-        )
+        PosedLabels(index, drive.stamp_s(index), poses[index], labels.get(number, empty_labels()))
         for index, number in enumerate(drive.scans.numbers)
     ]
 

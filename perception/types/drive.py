@@ -83,8 +83,13 @@ class Drive(Protocol):
         """Whether there are labelled boxes."""
         ...
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on files that are not joined to the scans by their names."""
+        ...
+
     def __len__(self) -> int:
-        """Return the number of frames, counting those whose files are missing in the middle."""
+        """Return the number of frames."""
         ...
 
     def __getitem__(self, index: int) -> Frame:

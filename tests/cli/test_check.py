@@ -28,11 +28,11 @@ def test_a_drive_without_faults_passes(scans_only, capsys):
 
 
 def test_a_fault_is_in_the_table_and_in_the_exit_code(scans_only, capsys):
-    (scans_only / "velodyne_points/data/0000000001.bin").unlink()
+    (scans_only / "velodyne_points/data/0000000001.bin").write_bytes(b"")
     assert main(["check", str(scans_only)]) == 2
     said = capsys.readouterr()
     assert "scans missing or damaged" in said.out
-    assert "0000000001.bin: expected a scan, found no file" in said.out
+    assert "0000000001.bin: expected at least one return, found an empty scan" in said.out
     assert f"{scans_only}: expected a drive without faults, found 1" in said.err
 
 

@@ -83,14 +83,20 @@ def test_reflectance_of_another_scale(raw_drive, value):
     assert f"{value:g}" in sentence
 
 
-def test_a_scan_missing_in_the_middle(raw_drive):
-    path = _scan_path(raw_drive)
-    path.unlink()
+def test_frames_are_those_with_a_scan(raw_drive):
+    _scan_path(raw_drive).unlink()
     drive = open_drive(raw_drive)
-    assert len(drive) == 6
-    assert drive[3].index == 3
-    sentence = _sentence(raw_drive, ScanError)
-    assert sentence.startswith(f"{path}: expected a scan, found no file; pass --on-bad-frame skip")
+    assert [(f.index, f.number, f.name) for f in drive][1:3] == [(1, 1, "000001"), (2, 3, "000003")]
+    assert [frame.stamp_s for frame in drive][1:3] == pytest.approx([0.1, 0.3])
+    (raw_drive / "velodyne_points/timestamps.txt").unlink()
+    assert open_drive(raw_drive)[2].stamp_s == pytest.approx(0.3)
+
+
+def test_a_scan_that_vanishes_while_the_drive_is_read(raw_drive):
+    drive, path = open_drive(raw_drive), _scan_path(raw_drive)
+    path.unlink()
+    with fault(ScanError, str(path), "a scan", "no file", "--on-bad-frame skip"):
+        drive[2]
 
 
 def test_timestamps_for_the_scans_that_are_there(raw_drive):
@@ -98,7 +104,7 @@ def test_timestamps_for_the_scans_that_are_there(raw_drive):
     path = raw_drive / "velodyne_points/timestamps.txt"
     rows = path.read_text().splitlines()
     path.write_text("\n".join(rows[:2] + rows[3:]))
-    assert open_drive(raw_drive)[4].stamp_s == pytest.approx(0.4)
+    assert open_drive(raw_drive)[3].stamp_s == pytest.approx(0.4)
 
 
 def test_a_timestamp_that_is_none(raw_drive):

@@ -32,15 +32,36 @@ def test_a_whole_drive_is_described_and_has_no_faults(raw_drive):
 def test_all_faults_are_found_in_one_reading(raw_drive):
     (raw_drive / "velodyne_points/data/0000000002.bin").unlink()
     (raw_drive / "velodyne_points/data/0000000003.bin").write_bytes(b"123")
-    (raw_drive / "image_02/data/0000000002.png").write_bytes(b"123")
+    (raw_drive / "image_02/data/0000000001.png").write_bytes(b"123")
     (raw_drive / "oxts/data/0000000004.txt").unlink()
 
     found = _findings(raw_drive)
 
-    assert found["scans missing or damaged"].count == 2
-    assert "0000000002.bin: expected a scan" in found["scans missing or damaged"].first_example
+    assert found["scans missing or damaged"].count == 1
+    assert found["gaps in the numbering"].first_example.endswith("found 0000000003.bin.")
+    assert not found["gaps in the numbering"].is_fault
     assert found["images missing, damaged or of another size"].count == 1
     assert found["INS packets missing or malformed"].count == 1
+
+
+@pytest.mark.parametrize("layout", ["raw", "object"])
+def test_images_without_a_calibration_are_noted(raw_drive, object_root, layout):
+    for file in (*raw_drive.parent.glob("calib_*cam*.txt"), *object_root.rglob("calib/*.txt")):
+        file.unlink()
+    (object_root / "training/calib").rmdir()
+    found = _findings({"raw": raw_drive, "object": object_root}[layout])
+    assert not found["images without calibration"].is_fault
+
+
+def test_points_without_a_return_are_counted(raw_drive):
+    for index, rows in ((1, [0, 8]), (4, [7])):
+        path = raw_drive / f"velodyne_points/data/{index:010d}.bin"
+        points = np.fromfile(path, np.float32).reshape(-1, 4)
+        points[rows, 2] = np.inf
+        points.tofile(path)
+    note = _findings(raw_drive)["points without a return"]
+    assert (note.count, note.is_fault) == (3, False)
+    assert "0000000001.bin: 2 of 3600 points" in note.first_example
 
 
 def test_an_ins_jump_of_metres(raw_drive):

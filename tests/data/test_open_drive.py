@@ -1,5 +1,7 @@
 """Each layout is recognised, and read as what it is."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -118,11 +120,40 @@ def test_ins_packets_without_a_calibration_are_refused(raw_drive):
 
 
 def test_what_is_no_drive_is_told_what_would_be(tmp_path):
-    (tmp_path / "holiday.jpg").touch()
-    with fault(DriveError, expected="a KITTI raw drive", found="holiday.jpg"):
+    with fault(DriveError, expected="a KITTI raw drive", found="an empty folder"):
         open_drive(tmp_path)
     with fault(DriveError, found="no such folder"):
         open_drive(tmp_path / "nowhere")
+    (tmp_path / "holiday.jpg").touch()
+    with fault(DriveError, expected="a KITTI raw drive", found="holiday.jpg"):
+        open_drive(tmp_path)
+    with fault(DriveError, expected="a folder", found="a file", advice="name the folder"):
+        open_drive(tmp_path / "holiday.jpg")
+
+
+@pytest.mark.parametrize("inner", ["", "velodyne_points/data"])
+def test_scans_in_another_format_are_named(tmp_path, inner):
+    folder = tmp_path / inner
+    folder.mkdir(parents=True, exist_ok=True)
+    for index in range(8):
+        (folder / f"{index}.pcd").touch()
+    with fault(DriveError, str(folder), found="8 .pcd files", advice="as a .bin file"):
+        open_drive(tmp_path)
+
+
+def test_scans_alone_in_a_folder_are_told_their_place(tmp_path):
+    (tmp_path / "000000.bin").touch()
+    with fault(DriveError, found="000000.bin", advice="velodyne_points/data"):
+        open_drive(tmp_path)
+
+
+def test_a_folder_that_may_not_be_read(tmp_path, monkeypatch):
+    def refuse(path):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    with fault(DriveError, str(tmp_path), "a folder that can be read", "Permission denied"):
+        open_drive(tmp_path)
 
 
 def test_the_real_raw_drive(kitti_root):
