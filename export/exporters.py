@@ -6,7 +6,7 @@ from export.depthcn import export_verifier
 from export.detector import export_detector
 from export.fusion import export_fusion
 from export.result import ExportConfig, ExportResult
-from train.checkpoints import model_of, read_checkpoint
+from train.checkpoints import read_checkpoint
 
 Exporter = Callable[[ExportConfig], ExportResult]
 
@@ -24,5 +24,5 @@ def export_network(config: ExportConfig) -> ExportResult:
         ModelError: it is damaged, or of a network that is not known.
         UsageError: a setting does not apply to the network.
     """
-    kind = str(model_of(read_checkpoint(config.checkpoint, *EXPORTERS)))
-    return EXPORTERS[kind](config)
+    content = read_checkpoint(config.checkpoint, *EXPORTERS)
+    return EXPORTERS[content["hyper_parameters"]["model"]](config)

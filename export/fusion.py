@@ -44,7 +44,7 @@ def export_fusion(config: ExportConfig) -> ExportResult:
     """
     if config.int8 or config.size is not None:
         raise UsageError(
-            "fusion", expected="neither --int8 nor --size, as it takes no pictures", found="one"
+            "fusion", expected="neither --int8 nor --size, as it takes no images", found="one"
         )
     network, metadata = load_fusion(config.checkpoint)
     rng = np.random.default_rng(0)

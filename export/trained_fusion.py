@@ -21,10 +21,11 @@ from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.evaluation.detection.reliability import Reliability
 from perception.types import MODALITIES, Progress
-from train.checkpoints import program_revision
+from train.checkpoints import program_revision, read_checkpoint
 from train.config import TrainingRun
+from train.folder import TrainingFolder
 from train.fusion.calibration import fit_calibration
-from train.fusion.config import FusionTrainingConfig
+from train.fusion.config import MODEL, FusionTrainingConfig
 from train.fusion.plots import (
     plot_fusion_reliability,
     plot_fusion_rescoring,
@@ -34,7 +35,6 @@ from train.fusion.plots import (
 from train.fusion.sweep import SweptSize, hidden_sizes, sweep
 from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import FittedFusion, fit_fusion, write_calibrations
-from train.trainer import checkpoint_to_resume, start_experiment
 
 _SCORE_JITTERS = 2  # jittered copies of every frame, for the default variant
 
@@ -93,8 +93,7 @@ class TrainedFusion:
 def run_experiment(
     experiment: FusionExperiment,
     run: TrainingRun,
-    out: Path,
-    resume: str | None = None,
+    folder: TrainingFolder,
     progress: Progress = iter,
 ) -> TrainedFusion:
     """Train the fusion in a folder, and plot and measure it on the test frames.
@@ -102,15 +101,15 @@ def run_experiment(
     Args:
         experiment: All settings of the fusion.
         run: Epochs and seed.
-        out: Folder of the results.
-        resume: Checkpoint to resume from, or the word last for that of the folder.
+        folder: Folder of the training.
         progress: Wrapper of the loop over frames that may show its progress.
 
     Raises:
-        UsageError: there is another training in the folder, or a detector was trained on one of the drives.
+        UsageError: a detector was trained on one of the drives.
         PerceptionError: drives, models or a checkpoint cannot be used.
     """
-    checkpoint = checkpoint_to_resume(out, resume)
+    if folder.resume is not None:
+        read_checkpoint(folder.resume, MODEL)  # detecting takes long
     detections = split_detections(
         experiment.drives, experiment.models, experiment.data, run.seed, progress
     )
@@ -131,8 +130,7 @@ def run_experiment(
     if swept:
         best = min(swept, key=lambda one: one.validation)
         config = replace(config, network=replace(config.network, hidden=best.hidden))
-    start_experiment(out, resume, experiment=experiment, run=run, network=config)
-    fitted = fit_fusion(sets, config, out, run, checkpoint)
+    fitted, out = fit_fusion(sets, config, run, folder), folder.out
     file, metadata = out / "fusion.onnx", _export(fitted.checkpoint, out / "fusion.onnx")
     if experiment.variant == "default":  # the thesis' scores are not calibrated
         metadata = metadata | {"calibration": _calibrate(file, fitted.checkpoint, detections)}

@@ -1,6 +1,7 @@
 """Lightning's checkpoints, written whole or not at all, and read as data only."""
 
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from lightning.pytorch import LightningModule
 
 from perception.atomic_file import write_atomically
 from perception.errors import ModelError
-from train.checkpoints import read_checkpoint
+from train.checkpoints import Content, load_tensors, read_checkpoint
 
 
 class AtomicCheckpointIO(TorchCheckpointIO):
@@ -23,44 +24,59 @@ class AtomicCheckpointIO(TorchCheckpointIO):
         storage_options: object = None,
     ) -> None:
         """Write beside the old file, then take its place."""
-        content = io.BytesIO()
-        torch.save(checkpoint, content)
-        try:
-            write_atomically(Path(path), content.getvalue())
-        except OSError as error:
-            raise ModelError(
-                path,
-                expected=f"room for {content.tell() / 1e6:.0f} MB",
-                found=error.strerror or str(error),
-                advice="make room and go on with --resume last",
-            ) from error
+        write_checkpoint(Path(path), checkpoint)
 
     def load_checkpoint(
         self,
         path: str | Path,
-        map_location: Any = None,  # noqa: ANN401 - as torch.load takes it
+        map_location: object = None,
         weights_only: bool | None = True,
     ) -> dict[str, Any]:
         """Read tensors and plain values, never code."""
-        found: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        return found
+        return dict(load_tensors(Path(path), "a checkpoint to resume from"))
 
 
-def require_same_network(checkpoint: Path, module: LightningModule) -> None:
-    """Validate that a checkpoint is of the same network.
+def write_checkpoint(path: Path, content: Content) -> None:
+    """Write a checkpoint whole or not at all."""
+    data = io.BytesIO()
+    torch.save(content, data)
+    write_atomically(path, data.getvalue())
+
+
+def require_same_training(
+    checkpoint: Path, module: LightningModule, state: str = "optimizer_states"
+) -> None:
+    """Validate that a training can be resumed from a checkpoint.
+
+    Args:
+        checkpoint: Checkpoint file.
+        module: Network to train.
+        state: Entry of the checkpoint with the state of the optimizer.
 
     Raises:
-        ModelError: where it is missing, damaged, of another model, or its weights have other sizes.
+        ModelError: it is missing, damaged, of another model, network or optimizer.
     """
     model = str(module.hparams["model"])
     content = read_checkpoint(checkpoint, model)
-    theirs = {name: weight.shape for name, weight in content["state_dict"].items()}
-    ours = {name: weight.shape for name, weight in module.state_dict().items()}
-    if theirs != ours:
-        method = content["hyper_parameters"].get("method", "other")
-        raise ModelError(
-            checkpoint,
-            expected=f"the weights of this {model}",
-            found=f"those of another ({method})",
-            advice="go on with the options that the checkpoint was made with",
-        )
+    theirs = {
+        name: getattr(weight, "shape", None) for name, weight in content["state_dict"].items()
+    }
+    if theirs != {name: weight.shape for name, weight in module.state_dict().items()}:
+        found = "that of another network"
+    elif state not in content:
+        found = "one without the state of this optimizer"
+    elif _optimizer(content["hyper_parameters"]) != _optimizer(module.hparams):
+        found = "that of another optimizer"
+    else:
+        return
+    raise ModelError(
+        checkpoint,
+        expected=f"the training of this {model}",
+        found=found,
+        advice="resume from last.ckpt with the flags of its training",
+    )
+
+
+def _optimizer(hyper_parameters: Mapping[str, Any]) -> object:
+    optimizer = hyper_parameters.get("optimizer")
+    return optimizer.get("optimizer") if isinstance(optimizer, Mapping) else optimizer

@@ -1,33 +1,71 @@
 """Checkpoints, read without Lightning and without executing code, and the revision that model files state."""
 
-import pickle
 import subprocess
+import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import Any, TypeVar
+from zipfile import BadZipFile, ZipFile, is_zipfile
 
 import torch
+from torch import nn
 
 from perception import __version__
-from perception.errors import ModelError
+from perception.errors import ModelError, UsageError
+
+Network = TypeVar("Network", bound=nn.Module)
+Content = dict[str, Any]
+_ENTRIES = {"state_dict": dict, "hyper_parameters": dict, "epoch": int}
 
 
-def read_checkpoint(path: Path, *models: str) -> dict[str, Any]:
-    """Return a checkpoint that Lightning wrote: `state_dict`, `hyper_parameters` and more.
+def load_network(
+    path: Path, model: str, make: Callable[[Content], Network]
+) -> tuple[Network, Content]:
+    """Return the network of a checkpoint in evaluation mode, and the content of the file.
 
     Args:
         path: Checkpoint file.
-        models: Kinds of models, one of which its hyper-parameter `model` must be.
+        model: Kind of model, its hyperparameter `model`.
+        make: Function from the hyperparameters to a network with random weights.
+
+    Raises:
+        ModelError: there is no such file, it is damaged, of another model, or its weights have other sizes.
+    """
+    content = read_checkpoint(path, model)
+    try:
+        network = make(content["hyper_parameters"])
+    except (AttributeError, KeyError, TypeError, UsageError, ValueError) as error:
+        raise ModelError(
+            path, expected=f"hyperparameters of a {model}", found=f"others ({error})"
+        ) from error
+    try:
+        network.load_state_dict(weights_of(content, "network"))
+    except (AttributeError, RuntimeError, TypeError) as error:
+        found = "weights of other sizes"
+        raise ModelError(path, expected=f"weights of this {model}", found=found) from error
+    return network.eval(), content
+
+
+def read_checkpoint(path: Path, *models: str) -> Content:
+    """Return a checkpoint that Lightning wrote: `state_dict`, `hyper_parameters`, `epoch` and more.
+
+    Args:
+        path: Checkpoint file.
+        models: Kinds of models, one of which its hyperparameter `model` must be.
 
     Raises:
         ModelError: there is no such file, it is damaged, or of another model.
     """
     expected = f"a checkpoint of {' or '.join(models)}"
-    checkpoint = load_tensors(path, expected)
-    found = model_of(checkpoint)
-    if found not in models:
-        raise ModelError(path, expected=expected, found=f"one of {found}" if found else "another")
-    return dict(checkpoint)
+    content = load_tensors(path, expected)
+    entries: Content = content if isinstance(content, dict) else {}
+    missing = [name for name, kind in _ENTRIES.items() if not isinstance(entries.get(name), kind)]
+    if missing:
+        raise ModelError(path, expected=expected, found=f"a file without {', '.join(missing)}")
+    model = entries["hyper_parameters"].get("model")
+    if model not in models:
+        raise ModelError(path, expected=expected, found=f"one of {model}")
+    return entries
 
 
 def load_tensors(path: Path, expected: str) -> Any:  # noqa: ANN401 - what the file holds
@@ -37,21 +75,16 @@ def load_tensors(path: Path, expected: str) -> Any:  # noqa: ANN401 - what the f
         ModelError: there is no such file, or it cannot be read.
     """
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, EOFError, OSError, pickle.UnpicklingError, BadZipFile) as error:
+        with warnings.catch_warnings(action="ignore"):  # of a file that is refused in a sentence
+            content = torch.load(path, map_location="cpu", weights_only=True)
+        _require_intact(path)  # torch does not compare checksums
+    except Exception as error:  # of a damaged file, torch raises errors of any type
         found = "a file that cannot be read" if path.is_file() else "no such file"
         raise ModelError(path, expected=expected, found=found) from error
+    return content
 
 
-def model_of(checkpoint: object) -> str | None:
-    """Return the kind of model of a checkpoint, or None where it states none."""
-    if not isinstance(checkpoint, dict) or "state_dict" not in checkpoint:
-        return None
-    name = checkpoint.get("hyper_parameters", {}).get("model")
-    return None if name is None else str(name)
-
-
-def weights_of(checkpoint: dict[str, Any], part: str) -> dict[str, torch.Tensor]:
+def weights_of(checkpoint: Content, part: str) -> dict[str, torch.Tensor]:
     """Return the weights of one part of a LightningModule by their names within it."""
     prefix = f"{part}."
     return {
@@ -59,6 +92,15 @@ def weights_of(checkpoint: dict[str, Any], part: str) -> dict[str, torch.Tensor]
         for name, weight in checkpoint["state_dict"].items()
         if name.startswith(prefix)
     }
+
+
+def provenance_of(checkpoint: Content) -> dict[str, str]:
+    """Return what model files state of a training: its drives, the program's revision and the epochs."""
+    hyper_parameters = checkpoint["hyper_parameters"]
+    stated = {
+        name: str(hyper_parameters.get(name, "unknown")) for name in ("training_data", "revision")
+    }
+    return {**stated, "epochs": str(checkpoint["epoch"] + 1)}
 
 
 def program_revision() -> str:
@@ -72,3 +114,10 @@ def program_revision() -> str:
     except (OSError, subprocess.SubprocessError):
         return __version__
     return found.stdout.strip()
+
+
+def _require_intact(path: Path) -> None:
+    if is_zipfile(path):
+        with ZipFile(path) as file:
+            if file.testzip() is not None:
+                raise BadZipFile

@@ -1,15 +1,10 @@
-"""Progress of a training: a bar and a line per epoch in the terminal, and the scalars that TensorBoard shows."""
+"""Progress of a training in the terminal: a bar, and a line for each epoch."""
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import ProgressBar
 from tqdm import tqdm
-
-from perception.types import Float64
 
 _SHOWN = (  # where they are logged
     "loss",
@@ -92,24 +87,6 @@ class TrainingBar(ProgressBar):
 def step_bar(max_steps: int, first: int = 0) -> "tqdm[NoReturn]":
     """Return a bar over the steps of a training that may stop early, on stderr."""
     return tqdm(total=max_steps, initial=first, desc="train", unit="step", dynamic_ncols=True)
-
-
-def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
-    """Return the logged values of each name in the order of their steps, from TensorBoard's files.
-
-    Of a step that was logged twice, as by a training that was killed and resumed, the later one counts.
-    """
-    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-
-    events = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
-    known = events.Tags()["scalars"]
-    found = {}
-    for name in names:
-        by_step = (
-            {event.step: event.value for event in events.Scalars(name)} if name in known else {}
-        )
-        found[name] = np.array([by_step[step] for step in sorted(by_step)], np.float64)
-    return found
 
 
 def _line(metrics: dict[str, Any], stage: str) -> str:

@@ -1,6 +1,6 @@
 """Training of any network by Lightning, with checkpoints, TensorBoard and resume.
 
-OUT/best.ckpt                checkpoint of the epoch with the best validation metric
+OUT/best.ckpt                checkpoint of the best epoch
 OUT/last.ckpt                checkpoint of the last whole epoch, to resume from
 OUT/events.out.tfevents...   TensorBoard events
 """
@@ -14,19 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
-from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, ModelCheckpoint
-from lightning.pytorch.loggers import TensorBoardLogger
-from lightning.pytorch.utilities import rank_zero_only
+from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
 
-from data.results.documents import write_yaml
-from perception import __version__
+from perception.atomic_file import write_error
 from perception.errors import UsageError
-from train.checkpoint_writer import AtomicCheckpointIO, require_same_network
+from train.best_epoch import BestEpoch, Ranking
+from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
 from train.config import Accelerator, DevicePrecision, TrainingRun
+from train.events import TrainingStatistics, event_logger
+from train.folder import TrainingFolder
 from train.progress import TrainingBar
-
-BEST, LAST = "best.ckpt", "last.ckpt"
 
 
 class SeedEachStep(Callback):
@@ -43,131 +42,104 @@ class SeedEachStep(Callback):
         torch.manual_seed(int(np.random.SeedSequence(numbers).generate_state(1)[0]))
 
 
-def make_trainer(
-    out: Path, run: TrainingRun, monitor: str, callbacks: Sequence[Callback] = ()
-) -> Trainer:
-    """Return a trainer that writes to a folder.
+def fit(
+    module: LightningModule,
+    data: LightningDataModule,
+    ranking: Ranking,
+    run: TrainingRun,
+    folder: TrainingFolder,
+    callbacks: Sequence[Callback] = (),
+) -> Path | None:
+    """Train, or resume; return the checkpoint of the best epoch.
+
+    All processes but the first return None, and so does a fast_dev_run.
 
     Args:
-        out: Folder of checkpoints and events.
+        module: Network to train.
+        data: Training and validation data.
+        ranking: Criteria of the best epoch.
         run: Epochs, devices and seed.
-        monitor: Logged metric whose highest value marks the best epoch.
+        folder: Folder of the training.
         callbacks: Further callbacks, such as those that draw.
 
     Raises:
-        UsageError: a GPU is asked for and torch has none.
+        ModelError: the checkpoint is damaged, or of another training.
+        UsageError: the devices are not there.
+        WriteError: a checkpoint or an event cannot be written.
+        KeyboardInterrupt: the training is stopped; what was written is kept.
+    """
+    if folder.resume is not None:
+        require_same_training(folder.resume, module)
+    trainer = make_trainer(ranking, run, folder, callbacks)
+    interrupt = signal.getsignal(signal.SIGINT)
+    try:
+        trainer.fit(module, datamodule=data, ckpt_path=folder.resume, weights_only=True)
+    except SystemExit as stopped:
+        # Lightning ends the program itself; the caller decides that here.
+        raise KeyboardInterrupt from stopped
+    except ValueError as error:
+        # As which the logger reports that events cannot be written.
+        if isinstance(error.__cause__, OSError):
+            raise write_error(folder.out, error.__cause__) from error
+        raise
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)
+    is_first = trainer.is_global_zero and not run.fast_dev_run
+    return folder.best if is_first else None
+
+
+def make_trainer(
+    ranking: Ranking, run: TrainingRun, folder: TrainingFolder, callbacks: Sequence[Callback] = ()
+) -> Trainer:
+    """Return a trainer that writes to a folder; arguments as of `fit`.
+
+    Raises:
+        UsageError: the devices are not there.
     """
     _silence_lightning()
     if run.accelerator == "gpu" and not torch.cuda.is_available():
         raise UsageError(
             "--trainer.accelerator gpu", expected="a GPU that torch sees", found="none"
         )
-    best = ModelCheckpoint(
-        out,
-        filename=Path(BEST).stem,
-        monitor=monitor,
-        mode="max",
-        save_on_train_epoch_end=True,
-        enable_version_counter=False,
-    )
-    last = ModelCheckpoint(
-        out,
-        filename=Path(LAST).stem,
-        save_on_train_epoch_end=True,
-        enable_version_counter=False,
-    )
-    patient = [EarlyStopping(monitor, mode="max", patience=run.patience)] if run.patience else []
-    return Trainer(
-        accelerator=run.accelerator,
-        devices=run.devices,
-        num_nodes=run.nodes,
-        strategy="ddp" if run.devices * run.nodes > 1 else "auto",
-        precision=resolve_precision(run),
-        max_epochs=run.epochs,
-        # Data modules distribute their samples themselves.
-        use_distributed_sampler=False,
-        logger=TensorBoardLogger(out, name="", version="", default_hp_metric=False),
-        callbacks=[
-            SeedEachStep(run.seed),
-            LearningRateMonitor("epoch"),
-            *callbacks,
-            TrainingBar(),
-            *patient,
-            best,
-            last,
-        ],
-        plugins=[AtomicCheckpointIO()],
-        deterministic="warn",
-        fast_dev_run=run.fast_dev_run,
-        num_sanity_val_steps=0,
-        log_every_n_steps=10,
-        enable_model_summary=False,
-    )
 
+    def start(trainer: Trainer, module: LightningModule) -> None:
+        if trainer.is_global_zero and not run.fast_dev_run:
+            folder.on_start()
 
-def fit(
-    trainer: Trainer,
-    module: LightningModule,
-    data: LightningDataModule,
-    resume: Path | None = None,
-) -> None:
-    """Train, or resume from a checkpoint.
-
-    Raises:
-        ModelError: the checkpoint is damaged or of another network, or the disk is full.
-        KeyboardInterrupt: the training is stopped; what was written is kept.
-    """
-    if resume is not None:
-        require_same_network(resume, module)
-    interrupt = signal.getsignal(signal.SIGINT)
     try:
-        trainer.fit(module, datamodule=data, ckpt_path=resume, weights_only=True)
-    except SystemExit as stopped:
-        # Lightning ends the program itself; the caller decides that here.
-        raise KeyboardInterrupt from stopped
-    finally:
-        if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, interrupt)
-
-
-def checkpoint_to_resume(out: Path, resume: str | None) -> Path | None:
-    """Return the checkpoint to resume from, None for a new training.
-
-    Args:
-        out: Folder of the training.
-        resume: Checkpoint, the word last for that of the folder, or None.
-
-    Raises:
-        UsageError: a new training is asked for in the folder of another.
-    """
-    if resume is not None:
-        return out / LAST if resume == "last" else Path(resume)
-    if (out / LAST).exists():
-        raise UsageError(
-            out,
-            expected="a folder without a training",
-            found=LAST,
-            advice="resume it with --resume last, or name another --out",
+        return Trainer(
+            accelerator=run.accelerator,
+            devices=run.devices,
+            num_nodes=run.nodes,
+            strategy="ddp" if run.devices * run.nodes > 1 else "auto",
+            precision=resolve_precision(run),
+            max_epochs=run.epochs,
+            # Data modules distribute their samples themselves.
+            use_distributed_sampler=False,
+            logger=event_logger(folder.out),
+            callbacks=[
+                SeedEachStep(run.seed),
+                LambdaCallback(on_train_start=start),
+                LearningRateMonitor("epoch"),
+                *callbacks,
+                TrainingStatistics(),
+                TrainingBar(),
+                BestEpoch(folder, ranking, run.patience),
+            ],
+            plugins=[AtomicCheckpointIO()],
+            deterministic="warn",
+            fast_dev_run=run.fast_dev_run,
+            num_sanity_val_steps=0,
+            log_every_n_steps=10,
+            enable_model_summary=False,
         )
-    return None
-
-
-def start_experiment(out: Path, resume: str | None, **settings: object) -> Path | None:
-    """Write `config.yaml` of an experiment in the first process; return the checkpoint to resume from.
-
-    Args:
-        out: Folder of the training.
-        resume: Checkpoint, the word last for that of the folder, or None.
-        **settings: Sections of the configuration.
-
-    Raises:
-        UsageError: a new training is asked for in the folder of another.
-    """
-    checkpoint = checkpoint_to_resume(out, resume)
-    if int(getattr(rank_zero_only, "rank", 0) or 0) == 0:
-        document = {"program": f"trifuse {__version__}", **settings, "resumed_from": checkpoint}
-        write_yaml(out / "config.yaml", document)
-    return checkpoint
+    except MisconfigurationException as error:
+        raise UsageError(
+            f"--trainer.devices {run.devices}",
+            expected="devices and a precision that this machine has",
+            found=" ".join(str(error).split()),
+        ) from error
 
 
 def resolve_precision(run: TrainingRun) -> DevicePrecision:

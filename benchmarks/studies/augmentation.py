@@ -14,6 +14,7 @@ from perception.evaluation.report import Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
 from train.config import TrainingRun
+from train.folder import LAST, TrainingFolder
 from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 
 if TYPE_CHECKING:
@@ -80,13 +81,12 @@ def _train(
     experiment: VerifierExperiment, run: TrainingRun, name: str, plot_path: Path, resume: str | None
 ) -> "TrainedVerifier":
     out = plot_path.with_suffix("") / name
-    is_resumed = resume == "last" and (out / "last.ckpt").exists()
+    is_resumed = resume == "last" and (out / LAST).exists()
     data = replace(experiment.data, augment=name == "with")
     trained: TrainedVerifier = import_trainer("train.verifier.run").run_experiment(
         replace(experiment, data=data),
         run,
-        out,
-        "last" if is_resumed else None,
+        TrainingFolder(out, out / LAST if is_resumed else None),
         frame_progress_bar("proposals"),
     )
     return trained
@@ -119,7 +119,7 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[An
 
 
 def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifier"]) -> None:
-    from train.progress import read_scalars
+    from train.events import read_scalars
 
     curves = []
     for name, one in trained.items():

@@ -29,6 +29,7 @@ from train.detector.config import (
     DetectorModelConfig,
     Preset,
 )
+from train.folder import LAST, TrainingFolder
 
 if TYPE_CHECKING:
     from data.detections.measured_drives import DriveInfo
@@ -181,10 +182,9 @@ def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Map
     if not (folder / "trained.json").exists():
         from train.detector.run import run_experiment
 
-        resume = "last" if (folder / "last.ckpt").exists() else None
-        trained = run_experiment(
-            variant.experiment, run, folder, resume, frame_progress_bar("images")
-        )
+        last = folder / LAST
+        training = TrainingFolder(folder, last if last.exists() else None)
+        trained = run_experiment(variant.experiment, run, training, frame_progress_bar("images"))
         write_json(folder / "trained.json", trained)
     done: Mapping[str, Any] = _read(folder / "trained.json")
     return done

@@ -1,6 +1,7 @@
 """Detections of labelled drives, split for the training, validation and test of their fusion."""
 
 import logging
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.detected_frames import DetectedFrames
 from data.samples.cached_frames import open_drives
 from data.samples.config import SplitBy, TrainingDrives
+from data.samples.labelled_classes import warn_of_few
 from data.samples.splits import validation_frames
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
@@ -84,6 +86,9 @@ def split_detections(
         parts = [whole[np.flatnonzero(~is_kept)], whole[np.flatnonzero(is_kept)]]
     training, kept = parts
     validation, test = _halves(kept, config.split_by, rng)
+    for part, frames in (("validation", validation), ("test", test)):
+        types = Counter(frames.truth.types.astype(str).tolist())
+        warn_of_few(class_names, types, f"{len(frames)} frames of the {part} of the fusion")
     fingerprints = detector_fingerprints(detectors)
     return SplitDetections(training, validation, test, class_names, fingerprints)
 

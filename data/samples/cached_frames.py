@@ -1,5 +1,6 @@
 """Frames of labelled drives, numbered from 0 over all drives, with arrays computed from them in a cache."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,18 @@ class CachedFrames:
     def file_numbers(self) -> Int:
         """(F,) numbers by which the files of the frames are named."""
         return np.array([file_number(drive, index) for drive, index in self._frames], np.int64)
+
+    def label_types(self) -> Counter[str]:
+        """Return the number of labels of each type.
+
+        Raises:
+            PerceptionError: a drive has no labels, or they cannot be read.
+        """
+        return Counter(
+            name
+            for drive, index in self._frames
+            for name in drive.labels(index).types.astype(str).tolist()
+        )
 
     def place(self, number: int) -> tuple[Drive, int]:
         """Return the drive of a frame, and the frame's index in it."""

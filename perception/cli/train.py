@@ -13,7 +13,7 @@ from data.samples.images.config import ImageDataConfig
 from perception.cli.flags import require_drives
 from perception.cli.parser import FlagGroup, defaults_by
 from perception.detection.config import FusionVariant
-from perception.errors import MissingDependencyError
+from perception.errors import MissingDependencyError, WriteError
 from perception.evaluation.report import Column, Table
 from perception.types import Method, Modality
 from train.config import OptimizerConfig, TrainerConfig, TrainingRun
@@ -25,6 +25,7 @@ from train.detector.config import (
     InitialWeights,
     Preset,
 )
+from train.folder import TrainingFolder
 from train.fusion.config import FUSION_VARIANTS, FusionFitConfig
 from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 
@@ -55,6 +56,10 @@ class TrainingFlags(FlagGroup):
         """Return the drives for training and validation."""
         require_drives(training)
         return TrainingDrives(tuple(training), tuple(self.validation or ()))
+
+    def folder(self, out: Path) -> TrainingFolder:
+        """Return the folder of the training, and what it resumes from."""
+        return TrainingFolder.open(out, self.resume, lambda: None)
 
     def run(self, epochs: int, trainer: TrainerConfig = _TRAINER) -> TrainingRun:
         """Return epochs, devices and seed."""
@@ -107,7 +112,7 @@ def train_detector(  # noqa: PLR0913 - flags of a command
         training.drives(drives), modality, model, data, optimizer, loss, weights
     )
     run = training.run(epochs, trainer)
-    trained = _run("train.detector.run", "images", experiment, run, out, training.resume)
+    trained = _run("train.detector.run", "detector", "images", experiment, run, training.folder(out))
     if trained is not None:
         frames = trained.counts["validation_frames"]
         title = f"{model.network} on {modality}, epoch {trained.epoch}: AP [%] on {frames} validation frames"
@@ -147,7 +152,7 @@ def train_depthcn(  # noqa: PLR0913 - flags of a command
     """
     experiment = VerifierExperiment(training.drives(drives), method, data, optimizer)
     run = training.run(epochs, trainer)
-    trained = _run("train.verifier.run", "proposals", experiment, run, out, training.resume)
+    trained = _run("train.verifier.run", "depthcn", "proposals", experiment, run, training.folder(out))
     if trained is not None:
         counts = ("crops", "vehicles")
         rows = {
@@ -202,7 +207,7 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
         training.drives(drives), fit.training(variant), models, data, sweep, sweep_two
     )
     run = training.run(epochs, replace(_TRAINER, accelerator="cpu"))
-    trained = _run(module, "detections", experiment, run, out, training.resume)
+    trained = _run(module, "fusion", "detections", experiment, run, training.folder(out))
     title = (
         f"Fusion, {variant}, {trained.metadata['hidden']} neurons, mean square error "
         f"{trained.fitted.validation:.4f}: AP [%] on {trained.counts['test_frames']} test frames"
@@ -212,10 +217,28 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
     _report(table, trained, out, trained.file)
 
 
-def _run(module: str, progress: str, *settings: object) -> Any:  # noqa: ANN401 - what the module returns
+def _run(  # noqa: ANN401 - what the module returns
+    module: str, command: str, progress: str, experiment: object, run: TrainingRun, folder: TrainingFolder
+) -> Any:
     from perception.cli.progress import frame_progress_bar
 
-    return import_trainer(module).run_experiment(*settings, frame_progress_bar(progress))
+    run_experiment = import_trainer(module).run_experiment
+    try:
+        return run_experiment(experiment, run, folder, frame_progress_bar(progress))
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(_how_to_go_on(command, folder)) from error
+    except WriteError as error:
+        advice = f"make room and {_how_to_go_on(command, folder)}"
+        raise WriteError(
+            error.where, expected=error.expected, found=error.found, advice=advice
+        ) from error
+
+
+def _how_to_go_on(command: str, folder: TrainingFolder) -> str:
+    if not folder.last.exists():
+        return "start again with the same command, as no epoch is complete"
+    flags = f"--config {folder.config} --out {folder.out} --resume last"
+    return f"go on with: trifuse train {command} {flags}"
 
 
 def import_trainer(module: str) -> Any:  # noqa: ANN401 - a module

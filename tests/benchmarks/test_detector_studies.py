@@ -47,9 +47,9 @@ def trainings(monkeypatch):
     """Put a training that does nothing in place; return what it was asked for."""
     asked = []
 
-    def train(experiment, run, out, resume, progress):
-        asked.append((experiment, run.epochs, resume))
-        (out / "last.ckpt").touch()
+    def train(experiment, run, folder, progress):
+        asked.append((experiment, run.epochs, folder.resume and folder.resume.name))
+        folder.last.touch()
         return Trained(3, {"training_frames": 7})
 
     def write(folder):
@@ -97,7 +97,7 @@ def test_a_stopped_training_is_resumed(car_frames, trainings, tmp_path):
     study_variants({"base": BASE}, flags_of(car_frames), out)
     (out / "base/trained.json").unlink()
     study_variants({"base": BASE}, flags_of(car_frames), out)
-    assert [resume for *_, resume in trainings] == [None, "last"]
+    assert [resume for *_, resume in trainings] == [None, "last.ckpt"]
 
 
 def test_a_folder_of_other_settings_is_an_error(car_frames, trainings, tmp_path):

@@ -9,6 +9,7 @@ from torch import nn
 from torchvision import models
 
 from perception.errors import ModelError
+from tests.faults import fault
 from train.detector.darknet_weights import init_from_darknet, save_darknet_weights
 from train.networks.torchvision_detector import (
     TorchvisionDetector,
@@ -60,7 +61,7 @@ def test_darknet_fills_what_fits(tmp_path, content, named, alike):
 
 def test_a_file_too_short_for_the_backbone_is_refused(tmp_path):
     save_darknet_weights(nn.Conv2d(1, 1, 1), tmp_path / "short.weights")
-    with pytest.raises(ModelError, match="at least 124 numbers for this network, found 2"):
+    with fault(ModelError, expected="at least 124 numbers for this network", found="2"):
         init_from_darknet(small_detector(), tmp_path / "short.weights")
 
 
@@ -109,21 +110,21 @@ def test_the_trunk_is_shown_what_imagenet_was(detector):
 
 @pytest.mark.parametrize("name", ["vit_b_16", "squeezenet1_1"])
 def test_classifiers_without_such_maps_are_refused(name):
-    with pytest.raises(ModelError, match=f"{name}: expected"):
+    with fault(ModelError, f"{name}"):
         TorchvisionTrunk(name)
 
 
 def test_weights_of_another_classifier_are_refused(detector, tmp_path):
     torch.save({"conv1.weight": torch.zeros(64, 3, 7, 7)}, tmp_path / "other.pth")
-    with pytest.raises(ModelError, match="weights of resnet18 that its maps need, found 1 of them"):
+    with fault(ModelError, expected="weights of resnet18 that its maps need", found="1 of them"):
         init_from_classifier(detector, "resnet18", tmp_path / "other.pth")
 
 
 def test_unreadable_weights_are_refused(detector, tmp_path):
     (tmp_path / "bad.pth").write_bytes(b"nothing")
-    with pytest.raises(ModelError, match="found a file that cannot be read"):
+    with fault(ModelError, found="a file that cannot be read"):
         init_from_classifier(detector, "resnet18", tmp_path / "bad.pth")
-    with pytest.raises(ModelError, match="found no such file"):
+    with fault(ModelError, found="no such file"):
         init_from_classifier(detector, "resnet18", tmp_path / "none.pth")
 
 
@@ -132,5 +133,5 @@ def test_without_a_net_the_file_is_asked_for(detector, monkeypatch):
         raise URLError("no route to host")
 
     monkeypatch.setattr("torchvision.models._api.load_state_dict_from_url", unreachable)
-    with pytest.raises(ModelError, match="fetch the file elsewhere and give its path"):
+    with fault(ModelError, advice="fetch the file elsewhere and give its path"):
         init_from_classifier(detector, "resnet18", "download")

@@ -25,13 +25,14 @@ from train.detector.config import DETECTOR_PRESETS
 from train.detector.networks import DetectorNetworkConfig
 from train.detector.run import train_detector
 from train.detector.training import DetectorTrainingConfig
+from train.folder import TrainingFolder
 torch.set_num_threads(1)
 networks.NETWORKS["tiny"] = tiny_network
 network = DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE)
 optimizer = OptimizerConfig(learning_rate=0.02, ema_decay=0.8, gradient_clip_norm=20.0)
 config = DetectorTrainingConfig(network, optimizer, DETECTOR_PRESETS["default"].loss)
 run = TrainingRun(epochs=2, accelerator="cpu", devices=2)
-trained = train_detector(ToyImages(4, repeats=16), config, run, Path(sys.argv[1]))
+trained = train_detector(ToyImages(4, repeats=16), config, run, TrainingFolder(Path(sys.argv[1])))
 if trained is not None:
     print(json.dumps({"epoch": trained.epoch, **trained.counts}))
 """

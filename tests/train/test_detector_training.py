@@ -13,9 +13,11 @@ from perception.detection.detectors.postprocess import postprocess_detections
 from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections
+from tests.faults import fault
 from tests.train.interrupted import KilledAfter
 from tests.train.toy_crops import ToyCrops
 from tests.train.toy_images import SIZE, ToyImages, tiny_network
+from train.best_epoch import Criterion
 from train.checkpoints import read_checkpoint
 from train.config import OptimizerConfig, TrainingRun
 from train.detector import networks
@@ -23,11 +25,13 @@ from train.detector.anchors import fit_anchors
 from train.detector.config import DETECTOR_PRESETS, PUBLISHED_LOSS, InitialWeights
 from train.detector.images import draw_detections
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
-from train.detector.run import callbacks, train_detector
+from train.detector.run import RANKING, callbacks, train_detector
 from train.detector.training import DetectorTrainingConfig
+from train.folder import TrainingFolder
 from train.networks.depthcn import load_verifier
 from train.optimization import learning_rate_factor, make_optimizer
 from train.trainer import fastest_precision, fit, make_trainer
+from train.verifier import run as verifier
 from train.verifier.config import VERIFIER_CONFIGS
 from train.verifier.training import VerifierTraining
 
@@ -51,15 +55,16 @@ def run_of(epochs, **other):
     return TrainingRun(epochs=epochs, accelerator="cpu", **other)
 
 
-def train(out, epochs=1, config=PLAN, data=None, **other):
-    return train_detector(data or ToyImages(), config, run_of(epochs), out, **other)
+def train(out, epochs=1, config=PLAN, data=None, resume=None, **other):
+    folder = TrainingFolder(out, resume)
+    return train_detector(data or ToyImages(), config, run_of(epochs), folder, **other)
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
 def test_fast_dev_run_trains_and_writes_nothing(tmp_path, modality, channels):
     config = replace(PLAN, network=replace(PLAN.network, modality=modality))
     data = ToyImages(channels=channels)
-    trained = train_detector(data, config, run_of(1, fast_dev_run=True), tmp_path)
+    trained = train_detector(data, config, run_of(1, fast_dev_run=True), TrainingFolder(tmp_path))
     assert trained is None
     assert list(tmp_path.iterdir()) == []
 
@@ -79,7 +84,7 @@ def test_a_batch_is_overfitted(tmp_path):
 def test_half_precision_trains_as_well(tmp_path):
     config = replace(PLAN, scales=(1.0, 1.0), optimizer=replace(QUICK, learning_rate=0.02))
     run = replace(run_of(1), precision="bf16-mixed")
-    trained = train_detector(ToyImages(11, repeats=40), config, run, tmp_path)
+    trained = train_detector(ToyImages(11, repeats=40), config, run, TrainingFolder(tmp_path))
     assert trained.precision["Car 0.5"]["moderate"] > 90
 
 
@@ -161,11 +166,24 @@ def test_training_starts_from_a_checkpoint(tmp_path):
 
 
 def test_training_stops_early(tmp_path, monkeypatch):
+    monkeypatch.setattr("train.detector.run.RANKING", (Criterion("validation/moderate"),))
     monkeypatch.setattr(
         "train.detector.training.mean_precision", lambda validation_metrics: {"moderate": 1.0}
     )
-    train_detector(ToyImages(), PLAN, replace(run_of(9), patience=2), tmp_path)
+    run = replace(run_of(9), patience=2)
+    train_detector(ToyImages(), PLAN, run, TrainingFolder(tmp_path))
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
+
+
+def test_at_equal_precision_the_overlap_of_a_half_decides(tmp_path, monkeypatch):
+    values = iter([(0.0, 10.0), (0.0, 30.0), (0.0, 20.0)])
+
+    def precision(_):
+        moderate, moderate_50 = next(values)
+        return {"moderate": moderate, "moderate_50": moderate_50}
+
+    monkeypatch.setattr("train.detector.training.mean_precision", precision)
+    assert train(tmp_path, 3).epoch == 2
 
 
 def test_tensorboard_has_metrics_and_images(tmp_path):
@@ -221,33 +239,44 @@ def other_form(**changes):
 
 
 @pytest.mark.parametrize(
-    ("config", "sentence"),
+    ("config", "expected", "found"),
     [
-        (other_form(modality="rm"), "a detector whose modality is rm, found dm"),
-        (other_form(class_names=("Van",)), "a detector whose classes is Van, found Car"),
-        (other_form(network="compact"), "a detector whose network is compact, found tiny"),
+        (other_form(modality="rm"), "a detector whose modality is rm", "dm"),
+        (other_form(class_names=("Van",)), "a detector whose classes is Van", "Car"),
+        (other_form(network="compact"), "a detector whose network is compact", "tiny"),
     ],
 )
 @pytest.mark.parametrize("how", ["resume", "start"])
-def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, config, sentence, how):
+def test_a_checkpoint_of_another_detector_is_refused(
+    tmp_path, checkpoint, config, expected, found, how
+):
     given = {"resume": checkpoint} if how == "resume" else {"weights": InitialWeights(checkpoint)}
-    with pytest.raises(ModelError, match=sentence):
+    with fault(ModelError, checkpoint.name, expected, found):
         train(tmp_path / "out", config=config, **given)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
-    trainer = make_trainer(tmp_path, run_of(1), "validation/balanced_accuracy")
-    fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCrops(8))
-    verifier = tmp_path / "last.ckpt"
+    module = VerifierTraining(VERIFIER_CONFIGS["default"])
+    fit(module, ToyCrops(8), verifier.RANKING, run_of(1), TrainingFolder(tmp_path))
+    of_verifier = tmp_path / "last.ckpt"
     for refuses in (
-        lambda: load_detector(verifier),
-        lambda: train(tmp_path / "out", resume=verifier),
-        lambda: train(tmp_path / "out", weights=InitialWeights(verifier)),
+        lambda: load_detector(of_verifier),
+        lambda: train(tmp_path / "out", resume=of_verifier),
+        lambda: train(tmp_path / "out", weights=InitialWeights(of_verifier)),
     ):
-        with pytest.raises(ModelError, match="a checkpoint of detector, found one of depthcn"):
+        with fault(ModelError, "last.ckpt", "a checkpoint of detector", "one of depthcn"):
             refuses()
-    with pytest.raises(ModelError, match="a checkpoint of depthcn, found one of detector"):
+    with fault(ModelError, "last.ckpt", "a checkpoint of depthcn", "one of detector"):
         load_verifier(checkpoint)
+
+
+def test_a_checkpoint_of_another_optimizer_is_refused(tmp_path, checkpoint):
+    config = replace(PLAN, optimizer=replace(QUICK, optimizer="sgd"))
+    before = sorted(checkpoint.parent.iterdir())
+    with fault(ModelError, "last.ckpt", "the training of this detector", "of another optimizer"):
+        train(checkpoint.parent, 2, config, resume=checkpoint)
+    assert sorted(checkpoint.parent.iterdir()) == before
 
 
 def test_a_checkpoint_with_other_weights_is_refused(tmp_path, checkpoint, monkeypatch):
@@ -255,36 +284,12 @@ def test_a_checkpoint_with_other_weights_is_refused(tmp_path, checkpoint, monkey
     monkeypatch.setitem(
         networks.NETWORKS, "tiny", lambda names, channels: wider(names, channels=channels)
     )
-    with pytest.raises(ModelError, match="weights of tiny, found weights of other sizes"):
+    with fault(ModelError, "last.ckpt", "weights of this detector", "weights of other sizes"):
         load_detector(checkpoint)
 
 
-@pytest.mark.parametrize("content", [b"", b"no checkpoint", None])
-def test_a_damaged_checkpoint_is_refused(tmp_path, checkpoint, content):
-    damaged = tmp_path / "damaged.ckpt"
-    damaged.write_bytes(checkpoint.read_bytes()[:2000] if content is None else content)
-    with pytest.raises(
-        ModelError, match="a checkpoint of detector, found a file that cannot be read"
-    ):
-        load_detector(damaged)
-
-
-def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, checkpoint, monkeypatch):
-    before = checkpoint.read_bytes()
-
-    def full(path, content):
-        path.with_name(f".{path.name}.part").write_bytes(content[: len(content) // 2])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("train.checkpoint_writer.write_atomically", full)
-    with pytest.raises(ModelError, match="No space left on device"):
-        train(checkpoint.parent, 2, resume=checkpoint)
-    assert checkpoint.read_bytes() == before
-    load_detector(checkpoint)
-
-
-def test_only_one_kind_of_initial_weights(tmp_path):
-    with pytest.raises(UsageError, match="at most one kind, found checkpoint, darknet"):
+def test_only_one_kind_of_initial_weights():
+    with fault(UsageError, "initial weights", "at most one kind", "checkpoint, darknet"):
         InitialWeights(checkpoint=Path("a"), darknet=Path("b"))
 
 
@@ -296,15 +301,14 @@ def test_only_one_kind_of_initial_weights(tmp_path):
     ],
 )
 def test_weights_of_another_kind_of_network_are_refused(tmp_path, weights, expected):
-    with pytest.raises(UsageError) as raised:
+    with fault(UsageError, expected=expected, found="tiny"):
         train(tmp_path, weights=weights)
-    assert (raised.value.expected, raised.value.found) == (expected, "tiny")
 
 
 def test_unknown_names_are_refused(tmp_path):
-    with pytest.raises(UsageError, match=r"compact, yolov2, .* such as resnet18, found resnet19"):
+    with fault(UsageError, "network", "compact, yolov2", "resnet19"):
         train(tmp_path, config=other_form(network="resnet19"))
-    with pytest.raises(UsageError, match="rgb or dm or rm, found lidar"):
+    with fault(UsageError, "modality", "rgb or dm or rm", "lidar"):
         DetectorNetworkConfig("lidar")
 
 
@@ -327,5 +331,5 @@ def test_only_matrices_decay():
 
 
 def test_several_machines(tmp_path):
-    trainer = make_trainer(tmp_path, run_of(1, nodes=3, devices=2), "validation/moderate")
+    trainer = make_trainer(RANKING, run_of(1, nodes=3, devices=2), TrainingFolder(tmp_path))
     assert (trainer.num_nodes, trainer.world_size) == (3, 6)

@@ -5,6 +5,7 @@ import torch
 
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import UsageError
+from tests.faults import fault
 from tests.train.image_labels import ImageLabels, pad_labels
 from train.detector.multi_scale import (
     resize_images,
@@ -166,5 +167,5 @@ def test_nearest_invents_no_depth():
 
 @pytest.mark.parametrize("scales", [(1.05, 1.1), (0.0, 0.1), (1.2, 0.8)])
 def test_scales_that_hold_no_size_are_refused(scales):
-    with pytest.raises(UsageError, match="scales of 192 rows that hold a multiple of 32"):
+    with fault(UsageError, expected="scales of 192 rows that hold a multiple of 32"):
         scaled_sizes(InputSize(192, 640), *scales)

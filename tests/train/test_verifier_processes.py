@@ -11,15 +11,16 @@ from pathlib import Path
 import torch
 from tests.train.toy_crops import ToyCrops
 from train.config import TrainingRun
-from train.trainer import fit, make_trainer
+from train.folder import TrainingFolder
+from train.trainer import fit
 from train.verifier.config import VERIFIER_CONFIGS
-from train.verifier.run import MONITOR
+from train.verifier.run import RANKING
 from train.verifier.training import VerifierTraining
 torch.set_num_threads(1)
 torch.manual_seed(0)
-trainer = make_trainer(Path(sys.argv[1]), TrainingRun(epochs=1, accelerator="cpu", devices=2), MONITOR)
-fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCrops())
-if trainer.is_global_zero:
+module, run = VerifierTraining(VERIFIER_CONFIGS["default"]), TrainingRun(epochs=1, accelerator="cpu", devices=2)
+best, trainer = fit(module, ToyCrops(), RANKING, run, TrainingFolder(Path(sys.argv[1]))), module.trainer
+if best is not None:
     metrics = {name: float(value) for name, value in trainer.callback_metrics.items()}
     print(json.dumps({"processes": trainer.world_size, "steps": trainer.global_step, **metrics}))
 """

@@ -1,5 +1,7 @@
 """Training of verifiers: what is logged, overfitting of a batch, and resume after a kill."""
 
+import resource
+import signal
 from functools import partial
 
 import numpy as np
@@ -8,24 +10,31 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from perception.errors import ModelError, UsageError
+from perception.errors import ModelError, WriteError
+from tests.faults import fault
 from tests.train.interrupted import KilledAfter
 from tests.train.toy_crops import ToyCrops, toy_batch
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.config import TrainingRun
+from train.folder import TrainingFolder
 from train.networks.depthcn import MODEL, load_verifier
 from train.optimization import step_decay, warmup_cosine
-from train.trainer import checkpoint_to_resume, fit, make_trainer
+from train.trainer import fit
 from train.verifier.config import VERIFIER_CONFIGS
 from train.verifier.images import ScoredCrops, VerifierImages, draw_scored
 from train.verifier.metrics import VerifierMetrics
-from train.verifier.run import MONITOR
+from train.verifier.run import RANKING
 from train.verifier.training import VerifierTraining, box_loss
 
 
 def run_of(epochs, **other):
     return TrainingRun(epochs=epochs, accelerator="cpu", **other)
+
+
+def train(out, epochs=1, module=None, data=None, resume=None, callbacks=(), **other):
+    module, data = module or module_of(), data or ToyCrops()
+    fit(module, data, RANKING, run_of(epochs, **other), TrainingFolder(out, resume), callbacks)
 
 
 def module_of(method="default", seed=0):
@@ -35,9 +44,9 @@ def module_of(method="default", seed=0):
 
 @pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
 def test_fast_dev_run_trains_and_writes_nothing(tmp_path, method, channels):
-    trainer = make_trainer(tmp_path, run_of(1, fast_dev_run=True), MONITOR)
-    fit(trainer, module_of(method), ToyCrops(8, channels))
-    assert trainer.global_step == 1
+    module = module_of(method)
+    train(tmp_path, module=module, data=ToyCrops(8, channels), fast_dev_run=True)
+    assert module.trainer.global_step == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -59,16 +68,11 @@ def test_a_batch_is_overfitted():
 
 
 def weights_after(folder, epochs, killed_at=None):
-    trainer = make_trainer(folder / "whole", run_of(epochs), MONITOR)
-    fit(trainer, module_of(), ToyCrops())
+    train(folder / "whole", epochs)
     with pytest.raises(KeyboardInterrupt):
-        fit(
-            make_trainer(folder / "killed", run_of(epochs), MONITOR, [KilledAfter(killed_at)]),
-            module_of(),
-            ToyCrops(),
-        )
-    again = make_trainer(folder / "killed", run_of(epochs), MONITOR)
-    fit(again, module_of(seed=9), ToyCrops(), folder / "killed" / "last.ckpt")
+        train(folder / "killed", epochs, callbacks=[KilledAfter(killed_at)])
+    last = folder / "killed" / "last.ckpt"
+    train(folder / "killed", epochs, module_of(seed=9), resume=last)
     return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
 
 
@@ -81,8 +85,7 @@ def test_a_killed_training_resumes_exactly(tmp_path):
 
 
 def test_the_best_epoch_and_the_last_are_kept(tmp_path):
-    trainer = make_trainer(tmp_path, run_of(3), MONITOR)
-    fit(trainer, module_of(), ToyCrops())
+    train(tmp_path, 3)
     assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
     last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
     assert (last["epoch"], last["global_step"]) == (2, 12)
@@ -91,45 +94,44 @@ def test_the_best_epoch_and_the_last_are_kept(tmp_path):
     assert network.heads(toy_batch(2, 3)["crops"])[0].isfinite().all()
 
 
-def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
-    fit(make_trainer(tmp_path, run_of(1), MONITOR), module_of(), ToyCrops())
-    before = (tmp_path / "last.ckpt").read_bytes()
+@pytest.fixture
+def full_disk():
+    """Return a function that lets files hold at most some bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
 
-    def full(path, content):
-        path.with_name(f".{path.name}.part").write_bytes(content[: len(content) // 2])
-        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("train.checkpoint_writer.write_atomically", full)
-    with pytest.raises(ModelError, match="No space left on device"):
-        fit(
-            make_trainer(tmp_path, run_of(2), MONITOR),
-            module_of(),
-            ToyCrops(),
-            tmp_path / "last.ckpt",
-        )
-    assert (tmp_path / "last.ckpt").read_bytes() == before
+def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, full_disk):
+    train(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.glob("*.ckpt")}
+    full_disk(100_000)
+    with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
+        train(tmp_path, 2, resume=tmp_path / "last.ckpt")
+    assert {path.name: path.read_bytes() for path in tmp_path.glob("*.ckpt")} == before
     load_verifier(tmp_path / "last.ckpt")
 
 
+def test_a_disk_that_is_full_from_the_start_holds_no_part_of_a_file(tmp_path, full_disk):
+    full_disk(100_000)
+    with fault(WriteError, "best.ckpt", found="File too large", advice="make room"):
+        train(tmp_path)
+    assert [path.name for path in tmp_path.iterdir() if "ckpt" in path.name] == []
+
+
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    fit(make_trainer(tmp_path, run_of(1), MONITOR), module_of(), ToyCrops())
-    trainer = make_trainer(tmp_path / "thesis", run_of(2), MONITOR)
-    with pytest.raises(ModelError, match=r"weights of this depthcn, found those of .* \(default\)"):
-        fit(trainer, module_of("thesis"), ToyCrops(channels=1), tmp_path / "last.ckpt")
-
-
-def test_a_training_is_not_written_over(tmp_path):
-    assert checkpoint_to_resume(tmp_path, None) is None
-    (tmp_path / "last.ckpt").touch()
-    with pytest.raises(UsageError, match="resume it with --resume last"):
-        checkpoint_to_resume(tmp_path, None)
-    assert checkpoint_to_resume(tmp_path, "last") == tmp_path / "last.ckpt"
+    train(tmp_path)
+    thesis, last = module_of("thesis"), tmp_path / "last.ckpt"
+    with fault(ModelError, last.name, "the training of this depthcn", "that of another network"):
+        train(tmp_path / "thesis", 2, thesis, ToyCrops(channels=1), resume=last)
+    assert not (tmp_path / "thesis").exists()
 
 
 def test_tensorboard_has_metrics_and_images(tmp_path):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
-    trainer = make_trainer(tmp_path, run_of(2), MONITOR, [VerifierImages(lambda: grids)])
-    fit(trainer, module_of(), ToyCrops())
+    train(tmp_path, 2, callbacks=[VerifierImages(lambda: grids)])
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = (
         "accuracy",
@@ -150,7 +152,7 @@ def test_tensorboard_has_metrics_and_images(tmp_path):
 
 
 def test_the_terminal_stays_tidy(tmp_path, capfd):
-    fit(make_trainer(tmp_path, run_of(2), MONITOR), module_of(), ToyCrops())
+    train(tmp_path, 2)
     printed = capfd.readouterr()
     assert printed.out == ""
     lines = [line.split("\r")[-1] for line in printed.err.splitlines()]
@@ -177,7 +179,7 @@ def test_the_default_rate_rises_and_falls():
 def test_the_thesis_network_subtracts_the_mean_crop(tmp_path):
     data = ToyCrops(8, 1)
     module = module_of("thesis")
-    fit(make_trainer(tmp_path, run_of(1), MONITOR), module, data)
+    train(tmp_path, 1, module, data)
     torch.testing.assert_close(module.network.mean_image, data.mean_crop())
     network, _ = load_verifier(tmp_path / "last.ckpt")
     torch.testing.assert_close(network.mean_image, data.mean_crop())

@@ -3,6 +3,7 @@ import torch
 from torch import nn
 
 from perception.errors import ModelError, UsageError
+from tests.faults import fault
 from train.networks.darknet19 import Darknet19
 from train.networks.yolo_head import YoloHead
 from train.networks.yolov2 import (
@@ -82,7 +83,7 @@ def test_any_size_that_is_a_multiple_of_32(height, width, rows, columns, channel
 
 @pytest.mark.parametrize("shape", [(1, 3, 190, 640), (1, 1, 192, 640), (3, 192, 640)])
 def test_other_pictures_are_refused(shape):
-    with pytest.raises(ModelError, match=r"expected pictures \(B, 3, H, W\).*found shape"):
+    with fault(ModelError, expected="images (B, ", found="shape"):
         on_paper()(torch.empty(shape, device="meta"))
 
 
@@ -130,7 +131,7 @@ def test_anchors_of_a_cfg_are_cells_of_32_pixels():
 
 
 @pytest.mark.parametrize(
-    ("anchors", "classes", "sentence"),
+    ("anchors", "classes", "expected"),
     [
         ([], ["Car"], "widths and heights over zero"),
         ([(8, 0)], ["Car"], "widths and heights over zero"),
@@ -138,6 +139,6 @@ def test_anchors_of_a_cfg_are_cells_of_32_pixels():
         ([(8, 8)], ["Car", "Car"], "one or more different names"),
     ],
 )
-def test_anchors_and_classes_that_cannot_be(anchors, classes, sentence):
-    with pytest.raises(UsageError, match=sentence):
+def test_anchors_and_classes_that_cannot_be(anchors, classes, expected):
+    with fault(UsageError, expected=expected):
         YoloHead(4, 32, anchors, classes)

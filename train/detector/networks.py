@@ -3,13 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, get_args
+from typing import Any, Self
 
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Modality
-from train.checkpoints import read_checkpoint, weights_of
+from train.checkpoints import load_network, provenance_of, read_checkpoint
 from train.networks.compact import CompactDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolo_detector import YoloDetector
@@ -65,9 +65,8 @@ class DetectorNetworkConfig:
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
         """Return the configuration that a model file or checkpoint states."""
-        modality: Modality = next(m for m in get_args(Modality) if m == metadata["modality"])
         return cls(
-            modality=modality,
+            modality=metadata["modality"],
             network=metadata["network"],
             class_names=tuple(metadata["classes"].split(",")),
             size=InputSize(int(metadata["input_height"]), int(metadata["input_width"])),
@@ -99,20 +98,11 @@ def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
     Raises:
         ModelError: the checkpoint is damaged, or of another kind of network.
     """
-    content = read_checkpoint(checkpoint, MODEL)
-    hyper_parameters = content["hyper_parameters"]
-    config = DetectorNetworkConfig.from_metadata(hyper_parameters)
-    detector = make_detector(config)
-    try:
-        detector.load_state_dict(weights_of(content, "network"))
-    except RuntimeError as error:
-        found = "weights of other sizes"
-        raise ModelError(
-            checkpoint, expected=f"weights of {config.network}", found=found
-        ) from error
-    provenance = {name: str(hyper_parameters[name]) for name in ("training_data", "revision")}
-    anchors = {"anchors": anchors_text(detector), "epochs": str(content["epoch"] + 1)}
-    return detector.eval(), config.metadata | anchors | provenance
+    detector, content = load_network(
+        checkpoint, MODEL, lambda found: make_detector(DetectorNetworkConfig.from_metadata(found))
+    )
+    config = DetectorNetworkConfig.from_metadata(content["hyper_parameters"])
+    return detector, config.metadata | {"anchors": anchors_text(detector)} | provenance_of(content)
 
 
 def anchors_text(detector: YoloDetector) -> str:
@@ -131,7 +121,7 @@ def require_same_detector(checkpoint: Path, config: DetectorNetworkConfig) -> No
     """
     hyper_parameters = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
     for name in ("network", "modality", "classes"):
-        expected, found = config.metadata[name], str(hyper_parameters[name])
+        expected, found = config.metadata[name], str(hyper_parameters.get(name))
         if expected != found:
             raise ModelError(
                 checkpoint,

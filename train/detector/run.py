@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 import torch
-from lightning.pytorch import Callback, Trainer
+from lightning.pytorch import Callback
 from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
@@ -14,6 +14,7 @@ from data.samples.images.input_images import ImageConfig
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import UsageError
 from perception.types import Progress
+from train.best_epoch import Criterion
 from train.checkpoints import program_revision, read_checkpoint
 from train.config import TrainingRun
 from train.detector.config import DetectorExperiment, InitialWeights
@@ -27,12 +28,18 @@ from train.detector.networks import (
     require_same_detector,
 )
 from train.detector.training import DetectorTraining, DetectorTrainingConfig
+from train.folder import TrainingFolder
 from train.networks.torchvision_detector import TorchvisionDetector, init_from_classifier
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
-from train.trainer import BEST, fit, make_trainer, start_experiment
+from train.trainer import fit
 
-MONITOR = "validation/moderate"
+# Average precision at KITTI's overlap is 0 in the first epochs.
+RANKING = (
+    Criterion("validation/moderate"),
+    Criterion("validation/moderate_50"),
+    Criterion("validation/loss", is_lower_better=True),
+)
 _RANDOM_WEIGHTS = InitialWeights()
 
 
@@ -56,8 +63,7 @@ class TrainedDetector:
 def run_experiment(
     experiment: DetectorExperiment,
     run: TrainingRun,
-    out: Path,
-    resume: str | None = None,
+    folder: TrainingFolder,
     progress: Progress = iter,
 ) -> TrainedDetector | None:
     """Train a detector in a folder; return its result, in the first process only.
@@ -65,8 +71,7 @@ def run_experiment(
     Args:
         experiment: All settings of the detector.
         run: Epochs, devices and seed.
-        out: Folder of the results.
-        resume: Checkpoint to resume from, or the word last for that of the folder.
+        folder: Folder of the training.
         progress: Wrapper of the loop over frames that may show its progress.
 
     Raises:
@@ -97,16 +102,14 @@ def run_experiment(
         revision=program_revision(),
     )
     data = ImageDataModule(experiment.drives, image, experiment.data, run.seed, progress)
-    checkpoint = start_experiment(out, resume, experiment=experiment, run=run)
-    return train_detector(data, config, run, out, checkpoint, experiment.weights)
+    return train_detector(data, config, run, folder, experiment.weights)
 
 
 def train_detector(
     data: ImageDataModule,
     config: DetectorTrainingConfig,
     run: TrainingRun,
-    out: Path,
-    resume: Path | None = None,
+    folder: TrainingFolder,
     weights: InitialWeights = _RANDOM_WEIGHTS,
 ) -> TrainedDetector | None:
     """Train; return the result, or None in all processes but the first and after a fast_dev_run.
@@ -115,26 +118,22 @@ def train_detector(
         data: Labelled images of one modality.
         config: Network, and how it is trained.
         run: Epochs, devices and seed.
-        out: Folder of the results.
-        resume: Checkpoint to resume from.
+        folder: Folder of the training.
         weights: Initial weights.
 
     Raises:
         ModelError: a checkpoint or a weight file is damaged, or of another network.
         PerceptionError: the data cannot be read or used.
     """
-    if resume is not None:
-        require_same_detector(resume, config.network)
+    if folder.resume is not None:
+        require_same_detector(folder.resume, config.network)
     if weights.checkpoint is not None:
         # The meaning of its weights depends on the anchors.
         config = replace(config, anchors="default")
     torch.manual_seed(run.seed)
     module = DetectorTraining(config, initial_network(config, weights))
-    trainer: Trainer = make_trainer(out, run, MONITOR, callbacks(config))
-    fit(trainer, module, data, resume)
-    if run.fast_dev_run or not trainer.is_global_zero:
-        return None
-    return _best(data, out / BEST)
+    best = fit(module, data, RANKING, run, folder, callbacks(config))
+    return None if best is None else _result(data, best)
 
 
 def initial_network(config: DetectorTrainingConfig, weights: InitialWeights) -> YoloDetector:
@@ -175,7 +174,7 @@ def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, decay: float) -> T
     return mean * now + new * (1 - now)
 
 
-def _best(data: ImageDataModule, checkpoint: Path) -> TrainedDetector:
+def _result(data: ImageDataModule, checkpoint: Path) -> TrainedDetector:
     content = read_checkpoint(checkpoint, MODEL)
     counts = {}
     for name, samples in (("training", data.training), ("validation", data.validation)):

@@ -9,6 +9,7 @@ from lightning.pytorch import LightningModule
 from torch import Tensor
 from torch.optim import Optimizer
 
+from data.results.documents import to_serializable
 from data.samples.images.datamodule import ImageDataModule
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.postprocess import postprocess_detections
@@ -66,7 +67,7 @@ class DetectorTraining(LightningModule):
     def __init__(self, config: DetectorTrainingConfig, network: YoloDetector) -> None:
         """Take a network with its initial weights."""
         super().__init__()
-        self.save_hyperparameters(_hyper_parameters(config))
+        self.save_hyperparameters(to_serializable(_hyper_parameters(config)))
         self.config = config
         # On a CPU with bfloat16 this takes half the time of the default layout.
         self.network = network.to(memory_format=torch.channels_last)
@@ -178,7 +179,7 @@ def _labels(batch: Batch) -> BatchLabels:
 
 
 def _hyper_parameters(config: DetectorTrainingConfig) -> dict[str, Any]:
-    """Return what a checkpoint states of itself, in plain values."""
+    """Return what a checkpoint states of itself."""
     parts = {name: asdict(getattr(config, name)) for name in ("optimizer", "loss")}
     others = {
         name: getattr(config, name)

@@ -16,8 +16,6 @@ from train.fusion.mlp import RescoringMlp
 from train.fusion.targets import FusionRows, FusionSets
 from train.optimization import configure_optimizers
 
-MONITOR = "validation/explained"
-
 
 class FusionTraining(LightningModule):
     """The fusion's network and its training by AdamW."""
@@ -37,14 +35,10 @@ class FusionTraining(LightningModule):
         return error
 
     def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:
-        """Log the error of the whole set, and the fraction of the targets' variance that is explained."""
+        """Log the error of the whole set."""
         features, targets, weights = batch
-        total = weights.sum()
-        error = (weights * (self.network(features) - targets) ** 2).sum() / total
-        mean = (weights * targets).sum() / total
-        variance = (weights * (targets - mean) ** 2).sum() / total
-        found = {"validation/mse": error, MONITOR: 1 - error / variance.clamp(min=1e-12)}
-        self.log_dict(found, batch_size=len(features))
+        error = (weights * (self.network(features) - targets) ** 2).sum() / weights.sum()
+        self.log("validation/mse", error, batch_size=len(features))
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
         """Return optimizer and schedule."""
@@ -77,11 +71,11 @@ class FusionBatches(LightningDataModule):
 
     def __init__(self, sets: FusionSets, config: FusionTrainingConfig) -> None:
         super().__init__()
-        self._sets, self._plan = sets, config
+        self._sets, self._config = sets, config
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Return training batches, in a new order at every epoch."""
-        order = ShuffledRows(len(self._sets.training), self._plan.batch_size, self._plan.seed)
+        order = ShuffledRows(len(self._sets.training), self._config.batch_size, self._config.seed)
         return DataLoader(_tensors(self._sets.training), batch_size=None, sampler=order)
 
     def val_dataloader(self) -> DataLoader[Any]:

@@ -8,9 +8,8 @@ from torch import Tensor, nn
 
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.score_calibration import FusionCalibration
-from perception.errors import ModelError
 from perception.types import MODALITIES, Float32
-from train.checkpoints import read_checkpoint, weights_of
+from train.checkpoints import load_network, provenance_of
 from train.fusion.config import MODEL, FusionTrainingConfig, MlpConfig
 
 
@@ -71,16 +70,12 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
-    content = read_checkpoint(checkpoint, MODEL)
-    hyper_parameters = content["hyper_parameters"]
-    config = MlpConfig(hyper_parameters["variant"], tuple(hyper_parameters["hidden"]))
-    network = RescoringMlp(config)
-    try:
-        network.load_state_dict(weights_of(content, "network"))
-    except RuntimeError as error:
-        raise ModelError(
-            checkpoint, expected=f"weights of {config}", found="weights of another network"
-        ) from error
+    network, content = load_network(
+        checkpoint,
+        MODEL,
+        lambda found: RescoringMlp(MlpConfig(found["variant"], tuple(found["hidden"]))),
+    )
+    hyper_parameters, config = content["hyper_parameters"], network.config
     metadata = {
         "kind": MODEL,
         "modalities": ",".join(MODALITIES),
@@ -88,11 +83,8 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         "features": ",".join(FEATURES[config.variant]),
         "hidden": ",".join(map(str, config.hidden)),
         "calibration": content.get("calibration", str(FusionCalibration())),
-        "optimiser": str(hyper_parameters["optimiser"]),
-        "training_data": str(hyper_parameters["training_data"]),
-        "detectors": str(hyper_parameters["detectors"]),
-        "classes": str(hyper_parameters["classes"]),
-        "revision": str(hyper_parameters["revision"]),
-        "epochs": str(content["epoch"] + 1),
+        "optimiser": str(hyper_parameters.get("optimiser", "unknown")),
+        "detectors": str(hyper_parameters.get("detectors", "unknown")),
+        "classes": str(hyper_parameters.get("classes", "unknown")),
     }
-    return network.eval(), metadata
+    return network, metadata | provenance_of(content)

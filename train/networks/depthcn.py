@@ -14,9 +14,8 @@ from torch import Tensor, nn
 from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.verifier import CONTRACT, KIND
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
-from perception.errors import ModelError
 from perception.types import Method
-from train.checkpoints import read_checkpoint, weights_of
+from train.checkpoints import load_network, provenance_of
 
 MODEL = KIND  # kind of model in checkpoints and model files
 
@@ -195,7 +194,7 @@ VERIFIER_INPUTS: dict[Method, VerifierInputConfig] = {
 
 def make_verifier(method: Method) -> VehicleVerifier:
     """Return an untrained network."""
-    return ThesisVerifier() if method == "thesis" else DefaultVerifier()
+    return {"default": DefaultVerifier, "thesis": ThesisVerifier}[method]()
 
 
 def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
@@ -204,25 +203,12 @@ def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
     Raises:
         ModelError: where the checkpoint is damaged, or of another network.
     """
-    content = read_checkpoint(checkpoint, MODEL)
-    hyper_parameters = content["hyper_parameters"]
-    network = make_verifier(hyper_parameters["method"])
-    try:
-        network.load_state_dict(weights_of(content, "network"))
-    except RuntimeError as error:
-        found = "weights of other sizes"
-        raise ModelError(checkpoint, expected=f"weights of {MODEL}", found=found) from error
-    return network.eval(), _metadata_of(hyper_parameters) | {"epochs": str(content["epoch"] + 1)}
-
-
-def _metadata_of(hyper_parameters: dict[str, object]) -> dict[str, str]:
-    method: Method = "thesis" if hyper_parameters["method"] == "thesis" else "default"
-    input_config = VERIFIER_INPUTS[method]
-    kept = {"training_data": "unknown", "revision": "unknown"}
-    kept |= {name: str(hyper_parameters[name]) for name in kept if name in hyper_parameters}
-    looks = {
+    network, content = load_network(checkpoint, MODEL, lambda found: make_verifier(found["method"]))
+    method: Method = content["hyper_parameters"]["method"]
+    inputs = VERIFIER_INPUTS[method]
+    metadata = {
         "method": method,
-        "window": input_config.window,
-        "channels": ",".join(input_config.channels),
+        "window": inputs.window,
+        "channels": ",".join(inputs.channels),
     }
-    return kept | dict(CONTRACT.metadata) | looks
+    return network, provenance_of(content) | dict(CONTRACT.metadata) | metadata

@@ -157,7 +157,7 @@ def _nodes_by_stride(name: str, classifier: nn.Module) -> list[str]:
         with torch.no_grad():
             found = every(torch.zeros(1, 3, _PROBE_PX, _PROBE_PX))
     except (AssertionError, RuntimeError, TraceError) as error:
-        expected = "a classifier that takes pictures of any size"
+        expected = "a classifier that takes images of any size"
         raise ModelError(name, expected=expected, found=str(error)) from error
     last = {
         int(_PROBE_PX / maps.shape[2]): node

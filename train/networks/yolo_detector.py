@@ -43,6 +43,6 @@ class YoloDetector(nn.Module):
         if images.ndim != 4 or images.shape[1] != self.channels or not is_divisible:
             raise ModelError(
                 type(self).__name__,
-                expected=f"pictures (B, {self.channels}, H, W) with H and W multiples of {SIZE_STEP_PX}",
+                expected=f"images (B, {self.channels}, H, W) with H and W multiples of {SIZE_STEP_PX}",
                 found=f"shape {tuple(images.shape)}",
             )

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from perception.atomic_file import write_atomically
+from perception.atomic_file import append_atomically, write_atomically
 from perception.detection.config import ProposalConfig
 from perception.errors import UsageError
 from train.proposal_search.counting import ProposalCount, SearchTask
@@ -27,10 +27,10 @@ class SearchLog:
     """Counts by chunk and setting, in memory and in the file."""
 
     def __init__(self, path: Path, search: dict[str, Any]) -> None:
-        """Read what there is, or begin.
+        """Read what there is; the file is written with the first counts.
 
         Args:
-            path: File, created where it is missing.
+            path: File of the counts.
             search: All that the counts depend on beside chunk and setting, as JSON types.
 
         Raises:
@@ -38,9 +38,9 @@ class SearchLog:
         """
         self.path = path
         self.counts: dict[Key, ProposalCount] = {}
+        self._first_row = _row({"search": search})
         lines = _whole_lines(path)
         if not lines:
-            write_atomically(path, _row({"search": search}))
             return
         self._require_same(lines[0], search)
         for number, line in enumerate(lines[1:], start=2):
@@ -54,8 +54,8 @@ class SearchLog:
         """Write what a part came to, at once."""
         counts = list(counts)
         rows = b"".join(_row({"chunk": chunk, **asdict(count)}) for count in counts)
-        with self.path.open("ab") as file:
-            file.write(rows)
+        is_new = not self.path.exists()
+        append_atomically(self.path, self._first_row + rows if is_new else rows)
         self.counts.update({(chunk, count.parameters): count for count in counts})
 
     def _require_same(self, line: bytes, search: dict[str, Any]) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from data.open_drive import open_drive, sequences_in
-from perception.errors import DriveError, LabelError, UsageError
+from data.samples.labelled_classes import require_classes
+from perception.errors import DriveError, UsageError
 from perception.types import Bool, Drive, Labels, Progress
 
 
@@ -48,13 +49,9 @@ class Survey:
 
     def __post_init__(self) -> None:
         """Validate that there are objects of the class."""
-        if not sum(self.objects):
-            types = sorted({name for of_drive in self.labels for name in of_drive})
-            raise LabelError(
-                ", ".join(str(drive.path) for drive in self.drives),
-                expected=f"objects labelled {self.of_class}, else there is nothing to search for",
-                found=f"only {', '.join(types)}" if types else "no labelled object",
-            )
+        labels = sum(map(Counter, self.labels), Counter[str]())
+        names = ", ".join(str(drive.path) for drive in self.drives)
+        require_classes([self.of_class], labels, f"labels of {names}")
 
     @property
     def frames(self) -> int:

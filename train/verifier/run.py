@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import torch
-from lightning.pytorch import Trainer
 from torch.utils.data import DataLoader
 
 from data.samples.crops.datamodule import CropDataModule
@@ -13,16 +12,21 @@ from data.samples.crops.dataset import CropDataset
 from data.samples.crops.labelled_frames import CropConfig
 from data.samples.crops.previews import augmentation_previews, preview_rows
 from perception.types import Progress, UInt8
+from train.best_epoch import Criterion
 from train.checkpoints import program_revision
 from train.config import TrainingRun
+from train.folder import TrainingFolder
 from train.networks.depthcn import VERIFIER_INPUTS, VehicleVerifier, load_verifier
-from train.trainer import BEST, fit, make_trainer, start_experiment
+from train.trainer import fit
 from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment, VerifierTrainingConfig
 from train.verifier.images import VerifierImages
 from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VerifierTraining
 
-MONITOR = "validation/balanced_accuracy"
+RANKING = (
+    Criterion("validation/balanced_accuracy"),
+    Criterion("validation/loss", is_lower_better=True),
+)
 _SHOWN_SAMPLES = 8
 _EVALUATION_BATCH = 256
 
@@ -51,8 +55,7 @@ class TrainedVerifier:
 def run_experiment(
     experiment: VerifierExperiment,
     run: TrainingRun,
-    out: Path,
-    resume: str | None = None,
+    folder: TrainingFolder,
     progress: Progress = iter,
 ) -> TrainedVerifier | None:
     """Train a verifier in a folder; return its result, in the first process only.
@@ -60,8 +63,7 @@ def run_experiment(
     Args:
         experiment: All settings of the network.
         run: Epochs, devices and seed.
-        out: Folder of the results.
-        resume: Checkpoint to resume from, or the word last for that of the folder.
+        folder: Folder of the training.
         progress: Wrapper of the loop over frames that may show its progress.
 
     Raises:
@@ -77,34 +79,10 @@ def run_experiment(
     )
     crop = CropConfig(experiment.method, window=network.window, channels=network.channels)
     data = CropDataModule(experiment.drives, experiment.data, crop, run.seed, progress)
-    checkpoint = start_experiment(out, resume, experiment=experiment, run=run, network=config)
-    return train_verifier(data, config, run, out, checkpoint)
-
-
-def train_verifier(
-    data: CropDataModule,
-    config: VerifierTrainingConfig,
-    run: TrainingRun,
-    out: Path,
-    resume: Path | None = None,
-) -> TrainedVerifier | None:
-    """Train; return the result, or None in all processes but the first and after a fast_dev_run.
-
-    Args:
-        data: Crops of labelled drives.
-        config: Network, and how it is trained.
-        run: Epochs, devices and seed.
-        out: Folder of the results.
-        resume: Checkpoint to resume from.
-    """
     torch.manual_seed(run.seed)
-    module = VerifierTraining(config)
     images = VerifierImages(lambda: _augmentations(data))
-    trainer: Trainer = make_trainer(out, run, MONITOR, [images])
-    fit(trainer, module, data, resume)
-    if run.fast_dev_run or not trainer.is_global_zero:
-        return None
-    return _evaluate_best(data, out / BEST)
+    best = fit(VerifierTraining(config), data, RANKING, run, folder, [images])
+    return None if best is None else _result(data, best)
 
 
 def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -> MetricValues:
@@ -118,7 +96,7 @@ def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -
     return {name: float(value) for name, value in metrics.compute().items()}
 
 
-def _evaluate_best(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
+def _result(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
     network, hyper_parameters = load_verifier(checkpoint)
     parts = {"training": data.training, "validation": data.validation}
     counts = {}

@@ -10,6 +10,7 @@ import numpy as np
 from data.samples.crops.config import CropSamplingConfig
 from data.samples.crops.labelled_frames import LabelledFrames, ProposalScene
 from data.samples.crops.matching import MATCHERS, VEHICLE
+from data.samples.labelled_classes import require_classes
 from perception.detection.depthcn.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError
 from perception.types import ArrayTable, Bool, Float32, Float64, Int, OnBadFrame, Progress
@@ -99,20 +100,8 @@ def collect_crops(
         rng = np.random.default_rng([seed, number])
         window = frames.config.window
         parts += [_proposed(scene, number, window), _jittered(scene, number, window, config, rng)]
-    _require_vehicles(types, len(parts) // 2)
+    require_classes([VEHICLE], types, f"labels of {len(parts) // 2} frames")
     return CropSet.concatenate(parts)
-
-
-def _require_vehicles(types: Counter[str], frames: int) -> None:
-    if types[VEHICLE]:
-        return
-    others = ", ".join(f"{count} {name}" for name, count in types.most_common()) or "no object"
-    raise LabelError(
-        f"labels of {frames} frames",
-        expected=f"at least one {VEHICLE}",
-        found=f"{others}, a set that lacks the class",
-        advice="choose drives with labelled cars",
-    )
 
 
 def _proposed(scene: ProposalScene, number: int, kind: WindowKind) -> CropSet:

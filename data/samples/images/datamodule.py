@@ -16,6 +16,7 @@ from data.samples.images.config import ImageAugmentationConfig, ImageDataConfig
 from data.samples.images.dataset import ImageDataset, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
+from data.samples.labelled_classes import require_classes, warn_of_few
 from data.samples.splits import Split, random_split, split_from_lists
 from perception.errors import PerceptionError, UsageError
 from perception.types import Drive, Int, Progress
@@ -58,6 +59,17 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         super().__init__(drives, config, seed, progress)
         self.image = image
 
+    def prepare_data(self) -> None:
+        """Validate the classes, then fill the cache; with several GPUs, in one process only.
+
+        Raises:
+            LabelError: no label is of one of the classes.
+            PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
+        """
+        labels = self._parts()[0].label_types()
+        require_classes(self.image.class_names, labels, f"labels of {self.drives.names}")
+        super().prepare_data()
+
     def test_dataloader(self) -> DataLoader[Any]:
         """Return batches of all test samples in order."""
         return self._loader(self.test)
@@ -98,8 +110,12 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         self.training = self._dataset(frames, split.training[:count], self.augmentation)
         self.validation = self._dataset(validation_frames, validation, None)
         self.test = self._dataset(frames, split.test, None)
-        self.training.require_targets("training images")
-        self.validation.require_targets("validation images")
+        names, seen = self.image.class_names, "labels that are visible enough"
+        require_classes(names, self.training.target_types(), f"{seen} of the training images")
+        measured, where = self.validation.target_types(), f"{seen} of the validation images"
+        if not measured:
+            require_classes(names, measured, where)
+        warn_of_few(names, measured, where)
 
     def _epoch_sampler(self) -> ShuffledSampler:
         return ShuffledSampler(len(self.training), self.seed)

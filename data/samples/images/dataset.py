@@ -14,7 +14,6 @@ from data.samples.images.augmentation import augment
 from data.samples.images.config import ImageAugmentationConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.images.targets import DetectionTargets
-from perception.errors import LabelError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Float64, Int, UInt8
 
@@ -95,22 +94,11 @@ class ImageDataset(Dataset[Sample]):
         """Return all labels in pixels of the original images, against which detections are evaluated."""
         return TrueBoxes.of_frames([self.frames.labels(number) for number in self.numbers.tolist()])
 
-    def require_targets(self, where: str) -> None:
-        """Validate that there are targets.
-
-        Raises:
-            LabelError: no label is a target.
-        """
-        if len(self.label_sizes_px()):
-            return
-        types = Counter(self.truth().types.tolist())
-        others = ", ".join(f"{count} {name}" for name, count in types.most_common()) or "no object"
-        raise LabelError(
-            f"labels of {len(self)} {where}",
-            expected=f"at least one {' or '.join(self.frames.config.class_names)} that is visible enough",
-            found=f"{others}, a set that lacks the class",
-            advice="choose drives with such labels",
-        )
+    def target_types(self) -> Counter[str]:
+        """Return the number of targets of each class, which excludes objects that are hard to see."""
+        names = self.frames.config.class_names
+        classes = [labels.classes[~labels.is_ignored].tolist() for labels in self._labels]
+        return Counter(names[number] for of_image in classes for number in of_image)
 
     def label_sizes_px(self) -> Float64:
         """Return (M, 2) widths and heights of the targets in pixels of the input."""

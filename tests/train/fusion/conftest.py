@@ -7,6 +7,7 @@ from export.result import ExportConfig
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
 from train.config import TrainingRun
+from train.folder import TrainingFolder
 from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig, MlpConfig
 from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import fit_fusion
@@ -23,7 +24,7 @@ def fitted(tmp_path_factory):
     config = FusionTrainingConfig(
         MlpConfig("default", (8,)), method="lm", lm=LevenbergMarquardtConfig(max_steps=20)
     )
-    found = fit_fusion(sets, config, out, TrainingRun())
+    found = fit_fusion(sets, config, TrainingRun(), TrainingFolder(out))
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(ExportConfig(found.checkpoint)).models["fp32"])
     return Fusion(file)

@@ -8,6 +8,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
+from tests.faults import fault
 from train.fusion.augmentation import DROPPED_MODALITIES, jitter_scores
 from train.fusion.targets import box_targets, fusion_rows
 
@@ -106,5 +107,5 @@ def test_a_doubted_detector_keeps_its_order():
 def test_frames_without_detections_teach_nothing():
     scene = DetectedScene({"rgb": detections([])}, SIZE_PX)
     empty = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])), np.zeros(1, int))
-    with pytest.raises(UsageError, match="frames with detections, found none"):
+    with fault(UsageError, expected="frames with detections", found="none"):
         fusion_rows(empty, "features")

@@ -13,8 +13,10 @@ from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import BetaCalibration, FusionCalibration
 from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Correctness, measure_reliability
+from tests.faults import fault
 from tests.train.fusion.test_mlp_least_squares import toy_rows
 from train.config import TrainingRun
+from train.folder import TrainingFolder
 from train.fusion.calibration import fit_calibration
 from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig, MlpConfig
 from train.fusion.fit_adamw import FusionTraining
@@ -24,7 +26,6 @@ from train.fusion.mlp_least_squares import MlpLeastSquares
 from train.fusion.sweep import hidden_sizes, sweep
 from train.fusion.targets import FusionSets
 from train.fusion.training import fit_fusion, write_calibrations
-from train.trainer import checkpoint_to_resume
 
 SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
 
@@ -36,7 +37,7 @@ def config_of(**changes) -> FusionTrainingConfig:
 @pytest.mark.parametrize("method", ["lm", "adamw"])
 def test_both_methods_write_a_network_to_export(tmp_path, method):
     config = config_of(method=method, lm=LevenbergMarquardtConfig(max_steps=8), batch_size=20)
-    fitted = fit_fusion(SETS, config, tmp_path, TrainingRun(epochs=8))
+    fitted = fit_fusion(SETS, config, TrainingRun(epochs=8), TrainingFolder(tmp_path))
     first = fit_levenberg_marquardt(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=0)))
     assert fitted.validation < 0.5 * first.validation
     _, metadata = load_fusion(fitted.checkpoint)
@@ -73,15 +74,15 @@ def test_a_killed_fit_resumes_exactly(tmp_path, monkeypatch, method):
     # Of lm steps, and of adamw batches of which there are four an epoch.
     config = config_of(method=method, lm=LevenbergMarquardtConfig(max_steps=9), batch_size=20)
     run = TrainingRun(epochs=3)
-    whole = fit_fusion(SETS, config, tmp_path / "whole", run)
+    whole = fit_fusion(SETS, config, run, TrainingFolder(tmp_path / "whole"))
     out = tmp_path / "killed"
     with monkeypatch.context() as patch:
         killed(patch, config, at=6)
         with pytest.raises(KeyboardInterrupt):
-            fit_fusion(SETS, config, out, run)
+            fit_fusion(SETS, config, run, TrainingFolder(out))
     for name in ("best.ckpt", "last.ckpt"):
         load_fusion(out / name)
-    resumed = fit_fusion(SETS, config, out, run, checkpoint_to_resume(out, "last"))
+    resumed = fit_fusion(SETS, config, run, TrainingFolder(out, out / "last.ckpt"))
     assert replace(resumed, checkpoint=whole.checkpoint) == whole
     for name in ("best.ckpt", "last.ckpt"):
         expected, found = (load_fusion(tmp_path / of / name)[0] for of in ("whole", "killed"))
@@ -91,15 +92,17 @@ def test_a_killed_fit_resumes_exactly(tmp_path, monkeypatch, method):
 
 def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
     config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
-    fit_fusion(SETS, config, tmp_path, TrainingRun())
+    fit_fusion(SETS, config, TrainingRun(), TrainingFolder(tmp_path))
     last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
     wider = FusionTrainingConfig(MlpConfig("scores", (5,)))
-    with pytest.raises(ModelError, match="the weights of this fusion, found those of another"):
-        fit_fusion(SETS, wider, tmp_path, TrainingRun(), last)
-    with pytest.raises(ModelError, match="resume from by adamw, found one by lm"):
-        fit_fusion(SETS, config_of(method="adamw"), tmp_path, TrainingRun(), last)
-    with pytest.raises(ModelError, match=r"without its state; resume from last\.ckpt"):
-        fit_fusion(SETS, config, tmp_path, TrainingRun(), best)
+    for other, checkpoint, found in (
+        (wider, last, "that of another network"),
+        (config_of(method="adamw"), last, "one without the state of this optimizer"),
+        (config, best, "one without the state of this optimizer"),
+    ):
+        with fault(ModelError, checkpoint.name, "the training of this fusion", found, "last.ckpt"):
+            fit_fusion(SETS, other, TrainingRun(), TrainingFolder(tmp_path / "out", checkpoint))
+    assert not (tmp_path / "out").exists()
 
 
 def test_it_stops_early_by_the_validation_error():
@@ -156,7 +159,7 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
 
 def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
     config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
-    checkpoint = fit_fusion(SETS, config, tmp_path, TrainingRun()).checkpoint
+    checkpoint = fit_fusion(SETS, config, TrainingRun(), TrainingFolder(tmp_path)).checkpoint
     model = export_fusion(ExportConfig(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
     curves = FusionCalibration(
@@ -169,5 +172,5 @@ def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
 
 
 def test_other_checkpoints_are_refused(tmp_path):
-    with pytest.raises(ModelError, match="a checkpoint of fusion, found no such file"):
+    with fault(ModelError, expected="a checkpoint of fusion", found="no such file"):
         load_fusion(tmp_path / "none.ckpt")

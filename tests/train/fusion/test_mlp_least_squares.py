@@ -10,6 +10,7 @@ from scipy.optimize import approx_fprime, least_squares
 
 from perception.detection.fusion.features import FEATURES
 from perception.errors import UsageError
+from tests.faults import fault
 from train.fusion.config import MlpConfig
 from train.fusion.levenberg_marquardt import levenberg_marquardt_steps
 from train.fusion.mlp import RescoringMlp
@@ -100,7 +101,7 @@ def test_inputs_go_to_minus_one_and_one():
 
 
 def test_a_network_without_neurons_is_refused():
-    with pytest.raises(UsageError, match="neurons in each, found none"):
+    with fault(UsageError, expected="neurons in each", found="none"):
         MlpConfig("scores", ())
-    with pytest.raises(UsageError, match="found 4, 0"):
+    with fault(UsageError, found="4, 0"):
         MlpConfig("scores", (4, 0))

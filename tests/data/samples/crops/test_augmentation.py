@@ -6,6 +6,7 @@ import pytest
 from data.samples.crops.config import OPERATIONS, CropAugmentationConfig
 from data.samples.crops.transforms import CropTransform, draw_transform
 from perception.errors import UsageError
+from tests.faults import fault
 
 
 def drawn(magnitudes: CropAugmentationConfig, count: int = 400) -> list[CropTransform]:
@@ -81,5 +82,5 @@ def test_switching_one_off_leaves_the_others_as_drawn():
     ("name", "magnitude"), [("scale", -0.1), ("occlusion", 1.0), ("flip", 2.0)]
 )
 def test_magnitudes_that_cannot_be_are_refused(name: str, magnitude: float):
-    with pytest.raises(UsageError, match=f"augmentation {name}: expected a magnitude from 0 to"):
+    with fault(UsageError, f"augmentation {name}", "a magnitude from 0 to"):
         CropAugmentationConfig(**{name: magnitude})

@@ -13,6 +13,7 @@ from data.samples.crops import labelled_frames
 from data.samples.crops.labelled_frames import CropConfig, LabelledFrames
 from perception.detection.config import ProposalConfig
 from perception.errors import CalibrationError, DriveError
+from tests.faults import fault
 
 
 def entries(store: ArrayStore) -> int:
@@ -114,7 +115,7 @@ def test_without_a_camera_nothing_can_be_seen(make_street: Callable[..., Path], 
         path.unlink()
     folder.rmdir()
     frames = LabelledFrames([open_drive(folder.parent)], CropConfig(), store)
-    with pytest.raises(CalibrationError, match="expected a camera's calibration, found none"):
+    with fault(CalibrationError, expected="a camera's calibration", found="none"):
         frames.image(0)
 
 
@@ -122,5 +123,5 @@ def test_without_labels_nothing_can_be_learned(make_street: Callable[..., Path],
     folder = make_street() / "training" / "label_2"
     folder.rename(folder.with_name("elsewhere"))
     frames = LabelledFrames([open_drive(folder.parent)], CropConfig(), store)
-    with pytest.raises(DriveError, match="expected object frames with labels, found none"):
+    with fault(DriveError, expected="object frames with labels", found="none"):
         frames.scene(0)

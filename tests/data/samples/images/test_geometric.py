@@ -13,6 +13,7 @@ from data.samples.images.geometric import (
 from data.samples.images.targets import DetectionTargets
 from perception.errors import UsageError
 from perception.types import Modality
+from tests.faults import fault
 
 SIZE_PX = (160, 96)
 BOX = (40, 30, 60, 50)
@@ -178,5 +179,5 @@ def test_none_places_nothing_elsewhere():
 
 
 def test_a_magnitude_that_cannot_be_is_refused():
-    with pytest.raises(UsageError, match="augmentation flip: expected a magnitude from 0 to 1"):
+    with fault(UsageError, "augmentation flip", "a magnitude from 0 to 1"):
         GeometricConfig(flip=2)

@@ -25,6 +25,7 @@ from perception.errors import DriveError, LabelError, ScanError, UsageError
 from perception.types import MODALITIES, Modality
 from tests.car_frames import SIZE_PX
 from tests.data.samples.images.conftest import SMALL
+from tests.faults import fault
 
 FIELDS = {"images", "boxes_px", "classes", "is_ignored", "numbers"}
 MakeData = Callable[..., ImageDataModule]
@@ -37,12 +38,13 @@ def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
         training: tuple[Path, ...] | None = None,
         validation: tuple[Path, ...] = (),
         progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+        class_names: tuple[str, ...] = ("Car",),
         **data: object,
     ) -> ImageDataModule:
         named = (make_frames(),) if training is None else training
         return ImageDataModule(
             TrainingDrives(named, validation),
-            ImageConfig(modality, size=SMALL),
+            ImageConfig(modality, class_names, SMALL),
             ImageDataConfig(**{"batch_size": 2, "cache": tmp_path / "cache", **data}),
             progress=progress,
         )
@@ -236,7 +238,7 @@ def test_lists_choose_the_frames(make_data: MakeData, tmp_path: Path):
     assert data.training.numbers.tolist() == [1, 4]
     assert data.validation.numbers.tolist() == [2]
     lists[1].write_text("000007\n")
-    with pytest.raises(LabelError, match=r"val\.txt row 1: expected the number of a frame"):
+    with fault(LabelError, "val.txt row 1", "the number of a frame"):
         data.setup()
 
 
@@ -245,7 +247,7 @@ def test_lists_go_with_one_drive_alone(
 ):
     lists = tmp_path / "train.txt", tmp_path / "val.txt"
     data = make_data(validation=(make_frames("other", 2),), frame_lists=lists)
-    with pytest.raises(UsageError, match="expected one drive, no validation drives"):
+    with fault(UsageError, expected="one drive, no validation drives"):
         data.setup()
 
 
@@ -254,14 +256,14 @@ def test_a_bad_frame_stops_or_is_left_out(
 ):
     root = make_frames("broken")
     (root / "training/velodyne/000002.bin").write_bytes(b"short")
-    with pytest.raises(ScanError, match=r"000002\.bin"):
+    with fault(ScanError, "000002.bin"):
         make_data(training=(root,)).prepare_data()
     data = make_data(training=(root,), on_bad_frame="skip")
     with caplog.at_level(logging.WARNING):
         data.prepare_data()
         assert caplog.messages == []
         data.setup()
-    assert [message.startswith("skipped frame 2: ") for message in caplog.messages] == [True]
+    assert [record.args[0] for record in caplog.records if "skipped" in record.msg] == [2]
     numbers = [*data.training.numbers, *data.validation.numbers]
     assert sorted(numbers) == [0, 1, 3, 4]
 
@@ -270,10 +272,47 @@ def test_a_set_that_lacks_the_class_is_refused(
     make_data: MakeData, make_frames: Callable[..., Path]
 ):
     data = make_data(training=(make_frames("vans", kind="Van"),))
-    with pytest.raises(LabelError) as raised:
+    with fault(LabelError, "vans", "at least one Car", "10 Van", "choose drives"):
+        data.prepare_data()
+    with fault(LabelError, "of the training images", "at least one Car", "no object"):
         data.setup()
-    assert raised.value.where == "labels of 4 training images"
-    assert raised.value.found == "8 Van, a set that lacks the class"
+
+
+def test_each_class_needs_labels_and_near_names_are_offered(
+    make_data: MakeData, make_frames: Callable[..., Path]
+):
+    drives = (make_frames("cars"), make_frames("people", kind="Pedestrian"))
+    names = ("Car", "Pedestrain", "Tram")
+    data = make_data(training=drives, class_names=names)
+    with fault(
+        LabelError,
+        f"{drives[0]}, {drives[1]}",
+        "at least one Pedestrain and one Tram",
+        "10 Car, 10 Pedestrian",
+        "write Pedestrian",
+    ):
+        data.prepare_data()
+    assert not list(data.config.cache.rglob("*.np*"))  # before any image is made
+
+
+def test_a_class_without_validation_labels_is_noted(
+    make_data: MakeData, make_frames: Callable[..., Path], caplog
+):
+    people = make_frames("people", kind="Pedestrian")
+    data = make_data(
+        training=(make_frames("cars"), people),
+        validation=(people,),
+        class_names=("Car", "Pedestrian"),
+    )
+    with caplog.at_level(logging.WARNING):
+        data.prepare_data()
+        data.setup()
+    (record,) = caplog.records
+    assert record.args == (
+        "labels that are visible enough of the validation images",
+        40,
+        "0 Car, 10 Pedestrian",
+    )
 
 
 def test_no_drives_are_refused(make_data: MakeData):

@@ -1,0 +1,94 @@
+"""TensorBoard events: speed, memory and gradients of a training, and logged values read back."""
+
+import resource
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.utilities import grad_norm
+from lightning.pytorch.utilities.data import extract_batch_size
+from torch.optim import Optimizer
+
+from perception.types import Float64
+
+
+class TrainingStatistics(Callback):
+    """Log, for each epoch, what the training costs.
+
+    speed/samples_per_s    images, crops or combinations per second, of all processes, without validation
+    memory/process_gb      most memory that the first process has held so far, in GB of 10^9 bytes
+    memory/gpu_gb          most memory of tensors on its GPU so far
+    train/gradient_norm    mean norm of the gradient over all steps, before it is clipped
+    """
+
+    def __init__(self) -> None:
+        self._samples, self._start_s, self._end_s = 0, 0.0, 0.0
+
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Start the clock."""
+        self._samples, self._start_s = 0, perf_counter()
+
+    def on_before_optimizer_step(
+        self, trainer: Trainer, pl_module: LightningModule, optimizer: Optimizer
+    ) -> None:
+        """Log the norm of the gradient of a step."""
+        norm = grad_norm(pl_module, norm_type=2)["grad_2.0_norm_total"]
+        pl_module.log("train/gradient_norm", norm, on_step=False, on_epoch=True, batch_size=1)
+
+    def on_train_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: object,
+        batch: Any,  # noqa: ANN401 - of any data module
+        batch_idx: int,
+    ) -> None:
+        """Count a batch."""
+        self._samples += extract_batch_size(batch) * trainer.world_size
+        self._end_s = perf_counter()
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Log the epoch's speed and memory."""
+        found = {
+            "speed/samples_per_s": self._samples / max(self._end_s - self._start_s, 1e-9),
+            "memory/process_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
+        }
+        if pl_module.device.type == "cuda":
+            found["memory/gpu_gb"] = torch.cuda.max_memory_allocated(pl_module.device) / 1e9
+        pl_module.log_dict(found, rank_zero_only=True)
+
+
+def event_logger(folder: Path) -> TensorBoardLogger:
+    """Return the logger of the events in a folder."""
+    return TensorBoardLogger(folder, name="", version="", default_hp_metric=False)
+
+
+def log_hyperparameters(
+    logger: TensorBoardLogger, hyperparameters: dict[str, Any], best: Mapping[str, float]
+) -> None:
+    """Log a row of TensorBoard's HPARAMS table: hyperparameters, and metrics of the best epoch or step."""
+    metrics = {f"best/{name}": value for name, value in best.items()}
+    logger.log_hyperparams(hyperparameters, metrics)
+
+
+def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
+    """Return the logged values of each name in the order of their steps, from TensorBoard's files.
+
+    Of a step that was logged twice, as by a training that was killed and resumed, the later one counts.
+    """
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
+    known = events.Tags()["scalars"]
+    found = {}
+    for name in names:
+        by_step = (
+            {event.step: event.value for event in events.Scalars(name)} if name in known else {}
+        )
+        found[name] = np.array([by_step[step] for step in sorted(by_step)], np.float64)
+    return found
