@@ -30,6 +30,12 @@ from train.fusion.config import FUSION_VARIANTS, FusionFitConfig
 from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 
 _RESULTS = Path("results")
+# Module of each training, and what it reads with a progress bar.
+_TRAINERS = {
+    "detector": ("train.detector.run", "images"),
+    "depthcn": ("train.verifier.run", "proposals"),
+    "fusion": ("export.trained_fusion", "detections"),
+}
 _TRAINER, _DETECTOR_TRAINER = TrainerConfig(), TrainerConfig(precision="auto")
 _MODEL, _IMAGES, _LOSS = DetectorModelConfig(), ImageDataConfig(), DetectionLossConfig()
 _DETECTOR_OPTIMIZER, _WEIGHTS = DETECTOR_PRESETS["default"].optimizer, InitialWeights()
@@ -56,10 +62,6 @@ class TrainingFlags(FlagGroup):
         """Return the drives for training and validation."""
         require_drives(training)
         return TrainingDrives(tuple(training), tuple(self.validation or ()))
-
-    def folder(self, out: Path) -> TrainingFolder:
-        """Return the folder of the training, and what it resumes from."""
-        return TrainingFolder.open(out, self.resume, lambda: None)
 
     def run(self, epochs: int, trainer: TrainerConfig = _TRAINER) -> TrainingRun:
         """Return epochs, devices and seed."""
@@ -112,7 +114,7 @@ def train_detector(  # noqa: PLR0913 - flags of a command
         training.drives(drives), modality, model, data, optimizer, loss, weights
     )
     run = training.run(epochs, trainer)
-    trained = _run("train.detector.run", "detector", "images", experiment, run, training.folder(out))
+    trained = _run("detector", experiment, run, out, training.resume)
     if trained is not None:
         frames = trained.counts["validation_frames"]
         title = f"{model.network} on {modality}, epoch {trained.epoch}: AP [%] on {frames} validation frames"
@@ -152,7 +154,7 @@ def train_depthcn(  # noqa: PLR0913 - flags of a command
     """
     experiment = VerifierExperiment(training.drives(drives), method, data, optimizer)
     run = training.run(epochs, trainer)
-    trained = _run("train.verifier.run", "depthcn", "proposals", experiment, run, training.folder(out))
+    trained = _run("depthcn", experiment, run, out, training.resume)
     if trained is not None:
         counts = ("crops", "vehicles")
         rows = {
@@ -202,12 +204,12 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
         data: Split and cache.
         fit: Hidden layers, and how they are fitted.
     """
-    module = "export.trained_fusion"
+    module, _ = _TRAINERS["fusion"]
     experiment = import_trainer(module).FusionExperiment(
         training.drives(drives), fit.training(variant), models, data, sweep, sweep_two
     )
     run = training.run(epochs, replace(_TRAINER, accelerator="cpu"))
-    trained = _run(module, "fusion", "detections", experiment, run, training.folder(out))
+    trained = _run("fusion", experiment, run, out, training.resume)
     title = (
         f"Fusion, {variant}, {trained.metadata['hidden']} neurons, mean square error "
         f"{trained.fitted.validation:.4f}: AP [%] on {trained.counts['test_frames']} test frames"
@@ -217,11 +219,16 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
     _report(table, trained, out, trained.file)
 
 
-def _run(  # noqa: ANN401 - what the module returns
-    module: str, command: str, progress: str, experiment: object, run: TrainingRun, folder: TrainingFolder
-) -> Any:
+def _run(  # what the module returns
+    command: str, experiment: object, run: TrainingRun, out: Path, resume: str | None
+) -> Any:  # noqa: ANN401
+    from data.results.documents import write_yaml
     from perception.cli.progress import frame_progress_bar
 
+    config = {"experiment": experiment, "run": run}
+    folder = TrainingFolder.open(out, resume, lambda: write_yaml(out / "config.yaml", config))
+
+    module, progress = _TRAINERS[command]
     run_experiment = import_trainer(module).run_experiment
     try:
         return run_experiment(experiment, run, folder, frame_progress_bar(progress))

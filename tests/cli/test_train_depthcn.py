@@ -38,10 +38,10 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     assert train(drive, cache, out, "--epochs", "2", "--resume", "last") == 0
     assert read_checkpoint(out / "last.ckpt", "depthcn")["epoch"] == 1
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert written["network"]["method"] == "default"
-    assert written["network"]["optimizer"]["learning_rate"] == 0.05
+    assert written["experiment"]["method"] == "default"
+    assert written["experiment"]["optimizer"]["learning_rate"] == 0.05
     assert written["experiment"]["drives"]["training"] == [str(drive)]
-    assert written["resumed_from"] == str(out / "last.ckpt")
+    assert written["run"]["epochs"] == 2
     metrics = json.loads((out / "metrics.json").read_text())
     assert 0 <= metrics["validation"]["accuracy"] <= 1
     assert metrics["counts"]["training_vehicles"] > 0
@@ -49,6 +49,14 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     assert metadata["training_data"] == str(drive)
     assert metadata["revision"] != "unknown"
     assert not network.training
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    for words in (
+        ["--method", "thesis"],
+        ["--validation", "nowhere"],
+        ["--optimizer.optimizer", "adamw"],
+    ):
+        assert train(drive, cache, out, "--epochs", "3", "--resume", "last", *words) == 2
+        assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_a_training_is_not_written_over(drive, cache, tmp_path, capsys):

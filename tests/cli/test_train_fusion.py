@@ -81,8 +81,7 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert [counts[f"{part}_frames"] for part in ("training", "validation", "test")] == [4, 1, 1]
     assert metrics["metadata"]["calibration"] == fusion.metadata["calibration"]
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert written["network"]["network"]["variant"] == variant
-    assert written["resumed_from"] is None
+    assert written["experiment"]["training"]["network"]["variant"] == variant
     pictures = {path.stem for path in out.glob("*.png")}
     assert {"rescoring", "steps", "reliability"} <= pictures
     assert ("sizes" in pictures) == (variant == "scores")
@@ -117,8 +116,11 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
     after = Fusion(out / "fusion.onnx")
     np.testing.assert_array_equal(says(after), says(before))  # it was at its end
     assert after.calibrations == before.calibrations
-    written = yaml.safe_load((out / "config.yaml").read_text())
-    assert written["resumed_from"] == str(out / "last.ckpt")
+    config = (out / "config.yaml").read_bytes()
+    other = {"default": "8", "scores": "9"}[variant]
+    words = ["--variant", variant, "--fit.hidden", other, "--resume", "last"]
+    assert train(drive, models, cache, out, *words) == 2
+    assert (out / "config.yaml").read_bytes() == config
 
 
 def test_the_test_needs_frames_of_its_own(drive, models, cache):
