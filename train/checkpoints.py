@@ -19,21 +19,21 @@ _ENTRIES = {"state_dict": dict, "hyper_parameters": dict, "epoch": int}
 
 
 def load_network(
-    path: Path, model: str, make: Callable[[Content], Network]
-) -> tuple[Network, Content]:
-    """Return the network of a checkpoint in evaluation mode, and the content of the file.
+    path: Path, model: str, make: Callable[[Content], tuple[Network, dict[str, str]]]
+) -> tuple[Network, dict[str, str]]:
+    """Return the network of a checkpoint in evaluation mode, and the metadata of its model file.
 
     Args:
         path: Checkpoint file.
         model: Kind of model, its hyperparameter `model`.
-        make: Function from the hyperparameters to a network with random weights.
+        make: Function from the content of the file to a network with random weights, and to metadata.
 
     Raises:
         ModelError: there is no such file, it is damaged, of another model, or its weights have other sizes.
     """
     content = read_checkpoint(path, model)
     try:
-        network = make(content["hyper_parameters"])
+        network, metadata = make(content)
     except (AttributeError, KeyError, TypeError, UsageError, ValueError) as error:
         raise ModelError(
             path, expected=f"hyperparameters of a {model}", found=f"others ({error})"
@@ -43,7 +43,11 @@ def load_network(
     except (AttributeError, RuntimeError, TypeError) as error:
         found = "weights of other sizes"
         raise ModelError(path, expected=f"weights of this {model}", found=found) from error
-    return network.eval(), content
+    stated = {
+        name: str(content["hyper_parameters"].get(name, "unknown"))
+        for name in ("training_data", "revision")
+    }
+    return network.eval(), metadata | stated | {"epochs": str(content["epoch"] + 1)}
 
 
 def read_checkpoint(path: Path, *models: str) -> Content:
@@ -92,15 +96,6 @@ def weights_of(checkpoint: Content, part: str) -> dict[str, torch.Tensor]:
         for name, weight in checkpoint["state_dict"].items()
         if name.startswith(prefix)
     }
-
-
-def provenance_of(checkpoint: Content) -> dict[str, str]:
-    """Return what model files state of a training: its drives, the program's revision and the epochs."""
-    hyper_parameters = checkpoint["hyper_parameters"]
-    stated = {
-        name: str(hyper_parameters.get(name, "unknown")) for name in ("training_data", "revision")
-    }
-    return {**stated, "epochs": str(checkpoint["epoch"] + 1)}
 
 
 def program_revision() -> str:

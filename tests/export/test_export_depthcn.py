@@ -7,9 +7,13 @@ import pytest
 import torch
 
 from export.depthcn import exportable_verifier, random_inputs
+from export.exporters import export_network
 from export.parity import compare, torch_runner
+from export.result import ExportConfig
 from perception.cli.main import main
 from perception.detection.depthcn.verifier import Verifier
+from perception.errors import ModelError
+from tests.faults import fault
 
 
 @pytest.fixture(scope="module")
@@ -111,29 +115,24 @@ def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path, c
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
+    ("content", "found"),
     [
-        ({"state_dict": {}, "hyper_parameters": {"model": "sonar"}}, "found one of sonar"),
-        ({"weights": 1}, "expected a checkpoint of depthcn or detector or fusion, found another"),
+        ({"state_dict": {}, "hyper_parameters": {"model": "sonar"}, "epoch": 0}, "one of sonar"),
+        ({"weights": 1}, "a file without state_dict"),
     ],
 )
-def test_checkpoint_of_another_network(tmp_path, capsys, content, sentence):
+def test_checkpoint_of_another_network(tmp_path, content, found):
     torch.save(content, tmp_path / "other.ckpt")
-    words = ["export", str(tmp_path / "other.ckpt"), "--out", str(tmp_path / "model.onnx")]
-    assert main(words) == 2
-    assert sentence in capsys.readouterr().err
+    with fault(ModelError, "other.ckpt", "a checkpoint of depthcn or detector or fusion", found):
+        export_network(ExportConfig(tmp_path / "other.ckpt"))
 
 
-def test_checkpoint_that_is_missing_or_damaged(thesis_checkpoint, tmp_path, capsys):
-    out = ["--out", str(tmp_path / "model.onnx")]
-    assert main(["export", str(tmp_path / "gone.ckpt"), *out]) == 2
-    assert (
-        "gone.ckpt: expected a checkpoint of depthcn or detector or fusion, found no such"
-        in capsys.readouterr().err
-    )
+def test_checkpoint_that_is_missing_or_damaged(thesis_checkpoint, tmp_path):
+    with fault(ModelError, "gone.ckpt", found="no such file"):
+        export_network(ExportConfig(tmp_path / "gone.ckpt"))
     (tmp_path / "half.ckpt").write_bytes(thesis_checkpoint.read_bytes()[:100_000])
-    assert main(["export", str(tmp_path / "half.ckpt"), *out]) == 2
-    assert "half.ckpt: expected a checkpoint of depthcn" in capsys.readouterr().err
+    with fault(ModelError, "half.ckpt", found="a file that cannot be read"):
+        export_network(ExportConfig(tmp_path / "half.ckpt"))
 
 
 class Malice:

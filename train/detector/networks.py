@@ -9,7 +9,7 @@ from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Modality
-from train.checkpoints import load_network, provenance_of, read_checkpoint
+from train.checkpoints import Content, load_network, read_checkpoint
 from train.networks.compact import CompactDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolo_detector import YoloDetector
@@ -98,11 +98,13 @@ def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
     Raises:
         ModelError: the checkpoint is damaged, or of another kind of network.
     """
-    detector, content = load_network(
-        checkpoint, MODEL, lambda found: make_detector(DetectorNetworkConfig.from_metadata(found))
-    )
-    config = DetectorNetworkConfig.from_metadata(content["hyper_parameters"])
-    return detector, config.metadata | {"anchors": anchors_text(detector)} | provenance_of(content)
+
+    def make(content: Content) -> tuple[YoloDetector, dict[str, str]]:
+        config = DetectorNetworkConfig.from_metadata(content["hyper_parameters"])
+        return make_detector(config), config.metadata
+
+    detector, metadata = load_network(checkpoint, MODEL, make)
+    return detector, metadata | {"anchors": anchors_text(detector)}
 
 
 def anchors_text(detector: YoloDetector) -> str:

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.types import MODALITIES, Float32
-from train.checkpoints import load_network, provenance_of
+from train.checkpoints import Content, load_network
 from train.fusion.config import MODEL, FusionTrainingConfig, MlpConfig
 
 
@@ -70,21 +70,19 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
-    network, content = load_network(
-        checkpoint,
-        MODEL,
-        lambda found: RescoringMlp(MlpConfig(found["variant"], tuple(found["hidden"]))),
-    )
-    hyper_parameters, config = content["hyper_parameters"], network.config
-    metadata = {
-        "kind": MODEL,
-        "modalities": ",".join(MODALITIES),
-        "variant": config.variant,
-        "features": ",".join(FEATURES[config.variant]),
-        "hidden": ",".join(map(str, config.hidden)),
-        "calibration": content.get("calibration", str(FusionCalibration())),
-        "optimiser": str(hyper_parameters.get("optimiser", "unknown")),
-        "detectors": str(hyper_parameters.get("detectors", "unknown")),
-        "classes": str(hyper_parameters.get("classes", "unknown")),
-    }
-    return network, metadata | provenance_of(content)
+
+    def make(content: Content) -> tuple[RescoringMlp, dict[str, str]]:
+        found = content["hyper_parameters"]
+        config = MlpConfig(found["variant"], tuple(found["hidden"]))
+        metadata = {
+            "kind": MODEL,
+            "modalities": ",".join(MODALITIES),
+            "variant": config.variant,
+            "features": ",".join(FEATURES[config.variant]),
+            "hidden": ",".join(map(str, config.hidden)),
+            "calibration": content.get("calibration", str(FusionCalibration())),
+        }
+        stated = {name: found[name] for name in ("optimiser", "detectors", "classes")}
+        return RescoringMlp(config), metadata | stated
+
+    return load_network(checkpoint, MODEL, make)

@@ -15,7 +15,7 @@ from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.verifier import CONTRACT, KIND
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.types import Method
-from train.checkpoints import load_network, provenance_of
+from train.checkpoints import Content, load_network
 
 MODEL = KIND  # kind of model in checkpoints and model files
 
@@ -203,12 +203,12 @@ def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
     Raises:
         ModelError: where the checkpoint is damaged, or of another network.
     """
-    network, content = load_network(checkpoint, MODEL, lambda found: make_verifier(found["method"]))
-    method: Method = content["hyper_parameters"]["method"]
-    inputs = VERIFIER_INPUTS[method]
-    metadata = {
-        "method": method,
-        "window": inputs.window,
-        "channels": ",".join(inputs.channels),
-    }
-    return network, provenance_of(content) | dict(CONTRACT.metadata) | metadata
+
+    def make(content: Content) -> tuple[VehicleVerifier, dict[str, str]]:
+        method: Method = content["hyper_parameters"]["method"]
+        inputs = VERIFIER_INPUTS[method]
+        channels = ",".join(inputs.channels)
+        metadata = {"method": method, "window": inputs.window, "channels": channels}
+        return make_verifier(method), dict(CONTRACT.metadata) | metadata
+
+    return load_network(checkpoint, MODEL, make)
