@@ -62,17 +62,19 @@ def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
     Raises:
         UsageError: A flag is unknown, or its value is not of its type.
     """
-    arguments = parse(prog, function, [word for word in words if word not in _PRINT_CONFIG])
-    config = CommandConfig(prog.removeprefix("trifuse "), dict(_config_values(function, arguments)))
-    if set(words) & _PRINT_CONFIG:
+    asked = [word for word in words if word not in _PRINT_CONFIG]
+    arguments, config = parse(prog, function, asked)
+    if len(asked) < len(words):
         print(config.text(), end="")
         return
     hints = get_type_hints(function)
     function(**arguments, **{name: config for name, kind in hints.items() if kind is CommandConfig})
 
 
-def parse(prog: str, function: CommandFunction, words: Sequence[str]) -> dict[str, Any]:
-    """Return the arguments that the words of a command line give a function.
+def parse(
+    prog: str, function: CommandFunction, words: Sequence[str]
+) -> tuple[dict[str, Any], CommandConfig]:
+    """Return the arguments that the words of a command line give a function, and the same as a configuration.
 
     Raises:
         UsageError: A flag is unknown, or its value is not of its type.
@@ -88,7 +90,9 @@ def parse(prog: str, function: CommandFunction, words: Sequence[str]) -> dict[st
         parsed = parser.parse_args([*files, *(f"--{name}={value}" for name, value in flags)])
     except argparse.ArgumentError as error:
         raise _usage_error(prog, str(error), types, places) from error
-    return _arguments(function, parser.instantiate(parsed))
+    arguments = _arguments(function, parser.instantiate(parsed))
+    values = dict(_config_values(function, arguments))
+    return arguments, CommandConfig(prog.removeprefix("trifuse "), values)
 
 
 def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
