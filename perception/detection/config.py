@@ -7,9 +7,9 @@ Two thresholds on scores hold for all detectors and for what is made of their de
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from perception.errors import UsageError
 from perception.types import MODALITIES, Method, Modality
@@ -20,19 +20,42 @@ _SMALLEST_CELL_M = 0.05
 FusionVariant = Literal["scores", "features", "default"]
 
 
-@dataclass(frozen=True)
-class ProposalConfig:
-    """Vehicle proposals of DepthCN: the four parameters of the thesis' joint search (6.1.4).
+def _given(overrides: object) -> dict[str, Any]:
+    return {name: value for name, value in vars(overrides).items() if value is not None}
 
-    The values are those of the author's code, but for the radius: the default method grows it with the range,
-    and its search prefers a smaller one. `PROPOSAL_CONFIGS` holds the values of each method.
+
+@dataclass(frozen=True)
+class ProposalOverrides:
+    """Vehicle proposals of DepthCN: those of the four parameters of the thesis' joint search (6.1.4) that are given.
 
     Attributes:
-        cell_m: Edge of a cell of the ground removal in metres, υ.
+        cell_m: Edge of a cell of the ground removal in metres, υ; else that of the network's method.
         min_variance_m2: Variance of the heights in a cell below which the cell is ground, in square metres, δ.
             The default method removes the points within three such deviations of the lowest one around.
         min_points: Number of points within the radius that make a point a core of a DBSCAN cluster, η.
         radius_m: Radius of DBSCAN's neighbourhood in metres, ε; of the default method at the sensor.
+    """
+
+    cell_m: float | None = None
+    min_variance_m2: float | None = None
+    min_points: int | None = None
+    radius_m: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate the ranges of those that are given."""
+        self.over(ProposalConfig())
+
+    def over(self, config: "ProposalConfig") -> "ProposalConfig":
+        """Return a configuration with the parameters that are given."""
+        return replace(config, **_given(self))
+
+
+@dataclass(frozen=True)
+class ProposalConfig(ProposalOverrides):
+    """All four parameters of the proposals.
+
+    The values are those of the author's code, but for the radius: the default method grows it with the range,
+    and its search prefers a smaller one. `PROPOSAL_CONFIGS` holds the values of each method.
     """
 
     cell_m: float = 0.5
@@ -103,25 +126,42 @@ class DepthCnConfig:
     Attributes:
         enabled: Whether DepthCN runs.
         model: ONNX file of another network than the one of this package.
-        proposals: Proposal parameters; else those of the network's method.
+        proposals: Proposal parameters in place of those of the network's method.
     """
 
     enabled: bool = True
     model: Path | None = None
-    proposals: ProposalConfig | None = None
+    proposals: ProposalOverrides = field(default_factory=ProposalOverrides)
 
 
 @dataclass(frozen=True)
-class TriBoxConfig:
-    """Combinations of one box of each modality, tri-boxes (6.2.4).
+class TriBoxOverrides:
+    """Combinations of one box of each modality, tri-boxes (6.2.4): those parameters that are given.
 
     Attributes:
-        min_iou: Overlap (IoU) above which two boxes may show the same object.
+        min_iou: Overlap (IoU) above which two boxes may show the same object; else as the network was trained.
         by_set: Combine all boxes of a set that overlaps connect, as the thesis does; else only boxes that
             overlap each other.
         max_partners: Number of boxes of each other modality that a box is combined with, those of the
             largest overlap.
     """
+
+    min_iou: float | None = None
+    by_set: bool | None = None
+    max_partners: int | None = None
+
+    def __post_init__(self) -> None:
+        """Validate the ranges of those that are given."""
+        self.over(TriBoxConfig())
+
+    def over(self, config: "TriBoxConfig") -> "TriBoxConfig":
+        """Return a configuration with the parameters that are given."""
+        return replace(config, **_given(self))
+
+
+@dataclass(frozen=True)
+class TriBoxConfig(TriBoxOverrides):
+    """All parameters of tri-boxes; `TRI_BOX_CONFIGS` holds those of each variant of the fusion network."""
 
     min_iou: float = 0.0
     by_set: bool = True
@@ -150,11 +190,11 @@ class FusionConfig:
 
     Attributes:
         model: ONNX file of another network than the one of this package.
-        tri_boxes: Combinations of boxes; else those that the network was trained with.
+        tri_boxes: Combinations of boxes in place of those that the network was trained with.
     """
 
     model: Path | None = None
-    tri_boxes: TriBoxConfig | None = None
+    tri_boxes: TriBoxOverrides = field(default_factory=TriBoxOverrides)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,12 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.config import DEFAULT_NMS, NmsConfig, ProposalConfig
+from perception.detection.config import (
+    DEFAULT_NMS,
+    PROPOSAL_CONFIGS,
+    NmsConfig,
+    ProposalOverrides,
+)
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals, propose
 from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
@@ -49,6 +54,9 @@ class VerifiedProposals:
         return self.proposals[self.kept].clusters
 
 
+_NO_OVERRIDES = ProposalOverrides()
+
+
 class DepthCn:
     """The LiDAR vehicle detector of section 6.1."""
 
@@ -57,7 +65,7 @@ class DepthCn:
         model: Traversable | Method = "default",
         sensor: LidarModel = HDL_64E,
         *,
-        proposals: ProposalConfig | None = None,
+        proposals: ProposalOverrides = _NO_OVERRIDES,
         nms: NmsConfig = DEFAULT_NMS,
         threads: int = 2,
     ) -> None:
@@ -66,7 +74,7 @@ class DepthCn:
         Args:
             model: Model file, or the method of a model of this package.
             sensor: LiDAR of the scans.
-            proposals: Proposal parameters; else those of the network's method.
+            proposals: Proposal parameters in place of those of the network's method.
             nms: Score threshold and suppression.
             threads: Number of threads of the network.
 
@@ -76,7 +84,7 @@ class DepthCn:
         self.verifier = Verifier(model, threads)
         self._sensor = sensor
         self._method = self.verifier.method
-        self._proposals = proposals
+        self._proposals = proposals.over(PROPOSAL_CONFIGS[self._method])
         self._nms = nms
 
     def detect(self, frame: Frame) -> Detections:

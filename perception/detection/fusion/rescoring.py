@@ -9,7 +9,7 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant, NmsConfig, TriBoxConfig
+from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant, NmsConfig, TriBoxOverrides
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.score_calibration import FusionCalibration
@@ -57,6 +57,9 @@ class RescoredBoxes:
     best: Int
 
 
+_NO_OVERRIDES = TriBoxOverrides()
+
+
 class Fusion:
     """Fusion network: rescores the detections of up to three modalities and joins them; implements `DetectionFusion`."""
 
@@ -65,14 +68,14 @@ class Fusion:
         model: Traversable | FusionVariant = "default",
         *,
         max_iou: float = NmsConfig.max_iou,
-        tri_boxes: TriBoxConfig | None = None,
+        tri_boxes: TriBoxOverrides = _NO_OVERRIDES,
     ) -> None:
         """Open the network.
 
         Args:
             model: Model file, or the variant of a model of this package.
             max_iou: Overlap (IoU) above which two boxes show the same object.
-            tri_boxes: Combinations of boxes; else those that the variant was trained with.
+            tri_boxes: Combinations of boxes in place of those that the variant was trained with.
 
         Raises:
             ModelError: the file does not hold a fusion network.
@@ -90,7 +93,7 @@ class Fusion:
         """Classes of its training."""
         self.max_iou = max_iou
         """Overlap (IoU) above which two boxes show the same object."""
-        self._tri_boxes = tri_boxes or TRI_BOX_CONFIGS[self.variant]
+        self._tri_boxes = tri_boxes.over(TRI_BOX_CONFIGS[self.variant])
         self.calibrations = _calibrations(self._model)
         """Calibration from scores to probabilities."""
 
