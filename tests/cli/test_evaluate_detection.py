@@ -260,7 +260,7 @@ def test_flags_out_of_range(car_frames, label_reader, capsys, words, where, foun
 class KeepScores:
     """A fusion that keeps every score and the best box of each place."""
 
-    variant = "default"
+    variant, class_names = "default", ("Car",)
     metadata = {"training_data": "no street"}  # noqa: RUF012 - never changed
 
     def rescore(self, scene):

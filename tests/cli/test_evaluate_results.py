@@ -93,7 +93,7 @@ def test_any_overlap_and_any_class(folders, capsys):
     assert evaluate(results, *words, "0.9") == 0
     printed = capsys.readouterr().out
     assert cells(printed, "Car easy 0.9")[:2] == ["50", "0"]
-    assert "Tram: nothing detected" in printed
+    assert "Tram: no labelled object of this class" in printed
     assert evaluate(results, *words, "0.8") == 0
     assert cells(capsys.readouterr().out, "Car easy 0.8")[:2] == ["50", "45"]
 

@@ -1,5 +1,7 @@
 """Calibration texts, both spellings, read back as written, and refused by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,9 +11,12 @@ from data.kitti.calibration import (
     format_raw_calibration,
     read_benchmark_calibration,
     read_raw_calibration,
+    with_kitti_image_size,
 )
+from data.open_drive import open_drive
 from perception.errors import CalibrationError
 from perception.geometry.se3 import from_euler
+from perception.maps.projection import camera_of
 from perception.types import Calibration
 from tests.faults import fault
 
@@ -45,6 +50,23 @@ def test_the_other_official_spelling_reads_the_same(tmp_path):
     text = text.replace("R0_rect:", "R_rect").replace("Tr_velo_to_cam:", "Tr_velo_cam")
     (tmp_path / "0000.txt").write_text(text.replace("Tr_imu_to_velo:", "Tr_imu_velo"))
     _assert_same(read_benchmark_calibration(tmp_path / "0000.txt"))
+
+
+def test_image_size_is_that_stated_else_that_of_the_recordings_with_this_focal_length():
+    camera = replace(CALIBRATION.camera, image_size_px=None)
+    assert with_kitti_image_size(camera).image_size_px is None
+    matrix = camera.image_P_cam.copy()
+    matrix[0, 0] = 707.0493
+    camera = replace(camera, image_P_cam=matrix)
+    assert with_kitti_image_size(camera).image_size_px == (1224, 370)
+    stated = replace(camera, image_size_px=(612, 185))
+    assert with_kitti_image_size(stated).image_size_px == (612, 185)
+
+
+def test_maps_do_not_depend_on_whether_there_are_images(kitti_root):
+    frames, bare = (open_drive(kitti_root / "object", images=images) for images in (True, False))
+    for index in range(len(frames)):
+        assert camera_of(bare[index])[1] == camera_of(frames[index])[1]
 
 
 def test_what_a_raw_folder_does_not_state_is_none(tmp_path):

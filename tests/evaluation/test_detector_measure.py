@@ -1,12 +1,14 @@
 """Measures of detectors on labels that can be counted by eye."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
-from perception.evaluation.detection.protocol import KITTI_CLASSES
+from perception.evaluation.detection.protocol import KITTI_CLASSES, kitti_class
 from perception.types import Boxes3D, Detections, Labels
 
 BOXES_PX = np.array([[0.0, 100, 100, 150], [200, 100, 300, 150]])
@@ -44,6 +46,18 @@ def test_two_frames_with_one_missed_car():
     assert easy["proposal_recall_percent"] is None
     assert document["ms_per_frame"] == {"p50": pytest.approx(5.0), "p99": pytest.approx(5.0)}
     assert document["proposals_per_frame"] is None
+
+
+def test_a_class_without_labels_or_detections_is_noted():
+    classes = (KITTI_CLASSES[0], kitti_class("Tram"), kitti_class("Van"))
+    measure = DetectorMeasure(classes, PrecisionConfig((0.7,)), title="test")
+    labels = replace(labels_of(BOXES_PX), types=np.array(["Car", "Van"]))
+    measure.update(detected(BOXES_PX, [0.9, 0.8]), labels)
+    (table,) = measure.compute().tables()
+    assert [note.partition(":")[::2] for note in table.notes[:2]] == [
+        ("Tram", " no labelled object of this class, so it has no metrics."),
+        ("Van", " nothing detected, so it has no metrics."),
+    ]
 
 
 def test_proposals_have_a_recall_of_their_own():

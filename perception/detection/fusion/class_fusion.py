@@ -94,6 +94,9 @@ def fusion_of(
     """
     unfitted = unfitted_detectors(network, detectors)
     if len(detectors) == 1 and unfitted:
+        (alone,) = detectors.values()
+        names = ", ".join(alone.class_names)
+        log.warning("%s detects %s alone: nothing is fused", alone.model.name, names)
         return NmsFusion(network.max_iou)
     if unfitted:
         log.warning(

@@ -281,7 +281,9 @@ class PrecisionReport(Report):
 
     def _notes(self, rows: Sequence[PrecisionMetrics]) -> Iterator[str]:
         for one in self.classes:
-            if all(metrics.curve is None for metrics in one.first.values()):
+            if not any(metrics.objects for metrics in one.first.values()):
+                yield f"{one.name}: no labelled object of this class, so it has no metrics."
+            elif all(metrics.curve is None for metrics in one.first.values()):
                 yield f"{one.name}: nothing detected, so it has no metrics."
         yield from few_objects_note(row.objects for row in rows if row.curve is not None)
 
