@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from perception.errors import UsageError
+from perception.errors import CalibrationError, UsageError
 from perception.evaluation.detection.config import CorruptionLevels
 from perception.evaluation.detection.robustness_measure import Corruption
-from perception.maps.projection import camera_of
 from perception.types import MAP_MODALITIES, Calibration, Float32, Float64, Frame, UInt8
 
 _GAMMA = 2.2  # from light to grey levels, about that of sRGB
@@ -61,10 +60,9 @@ def rotate_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator)
     axis = _direction(rng, 3)
     turned_SE3_cam = np.eye(4)
     turned_SE3_cam[:3, :3] = Rotation.from_rotvec(np.deg2rad(angle_deg) * axis).as_matrix()
-    known, _ = camera_of(frame)
-    return _with_calibration(
-        frame, replace(known, cam_SE3_velo=turned_SE3_cam @ known.cam_SE3_velo)
-    )
+    known = _calibration_of(frame)
+    turned = replace(known, cam_SE3_velo=turned_SE3_cam @ known.cam_SE3_velo)
+    return replace(frame, calibration=turned)
 
 
 def shift_calibration(frame: Frame, shift_px: float, rng: np.random.Generator) -> Frame:
@@ -75,12 +73,15 @@ def shift_calibration(frame: Frame, shift_px: float, rng: np.random.Generator) -
     """
     shifted_P_image = np.eye(3)
     shifted_P_image[:2, 2] = shift_px * _direction(rng, 2)
-    known, _ = camera_of(frame)
-    return _with_calibration(frame, replace(known, image_P_cam=shifted_P_image @ known.image_P_cam))
+    known = _calibration_of(frame)
+    shifted = replace(known, image_P_cam=shifted_P_image @ known.image_P_cam)
+    return replace(frame, calibration=shifted)
 
 
-def _with_calibration(frame: Frame, calibration: Calibration) -> Frame:
-    return replace(frame, calibration=calibration)
+def _calibration_of(frame: Frame) -> Calibration:
+    if frame.calibration is None:
+        raise CalibrationError(frame.source, expected="a camera's calibration", found="none")
+    return frame.calibration
 
 
 def _direction(rng: np.random.Generator, dimensions: int) -> Float64:
