@@ -6,6 +6,7 @@ import pytest
 from data.inspection import inspect_drive
 from data.open_drive import open_drive
 from perception.geometry.se3 import from_euler
+from tests.damaged_scans import DAMAGES, REFUSED, road_scan
 
 
 def _findings(root, sequence=None):
@@ -62,6 +63,15 @@ def test_points_without_a_return_are_counted(raw_drive):
     note = _findings(raw_drive)["points without a return"]
     assert (note.count, note.is_fault) == (3, False)
     assert "0000000001.bin: 2 of 3600 points" in note.first_example
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_scan_ends_no_check(raw_drive, damage):
+    with np.errstate(invalid="ignore"):
+        points = DAMAGES[damage](road_scan())
+    points.tofile(raw_drive / "velodyne_points/data/0000000000.bin")
+    found = _findings(raw_drive)
+    assert ("scans missing or damaged" in found) == (damage in REFUSED)
 
 
 def test_an_ins_jump_of_metres(raw_drive):
