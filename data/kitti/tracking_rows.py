@@ -22,6 +22,7 @@ import numpy as np
 
 from data.kitti.labels import read_label_lines
 from perception.errors import LabelError
+from perception.evaluation.multi_object.kitti_protocol import ImageBoxes
 from perception.types import ArrayTable, Bool, Float64, Int
 
 TYPES = (
@@ -60,6 +61,13 @@ class TrackingRows(ArrayTable):
     bottoms_cam_m: Annotated[Float64, 3]
     headings_rad: Float64
     scores: Float64
+
+    @property
+    def image_boxes(self) -> ImageBoxes:
+        """Columns that KITTI's 2D protocol reads."""
+        return ImageBoxes(
+            self.frames, self.ids, self.types, self.truncation, self.occlusion, self.boxes_px
+        )
 
 
 def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:

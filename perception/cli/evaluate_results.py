@@ -116,7 +116,7 @@ def _measure_detections(
     }
     words = protocol(metric, classes=classes)
     document = EvaluationDocument("detections", data, words, _SPLIT)
-    computed = PrecisionReport(f"Average precision, {frames} frames", precision, metric)
+    computed = PrecisionReport(f"Average precision, {frames} frames", precision)
     return _describe(results, found), computed, document
 
 
@@ -126,7 +126,7 @@ def _measure_tracks(
     from data.kitti.tracker_files import label_folder, pair_with_labels, sequences_in
     from perception.cli.progress import progress_bar
     from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS
-    from perception.evaluation.tracking_measure import TrackingMeasure
+    from perception.evaluation.tracking_measure import PROTOCOL, TrackingMeasure
 
     requested = {name.lower() for name in classes or ("car", "pedestrian")}
     if not requested <= set(NEIGHBOURS):
@@ -136,16 +136,17 @@ def _measure_tracks(
     pairs = pair_with_labels(results, folder, seqmap)
     for files in progress_bar(pairs, "tracks", unit="sequence", delay_s=2):
         rows = files.read()
-        measure.update(files.name, rows.labels, rows.results, rows.frame_count)
+        labelled, found = rows.labels.image_boxes, rows.results.image_boxes
+        measure.update(files.name, labelled, found, rows.frame_count)
     computed = measure.compute()
     data = {
         **_paths(results=results, labels=folder, seqmap=seqmap),
         "frames": computed.frame_counts,
     }
-    document = EvaluationDocument("tracks", data, computed.protocol(), _SPLIT)
+    document = EvaluationDocument("tracks", data, PROTOCOL, _SPLIT)
     heading = (
         f"{results}: {len(computed.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
-        f"{computed.frames} frames"
+        f"{sum(computed.frame_counts.values())} frames"
     )
     return heading, computed, document
 

@@ -143,25 +143,6 @@ class DatmoProtocol:
 
 
 @dataclass(frozen=True)
-class KittiTrackingConfig:
-    """Thresholds of KITTI's tracking benchmark.
-
-    Attributes:
-        min_iou: Overlap (IoU) in the image at which a prediction is matched to a true box.
-        max_truncation: Truncation level of true boxes that are evaluated.
-        max_occlusion: Occlusion level of true boxes that are evaluated.
-        min_height_px: Height in px that an unmatched prediction must exceed to be false.
-        max_dont_care: Share of its area that an unmatched prediction may have in one DontCare region and be false.
-    """
-
-    min_iou: float = 0.5
-    max_truncation: int = 0
-    max_occlusion: int = 2
-    min_height_px: float = 25.0
-    max_dont_care: float = 0.5
-
-
-@dataclass(frozen=True)
 class SingleObjectMetricsConfig:
     """Thresholds at which a frame of one tracked object counts as correct.
 

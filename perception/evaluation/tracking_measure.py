@@ -4,18 +4,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from perception.evaluation.config import KittiTrackingConfig
 from perception.evaluation.multi_object import kitti_protocol
 from perception.evaluation.multi_object.hota import ALPHAS
 from perception.evaluation.multi_object.kitti_protocol import (
+    MIN_IOU,
     NEIGHBOURS,
-    BoxRows,
+    ImageBoxes,
     KittiClass,
     kitti_frames,
 )
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.report import Report, Table
 
+PROTOCOL = {
+    "boxes": kitti_protocol.__doc__,
+    "neighbours": NEIGHBOURS,
+    "values": {"threshold": MIN_IOU, "alphas": ALPHAS},
+}
 _COMBINED = "COMBINED"
 
 
@@ -26,17 +31,10 @@ class TrackingReport(Report):
     Attributes:
         frame_counts: Number of frames of each sequence.
         by_class: Metrics by class, then by sequence.
-        config: Thresholds of the benchmark.
     """
 
     frame_counts: dict[str, int]
     by_class: dict[KittiClass, dict[str, MotMetrics]]
-    config: KittiTrackingConfig
-
-    @property
-    def frames(self) -> int:
-        """Number of frames of all sequences."""
-        return sum(self.frame_counts.values())
 
     def combined(self, class_name: KittiClass) -> MotMetrics:
         """Return the metrics of all sequences together."""
@@ -44,9 +42,7 @@ class TrackingReport(Report):
 
     def tables(self) -> list[Table[Any]]:
         """Return a table for each class."""
-        rule = (
-            f"KITTI 2D boxes, CLEAR and identity at IoU {self.config.min_iou:g}; ratios in percent"
-        )
+        rule = f"KITTI 2D boxes, CLEAR and identity at IoU {MIN_IOU:g}; ratios in percent"
         return [
             mot_table(f"{name}: {rule}", {**by_sequence, _COMBINED: self.combined(name)})
             for name, by_sequence in self.by_class.items()
@@ -61,30 +57,18 @@ class TrackingReport(Report):
         document[_COMBINED] = {name: self.combined(name).to_json() for name in self.by_class}
         return document
 
-    def protocol(self) -> dict[str, Any]:
-        """Return the protocol in words and values."""
-        threshold = self.config.min_iou
-        values = {"config": self.config, "threshold": threshold, "alphas": ALPHAS}
-        return {"boxes": kitti_protocol.__doc__, "neighbours": NEIGHBOURS, "values": values}
-
 
 class TrackingMeasure:
     """Accumulates the metrics of tracks in the image, sequence after sequence."""
 
-    def __init__(
-        self, classes: Sequence[KittiClass], config: KittiTrackingConfig | None = None
-    ) -> None:
-        """Start without a sequence.
-
-        Args:
-            classes: Classes that are evaluated.
-            config: Thresholds of the benchmark.
-        """
-        self._config = config or KittiTrackingConfig()
+    def __init__(self, classes: Sequence[KittiClass]) -> None:
+        """Start without a sequence, for the classes that are evaluated."""
         self._by_class: dict[KittiClass, dict[str, MotMetrics]] = {name: {} for name in classes}
         self._frame_counts: dict[str, int] = {}
 
-    def update(self, sequence: str, labels: BoxRows, results: BoxRows, frame_count: int) -> None:
+    def update(
+        self, sequence: str, labels: ImageBoxes, results: ImageBoxes, frame_count: int
+    ) -> None:
         """Add one sequence.
 
         Args:
@@ -98,9 +82,9 @@ class TrackingMeasure:
         """
         self._frame_counts[sequence] = frame_count
         for name, metrics in self._by_class.items():
-            frames = kitti_frames(labels, results, name, frame_count, self._config)
-            metrics[sequence] = evaluate_tracks(frames, self._config.min_iou)
+            frames = kitti_frames(labels, results, name, frame_count)
+            metrics[sequence] = evaluate_tracks(frames, MIN_IOU)
 
     def compute(self) -> TrackingReport:
         """Return the metrics of all sequences so far."""
-        return TrackingReport(self._frame_counts, self._by_class, self._config)
+        return TrackingReport(self._frame_counts, self._by_class)

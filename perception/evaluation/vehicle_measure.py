@@ -1,25 +1,39 @@
 """Metrics of detected vehicles as objects: tracks in the image, positions on the road, ids shared with moving objects."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 
 from perception.errors import PerceptionError
-from perception.evaluation.config import KittiTrackingConfig
-from perception.evaluation.multi_object.kitti_protocol import kitti_frames
+from perception.evaluation.multi_object.kitti_protocol import MIN_IOU, ImageBoxes, kitti_frames
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.sequence import TrackedFrame
-from perception.evaluation.report import Column, Report, Table
-from perception.evaluation.vehicle_location import LocationErrors, location_errors
+from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, SummedMetrics, Table
 from perception.geometry.box_overlap import iou_bev
-from perception.types import ArrayTable, Float64, Int, Labels, PointTruth, Result, Tracks, Vehicles
+from perception.geometry.box_overlap_px import iou_px
+from perception.geometry.boxes import points_inside
+from perception.geometry.se3 import wrap
+from perception.tracking.association import assign_hungarian
+from perception.types import (
+    ArrayTable,
+    Boxes3D,
+    Float,
+    Float64,
+    Labels,
+    PointTruth,
+    Result,
+    Tracks,
+    Vehicles,
+)
 
 # KITTI's moderate: visible or partly occluded, truncated by less than a third.
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
 _SAME_PLACE_IOU = 0.15
 _RANGES_M = ((0.0, 25.0), (25.0, 50.0), (50.0, np.inf))
+# KITTI's labels are tight: points on a side of the box may lie outside.
+_MARGIN_M = 0.1
 
 PROTOCOL_WORDS = {
     "tracking": "KITTI tracking benchmark, class car, boxes in the image; vehicles that have an id",
@@ -35,15 +49,108 @@ PROTOCOL_WORDS = {
 
 
 @dataclass(frozen=True)
-class _ImageBoxes(ArrayTable):
-    """Labelled or predicted boxes of one frame, as KITTI's tracking protocol reads them."""
+class LocationErrors(ArrayTable):
+    """Errors of N detected true vehicles; NaN where the detection has no box or no return.
 
-    frames: Int
-    ids: Int
-    types: np.ndarray
-    truncation: Float64
-    occlusion: Float64
-    boxes_px: Annotated[Float64, 4]
+    Attributes:
+        range_m: (N,) Distance from the LiDAR to the true centre over the ground.
+        center_m: (N,) Distance of the centres over the ground.
+        yaw_rad: (N,) Absolute heading error, 0 to pi.
+        axis_rad: (N,) Absolute error of the box's axis, 0 to pi/2: front and rear are not distinguished.
+        distance_m: (N,) Absolute error of the reported distance against the nearest return in the true box.
+    """
+
+    range_m: Float64
+    center_m: Float64
+    yaw_rad: Float64
+    axis_rad: Float64
+    distance_m: Float64
+
+    def summary(self) -> "LocationMetrics":
+        """Return the median and the 90 % quantile of each error."""
+        center_m, distance_m = _quantiles(self.center_m), _quantiles(self.distance_m)
+        yaw_deg, axis_deg = (_quantiles(np.degrees(one)) for one in (self.yaw_rad, self.axis_rad))
+        boxed = float(np.isfinite(self.center_m).mean()) if len(self) else float("nan")
+        return LocationMetrics(len(self), boxed, *center_m, *yaw_deg, *axis_deg, *distance_m)
+
+
+@dataclass(frozen=True)
+class LocationMetrics(Metrics):
+    """Medians (p50) and 90 % quantiles (p90) of the errors of detected vehicles; NaN without any.
+
+    Attributes:
+        detected: Number of detected true vehicles.
+        boxed: Share of them whose detection has a box.
+        centre_p50_m: Distance of the centres over the ground.
+        centre_p90_m: Distance of the centres over the ground.
+        yaw_p50_deg: Absolute heading error.
+        yaw_p90_deg: Absolute heading error.
+        axis_p50_deg: Absolute error of the box's axis.
+        axis_p90_deg: Absolute error of the box's axis.
+        distance_p50_m: Absolute error of the reported distance.
+        distance_p90_m: Absolute error of the reported distance.
+    """
+
+    detected: Annotated[int, Metric("cars")]
+    boxed: Annotated[float, Metric("with a box", ".3f")]
+    centre_p50_m: Annotated[float, Metric("centre p50 [m]", ".3f")]
+    centre_p90_m: Annotated[float, Metric("centre p90 [m]", ".3f")]
+    yaw_p50_deg: Annotated[float, Metric("yaw p50 [deg]", ".3f")]
+    yaw_p90_deg: Annotated[float, Metric("yaw p90 [deg]", ".3f")]
+    axis_p50_deg: Annotated[float, Metric("axis p50 [deg]", ".3f")]
+    axis_p90_deg: Annotated[float, Metric("axis p90 [deg]", ".3f")]
+    distance_p50_m: Annotated[float, Metric("distance p50 [m]", ".3f")]
+    distance_p90_m: Annotated[float, Metric("distance p90 [m]", ".3f")]
+
+
+def location_errors(
+    vehicles: Vehicles,
+    true_px: Float64,
+    true_boxes: Boxes3D,
+    points_velo: Float,
+    min_iou: float = 0.5,
+) -> LocationErrors:
+    """Measure the vehicles of one frame that match a true vehicle in the image.
+
+    Args:
+        vehicles: Detected vehicles in the LiDAR frame.
+        true_px: (T, 4) True boxes x1 y1 x2 y2 in the image.
+        true_boxes: (T) True boxes in the LiDAR frame.
+        points_velo: (N, 3+) Points of the scan in the LiDAR frame.
+        min_iou: Overlap (IoU) in the image of a matched pair, 0 to 1.
+    """
+    iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
+    pairs = assign_hungarian(1.0 - iou, iou >= min_iou)
+    true, found = true_boxes[pairs.tracks], vehicles.boxes[pairs.detections]
+    center_offsets_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
+    turn_rad = found.yaw_rad - true.yaw_rad
+    nearest_m = np.array(
+        [_nearest_m(points_velo[inside]) for inside in points_inside(true, points_velo, _MARGIN_M)]
+    )
+    return LocationErrors(
+        range_m=np.hypot(true.bottom_m[:, 0], true.bottom_m[:, 1]),
+        center_m=np.hypot(center_offsets_m[:, 0], center_offsets_m[:, 1]),
+        yaw_rad=np.abs(wrap(turn_rad)),
+        axis_rad=np.abs(wrap(turn_rad, np.pi)),
+        distance_m=np.abs(vehicles.distances_m[pairs.detections] - nearest_m.reshape(-1)),
+    )
+
+
+def _nearest_m(points: Float) -> float:
+    return float(np.linalg.norm(points[:, :3], axis=1).min()) if len(points) else np.nan
+
+
+@dataclass(frozen=True)
+class SharedIds(SummedMetrics):
+    """Moving objects at the position of a confirmed vehicle, summed over frames.
+
+    Attributes:
+        colocated: Number of these objects.
+        same_id: Number of these objects that have the vehicle's id.
+    """
+
+    colocated: int = 0
+    same_id: int = 0
 
 
 @dataclass(frozen=True)
@@ -53,59 +160,41 @@ class VehicleReport(Report):
     Attributes:
         frames: Number of evaluated frames.
         tracking: Metrics of the tracks in the image.
-        errors: Errors of the positions on the road.
-        colocated: Number of moving objects at the position of a confirmed vehicle, summed over frames.
-        same_id: Number of these objects that have the vehicle's id.
+        location: Errors of the positions on the road by range.
+        ids: Ids shared by vehicles and moving objects.
     """
 
-    frames: int
+    frames: Annotated[int, CONTEXT]
     tracking: MotMetrics
-    errors: LocationErrors
-    colocated: int
-    same_id: int
+    location: Mapping[str, LocationMetrics]
+    ids: SharedIds
 
     def tables(self) -> list[Table[Any]]:
         """Return the tracks, and the errors by range with the number of shared ids below."""
-        ids = f"moving objects at the position of a vehicle: {self.colocated}, with its id: {self.same_id}"
+        ids = (
+            f"moving objects at the position of a vehicle: {self.ids.colocated}, "
+            f"with its id: {self.ids.same_id}"
+        )
+        title = "detected cars on the road: median and 90 % quantile of the errors"
         return [
             mot_table("car: KITTI 2D boxes, ratios in percent", {"vehicles": self.tracking}),
-            self._location_table((ids,)),
+            Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
         ]
-
-    def _location_table(self, notes: Sequence[str] = ()) -> Table[LocationErrors]:
-        range_m = self.errors.range_m
-        rows = {
-            f"{low:g} to {high:g} m" if np.isfinite(high) else f"from {low:g} m": self.errors[
-                (range_m >= low) & (range_m < high)
-            ]
-            for low, high in _RANGES_M
-        }
-        title = "detected cars on the road: median and 90 % quantile of the errors"
-        return Table(title, _LOCATION_COLUMNS, rows, notes=("", *notes))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the metrics of the tracks, the errors by range, and the number of shared ids."""
-        return {
-            "tracking": self.tracking.to_json(),
-            "location": self._location_table().to_json(),
-            "ids": {"colocated": self.colocated, "same_id": self.same_id},
-        }
 
 
 class VehicleMeasure:
     """Accumulates the metrics of detected vehicles over the frames of a drive."""
 
-    def __init__(self, display_score: float, config: KittiTrackingConfig | None = None) -> None:
+    def __init__(self, display_score: float) -> None:
         """Start without a frame.
 
         Args:
             display_score: Score of a vehicle from which on it counts, 0 to 1.
-            config: Thresholds of KITTI's tracking benchmark.
         """
-        self._display_score, self._config = display_score, config or KittiTrackingConfig()
+        self._display_score = display_score
         self._frames: list[TrackedFrame] = []
         self._errors: list[LocationErrors] = []
-        self._colocated, self._same_id = 0, 0
+        self._ids = SharedIds()
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame; a frame without a camera, in which nothing can be detected, is left out."""
@@ -113,13 +202,12 @@ class VehicleMeasure:
         if vehicles is None or labels is None:
             return
         predicted = _predicted_boxes(vehicles, self._display_score)
-        self._frames += kitti_frames(_labelled_boxes(labels), predicted, "car", 1, self._config)
+        self._frames += kitti_frames(_labelled_boxes(labels), predicted, "car", 1)
         is_moderate = (labels.occlusion <= _MAX_OCCLUSION) & (labels.truncation <= _MAX_TRUNCATION)
         true = labels[is_moderate & (labels.types == "Car")]
         points = result.frame.points_velo
         self._errors.append(location_errors(vehicles, true.boxes_px, true.boxes_velo, points))
-        colocated, same_id = _shared_positions(vehicles, result.tracks)
-        self._colocated, self._same_id = self._colocated + colocated, self._same_id + same_id
+        self._ids += _shared_ids(vehicles, result.tracks)
 
     def compute(self) -> VehicleReport:
         """Return the metrics of all frames so far.
@@ -131,18 +219,20 @@ class VehicleMeasure:
             raise PerceptionError(
                 "vehicles", expected="frames with a camera to detect in", found="none"
             )
-        return VehicleReport(
-            frames=len(self._frames),
-            tracking=evaluate_tracks(self._frames, self._config.min_iou),
-            errors=LocationErrors.concatenate(self._errors),
-            colocated=self._colocated,
-            same_id=self._same_id,
-        )
+        errors = LocationErrors.concatenate(self._errors)
+        by_range = {
+            f"{low:g} to {high:g} m" if np.isfinite(high) else f"from {low:g} m": errors[
+                (errors.range_m >= low) & (errors.range_m < high)
+            ].summary()
+            for low, high in _RANGES_M
+        }
+        tracking = evaluate_tracks(self._frames, MIN_IOU)
+        return VehicleReport(len(self._frames), tracking, by_range, self._ids)
 
 
-def _labelled_boxes(labels: Labels) -> _ImageBoxes:
+def _labelled_boxes(labels: Labels) -> ImageBoxes:
     regions = len(labels.dont_care_px)
-    return _ImageBoxes(
+    return ImageBoxes(
         frames=np.zeros(len(labels) + regions, np.int64),
         ids=np.append(labels.track_ids, np.full(regions, -1)),
         types=np.append(labels.types.astype(np.str_), np.full(regions, "DontCare")),
@@ -152,51 +242,24 @@ def _labelled_boxes(labels: Labels) -> _ImageBoxes:
     )
 
 
-def _predicted_boxes(vehicles: Vehicles, display_score: float) -> _ImageBoxes:
+def _predicted_boxes(vehicles: Vehicles, display_score: float) -> ImageBoxes:
     detections, unknown = vehicles.fused.detections, np.full(len(vehicles), -1.0)
     frames = np.zeros(len(vehicles), np.int64)
-    boxes = _ImageBoxes(
+    boxes = ImageBoxes(
         frames, vehicles.ids, detections.types, unknown, unknown, detections.boxes_px
     )
     return boxes[(vehicles.ids >= 0) & (detections.scores >= display_score)]
 
 
-def _shared_positions(vehicles: Vehicles, tracks: Tracks) -> tuple[int, int]:
-    """Return how many moving objects are at the position of a confirmed vehicle, and how many have its id."""
+def _shared_ids(vehicles: Vehicles, tracks: Tracks) -> SharedIds:
     rows = np.flatnonzero((vehicles.ids >= 0) & np.isfinite(vehicles.boxes.yaw_rad))
     overlaps = iou_bev(vehicles.boxes[rows], tracks.boxes) >= _SAME_PLACE_IOU
     is_same = vehicles.ids[rows][:, None] == tracks.ids
-    return int(overlaps.any(axis=0).sum()), int((overlaps & is_same).any(axis=0).sum())
+    return SharedIds(int(overlaps.any(axis=0).sum()), int((overlaps & is_same).any(axis=0).sum()))
 
 
-def _quantile(values: Float64, share: float) -> float:
+def _quantiles(values: Float64) -> tuple[float, float]:
     known = values[np.isfinite(values)]
-    return float(np.quantile(known, share)) if len(known) else float("nan")
-
-
-def _boxed_share(errors: LocationErrors) -> float:
-    return float(np.isfinite(errors.center_m).mean()) if len(errors) else float("nan")
-
-
-def _error_columns(
-    name: str, unit: str, values: Callable[[LocationErrors], Float64]
-) -> list[Column[LocationErrors]]:
-    """Return the columns of the median and of the 90 % quantile of one error."""
-    return [
-        Column(
-            f"{name} p50 [{unit}]", lambda e: _quantile(values(e), 0.5), ".3f", f"{name}_p50_{unit}"
-        ),
-        Column(
-            f"{name} p90 [{unit}]", lambda e: _quantile(values(e), 0.9), ".3f", f"{name}_p90_{unit}"
-        ),
-    ]
-
-
-_LOCATION_COLUMNS = (
-    Column[LocationErrors]("cars", len, "", "detected"),
-    Column[LocationErrors]("with a box", _boxed_share, ".3f", "boxed"),
-    *_error_columns("centre", "m", lambda errors: errors.center_m),
-    *_error_columns("yaw", "deg", lambda errors: np.degrees(errors.yaw_rad)),
-    *_error_columns("axis", "deg", lambda errors: np.degrees(errors.axis_rad)),
-    *_error_columns("distance", "m", lambda errors: errors.distance_m),
-)
+    if not len(known):
+        return float("nan"), float("nan")
+    return float(np.quantile(known, 0.5)), float(np.quantile(known, 0.9))

@@ -1,35 +1,20 @@
 """Each rule of KITTI's 2D tracking protocol on one or two boxes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from perception.errors import PerceptionError, UsageError
-from perception.evaluation.config import KittiTrackingConfig
-from perception.evaluation.multi_object.kitti_protocol import kitti_frames
-from perception.evaluation.multi_object.sequence import TrackedFrame
+from perception.evaluation.multi_object.kitti_protocol import ImageBoxes, kitti_frames
 from tests.faults import fault
 
 BOX = (100.0, 100.0, 150.0, 150.0)
 FAR = (400.0, 100.0, 450.0, 150.0)
 
 
-@dataclass(frozen=True)
-class Boxes:
-    """What the protocol reads; a row is id, type, truncation, occlusion, box."""
-
-    frames: np.ndarray
-    ids: np.ndarray
-    types: np.ndarray
-    truncation: np.ndarray
-    occlusion: np.ndarray
-    boxes_px: np.ndarray
-
-
-def boxes(*rows: tuple, frames: list[int] | None = None) -> Boxes:
+def boxes(*rows: tuple, frames: list[int] | None = None) -> ImageBoxes:
+    """Return what the protocol reads; a row is id, type, truncation, occlusion, box."""
     columns = list(zip(*rows, strict=True)) or [()] * 5
-    return Boxes(
+    return ImageBoxes(
         np.array(frames if frames is not None else [0] * len(rows), int),
         np.array(columns[0], int),
         np.array(columns[1], np.str_),
@@ -43,7 +28,9 @@ def prediction(track: int, box: tuple, name: str = "Car") -> tuple:
     return (track, name, -1, -1, box)
 
 
-def evaluated(truth: Boxes, predictions: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
+def evaluated(
+    truth: ImageBoxes, predictions: ImageBoxes, name: str = "car"
+) -> tuple[list[int], list[int]]:
     """Return the ids of truths and tracks that are evaluated in the only frame."""
     (frame,) = kitti_frames(truth, predictions, name, 1)
     return frame.truth_ids.tolist(), frame.track_ids.tolist()
@@ -161,14 +148,6 @@ def test_frames_are_told_apart_and_rows_may_be_in_any_order():
     assert (first.track_ids.tolist(), third.track_ids.tolist()) == ([7], [8])
     assert second.similarity.shape == (0, 0)
     assert first.similarity.tolist() == third.similarity.tolist() == [[1]]
-
-
-def test_other_rules_may_be_set():
-    truth, predictions = boxes((1, "Car", 1, 0, BOX)), boxes(prediction(7, BOX))
-    config = KittiTrackingConfig(max_truncation=1)
-    (frame,) = kitti_frames(truth, predictions, "car", 1, config)
-    assert isinstance(frame, TrackedFrame)
-    assert frame.truth_ids.tolist() == [1]
 
 
 def test_what_cannot_be_evaluated():

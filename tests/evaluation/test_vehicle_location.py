@@ -7,7 +7,7 @@ import pytest
 
 from data.results.kitti_rows import vehicle_rows
 from perception.detection.vehicles.locate import locate
-from perception.evaluation.vehicle_location import location_errors
+from perception.evaluation.vehicle_measure import location_errors
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
 
 

@@ -18,7 +18,7 @@ from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.evaluation_boxes import count_objects
 from perception.evaluation.detection.precision_curve import PrecisionCurve, max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
-from perception.evaluation.report import Column, Report, Table
+from perception.evaluation.report import Column, Metrics, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
 from perception.types import Detections, Float64, Labels, Progress
 
@@ -30,17 +30,19 @@ _OPTIONAL = ("proposal", "95 %", "AOS")  # columns without a value in any row ar
 
 
 @dataclass(frozen=True)
-class PrecisionMetrics:
+class PrecisionMetrics(Metrics):
     """Metrics of one class at one IoU and difficulty.
 
     Attributes:
         objects: Number of labelled objects that must be detected.
+        recall_points: Number of recall points over which precision is averaged, one or several.
         curve: Precision-recall curve; None where no object of the class was detected.
         samples: Average precision of the bootstrap resamples; None without resamples.
         proposal_recall_percent: Share of the objects that a proposal recalls; None of a detector without proposals.
     """
 
     objects: int
+    recall_points: tuple[int, ...]
     curve: PrecisionCurve | None
     samples: PrecisionSamples | None = None
     proposal_recall_percent: float | None = None
@@ -81,9 +83,14 @@ class PrecisionMetrics:
         """Return the 95 % interval of the average precision; NaN without resamples."""
         return percentile_interval(self.resampled_ap(points), CONFIDENCE)
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the values of all columns, and the curve."""
+        columns = precision_columns(self.recall_points)
+        return {**{str(one.key): one.value(self) for one in columns}, "curve": self.curve}
+
 
 @dataclass(frozen=True)
-class ClassPrecision:
+class ClassPrecision(Metrics):
     """Metrics of one class.
 
     Attributes:
@@ -99,15 +106,10 @@ class ClassPrecision:
         """Metrics at the first IoU, by difficulty."""
         return next(iter(self.metrics.values()))
 
-    def to_json(self, config: PrecisionConfig) -> dict[str, Any]:
-        """Return the metrics by IoU and difficulty, with the curves."""
-        columns = precision_columns(config)
+    def to_json(self) -> dict[str, Any]:
+        """Return the metrics by IoU and difficulty."""
         return {
-            f"{iou:g}": {
-                level: {str(one.key): one.value(metrics) for one in columns}
-                | {"curve": metrics.curve}
-                for level, metrics in by_level.items()
-            }
+            f"{iou:g}": {level: one.to_json() for level, one in by_level.items()}
             for iou, by_level in self.metrics.items()
         }
 
@@ -144,32 +146,29 @@ def measure_precision(
             rng = np.random.default_rng(config.seed)
             samples = resample_precision(matches, config.bootstrap, rng, progress)
         metrics[iou] = {
-            level: PrecisionMetrics(objects[level], curves.get(level), samples.get(level))
+            level: PrecisionMetrics(
+                objects[level], config.recall_points, curves.get(level), samples.get(level)
+            )
             for level in LEVELS
         }
     return ClassPrecision(detection_class.name, metrics)
 
 
-def precision_columns(config: PrecisionConfig) -> list[Column[PrecisionMetrics]]:
+def precision_columns(recall_points: Sequence[int]) -> list[Column[PrecisionMetrics]]:
     """Return the columns of average precision, of which table and JSON document are made."""
+    # fmt: off
     columns: list[Column[PrecisionMetrics]] = [
         Column("objects", lambda row: row.objects, key="objects"),
-        Column(
-            "proposal recall [%]",
-            lambda row: row.proposal_recall_percent,
-            ".1f",
-            "proposal_recall_percent",
-        ),
+        Column("proposal recall [%]", lambda row: row.proposal_recall_percent, ".1f", "proposal_recall_percent"),
         Column("found", lambda row: row.found, key="found"),
         Column("recall [%]", lambda row: row.recall_percent, ".1f", "recall_percent"),
     ]
-    for points in config.recall_points:
+    # fmt: on
+    for points in recall_points:
         columns += _average_columns(points)
-    points = config.recall_points[-1]
-    columns.append(
-        Column("max AP [%]", lambda row: row.max_ap(points), ".1f", f"max_ap_r{points}_percent")
-    )
-    return columns
+    last = recall_points[-1]
+    max_key = f"max_ap_r{last}_percent"
+    return [*columns, Column("max AP [%]", lambda row: row.max_ap(last), ".1f", max_key)]
 
 
 def _average_columns(points: int) -> list[Column[PrecisionMetrics]]:
@@ -232,13 +231,11 @@ class PrecisionReport(Report):
     Attributes:
         title: Title of the table.
         classes: Metrics of each class.
-        config: Metric configuration.
         notes: Further lines below the table.
     """
 
     title: str
     classes: Sequence[ClassPrecision]
-    config: PrecisionConfig
     notes: Sequence[str] = ()
 
     def tables(self) -> Sequence[Table[Any]]:
@@ -251,20 +248,20 @@ class PrecisionReport(Report):
         }
         columns = [
             column
-            for column in precision_columns(self.config)
+            for column in precision_columns(self._recall_points)
             if not column.name.startswith(_OPTIONAL)
             or any(column.cell(row) != "-" for row in rows.values())
         ]
-        notes = [*self._notes(list(rows.values())), *self.notes]
+        notes = [*self._notes(rows.values()), *self.notes]
         return [Table(self.title, columns, rows, "class, difficulty, IoU", notes)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the metrics by class, IoU and difficulty, with the curves."""
-        return {one.name: one.to_json(self.config) for one in self.classes}
+        return {one.name: one.to_json() for one in self.classes}
 
     def panels(self) -> list[CurvePanel]:
         """Return the precision-recall curves, a panel for each class and IoU."""
-        points = self.config.recall_points[-1]
+        points = self._recall_points[-1]
         return [
             precision_panel(
                 title=f"{one.name}, IoU over {iou:g}",
@@ -279,7 +276,11 @@ class PrecisionReport(Report):
             for iou, by_level in one.metrics.items()
         ]
 
-    def _notes(self, rows: Sequence[PrecisionMetrics]) -> Iterator[str]:
+    @property
+    def _recall_points(self) -> tuple[int, ...]:
+        return next(iter(self.classes[0].first.values())).recall_points
+
+    def _notes(self, rows: Iterable[PrecisionMetrics]) -> Iterator[str]:
         for one in self.classes:
             if not any(metrics.objects for metrics in one.first.values()):
                 yield f"{one.name}: no labelled object of this class, so it has no metrics."

@@ -1,7 +1,7 @@
 """Metrics of a single detector: average precision, recall of its proposals, and time per frame."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ class FrameDetections:
     proposals_px: Float64 | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class DetectorReport(PrecisionReport):
     """Metrics of a detector on one drive.
 
@@ -41,7 +41,7 @@ class DetectorReport(PrecisionReport):
         proposals_per_frame: Mean number of proposals; None of a detector without proposals.
     """
 
-    seconds: Mapping[str, Float64]
+    seconds: Mapping[str, Float64] = field(default_factory=dict)
     proposals_per_frame: float | None = None
 
     def median_ms(self, stage: str) -> float:
@@ -100,14 +100,7 @@ class DetectorMeasure(PrecisionMeasure[FrameDetections]):
             for stage in self.outputs[0].timings_s
         }
         per_frame = recall.proposals_per_frame if recall else None
-        return DetectorReport(
-            self.title,
-            classes,
-            self.config,
-            self.notes,
-            seconds=seconds,
-            proposals_per_frame=per_frame,
-        )
+        return DetectorReport(self.title, classes, self.notes, seconds, per_frame)
 
 
 def _with_recall(precision: ClassPrecision, recall: ProposalRecall) -> ClassPrecision:

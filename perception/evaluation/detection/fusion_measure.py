@@ -117,27 +117,22 @@ class FusionReport(Report):
         ious = self.config.iou
         gains = {f"{iou:g}": self.gains(iou) for iou in ious}
         remaining = {f"{iou:g}": self.remaining_gains(iou) for iou in ious}
+        missing = self.missing_modalities
         return {
-            "rows": {name: one.to_json(self.config) for name, one in self.rows.items()},
+            "rows": {name: one.to_json() for name, one in self.rows.items()},
             "gain_points": {
                 name: {iou: rows[name] for iou, rows in gains.items()}
-                for name in self.gains(ious[0])
+                for name in gains[f"{ious[0]:g}"]
             },
             "missing_modalities": {
-                "rows": {
-                    "+".join(names): one.to_json(self.config)
-                    for names, one in self.missing_modalities.items()
-                },
+                "rows": {"+".join(names): one.to_json() for names, one in missing.items()},
                 "gain_points": {
                     "+".join(names): {iou: rows[names] for iou, rows in remaining.items()}
-                    for names in self.missing_modalities
+                    for names in missing
                 },
             },
-            "steps": {name: one.to_json(self.config) for name, one in self.steps.items()},
-            "calibration": {
-                name: {**vars(one), "expected_calibration_error": one.expected_calibration_error}
-                for name, one in self.reliability.items()
-            },
+            "steps": {name: one.to_json() for name, one in self.steps.items()},
+            "calibration": {name: one.to_json() for name, one in self.reliability.items()},
             "thesis_table_7_10": THESIS_PERCENT,
         }
 
@@ -170,14 +165,11 @@ class FusionReport(Report):
 
     def _table(self, title: str, rows: Mapping[str, EstimateRow], spec: str) -> Table[EstimateRow]:
         """Return a table with an estimate and its interval for each difficulty, then the thesis' values."""
-        columns: list[Column[EstimateRow]] = []
-        for level in LEVELS:
-            columns.append(_value_column(level, spec))
-            if self.config.bootstrap:
-                columns += [_low_column(level), _high_column(level)]
+        intervals = self.config.bootstrap > 0
+        columns = [one for level in LEVELS for one in _columns(level, spec, intervals=intervals)]
         thesis = [f"thesis {level}" for level in LEVELS]
         if any(thesis[0] in row for row in rows.values()):
-            columns += [_value_column(name, spec) for name in thesis]
+            columns += [one for name in thesis for one in _columns(name, spec)]
         return Table(title, columns, rows)
 
     @property
@@ -231,16 +223,11 @@ class FusionReport(Report):
         return precision_panel(title, curves, "average precision")
 
 
-def _value_column(level: str, spec: str) -> Column[EstimateRow]:
-    return Column(level, lambda row: row[level].points if level in row else None, spec)
-
-
-def _low_column(level: str) -> Column[EstimateRow]:
-    return Column("95 % low", lambda row: row[level].interval.low, ".2f")
-
-
-def _high_column(level: str) -> Column[EstimateRow]:
-    return Column("95 % high", lambda row: row[level].interval.high, ".2f")
+def _columns(name: str, spec: str, *, intervals: bool = False) -> list[Column[EstimateRow]]:
+    value = Column[EstimateRow](name, lambda row: row[name].points if name in row else None, spec)
+    low = Column[EstimateRow]("95 % low", lambda row: row[name].interval.low, ".2f")
+    high = Column[EstimateRow]("95 % high", lambda row: row[name].interval.high, ".2f")
+    return [value, low, high] if intervals else [value]
 
 
 def _thesis(name: str) -> EstimateRow:

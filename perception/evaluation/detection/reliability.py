@@ -5,12 +5,14 @@ AAAI 2015. Bins have equal width.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes, pair_boxes
 from perception.evaluation.detection.protocol import DetectionClass
+from perception.evaluation.report import Metric, Metrics
 from perception.types import Bool, Float64, Int
 
 
@@ -28,7 +30,7 @@ class Correctness:
 
 
 @dataclass(frozen=True)
-class Reliability:
+class Reliability(Metrics):
     """Detections in B bins of their scores, without empty bins.
 
     Attributes:
@@ -42,7 +44,7 @@ class Reliability:
     counts: Int
 
     @property
-    def expected_calibration_error(self) -> float:
+    def expected_calibration_error(self) -> Annotated[float, Metric("ECE", ".3f")]:
         """Mean difference of score and share of correct detections over all detections; NaN of none."""
         if not len(self.counts):
             return float("nan")

@@ -106,7 +106,7 @@ class RobustnessReport(Report):
         """Return the metrics by corruption, level and detector, at every difficulty."""
         return {
             corruption: {
-                f"{level:g}": {name: found.to_json(self.config) for name, found in row.items()}
+                f"{level:g}": {name: found.to_json() for name, found in row.items()}
                 for level, row in levels.items()
             }
             for corruption, levels in self.rows.items()

@@ -7,16 +7,15 @@ also unmatched predictions that are too low, or that lie in a region without lab
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from perception.errors import PerceptionError, UsageError
-from perception.evaluation.config import KittiTrackingConfig
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
-from perception.types import Bool, Float64, Int
+from perception.types import ArrayTable, Bool, Float64, Int
 
 KittiClass = Literal["car", "pedestrian", "cyclist"]
 # Class: similar classes, all in lower case.
@@ -25,50 +24,38 @@ NEIGHBOURS: dict[KittiClass, tuple[str, ...]] = {
     "pedestrian": ("person", "person_sitting"),
     "cyclist": (),
 }
+MIN_IOU = 0.5  # overlap in the image from which on a prediction is matched to a true box
+MAX_TRUNCATION = 0  # level of true boxes that are evaluated
+MAX_OCCLUSION = 2  # level of true boxes that are evaluated
+_MIN_HEIGHT_PX = 25.0  # that an unmatched prediction must exceed to be false
+_MAX_DONT_CARE = 0.5  # share of its area that a false one may have in one DontCare region
 _DONT_CARE = "dontcare"
 _ROUNDING = np.finfo(np.float64).eps
 
 
-class BoxRows(Protocol):
-    """N labelled or predicted boxes of a sequence, in any order: parallel arrays."""
+@dataclass(frozen=True)
+class ImageBoxes(ArrayTable):
+    """N labelled or predicted boxes of a sequence, in any order.
 
-    @property
-    def frames(self) -> Int:
-        """(N,) Number of the frame, from 0."""
-        ...
+    Attributes:
+        frames: (N,) Number of the frame, from 0.
+        ids: (N,) Track id, below 0 where a row has no track.
+        types: (N,) Class name in any case.
+        truncation: (N,) Level; not read from predictions.
+        occlusion: (N,) Level; not read from predictions.
+        boxes_px: (N, 4) Box x1 y1 x2 y2.
+    """
 
-    @property
-    def ids(self) -> Int:
-        """(N,) Track id, below 0 where a row has no track."""
-        ...
-
-    @property
-    def types(self) -> np.ndarray:
-        """(N,) Class name in any case."""
-        ...
-
-    @property
-    def truncation(self) -> Float64:
-        """(N,) Level; not read from predictions."""
-        ...
-
-    @property
-    def occlusion(self) -> Float64:
-        """(N,) Level; not read from predictions."""
-        ...
-
-    @property
-    def boxes_px(self) -> Float64:
-        """(N, 4) Box x1 y1 x2 y2."""
-        ...
+    frames: Int
+    ids: Int
+    types: np.ndarray
+    truncation: Float64
+    occlusion: Float64
+    boxes_px: Annotated[Float64, 4]
 
 
 def kitti_frames(
-    truth: BoxRows,
-    predictions: BoxRows,
-    class_name: KittiClass,
-    frame_count: int,
-    config: KittiTrackingConfig | None = None,
+    truth: ImageBoxes, predictions: ImageBoxes, class_name: KittiClass, frame_count: int
 ) -> list[TrackedFrame]:
     """Return the evaluated boxes of each frame with their IoU in the image.
 
@@ -77,9 +64,7 @@ def kitti_frames(
         predictions: Boxes of a tracker.
         class_name: Class that is evaluated, "car", "pedestrian" or "cyclist".
         frame_count: Number of frames of the sequence.
-        config: Thresholds of the benchmark.
     """
-    config = config or KittiTrackingConfig()
     if class_name not in NEIGHBOURS:
         known = ", ".join(NEIGHBOURS)
         raise UsageError("class", expected=f"one of {known}", found=repr(class_name))
@@ -88,8 +73,8 @@ def kitti_frames(
     predicted = (predicted_types == class_name) & (predictions.ids >= 0)
     is_evaluated = (
         (true_types == class_name)
-        & (truth.truncation <= config.max_truncation)
-        & (truth.occlusion <= config.max_occlusion)
+        & (truth.truncation <= MAX_TRUNCATION)
+        & (truth.occlusion <= MAX_OCCLUSION)
     )
     slices = zip(
         _by_frame(truth.frames, near, frame_count),
@@ -99,11 +84,7 @@ def kitti_frames(
     )
     return [
         _exclude_ignored(
-            _TrueBoxes(truth.ids[true], truth.boxes_px[true], is_evaluated[true]),
-            truth.boxes_px[regions],
-            predictions.ids[given],
-            predictions.boxes_px[given],
-            config,
+            truth[true], is_evaluated[true], truth.boxes_px[regions], predictions[given]
         )
         for true, regions, given in slices
     ]
@@ -123,30 +104,21 @@ def _by_frame(frames: Int, mask: Bool, frame_count: int) -> Iterator[Int]:
     return (rows[start:end] for start, end in pairwise(ends))
 
 
-@dataclass(frozen=True)
-class _TrueBoxes:
-    """The true boxes of a class and its neighbours in one frame."""
-
-    ids: Int
-    boxes_px: Float64
-    is_evaluated: Bool
-
-
 def _exclude_ignored(
-    true: _TrueBoxes, regions_px: Float64, ids: Int, boxes_px: Float64, config: KittiTrackingConfig
+    truth: ImageBoxes, is_evaluated: Bool, regions_px: Float64, predictions: ImageBoxes
 ) -> TrackedFrame:
-    """Leave out the boxes that are neither right nor wrong."""
-    iou = iou_px(true.boxes_px, boxes_px)
-    is_near = iou >= config.min_iou - _ROUNDING
+    """Leave out the boxes of one frame that are neither right nor wrong."""
+    boxes_px = predictions.boxes_px
+    iou = iou_px(truth.boxes_px, boxes_px)
+    is_near = iou >= MIN_IOU - _ROUNDING
     rows, columns = linear_sum_assignment(np.where(is_near, iou, 0), maximize=True)
     is_pair = is_near[rows, columns]
     rows, columns = rows[is_pair], columns[is_pair]
-    is_low = boxes_px[:, 3] - boxes_px[:, 1] <= config.min_height_px
+    is_low = boxes_px[:, 3] - boxes_px[:, 1] <= _MIN_HEIGHT_PX
     share = intersection_over_area_px(boxes_px, regions_px)
-    counts_unmatched = ~is_low & ~(share > config.max_dont_care + _ROUNDING).any(axis=1)
+    counts = ~is_low & ~(share > _MAX_DONT_CARE + _ROUNDING).any(axis=1)
     # A matched prediction is evaluated if its true box is, whatever its height and position.
-    is_evaluated = counts_unmatched
-    is_evaluated[columns] = true.is_evaluated[rows]
+    counts[columns] = is_evaluated[rows]
     return TrackedFrame(
-        true.ids[true.is_evaluated], ids[is_evaluated], iou[true.is_evaluated][:, is_evaluated]
+        truth.ids[is_evaluated], predictions.ids[counts], iou[is_evaluated][:, counts]
     )
