@@ -28,8 +28,8 @@ from perception.evaluation.multi_object.track_assignment import (
 from perception.evaluation.multi_object.track_errors import (
     FalseTracks,
     MatchedErrors,
-    ObjectTracking,
     TargetErrors,
+    TrackedShare,
     TrackOutcomes,
     find_false_tracks,
     target_errors,
@@ -79,7 +79,7 @@ class DatmoReport(Report):
     by_overlap: MotMetrics
     by_loose_overlap: MotMetrics
     errors: MatchedErrors
-    objects: Mapping[str, ObjectTracking]
+    objects: Mapping[str, TrackedShare]
     never_tracked: list[int]
     false_tracks: FalseTracks
     frames: Annotated[int, Metric("frames")]
@@ -126,7 +126,7 @@ class DatmoComparison(Report):
             *(
                 Table(
                     f"Objects that must be tracked: {name}",
-                    ObjectTracking.columns(),
+                    TrackedShare.columns(),
                     one.objects,
                     heading="object",
                 )

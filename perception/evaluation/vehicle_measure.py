@@ -141,7 +141,7 @@ def _nearest_m(points: Float) -> float:
 
 
 @dataclass(frozen=True)
-class SharedIds(SummedMetrics):
+class ColocatedObjects(SummedMetrics):
     """Moving objects at the position of a confirmed vehicle, summed over frames.
 
     Attributes:
@@ -167,7 +167,7 @@ class VehicleReport(Report):
     frames: Annotated[int, CONTEXT]
     tracking: MotMetrics
     location: Mapping[str, LocationMetrics]
-    ids: SharedIds
+    ids: ColocatedObjects
 
     def tables(self) -> list[Table[Any]]:
         """Return the tracks, and the errors by range with the number of shared ids below."""
@@ -194,7 +194,7 @@ class VehicleMeasure:
         self._display_score = display_score
         self._frames: list[TrackedFrame] = []
         self._errors: list[LocationErrors] = []
-        self._ids = SharedIds()
+        self._ids = ColocatedObjects()
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame; a frame without a camera, in which nothing can be detected, is left out."""
@@ -207,7 +207,7 @@ class VehicleMeasure:
         true = labels[is_moderate & (labels.types == "Car")]
         points = result.frame.points_velo
         self._errors.append(location_errors(vehicles, true.boxes_px, true.boxes_velo, points))
-        self._ids += _shared_ids(vehicles, result.tracks)
+        self._ids += _colocated_objects(vehicles, result.tracks)
 
     def compute(self) -> VehicleReport:
         """Return the metrics of all frames so far.
@@ -251,11 +251,13 @@ def _predicted_boxes(vehicles: Vehicles, display_score: float) -> ImageBoxes:
     return boxes[(vehicles.ids >= 0) & (detections.scores >= display_score)]
 
 
-def _shared_ids(vehicles: Vehicles, tracks: Tracks) -> SharedIds:
+def _colocated_objects(vehicles: Vehicles, tracks: Tracks) -> ColocatedObjects:
     rows = np.flatnonzero((vehicles.ids >= 0) & np.isfinite(vehicles.boxes.yaw_rad))
     overlaps = iou_bev(vehicles.boxes[rows], tracks.boxes) >= _SAME_PLACE_IOU
     is_same = vehicles.ids[rows][:, None] == tracks.ids
-    return SharedIds(int(overlaps.any(axis=0).sum()), int((overlaps & is_same).any(axis=0).sum()))
+    return ColocatedObjects(
+        int(overlaps.any(axis=0).sum()), int((overlaps & is_same).any(axis=0).sum())
+    )
 
 
 def _quantiles(values: Float64) -> tuple[float, float]:

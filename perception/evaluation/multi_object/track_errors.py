@@ -64,10 +64,10 @@ class TargetErrors(ArrayTable):
             width_m=_mean(np.abs(matched.width_errors_m)),
         )
 
-    def of_object(self, kind: str | None) -> "ObjectTracking":
+    def of_object(self, kind: str | None) -> "TrackedShare":
         """Return how one object was tracked, of its rows and its class name."""
         matched = self.matched
-        return ObjectTracking(
+        return TrackedShare(
             type=kind,
             speed_m_s=_median(self.object_speeds_m_s),
             frames=len(self),
@@ -103,7 +103,7 @@ class MatchedErrors(Metrics):
 
 
 @dataclass(frozen=True)
-class ObjectTracking(Metrics):
+class TrackedShare(Metrics):
     """Tracking of one object.
 
     Attributes:
