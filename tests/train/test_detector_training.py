@@ -14,6 +14,7 @@ from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections
 from tests.faults import fault
+from tests.train.events import hyperparameters_of, require_costs
 from tests.train.interrupted import KilledAfter
 from tests.train.toy_crops import ToyCrops
 from tests.train.toy_images import SIZE, ToyImages, tiny_network
@@ -197,6 +198,16 @@ def test_tensorboard_has_metrics_and_images(tmp_path):
     assert any(name.startswith("lr-") for name in tags)
     assert len(events.Scalars("validation/moderate")) == 2
     assert {"validation/images", "validation/curves"} <= set(events.Tags()["images"])
+    require_costs(tmp_path, epochs=2)
+    shown, best = hyperparameters_of(tmp_path)
+    assert (shown["network"], shown["loss/box"], shown["optimizer/ema_decay"]) == (
+        "tiny",
+        "ciou",
+        0.8,
+    )
+    precisions = [event.value for event in events.Scalars("validation/moderate")]
+    assert best["best/validation/moderate"] == max(precisions)
+    assert set(best) == {f"best/{one.metric}" for one in RANKING}
     image = events.Images("validation/images")[0]
     assert (image.width, image.height) == (13 * 96, 13 * 5 * 64)
 

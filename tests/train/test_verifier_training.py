@@ -12,6 +12,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from perception.errors import ModelError, WriteError
 from tests.faults import fault
+from tests.train.events import hyperparameters_of, require_costs
 from tests.train.interrupted import KilledAfter
 from tests.train.toy_crops import ToyCrops, toy_batch
 from train.box_overlap import paired_iou
@@ -149,6 +150,12 @@ def test_tensorboard_has_metrics_and_images(tmp_path):
     shown = set(events.Tags()["images"])
     assert {"augmentation/flip", "augmentation/jitter", "validation/boxes"} <= shown
     assert len(events.Images("augmentation/flip")) == 1
+    require_costs(tmp_path, epochs=2)
+    shown, best = hyperparameters_of(tmp_path)
+    assert (shown["method"], shown["optimizer/learning_rate"]) == ("default", 0.05)
+    accuracies = [event.value for event in events.Scalars("validation/balanced_accuracy")]
+    assert best["best/validation/balanced_accuracy"] == max(accuracies)
+    assert best["best/validation/loss"] > 0
 
 
 def test_the_terminal_stays_tidy(tmp_path, capfd):

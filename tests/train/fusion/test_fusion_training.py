@@ -14,6 +14,7 @@ from perception.detection.fusion.score_calibration import BetaCalibration, Fusio
 from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Correctness, measure_reliability
 from tests.faults import fault
+from tests.train.events import hyperparameters_of
 from tests.train.fusion.test_mlp_least_squares import toy_rows
 from train.config import TrainingRun
 from train.folder import TrainingFolder
@@ -47,6 +48,10 @@ def test_both_methods_write_a_network_to_export(tmp_path, method):
     events = EventAccumulator(str(tmp_path)).Reload()
     assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
     assert len(events.Scalars("validation/mse")) >= 2
+    assert {"train/gradient_norm"} <= set(events.Tags()["scalars"])
+    shown, best = hyperparameters_of(tmp_path)
+    assert (shown["variant"], shown["optimiser"]) == ("scores", method)
+    assert best["best/validation/mse"] == pytest.approx(fitted.validation, rel=1e-3)
     exported = export_fusion(ExportConfig(fitted.checkpoint))
     exported.require_parity("toy")
     assert exported.variants["fp32"].parity["features"].rows == 63
