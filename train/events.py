@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from lightning.pytorch import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
-from lightning.pytorch.utilities import grad_norm
 from lightning.pytorch.utilities.data import extract_batch_size
+from torch.nn.utils import get_total_norm
 from torch.optim import Optimizer
 
 from perception.types import Float64
@@ -37,7 +37,8 @@ class TrainingStatistics(Callback):
         self, trainer: Trainer, pl_module: LightningModule, optimizer: Optimizer
     ) -> None:
         """Log the norm of the gradient of a step."""
-        norm = grad_norm(pl_module, norm_type=2)["grad_2.0_norm_total"]
+        gradients = [one.grad for one in pl_module.parameters() if one.grad is not None]
+        norm = get_total_norm(gradients)
         pl_module.log("train/gradient_norm", norm, on_step=False, on_epoch=True, batch_size=1)
 
     def on_train_batch_end(

@@ -49,11 +49,6 @@ class TrainingFolder:
         return cls(out, out / LAST if resume == "last" else Path(resume), on_start)
 
     @property
-    def config(self) -> Path:
-        """Configuration of the training."""
-        return self.out / "config.yaml"
-
-    @property
     def best(self) -> Path:
         """Checkpoint of the best epoch."""
         return self.out / BEST

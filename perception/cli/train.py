@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from data.detections.config import DetectorModelPaths, FusionDataConfig
+from data.results.command_config import CommandConfig
 from data.samples.config import TrainingDrives
 from data.samples.crops.config import CropDataConfig
 from data.samples.images.config import ImageDataConfig
@@ -32,9 +33,9 @@ from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 _RESULTS = Path("results")
 # Module of each training, and what it reads with a progress bar.
 _TRAINERS = {
-    "detector": ("train.detector.run", "images"),
-    "depthcn": ("train.verifier.run", "proposals"),
-    "fusion": ("export.trained_fusion", "detections"),
+    "train detector": ("train.detector.run", "images"),
+    "train depthcn": ("train.verifier.run", "proposals"),
+    "train fusion": ("export.trained_fusion", "detections"),
 }
 _TRAINER, _DETECTOR_TRAINER = TrainerConfig(), TrainerConfig(precision="auto")
 _MODEL, _IMAGES, _LOSS = DetectorModelConfig(), ImageDataConfig(), DetectionLossConfig()
@@ -80,6 +81,7 @@ def train_detector(  # noqa: PLR0913 - flags of a command
     *,
     modality: Modality,
     training: TrainingFlags,
+    config: CommandConfig,
     preset: Preset = "default",
     epochs: int = 40,
     out: Path = _RESULTS / "detector",
@@ -114,7 +116,7 @@ def train_detector(  # noqa: PLR0913 - flags of a command
         training.drives(drives), modality, model, data, optimizer, loss, weights
     )
     run = training.run(epochs, trainer)
-    trained = _run("detector", experiment, run, out, training.resume)
+    trained = _run(config, experiment, run, out, training.resume)
     if trained is not None:
         frames = trained.counts["validation_frames"]
         title = f"{model.network} on {modality}, epoch {trained.epoch}: AP [%] on {frames} validation frames"
@@ -129,6 +131,7 @@ def train_depthcn(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     training: TrainingFlags,
+    config: CommandConfig,
     method: Method = "default",
     epochs: int = 40,
     out: Path = _RESULTS / "depthcn",
@@ -154,7 +157,7 @@ def train_depthcn(  # noqa: PLR0913 - flags of a command
     """
     experiment = VerifierExperiment(training.drives(drives), method, data, optimizer)
     run = training.run(epochs, trainer)
-    trained = _run("depthcn", experiment, run, out, training.resume)
+    trained = _run(config, experiment, run, out, training.resume)
     if trained is not None:
         counts = ("crops", "vehicles")
         rows = {
@@ -175,6 +178,7 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     training: TrainingFlags,
+    config: CommandConfig,
     variant: FusionVariant = "default",
     epochs: int = 4,
     sweep: tuple[int, ...] = (),
@@ -204,12 +208,12 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
         data: Split and cache.
         fit: Hidden layers, and how they are fitted.
     """
-    module, _ = _TRAINERS["fusion"]
+    module, _ = _TRAINERS["train fusion"]
     experiment = import_trainer(module).FusionExperiment(
         training.drives(drives), fit.training(variant), models, data, sweep, sweep_two
     )
     run = training.run(epochs, replace(_TRAINER, accelerator="cpu"))
-    trained = _run("fusion", experiment, run, out, training.resume)
+    trained = _run(config, experiment, run, out, training.resume)
     title = (
         f"Fusion, {variant}, {trained.metadata['hidden']} neurons, mean square error "
         f"{trained.fitted.validation:.4f}: AP [%] on {trained.counts['test_frames']} test frames"
@@ -219,33 +223,30 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
     _report(table, trained, out, trained.file)
 
 
-def _run(  # what the module returns
-    command: str, experiment: object, run: TrainingRun, out: Path, resume: str | None
-) -> Any:  # noqa: ANN401
-    from data.results.documents import write_yaml
+def _run(
+    config: CommandConfig, experiment: object, run: TrainingRun, out: Path, resume: str | None
+) -> Any:  # noqa: ANN401 - what the module returns
     from perception.cli.progress import frame_progress_bar
 
-    config = {"experiment": experiment, "run": run}
-    folder = TrainingFolder.open(out, resume, lambda: write_yaml(out / "config.yaml", config))
-
-    module, progress = _TRAINERS[command]
+    module, progress = _TRAINERS[config.command]
     run_experiment = import_trainer(module).run_experiment
+    folder = TrainingFolder.open(out, resume, lambda: config.write(out))
     try:
         return run_experiment(experiment, run, folder, frame_progress_bar(progress))
     except KeyboardInterrupt as error:
-        raise KeyboardInterrupt(_how_to_go_on(command, folder)) from error
+        raise KeyboardInterrupt(_how_to_go_on(config, folder)) from error
     except WriteError as error:
-        advice = f"make room and {_how_to_go_on(command, folder)}"
+        advice = f"make room ({_how_to_go_on(config, folder)})"
         raise WriteError(
             error.where, expected=error.expected, found=error.found, advice=advice
         ) from error
 
 
-def _how_to_go_on(command: str, folder: TrainingFolder) -> str:
+def _how_to_go_on(config: CommandConfig, folder: TrainingFolder) -> str:
     if not folder.last.exists():
         return "start again with the same command, as no epoch is complete"
-    flags = f"--config {folder.config} --out {folder.out} --resume last"
-    return f"go on with: trifuse train {command} {flags}"
+    flags = f"--config {folder.out / 'config.yaml'} --out {folder.out} --resume last"
+    return f"go on with: trifuse {config.command} {flags}"
 
 
 def import_trainer(module: str) -> Any:  # noqa: ANN401 - a module

@@ -81,7 +81,7 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert [counts[f"{part}_frames"] for part in ("training", "validation", "test")] == [4, 1, 1]
     assert metrics["metadata"]["calibration"] == fusion.metadata["calibration"]
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert written["experiment"]["training"]["network"]["variant"] == variant
+    assert written["variant"] == variant
     pictures = {path.stem for path in out.glob("*.png")}
     assert {"rescoring", "steps", "reliability"} <= pictures
     assert ("sizes" in pictures) == (variant == "scores")
