@@ -101,6 +101,9 @@ Help:        trifuse COMMAND --help
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return 0, 2 where the user has to act, or 130 after an interrupt."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        # Processes that libraries start for a command import nothing from the working folder.
+        os.environ["PYTHONSAFEPATH"] = "1"
     if not words or words[0] in ("-h", "--help", "help"):
         print(_overview())
         return 0

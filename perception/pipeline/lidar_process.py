@@ -13,10 +13,9 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from typing import IO, Any, cast
 
 from perception.errors import PerceptionError
@@ -26,6 +25,10 @@ from perception.pipeline.lidar_stages import LidarResult, LidarStages
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.types import Frame
+
+# The other process finds modules where this one does. `python -P -c` does not put the working folder first, which may
+# hold a user's random.py.
+_START = f"import sys; sys.path[:] = sys.argv[1:]; from {__name__} import serve; serve()"
 
 
 class LidarProcess:
@@ -43,10 +46,9 @@ class LidarProcess:
         """
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", f"from {__name__} import serve; serve()"],
+                [sys.executable, "-P", "-c", _START, *map(os.path.abspath, sys.path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env=_environment(),
             )
         except OSError as error:
             raise PerceptionError(
@@ -112,12 +114,6 @@ class LidarProcess:
     @property
     def _responses(self) -> IO[bytes]:
         return cast(IO[bytes], self._process.stdout)
-
-
-def _environment() -> Mapping[str, str]:
-    """Return the environment in which the other process imports what this one can."""
-    paths = [str(Path(place).absolute()) for place in sys.path]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _write(message: object, stream: IO[bytes]) -> None:

@@ -1,5 +1,6 @@
 """The console script: commands, groups, exit codes, and what is written to which stream."""
 
+import os
 import subprocess
 import sys
 import time
@@ -77,3 +78,23 @@ def test_help_is_quick():
     )  # fmt: skip
     # 0.4 s on an idle machine; the limit leaves room for tests beside this one.
     assert time.perf_counter() - start_s < 3
+
+
+def test_processes_of_a_command_import_nothing_from_the_working_folder(tmp_path):
+    for name in ("random", "types", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise RuntimeError('a file of the user')\n")
+    script = tmp_path / "bin" / "trifuse"
+    script.parent.mkdir()
+    script.write_text(
+        "import multiprocessing\nfrom perception.cli.main import main\n"
+        "if __name__ == '__main__':\n"
+        "    main()\n"
+        "    process = multiprocessing.get_context('spawn').Process(target=print, args=('ok',))\n"
+        "    process.start(); process.join()"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    ran = subprocess.run(
+        [sys.executable, script, "--version"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert ran.stdout.splitlines()[-1] == "ok", ran.stderr

@@ -76,6 +76,15 @@ def test_an_interrupt_is_left_to_the_one_that_started_it(street_frames, fresh):
     assert fresh.step(street_frames[0], StageClock()).is_reset
 
 
+def test_modules_in_the_working_folder_are_not_imported(street_frames, monkeypatch, tmp_path):
+    (tmp_path / "perception").mkdir()
+    for name in ("perception/__init__", "random", "types", "numpy"):
+        (tmp_path / f"{name}.py").write_text("raise RuntimeError('a file of the user')\n")
+    monkeypatch.chdir(tmp_path)
+    with closing(LidarProcess(HDL_64E, CONFIG)) as process:
+        assert process.step(street_frames[0], StageClock()).is_reset
+
+
 def test_one_that_has_ended_is_said_to_have(street_frames):
     process = LidarProcess(HDL_64E, CONFIG)
     process.reset()
