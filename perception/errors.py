@@ -3,6 +3,7 @@
 Libraries raise them; the command line prints one as a sentence and exits with code 2.
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,8 @@ class PerceptionError(Exception):
         """
         self.where, self.expected, self.found, self.advice = str(where), expected, found, advice
         sentence = f"{where}: expected {expected}, found {found}"
-        super().__init__(f"{sentence}; {advice}." if advice else f"{sentence}.")
+        # No full stop: an advice often ends with a command, which is copied.
+        super().__init__(f"{sentence}; {advice}" if advice else sentence)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep all fields when the error is sent from a worker process."""
@@ -87,5 +89,26 @@ class MissingDependencyError(PerceptionError):
             needed_for,
             expected=f"the Python package {package}",
             found=str(reason),
-            advice=f'install it with: pip install "trifuse[{extra}]"',
+            advice=f"install it with: {pip_command(extra)}",
         )
+
+
+def pip_command(extra: str) -> str:
+    """Return the command that adds an extra to this installation: a source tree, a wheel file, or a release."""
+    root = Path(__file__).parents[1]
+    if (root / "pyproject.toml").is_file():
+        return f'pip install --editable "{root}[{extra}]"'
+    origin = f" @ {url}" if (url := _wheel_url()) else ""
+    return f'pip install "trifuse[{extra}]{origin}"'
+
+
+def _wheel_url() -> str | None:
+    """Return where pip has the package from, unless it was asked for by name."""
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    try:
+        record = distribution("trifuse").read_text("direct_url.json")
+    except PackageNotFoundError:
+        return None
+    url: str | None = json.loads(record)["url"] if record else None
+    return url

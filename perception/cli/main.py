@@ -39,9 +39,9 @@ class Command:
                 raise
             raise PerceptionError(
                 module,
-                expected="the benchmarks/ folder of the source tree",
-                found="none",
-                advice="clone the project and install it with: pip install --editable .",
+                expected="the folder benchmarks/, which the source tree holds and the wheel does not",
+                found="a wheel",
+                advice="in the source tree of this version, run: pip install --editable ./",
             ) from error
         return function
 

@@ -45,7 +45,7 @@ def test_openvino_says_the_same(tmp_path):
 
 def test_openvino_that_is_missing_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "openvino", None)
-    with pytest.raises(MissingDependencyError, match=r'pip install "trifuse\[bench\]"'):
+    with fault(MissingDependencyError, expected="openvino", advice='[bench]"'):
         openvino_network(tmp_path / "any.onnx", 1)
 
 

@@ -136,6 +136,6 @@ def test_what_is_wrong_is_said_in_one_sentence(small, capsys):
     (results / "0001.txt").unlink()
     (results / "0000.txt").write_text(LABELS)
     assert evaluate(results, "--labels", labels) == 2
-    assert "0000.txt row 1: expected 18 columns, found 17." in capsys.readouterr().err
+    assert "0000.txt row 1: expected 18 columns, found 17" in capsys.readouterr().err
     assert evaluate(results, "--labels", labels, "--classes", "car,bus") == 2
     assert "--classes: expected car, pedestrian, cyclist, found car,bus" in capsys.readouterr().err

@@ -83,12 +83,12 @@ def test_labels_without_objects_and_results_without_rows(tmp_path: Path):
 @pytest.mark.parametrize(
     ("row", "sentence"),
     [
-        (FOUND.rsplit(" ", 1)[0], "row 2: expected 16 columns, type to score, found 15."),
-        (f"{FOUND} 1", "row 2: expected 16 columns, type to score, found 17."),
-        ("Car", "row 2: expected 16 columns, type to score, found 1."),
-        (FOUND.replace("0.93", "nan"), "finite numbers after the type, as score is, found 'nan'."),
-        (FOUND.replace("0.93", "-inf"), "as score is, found '-inf'."),
-        (FOUND.replace("630", "6e3o"), "as x2 is, found '6e3o'."),
+        (FOUND.rsplit(" ", 1)[0], "row 2: expected 16 columns, type to score, found 15"),
+        (f"{FOUND} 1", "row 2: expected 16 columns, type to score, found 17"),
+        ("Car", "row 2: expected 16 columns, type to score, found 1"),
+        (FOUND.replace("0.93", "nan"), "finite numbers after the type, as score is, found 'nan'"),
+        (FOUND.replace("0.93", "-inf"), "as score is, found '-inf'"),
+        (FOUND.replace("630", "6e3o"), "as x2 is, found '6e3o'"),
     ],
 )
 def test_results_that_cannot_be_read(folders, row: str, sentence: str):
@@ -102,9 +102,9 @@ def test_results_that_cannot_be_read(folders, row: str, sentence: str):
 @pytest.mark.parametrize(
     ("row", "sentence"),
     [
-        ("Car 0 0 1", "expected 15 columns, type to ry, found 4."),
-        (CAR.replace(" 1 ", " one ", 1), "as occlusion is, found 'one'."),
-        (CAR.replace("0.10", "NaN"), "as truncation is, found 'NaN'."),
+        ("Car 0 0 1", "expected 15 columns, type to ry, found 4"),
+        (CAR.replace(" 1 ", " one ", 1), "as occlusion is, found 'one'"),
+        (CAR.replace("0.10", "NaN"), "as truncation is, found 'NaN'"),
     ],
 )
 def test_labels_that_cannot_be_read(folders, row: str, sentence: str):
