@@ -59,10 +59,10 @@ class BeamPattern:
 
     def fits(self, sensor: LidarModel) -> bool:
         """Return whether the number, the range and the spacing of the elevations are those of a sensor."""
-        spacings_rad = -np.diff(sensor.elevations_rad)
-        low_rad = spacings_rad.min() / _SPACING_TOLERANCE
+        # Some sensors have their beams closer together at the horizon than elsewhere.
+        low_rad, high_rad = np.quantile(-np.diff(sensor.elevations_rad), (0.25, 0.75))
         return bool(
-            low_rad <= self.spacing_rad <= spacings_rad.max() * _SPACING_TOLERANCE
+            low_rad / _SPACING_TOLERANCE <= self.spacing_rad <= high_rad * _SPACING_TOLERANCE
             and self.lines <= _MAX_LINES_RATIO * sensor.beams
             and self._is_outside(sensor).mean() <= _MAX_SHARE_OUTSIDE
         )

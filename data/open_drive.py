@@ -1,5 +1,7 @@
 """Open the drive at a path, in any layout."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,30 +46,45 @@ def open_drive(
         images: Whether frames carry images.
 
     Raises:
-        DriveError: The path holds no drive, or several and no sequence is given.
+        DriveError: The path holds no drive, or several and no sequence is given, or it cannot be read.
     """
-    place = _detect_layout(path)
-    if place.layout in ("raw", "object"):
-        _reject_sequence(path, sequence)
-        chosen = ""
-    else:
-        chosen = _choose(place, sequence)
-    folder = place.folder / chosen if place.layout == "date" else place.folder
-    model = _sensor(folder, sensor)
-    if place.layout == "tracking":
-        return open_tracking(folder, chosen, model, images=images)
-    if place.layout == "object":
-        return open_objects(folder, model, images=images)
-    return open_raw(folder, model, images=images)
+    with _readable(path):
+        place = _detect_layout(path)
+        if place.layout in ("raw", "object"):
+            _reject_sequence(path, sequence)
+            chosen = ""
+        else:
+            chosen = _choose(place, sequence)
+        folder = place.folder / chosen if place.layout == "date" else place.folder
+        model = _sensor(folder, sensor)
+        if place.layout == "tracking":
+            return open_tracking(folder, chosen, model, images=images)
+        if place.layout == "object":
+            return open_objects(folder, model, images=images)
+        return open_raw(folder, model, images=images)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise DriveError(
+            error.filename or path,
+            expected="files and folders that can be read",
+            found=error.strerror or str(error),
+            advice="give yourself the permission to read them",
+        ) from error
 
 
 def sequences_in(path: Path) -> list[str | None]:
     """Return the values of `sequence` with which `open_drive` opens each drive of a path in turn.
 
     Raises:
-        DriveError: The path holds no drive.
+        DriveError: The path holds no drive, or cannot be read.
     """
-    return list(_detect_layout(path).sequences) or [None]
+    with _readable(path):
+        return list(_detect_layout(path).sequences) or [None]
 
 
 def _detect_layout(path: Path) -> _DriveLocation:

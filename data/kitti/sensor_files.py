@@ -49,11 +49,7 @@ class FrameFiles:
 
     @classmethod
     def within(cls, folder: Path, suffixes: tuple[str, ...]) -> "FrameFiles":
-        """List a folder; one that does not exist holds no files.
-
-        Raises:
-            DriveError: The folder cannot be listed.
-        """
+        """List a folder; one that does not exist holds no files."""
         found = [path for path in list_folder(folder) if path.suffix in suffixes]
         return cls(folder, tuple(sorted(found, key=_natural_key)))
 
@@ -142,30 +138,14 @@ def join_notes(scans: FrameFiles, files_of: Mapping[str, FrameFiles]) -> tuple[s
 
 
 def list_folder(folder: Path) -> list[Path]:
-    """Return the entries of a folder that are not hidden; none where there is no folder.
-
-    Raises:
-        DriveError: The folder cannot be listed.
-    """
-    try:
-        return [path for path in folder.iterdir() if not path.name.startswith(".")]
-    except (FileNotFoundError, NotADirectoryError):
+    """Return the entries of a folder that are not hidden; none where there is no folder."""
+    if not folder.is_dir():
         return []
-    except OSError as error:
-        raise DriveError(
-            folder,
-            expected="a folder that can be read",
-            found=error.strerror or type(error).__name__,
-            advice="allow reading and listing it",
-        ) from error
+    return [path for path in folder.iterdir() if not path.name.startswith(".")]
 
 
 def describe_folder(folder: Path) -> str:
-    """Return what a folder holds in a few words.
-
-    Raises:
-        DriveError: The folder cannot be listed.
-    """
+    """Return what a folder holds in a few words."""
     groups: dict[str, list[str]] = {}
     for path in sorted(list_folder(folder)):
         groups.setdefault("" if path.is_dir() else path.suffix, []).append(path.name)

@@ -147,13 +147,15 @@ def test_scans_alone_in_a_folder_are_told_their_place(tmp_path):
         open_drive(tmp_path)
 
 
-def test_a_folder_that_may_not_be_read(tmp_path, monkeypatch):
+@pytest.mark.parametrize("call", ["iterdir", "is_dir"])
+def test_a_folder_that_may_not_be_read(tmp_path, monkeypatch, call):
     def refuse(path):
-        raise PermissionError(13, "Permission denied")
+        raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(Path, "iterdir", refuse)
-    with fault(DriveError, str(tmp_path), "a folder that can be read", "Permission denied"):
-        open_drive(tmp_path)
+    monkeypatch.setattr(Path, call, refuse)
+    for read in (open_drive, sequences_in):
+        with fault(DriveError, str(tmp_path), "that can be read", "Permission denied"):
+            read(tmp_path)
 
 
 def test_the_real_raw_drive(kitti_root):
