@@ -72,7 +72,7 @@ def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
     from perception.detection.depthcn.detector import DepthCn
     from perception.evaluation.vehicle_measure import PROTOCOL_WORDS, VehicleMeasure
 
-    labelled = open_labelled_drive(root, drive)
+    labelled = open_labelled_drive(root, drive, images=detector == "fused")
     if not isinstance(labelled, KittiSequence) or labelled.label_file is None:
         raise DriveError(
             labelled.root,

@@ -67,15 +67,20 @@ class EvaluationDocument:
     networks: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
-def open_labelled_drive(root: Path, flags: DriveFlags) -> Drive:
+def open_labelled_drive(root: Path, flags: DriveFlags, *, images: bool = False) -> Drive:
     """Open a drive that has labels or exact truth to measure against.
+
+    Args:
+        root: Folder of the drive.
+        flags: Sequence and sensor.
+        images: Whether frames carry images.
 
     Raises:
         DriveError: The path holds no such drive.
     """
     from data.open_drive import open_drive
 
-    drive = open_drive(root, sequence=flags.sequence, sensor=flags.sensor, images=False)
+    drive = open_drive(root, sequence=flags.sequence, sensor=flags.sensor, images=images)
     if not drive.has_labels and drive.point_truth(0) is None:
         raise DriveError(
             drive.root,
