@@ -21,13 +21,15 @@ from perception.render.canvas import (
     packed,
     paint_pixels,
     pixel_indices,
+    text_width_px,
 )
 from perception.render.ego_vehicle import vehicle_outline_m
 from perception.render.overlay import GroundMesh
 from perception.render.palette import Color
-from perception.types import Float, Float64, PointState, Result, UInt8, Voxels
+from perception.types import Float, Float64, Int, PointState, Result, UInt8, Voxels
 
 _RING_STEP_M = 10.0
+_SCALE_M = 5.0
 # Height above the ground from which static voxels have their full colour; they are dark at the ground.
 _FULL_HEIGHT_M = 1.8
 # Direction to the light, from the front left; slopes are drawn steeper than they are.
@@ -147,21 +149,45 @@ def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Floa
 
 
 def draw_rings(canvas: UInt8, view: BirdsEyeView) -> None:
-    """Draw range rings every ten metres around the vehicle, labelled with the radius."""
+    """Draw range rings every ten metres around the vehicle."""
     center = tuple(round(value * 2**FIXED_POINT_BITS) for value in view.vehicle_px)
     for radius_m in np.arange(_RING_STEP_M, view.reach_m, _RING_STEP_M):
-        radius_px = radius_m * view.pixels_per_m
-        shifted = round(radius_px * 2**FIXED_POINT_BITS)
-        cv2.circle(canvas, center, shifted, palette.GRID, 1, cv2.LINE_AA, FIXED_POINT_BITS)
-        at = (view.vehicle_px[0], view.vehicle_px[1] - radius_px - 4)
-        draw_text(
-            canvas,
-            f"{radius_m:.0f} m",
-            at,
-            color=palette.FAINT_TEXT,
-            height_px=9,
-            align=Align.CENTER,
-        )
+        radius = round(radius_m * view.pixels_per_m * 2**FIXED_POINT_BITS)
+        cv2.circle(canvas, center, radius, palette.GRID, 1, cv2.LINE_AA, FIXED_POINT_BITS)
+
+
+def draw_scale(canvas: UInt8, view: BirdsEyeView, text_px: int) -> list[Int]:
+    """Draw the radii of the rings ahead and behind, and a scale bar in the lower left corner.
+
+    Returns:
+        (4,) left, top, right and bottom of the areas of the text.
+    """
+    (width, height), (column, row) = view.size_px, view.vehicle_px
+    gap_px, areas = 0.6 * text_px, []
+    for x_m in np.arange(-_RING_STEP_M * 20, _RING_STEP_M * 20, _RING_STEP_M):
+        at = (column, row - x_m * view.pixels_per_m)
+        if x_m and 3 * text_px < at[1] < height - 3 * text_px:
+            areas.append(_write_on_tag(canvas, f"{abs(x_m):.0f} m", at, text_px))
+    bar_px, bottom = round(_SCALE_M * view.pixels_per_m), height - 2 * text_px
+    ends = [(2 * text_px, bottom), (2 * text_px + bar_px, bottom)]
+    for color, thick_px in ((palette.BACKGROUND, 6), (palette.TEXT, 2)):
+        cv2.line(canvas, ends[0], ends[1], color, thick_px)
+    at = (2 * text_px + bar_px / 2, bottom - text_px - gap_px)
+    area = _write_on_tag(canvas, f"{_SCALE_M:.0f} m", at, text_px)
+    return [*areas, np.array([0, area[1], 3 * text_px + bar_px, height])]
+
+
+def _write_on_tag(
+    canvas: UInt8, text: str, center_px: tuple[float, float], text_px: int
+) -> Int:
+    """Write text on a darkened part of the canvas; return (4,) left, top, right and bottom of it."""
+    half_px = np.array([text_width_px(text, text_px) / 2 + 0.4 * text_px, 0.9 * text_px])
+    low, high = np.rint(center_px - half_px).astype(int), np.rint(center_px + half_px).astype(int)
+    tag = canvas[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+    tag[:] = tag // 3
+    baseline = (center_px[0], center_px[1] + 0.5 * text_px)
+    draw_text(canvas, text, baseline, height_px=text_px, align=Align.CENTER)
+    return np.array([*low, *high])
 
 
 def draw_vehicle(canvas: UInt8, view: BirdsEyeView) -> None:

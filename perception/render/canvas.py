@@ -1,4 +1,4 @@
-"""The canvas that everything is drawn on, an (H, W, 3) RGB image: single pixels, text and tags."""
+"""The canvas that everything is drawn on, an (H, W, 3) RGB image: single pixels, and text."""
 
 from enum import Enum
 from functools import lru_cache
@@ -124,32 +124,3 @@ def text_width_px(text: str, height_px: int = 11) -> int:
 @lru_cache
 def _scale(height_px: int) -> float:
     return float(cv2.getFontScaleFromHeight(_FONT, height_px))
-
-
-def draw_tag(canvas: UInt8, text: str, box_px: Float64, color: Color, text_px: int) -> None:
-    """Write text on a dark tag above a box, or below it; nothing where the box is outside the canvas.
-
-    Args:
-        canvas: (H, W, 3) canvas.
-        text: Line of text.
-        box_px: (4,) x1 y1 x2 y2 of the box.
-        color: Colour of the tag's left edge.
-        text_px: Height of capitals.
-    """
-    height, width = canvas.shape[:2]
-    x1, y1, x2, y2 = np.clip(box_px, 0, (width, height, width, height)).tolist()
-    size = (text_width_px(text, text_px) + round(1.2 * text_px), round(1.9 * text_px))
-    if not (x2 > x1 and y2 > y1) or size[0] > width:
-        return
-    left = round(min(max((x1 + x2 - size[0]) / 2, 0), width - size[0]))
-    above, below = round(y1) - _TAG_GAP_PX - size[1], round(y2) + _TAG_GAP_PX
-    top = above if above >= 0 else min(below, height - size[1])
-    darken_tag(canvas[top : top + size[1], left : left + size[0]], color, text_px)
-    baseline = (left + 0.7 * text_px, top + 1.45 * text_px)
-    draw_text(canvas, text, baseline, color=TEXT, height_px=text_px)
-
-
-def darken_tag(tag: UInt8, color: Color, text_px: int) -> None:
-    """Darken a part of a canvas as the background of text, with a coloured left edge."""
-    tag[:] = tag // 4
-    tag[:, : max(text_px // 4, 2)] = color

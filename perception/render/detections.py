@@ -7,7 +7,8 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.maps.densify import DenseMaps
 from perception.maps.encoding import encode_depth
 from perception.render import palette
-from perception.render.canvas import FIXED_POINT_BITS, draw_tag, fixed_point
+from perception.render.canvas import FIXED_POINT_BITS, fixed_point
+from perception.render.labels import Label, draw_labels
 from perception.render.palette import Color
 from perception.types import Bool, Detections, Float64, UInt8
 
@@ -20,15 +21,17 @@ _TEXT_PX = 11
 
 
 def draw_detections(canvas: UInt8, detections: Detections, text_px: int) -> None:
-    """Draw boxes with their scores, the highest score on top; with class names where there are several classes."""
-    is_one_class = len(np.unique(detections.types)) < 2
+    """Draw boxes with class and score, the highest score on top."""
     ranked = detections[np.argsort(detections.scores, kind="stable")]
     draw_boxes(canvas, ranked.boxes_px, DETECTED, width_px=2)
-    for box_px, score, name in zip(
-        ranked.boxes_px, ranked.scores.tolist(), ranked.types.tolist(), strict=True
-    ):
-        text = f"{score:.2f}" if is_one_class else f"{name} {score:.2f}"
-        draw_tag(canvas, text, box_px, DETECTED, text_px)
+    best_first = ranked[::-1]
+    labels = [
+        Label(box_px, name, DETECTED, f"{100 * score:.0f}%")
+        for box_px, score, name in zip(
+            best_first.boxes_px, best_first.scores.tolist(), best_first.types.tolist(), strict=True
+        )
+    ]
+    draw_labels(canvas, labels, text_px)
 
 
 def draw_boxes(canvas: UInt8, boxes_px: Float64, color: Color, width_px: int = 1) -> None:
@@ -65,11 +68,13 @@ def draw_detection_errors(
     draw_boxes(canvas, scale * ignored_px, palette.FAINT_TEXT)
     draw_boxes(canvas, scale * objects_px[is_found], palette.TEXT)
     draw_boxes(canvas, scale * objects_px[~is_found], palette.STATIC, width_px=3)
+    labels = []
     for rows, color in ((~is_wrong, palette.MOVING), (is_wrong, palette.TRACKED_OBJECT)):
         shown = detections[rows]
         draw_boxes(canvas, scale * shown.boxes_px, color, width_px=2)
         for box_px, score in zip(scale * shown.boxes_px, shown.scores.tolist(), strict=True):
-            draw_tag(canvas, f"{score:.2f}", box_px, color, _TEXT_PX)
+            labels.append(Label(box_px, f"{100 * score:.0f}%", color))
+    draw_labels(canvas, labels, _TEXT_PX)
     return canvas
 
 

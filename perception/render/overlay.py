@@ -79,7 +79,7 @@ class OverlayStyle:
         gap_px: Largest gap (columns, rows) between voxels of an obstacle through which no ground is drawn.
     """
 
-    cube_opacity: float = 0.62
+    cube_opacity: float = 0.5
     ground_opacity: float = 0.34
     mesh_opacity: float = 0.22
     gap_px: tuple[int, int] = (9, 15)

@@ -1,22 +1,28 @@
-"""Colours of all images and figures, RGB 0 to 255."""
+"""The style of all images and figures: colours, RGB 0 to 255, line patterns, widths of lines and heights of text."""
+
+from dataclasses import dataclass
+from typing import Self
 
 from perception.types import Modality
 
 Color = tuple[int, int, int]
+LinePattern = tuple[float, tuple[tuple[float, float], ...]]
 
 # Ground and obstacles (static red and moving green as in thesis Fig. 5.7).
 GROUND: Color = (46, 120, 255)
 GROUND_MESH: Color = (150, 200, 255)
 STATIC: Color = (240, 62, 54)
 MOVING: Color = (64, 232, 96)
-# Colours of tracks by id. With normal vision and with each kind of colour blindness they differ from one
-# another and from the three colours above (tests/render/test_palette.py).
+# Colours of objects, neighbours far apart. With normal vision and with each kind of colour blindness
+# they differ from one another and from the three colours above (tests/render/test_palette.py).
 TRACKS: tuple[Color, ...] = (
-    (255, 240, 50),
-    (255, 80, 190),
-    (240, 250, 255),
-    (190, 145, 255),
-    (250, 190, 190),
+    (255, 255, 0),
+    (255, 85, 170),
+    (170, 255, 255),
+    (187, 119, 221),
+    (221, 187, 170),
+    (204, 255, 170),
+    (187, 187, 238),
 )
 
 # Object of the one-object tracker, its region of the image and the ring around it (thesis Fig. 5.13), the path of
@@ -27,11 +33,11 @@ RING: Color = (240, 62, 54)
 EGO_PATH: Color = (232, 84, 232)
 TRUTH: Color = (120, 235, 160)
 
-# Boxes of the detectors in image, depth map and reflectance map.
-MODALITIES: dict[Modality, Color] = {
-    "rgb": (255, 168, 36),
-    "dm": (0, 214, 255),
-    "rm": (214, 110, 255),
+# Lines of the boxes of each modality's detector: length of a pattern in pixels, and the shares of it that are drawn.
+LINE_PATTERNS: dict[Modality, LinePattern] = {
+    "rgb": (12.0, ((0.0, 0.6),)),
+    "dm": (6.0, ((0.0, 0.4),)),
+    "rm": (18.0, ((0.0, 0.5), (0.67, 0.83))),
 }
 
 # Backgrounds, text and the recording vehicle.
@@ -62,6 +68,30 @@ STAGES: tuple[Color, ...] = (
 )
 
 
-def track_color(track_id: int) -> Color:
-    """Return the colour of a track."""
-    return TRACKS[track_id % len(TRACKS)]
+def track_color(number: int) -> Color:
+    """Return the colour of an object by its number; grey of one without a track, -1."""
+    return TRACKS[number % len(TRACKS)] if number >= 0 else FAINT_TEXT
+
+
+def dimmed(color: Color, light: float) -> Color:
+    """Return a colour at a share of its brightness."""
+    red, green, blue = color
+    return round(light * red), round(light * green), round(light * blue)
+
+
+@dataclass(frozen=True)
+class Style:
+    """Line width and text height.
+
+    Attributes:
+        line_px: Width of lines in pixels.
+        text_px: Height of capitals in pixels.
+    """
+
+    line_px: int = 2
+    text_px: int = 10
+
+    @classmethod
+    def of_height(cls, height_px: int) -> Self:
+        """Return a style that is legible in an image of a height."""
+        return cls(max(round(height_px / 450), 1), max(round(height_px / 90), 7))

@@ -8,14 +8,53 @@ import cv2
 import numpy as np
 
 from perception.render.canvas import blank_canvas, draw_text, text_width_px
-from perception.render.palette import PANEL, Color
-from perception.types import Float64, UInt8
+from perception.render.palette import PANEL, Color, LinePattern
+from perception.render.strokes import Strokes, draw_strokes
+from perception.types import Float64, Int, UInt8
 
-# Text of a legend entry and its colours, several where objects of one kind differ in colour.
-LegendEntry = tuple[str, tuple[Color, ...]]
+# Width of the left column as a share: without a camera, and its limits with one.
+_COLUMN_SHARE = 0.62
+_COLUMN_SHARES = (0.36, 0.70)
+
+_TITLE_MARGIN = 1.0  # in heights of the text
 
 
-def place_panel(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str) -> None:
+@dataclass(frozen=True)
+class LegendEntry:
+    """A sample and what it stands for.
+
+    Attributes:
+        name: Text.
+        colors: Colours of the sample, several where objects of one kind differ in colour.
+        pattern: Pattern of a line; None of an area.
+    """
+
+    name: str
+    colors: tuple[Color, ...]
+    pattern: LinePattern | None = None
+
+
+def left_column_px(
+    body_px: tuple[int, int], image: UInt8 | None, max_image_share: float
+) -> tuple[int, int]:
+    """Return the width of the left column and the height of the camera image that fills it; 0 without an image.
+
+    Args:
+        body_px: (width, height) of both columns.
+        image: (H, W, 3) camera image, or None.
+        max_image_share: Share of the height that the image takes at most.
+    """
+    if image is None:
+        return round(_COLUMN_SHARE * body_px[0]), 0
+    aspect = image.shape[1] / image.shape[0]
+    low, high = (share * body_px[0] for share in _COLUMN_SHARES)
+    width = min(max(max_image_share * body_px[1] * aspect, low), high)
+    return round(width), round(min(width / aspect, max_image_share * body_px[1]))
+
+
+def place_panel(
+    canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str, text_px: int
+) -> None:
     """Place a panel with a title in its upper left corner; an empty panel is left out."""
     if not len(panel):
         return
@@ -23,34 +62,44 @@ def place_panel(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: 
     height, width = panel.shape[:2]
     target = canvas[row : row + height, column : column + width]
     target[:] = panel
-    text_px = _title_text_px(canvas)
-    margin = text_px
-    tag = target[: title_height_px(canvas), : text_width_px(title, text_px) + 2 * margin]
+    right, bottom = title_area_px(title, text_px)[2:].tolist()
+    tag = target[:bottom, :right]
     tag[:] = tag // 3
-    draw_text(target, title, (margin, 1.5 * text_px + 2), height_px=text_px)
+    draw_text(target, title, (_TITLE_MARGIN * text_px, 1.5 * text_px + 2), height_px=text_px)
 
 
-def title_height_px(canvas: UInt8) -> int:
-    """Return the height of the panel titles on a canvas."""
-    return 2 * _title_text_px(canvas) + 4
-
-
-def _title_text_px(canvas: UInt8) -> int:
-    return int(max(round(canvas.shape[0] / 80), 7))
+def title_area_px(title: str, text_px: int) -> Int:
+    """Return (4,) left, top, right and bottom of a panel's title."""
+    width = text_width_px(title, text_px) + 2 * _TITLE_MARGIN * text_px
+    return np.array([0, 0, round(width), 2 * text_px + 4])
 
 
 def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> int:
-    """Draw colour swatches with their text in a row from the left; return the column of the end."""
+    """Draw samples with their names in a row from the left; return the column of the end."""
     column, baseline, swatch_px = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px), 1.5 * text_px
-    for name, colors in legend:
-        top = round(baseline - 1.25 * text_px)
-        edges = np.rint(np.linspace(column, column + swatch_px, len(colors) + 1)).astype(int)
-        for color, left, right in zip(colors, edges[:-1], edges[1:], strict=True):
-            canvas[top : round(top + swatch_px) + 1, left : right + 1] = color
+    for entry in legend:
+        if entry.pattern is None:
+            _draw_areas(canvas, entry.colors, (column, baseline - 1.25 * text_px), swatch_px)
+        else:
+            swatch_px = 3.0 * text_px
+            ends_px = np.array([[(column, baseline - 0.5 * text_px)] * 2])
+            ends_px[0, 1, 0] += swatch_px
+            line = Strokes(np.zeros(1, np.int64), ends_px).dashed(entry.pattern)
+            draw_strokes(canvas, line, entry.colors, np.array([2]))
         column += swatch_px + 0.7 * text_px
-        draw_text(canvas, name, (column, baseline), height_px=text_px)
-        column += text_width_px(name, text_px) + 1.8 * text_px
+        draw_text(canvas, entry.name, (column, baseline), height_px=text_px)
+        column += text_width_px(entry.name, text_px) + 1.8 * text_px
     return round(column)
+
+
+def _draw_areas(
+    canvas: UInt8, colors: Sequence[Color], corner_px: tuple[float, float], size_px: float
+) -> None:
+    """Fill a square with vertical stripes."""
+    edges = np.rint(corner_px[0] + np.linspace(0, size_px, len(colors) + 1)).astype(int)
+    rows = slice(round(corner_px[1]), round(corner_px[1] + size_px) + 1)
+    for color, left, right in zip(colors, edges[:-1], edges[1:], strict=True):
+        canvas[rows, left : right + 1] = color
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ from perception.render.ego_vehicle import Face, vehicle_faces
 from perception.render.overlay import GroundMesh, OverlayStyle, draw_overlay
 from perception.types import Float64, PointState, Result, UInt8
 
-_EYE_M = np.array([-13.5, 0.0, 8.2])
-_TARGET_M = np.array([9.0, 0.0, -1.7])
+_EYE_M = np.array([-15.0, 0.0, 9.0])
+_TARGET_M = np.array([7.0, 0.0, -1.7])
 _FIELD_OF_VIEW_RAD = np.radians(64)
+_MAX_ASPECT = 0.62  # of the vertical field of view to the horizontal one
 # Direction to the light that shades the vehicle.
 _TO_LIGHT = np.array([-0.45, 0.25, 0.86])
 # No image lies under the obstacles here, and gaps between voxels are left open.
@@ -41,7 +42,9 @@ def chase_camera(
         field_of_view_rad: Horizontal field of view in radians.
     """
     width, height = size_px
-    focal_px = width / 2 / np.tan(field_of_view_rad / 2)
+    # A high image is enlarged rather than filled with sky.
+    low_rad = _MAX_ASPECT * field_of_view_rad
+    focal_px = max(width / np.tan(field_of_view_rad / 2), height / np.tan(low_rad / 2)) / 2
     forward = (_TARGET_M - _EYE_M) / np.linalg.norm(_TARGET_M - _EYE_M)
     right = np.cross(forward, (0, 0, 1))
     right /= np.linalg.norm(right)

@@ -9,11 +9,9 @@ import numpy as np
 
 from perception.geometry.camera import project_segments
 from perception.render.canvas import FIXED_POINT_BITS, fixed_point
-from perception.render.palette import Color
-from perception.types import Bool, Float64, Int, UInt8
+from perception.render.palette import Color, LinePattern
+from perception.types import Float64, Int, UInt8
 
-_DASH_PX = 10.0
-_DASH_SHARE = 0.55
 # Lines are continued beyond the canvas, so that their ends are not visible.
 _MARGIN_PX = 8.0
 
@@ -35,17 +33,26 @@ class Strokes:
         kept = self.owners >= owner
         return type(self)(self.owners[kept], self.ends_px[kept])
 
-    def dashed(self, is_dashed: Bool) -> Self:
-        """Return the lines, those of the owners in a mask cut into dashes."""
-        broken = is_dashed[self.owners]
-        length_px = np.hypot(*(self.ends_px[:, 1] - self.ends_px[:, 0]).T)
-        dashes = np.where(broken, np.maximum(np.rint(length_px / _DASH_PX), 1), 1).astype(np.int64)
-        line = np.repeat(np.arange(len(dashes)), dashes)
-        number = np.arange(len(line)) - (np.cumsum(dashes) - dashes)[line]
-        stop = number + np.where(broken, _DASH_SHARE, 1.0)[line]
-        shares = np.column_stack([number, stop]) / dashes[line, None]
-        start, along = self.ends_px[line, :1], np.diff(self.ends_px[line], axis=1)
-        return type(self)(self.owners[line], start + shares[..., None] * along)
+    def joined(self, others: Self) -> Self:
+        """Return these lines, then the others."""
+        return type(self)(
+            np.concatenate([self.owners, others.owners]),
+            np.concatenate([self.ends_px, others.ends_px]),
+        )
+
+    def dashed(self, pattern: LinePattern) -> Self:
+        """Return the lines cut into dashes."""
+        period_px, drawn = pattern
+        along = np.diff(self.ends_px, axis=1)
+        periods = np.hypot(*along[:, 0].T) / period_px
+        counts = np.ceil(periods).astype(np.int64)
+        line = np.repeat(np.arange(len(counts)), counts)
+        number = np.arange(len(line)) - (np.cumsum(counts) - counts)[line]
+        # (D, dashes of a pattern, 2) starts and stops as shares of the line.
+        shares = (number[:, None, None] + np.array(drawn)) / periods[line, None, None]
+        shares = np.minimum(shares, 1.0).reshape(-1, 2, 1)
+        line = np.repeat(line, len(drawn))
+        return type(self)(self.owners[line], self.ends_px[line, :1] + shares * along[line])
 
 
 def project_strokes(
@@ -55,6 +62,13 @@ def project_strokes(
     size_px = (canvas.shape[1], canvas.shape[0])
     visible = project_segments(image_P_velo, segments_velo, size_px, margin_px=_MARGIN_PX)
     return Strokes(owners[visible.rows], visible.ends_px)
+
+
+def rectangle_strokes(boxes_px: Float64, owners: Int) -> Strokes:
+    """Return the sides of (M, 4) rectangles x1 y1 x2 y2 of (M,) owners."""
+    corners = boxes_px[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
+    sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+    return Strokes(np.repeat(owners, 4), sides.reshape(-1, 2, 2))
 
 
 def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], widths_px: Int) -> None:

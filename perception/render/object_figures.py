@@ -1,25 +1,24 @@
-"""Tracks as lines and faces in the LiDAR frame, before projection."""
+"""Objects as lines and faces in the LiDAR frame, before projection."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
 
 import numpy as np
 
 from perception.geometry.boxes import corners, edges
 from perception.render.ego_vehicle import vehicle_outline_m
-from perception.types import Bool, Boxes3D, Float64, Int, Tracks
+from perception.render.scene import SceneObjects
+from perception.types import Bool, Boxes3D, Float64, Int
 
 _ARROW_S = 1.0
-_SLOWEST_M_S = 0.4
 _ARROW_HEAD_M = 0.6
 # Share of a box's top that is filled, from its front.
 _FRONT_SHARE = 0.22
 
 
-class TrackPart(IntEnum):
-    """Part of a track that a line belongs to, in drawing order."""
+class ObjectPart(IntEnum):
+    """Part of an object that a line belongs to, in drawing order."""
 
     OLD_PATH = 0
     PATH = 1
@@ -29,45 +28,50 @@ class TrackPart(IntEnum):
 
 
 @dataclass(frozen=True)
-class TrackFigures:
-    """Lines and faces of T tracks.
+class ObjectFigures:
+    """Lines and faces of T objects.
 
     Attributes:
-        tracks: (T) tracks, the farthest first.
+        objects: (T) objects, the farthest first.
         segments_m: (S, 2, 3) end points of the lines in the LiDAR frame.
-        numbers: (S,) part * T + row of the track of each line.
-        faces_m: (2 T, 4, 3) corners of the front of each box, then of the front of each top, clockwise from outside.
+        numbers: (S,) part * T + row of the object of each line.
+        faces_m: (F, 4, 3) corners of the fronts and of the front parts of the tops, clockwise from outside.
+        face_rows: (F,) row of the object of each face.
     """
 
-    tracks: Tracks
+    objects: SceneObjects
     segments_m: Float64
     numbers: Int
     faces_m: Float64
-
-    @cached_property
-    def speeds_m_s(self) -> Float64:
-        """(T,) speeds over ground in metres per second."""
-        return np.asarray(np.hypot(*self.tracks.velocities_m_s.T))
+    face_rows: Int
 
 
-def track_figures(tracks: Tracks, paths_velo: Sequence[Float64]) -> TrackFigures:
-    """Return the lines and faces of tracks.
+def object_figures(objects: SceneObjects, paths_velo: Sequence[Float64]) -> ObjectFigures:
+    """Return the lines and faces of objects.
 
     Args:
-        tracks: (T) tracks in the LiDAR frame.
-        paths_velo: (K, 3) path of each track in the LiDAR frame.
+        objects: (T) objects in the LiDAR frame.
+        paths_velo: (K, 3) path of each object in the LiDAR frame.
     """
-    rows = np.argsort(-np.hypot(*tracks.boxes.bottom_m[:, :2].T), kind="stable")
-    tracks, count = tracks[rows], len(tracks)
+    rows = np.argsort(-objects.distances_m, kind="stable")
+    objects, count = objects[rows], len(objects)
     paths_m, path_numbers = _paths([paths_velo[row] for row in rows])
-    arrows_m, arrow_rows = _arrows(tracks)
-    boxes_m = edges(tracks.boxes)
-    box_rows = np.repeat(np.arange(count), boxes_m.shape[1])
-    numbers: Int = np.concatenate(
-        [path_numbers, TrackPart.BOX * count + box_rows, TrackPart.ARROW * count + arrow_rows]
-    ).astype(np.int64)
-    segments_m = np.concatenate([paths_m, boxes_m.reshape(-1, 2, 3), arrows_m])
-    return TrackFigures(tracks, segments_m, numbers, _fronts(tracks.boxes))
+    arrows_m, arrow_rows = _arrows(objects)
+    box_rows = np.flatnonzero(objects.has_box)
+    boxes_m = edges(objects.boxes[box_rows])
+    lines = (
+        path_numbers,
+        ObjectPart.BOX * count + np.repeat(box_rows, boxes_m.shape[1]),
+        ObjectPart.ARROW * count + arrow_rows,
+    )
+    front_rows = np.flatnonzero(objects.has_box & objects.has_front)
+    return ObjectFigures(
+        objects,
+        np.concatenate([paths_m, boxes_m.reshape(-1, 2, 3), arrows_m]),
+        np.concatenate(lines).astype(np.int64),
+        _fronts(objects.boxes[front_rows]),
+        np.tile(front_rows, 2),
+    )
 
 
 def _paths(paths_velo: Sequence[Float64]) -> tuple[Float64, Int]:
@@ -89,17 +93,18 @@ def _is_under_vehicle(points_velo: Float64) -> Bool:
     return np.asarray(((points_velo[..., :2] > low) & (points_velo[..., :2] < high)).all(axis=-1))
 
 
-def _arrows(tracks: Tracks) -> tuple[Float64, Int]:
-    """Return shaft and two barbs of the velocity arrow of each track that is not slow, and their rows.
+def _arrows(objects: SceneObjects) -> tuple[Float64, Int]:
+    """Return shaft and two barbs of the velocity arrow of each moving object, and their rows.
 
     An arrow lies on the ground, starts at the side of the box, and is as long as the path of one second.
     """
-    speeds_m_s = np.hypot(*tracks.velocities_m_s.T)
-    rows = np.flatnonzero(speeds_m_s > _SLOWEST_M_S)
-    along = np.pad(tracks.velocities_m_s[rows] / speeds_m_s[rows, None], ((0, 0), (0, 1)))
+    rows = np.flatnonzero(objects.is_moving & objects.has_box)
+    moving = objects[rows]
+    speeds_m_s = moving.speeds_m_s[:, None]
+    along = np.pad(moving.velocities_m_s / speeds_m_s, ((0, 0), (0, 1)))
     left = along[:, [1, 0, 2]] * (-1, 1, 0)
-    tail = tracks.boxes.bottom_m[rows] + _inside_m(tracks.boxes[rows], along) * along
-    length_m = _ARROW_S * speeds_m_s[rows, None]
+    tail = moving.boxes.bottom_m + _inside_m(moving.boxes, along) * along
+    length_m = _ARROW_S * speeds_m_s
     tip = tail + length_m * along
     head_m = np.minimum(_ARROW_HEAD_M, 0.4 * length_m)
     barbs = [tip - head_m * along + side * 0.6 * head_m * left for side in (1, -1)]
