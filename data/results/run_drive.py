@@ -8,8 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
-import numpy as np
-
 from data.frames import frame_count
 from data.results.documents import write_json
 from data.results.objects import TrajectoryRecord
@@ -22,8 +20,7 @@ from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.render.bar_plots import plot_timeline
 from perception.render.composition import Composition
-from perception.render.tracked_object_figure import TrackedObjectFigure
-from perception.render.trails import TrackedObjectTrail
+from perception.render.scene import SelectedObject
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Drive, OnBadFrame, Result
@@ -31,8 +28,6 @@ from perception.types import Drive, OnBadFrame, Result
 log = logging.getLogger(__name__)
 
 TRACKING_STAGE = "object tracking"
-# Length of the drawn path: a few seconds, as of the other tracks.
-_MAX_DRAWN_POSITIONS = 40
 
 
 @dataclass(frozen=True)
@@ -42,6 +37,7 @@ class RunConfig:
     Attributes:
         frames: Number of frames from the start; None for all.
         video: Whether the video is drawn.
+        video_views: Whether the video shows the boxes of each modality's detector.
         on_bad_frame: Stop at a damaged frame, or skip it.
         pipeline: Pipeline configuration.
         track: Id of the track or vehicle that a one-object tracker takes over, or None.
@@ -50,6 +46,7 @@ class RunConfig:
 
     frames: int | None = None
     video: bool = True
+    video_views: bool = False
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     track: int | None = None
@@ -87,7 +84,7 @@ def run_drive(
         tracking = files.enter_context(ObjectTracking(out, _handover(drive, config)))
         try:
             for result in map(tracking.update, results):
-                video.add(result, tracking.without_object(result), tracking.figure)
+                video.add(result, tracking.selected)
                 append_frame(out, drive, result, pipeline.area, config.min_vehicle_score)
                 summary.update(result, drive.point_truth(result.frame.index))
         except PerceptionError:
@@ -109,7 +106,7 @@ class ObjectTracking:
     """Tracks one object of the pipeline from its first frame on, and writes its trajectory; or does nothing.
 
     Attributes:
-        figure: What is drawn of the object in the last frame, or None before it appears.
+        selected: The object in the last frame, or None before it appears.
     """
 
     def __init__(self, out: Path, handover: TrackHandover | None) -> None:
@@ -119,8 +116,8 @@ class ObjectTracking:
             out: Folder of the results, which gets `trajectory.jsonl`.
             handover: Tracker that waits for the object; None to track nothing.
         """
-        self.figure: TrackedObjectFigure | None = None
-        self._handover, self._trail = handover, TrackedObjectTrail()
+        self.selected: SelectedObject | None = None
+        self._handover = handover
         self._path = out / "trajectory.jsonl"
 
     def __enter__(self) -> Self:
@@ -146,33 +143,19 @@ class ObjectTracking:
         if tracked is not None:
             track_id = self._handover.track_id
             append_record(self._path, TrajectoryRecord.of(result, tracked, track_id, None))
-            self._trail.add(result, tracked)
-            path_velo = self._trail.path_velo(result)[-_MAX_DRAWN_POSITIONS:]
-            name = str(self._handover.track_id)
-            self.figure = TrackedObjectFigure.of(tracked, path_velo, name)
+            self.selected = SelectedObject(track_id, tracked)
         return replace(result, timings_s={**result.timings_s, TRACKING_STAGE: seconds})
-
-    def without_object(self, result: Result) -> Result:
-        """Return the frame without the pipeline's own 3D box of the object, which is drawn once."""
-        if self._handover is None or self.figure is None:
-            return result
-        tracked_id, vehicles = self._handover.track_id, result.vehicles
-        if vehicles is not None:
-            # The box in the image stays: the tracker draws none there.
-            is_other = np.where(vehicles.ids == tracked_id, np.nan, 1.0)
-            bottom_m = vehicles.boxes.bottom_m * is_other[:, None]
-            vehicles = replace(vehicles, boxes=replace(vehicles.boxes, bottom_m=bottom_m))
-        tracks = result.tracks[result.tracks.ids != tracked_id]
-        return replace(result, tracks=tracks, vehicles=vehicles)
 
 
 def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
-    rate_hz, display_score = drive.sensor.rate_hz, config.pipeline.detection.display_score
     composition = Composition(
-        area=config.pipeline.area, turn_s=1 / rate_hz, display_score=display_score
+        area=config.pipeline.area,
+        turn_s=1 / drive.sensor.rate_hz,
+        display_score=config.pipeline.detection.display_score,
+        detector_views=config.video_views,
     )
     count = frame_count(drive, config.frames)
-    return RunVideo(out, composition if config.video else None, rate_hz, count)
+    return RunVideo(out, composition if config.video else None, drive, count)
 
 
 def _handover(drive: Drive, config: RunConfig) -> TrackHandover | None:

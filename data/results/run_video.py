@@ -8,10 +8,10 @@ from typing import Self
 from perception.atomic_file import write_jpeg
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
-from perception.render.tracked_object_figure import TrackedObjectFigure
-from perception.render.trails import Trails
+from perception.render.scene import SceneObjects, SelectedObject
+from perception.render.trails import SceneHistory
 from perception.render.video import VideoWriter
-from perception.types import Result
+from perception.types import Drive, Result
 
 # Bounds the memory of frames that wait to be drawn.
 _MAX_QUEUED = 2
@@ -21,20 +21,25 @@ class RunVideo:
     """Writes `video.mp4` and `preview.jpg` of a run, or nothing; a context manager."""
 
     def __init__(
-        self, out: Path, composition: Composition | None, rate_hz: float, frames: int
+        self,
+        out: Path,
+        composition: Composition | None,
+        drive: Drive,
+        frames: int,
     ) -> None:
         """Start the thread that draws.
 
         Args:
             out: Folder of the results.
             composition: Layout of an image of the video; None to write nothing.
-            rate_hz: Frames per second of the video.
+            drive: Drive of the run.
             frames: Number of frames of the run.
         """
         self._out, self._composition = out, composition
         self._middle, self._count = frames // 2, 0
+        rate_hz = drive.sensor.rate_hz
         self._video = None if composition is None else VideoWriter(out / "video.mp4", rate_hz)
-        self._trails = Trails()
+        self._history = SceneHistory() if drive.is_sequence else SceneHistory(duration_s=0.0)
         self._worker = ThreadWorker("video")
         self._queue: deque[Future[None]] = deque()
 
@@ -52,26 +57,25 @@ class RunVideo:
             if self._video is not None:
                 self._video.close(is_complete=is_complete)
 
-    def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
+    def add(self, result: Result, selected: SelectedObject | None) -> None:
         """Queue the next frame; wait while the queue is full.
 
         Args:
             result: Result of the frame.
-            shown: The same without the object that `tracked` shows.
-            tracked: Figure of the object that is tracked beside the pipeline, or None.
+            selected: Object that is tracked beside the pipeline, or None.
         """
         self._wait_for(_MAX_QUEUED - 1)
-        self._queue.append(self._worker.submit(self._draw, result, shown, tracked))
+        self._queue.append(self._worker.submit(self._draw, result, selected))
 
     def _wait_for(self, length: int) -> None:
         while len(self._queue) > length:
             self._queue.popleft().result()
 
-    def _draw(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
+    def _draw(self, result: Result, selected: SelectedObject | None) -> None:
         if self._composition is None or self._video is None:
             return
-        self._trails.add(result)
-        image = self._composition.draw(shown, self._trails, tracked)
+        objects = SceneObjects.of(result, self._composition.display_score, selected)
+        image = self._composition.draw(self._history.update(result, objects))
         self._video.add(image)
         if self._count == self._middle:
             write_jpeg(self._out / "preview.jpg", image, quality=88)

@@ -16,6 +16,7 @@ def run(  # noqa: PLR0913 - flags of a command
     config: CommandConfig,
     out: Path | None = None,
     video: bool = True,
+    video_views: bool = False,
     track: int | None = None,
     min_vehicle_score: float = 0.05,
     pipeline: PipelineConfig = _PIPELINE,
@@ -28,6 +29,7 @@ def run(  # noqa: PLR0913 - flags of a command
         drive: KITTI raw drive, tracking folder, object folder, or synthetic drive.
         out: Folder for the results; else results/<time>, with results/latest pointing to it.
         video: Draw the video.
+        video_views: Draw the boxes of each modality's detector in the video, too.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl; 0 for all.
         pipeline: Pipeline configuration.
@@ -42,7 +44,13 @@ def run(  # noqa: PLR0913 - flags of a command
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor, images=images)
     run_config = RunConfig(
-        frames.frames, video, frames.on_bad_frame, pipeline, track, min_vehicle_score
+        frames=frames.frames,
+        video=video,
+        video_views=video_views,
+        on_bad_frame=frames.on_bad_frame,
+        pipeline=pipeline,
+        track=track,
+        min_vehicle_score=min_vehicle_score,
     )
     results = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
     folder = out or make_results_folder()

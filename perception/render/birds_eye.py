@@ -162,7 +162,7 @@ def draw_scale(canvas: UInt8, view: BirdsEyeView, text_px: int) -> list[Int]:
     Returns:
         (4,) left, top, right and bottom of the areas of the text.
     """
-    (width, height), (column, row) = view.size_px, view.vehicle_px
+    height, (column, row) = view.size_px[1], view.vehicle_px
     gap_px, areas = 0.6 * text_px, []
     for x_m in np.arange(-_RING_STEP_M * 20, _RING_STEP_M * 20, _RING_STEP_M):
         at = (column, row - x_m * view.pixels_per_m)
@@ -177,9 +177,7 @@ def draw_scale(canvas: UInt8, view: BirdsEyeView, text_px: int) -> list[Int]:
     return [*areas, np.array([0, area[1], 3 * text_px + bar_px, height])]
 
 
-def _write_on_tag(
-    canvas: UInt8, text: str, center_px: tuple[float, float], text_px: int
-) -> Int:
+def _write_on_tag(canvas: UInt8, text: str, center_px: tuple[float, float], text_px: int) -> Int:
     """Write text on a darkened part of the canvas; return (4,) left, top, right and bottom of it."""
     half_px = np.array([text_width_px(text, text_px) / 2 + 0.4 * text_px, 0.9 * text_px])
     low, high = np.rint(center_px - half_px).astype(int), np.rint(center_px + half_px).astype(int)

@@ -1,5 +1,7 @@
 """Detections as boxes with scores, correct and wrong ones in their colours, and depth maps in colours."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -10,7 +12,7 @@ from perception.render import palette
 from perception.render.canvas import FIXED_POINT_BITS, fixed_point
 from perception.render.labels import Label, draw_labels
 from perception.render.palette import Color
-from perception.types import Bool, Detections, Float64, UInt8
+from perception.types import Bool, Detections, Float64, Int, UInt8
 
 PROPOSED: Color = palette.STATIC
 DETECTED: Color = palette.MOVING
@@ -20,8 +22,10 @@ _MIN_WIDTH_PX = 960  # smaller images are enlarged before errors are drawn
 _TEXT_PX = 11
 
 
-def draw_detections(canvas: UInt8, detections: Detections, text_px: int) -> None:
-    """Draw boxes with class and score, the highest score on top."""
+def draw_detections(
+    canvas: UInt8, detections: Detections, text_px: int, taken_px: Sequence[Int] = ()
+) -> None:
+    """Draw boxes with class and score, the highest score on top; labels leave the taken areas free."""
     ranked = detections[np.argsort(detections.scores, kind="stable")]
     draw_boxes(canvas, ranked.boxes_px, DETECTED, width_px=2)
     best_first = ranked[::-1]
@@ -31,7 +35,7 @@ def draw_detections(canvas: UInt8, detections: Detections, text_px: int) -> None
             best_first.boxes_px, best_first.scores.tolist(), best_first.types.tolist(), strict=True
         )
     ]
-    draw_labels(canvas, labels, text_px)
+    draw_labels(canvas, labels, text_px, taken_px)
 
 
 def draw_boxes(canvas: UInt8, boxes_px: Float64, color: Color, width_px: int = 1) -> None:

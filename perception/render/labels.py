@@ -93,7 +93,8 @@ def place_tags(
     for row in np.flatnonzero(is_visible):
         corners = np.clip(_corners(boxes[row], sizes_px[row]), 0, canvas_px - sizes_px[row])
         places = np.hstack([corners, corners + sizes_px[row]])
-        is_free = ~(_overlaps_px(places, np.array(occupied).reshape(-1, 4)) > 0).any(axis=1)
+        taken = np.array(occupied, np.int64).reshape(-1, 4)
+        is_free = ~(_overlaps_px(places, taken) > 0).any(axis=1)
         if not is_free.any():
             continue
         covered = _overlaps_px(places, boxes[is_visible]).sum(axis=1)

@@ -66,8 +66,8 @@ def draw_objects(
     if resizing is not None:
         strokes, outlines = _with_rectangles(strokes, outlines, figures, resizing)
     widths_px = np.full((len(ObjectPart), count), style.line_px)
-    widths_px[:, objects.is_selected] += 1
     widths_px[ObjectPart.BOX, _is_small(outlines) | ~objects.is_observed] = 1
+    widths_px[:, objects.is_selected] += 1
     _fill_fronts(canvas, image_P_velo, figures, colors)
     # A dark outline keeps boxes and arrows visible on any background.
     seam = strokes.since(ObjectPart.BOX * count)
@@ -116,7 +116,10 @@ def _labels(objects: SceneObjects, outlines: Float64) -> list[Label]:
     colors = _colors(objects)
     return [
         Label(
-            outlines[row], _name(objects, row), colors[row], _details(objects, row),
+            outlines[row],
+            _name(objects, row),
+            colors[row],
+            _details(objects, row),
             not objects.is_observed[row],
         )
         for row in np.lexsort(ranks).tolist()

@@ -11,8 +11,7 @@ from perception.detection.config import DetectionConfig
 from perception.render import palette
 from perception.render.palette import Color
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import Bool, Boxes3D, Float64, Int, Result, Tracks, Vehicles
-from perception.types.table import ArrayTable
+from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Result, Tracks, Vehicles
 
 # Below this speed the velocity of a standing object is noise.
 MIN_SPEED_M_S = 0.5
@@ -75,7 +74,7 @@ class SceneObjects(ArrayTable):
             display_score: Score from which a detected vehicle is drawn.
             selected: Object of the one-object tracker, which replaces the pipeline's, or None.
         """
-        objects = cls._of_tracks(result.tracks)
+        objects = cls.of_tracks(result.tracks)
         if result.vehicles is not None:
             objects = objects._with_vehicles(result.vehicles, display_score)
         return objects if selected is None else objects._with_selected(selected)
@@ -91,10 +90,11 @@ class SceneObjects(ArrayTable):
         track = Tracks.unclassified(
             np.array([track_id]), tracked.box_velo, velocity_m_s[None], is_observed
         )
-        return replace(cls._of_tracks(track), statuses=np.array([str(tracked.status)]))
+        return replace(cls.of_tracks(track), statuses=np.array([str(tracked.status)]))
 
     @classmethod
-    def _of_tracks(cls, tracks: Tracks) -> Self:
+    def of_tracks(cls, tracks: Tracks) -> Self:
+        """Return the objects of tracks; what is fast moves."""
         count = len(tracks)
         velocities_m_s = np.nan_to_num(tracks.velocities_m_s)
         is_moving = np.asarray(np.hypot(*velocities_m_s.T) >= MIN_SPEED_M_S)
@@ -131,7 +131,7 @@ class SceneObjects(ArrayTable):
             types=detections.types[new],
             scores=detections.scores[new],
         )
-        others = replace(self._of_tracks(tracks), boxes_px=detections.boxes_px[new])
+        others = replace(self.of_tracks(tracks), boxes_px=detections.boxes_px[new])
         return replace(self, boxes_px=boxes_px).joined(others)
 
     def _with_selected(self, selected: SelectedObject) -> Self:

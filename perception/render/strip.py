@@ -152,7 +152,7 @@ def _write_stages(
             draw_text(canvas, labels[number], at, color=_color(number), height_px=text_px)
             column += widths_px[number]
         baseline += pitch_px
-    return baseline - pitch_px
+    return float(baseline - pitch_px)
 
 
 def _lines(
@@ -162,12 +162,11 @@ def _lines(
     lines: list[list[int]] = [[]]
     column = 0.0
     for number, width_px in enumerate(widths_px):
-        is_last = len(lines) == max_lines
-        if column + width_px > room_px - taken_px * is_last:
-            if is_last:
-                break
+        if column + width_px > room_px and len(lines) < max_lines:
             lines.append([])
             column = 0.0
+        if column + width_px > room_px - taken_px * (len(lines) == max_lines):
+            break
         lines[-1].append(number)
         column += width_px
     if column + taken_px > room_px and len(lines) < max_lines:

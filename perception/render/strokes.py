@@ -68,7 +68,7 @@ def rectangle_strokes(boxes_px: Float64, owners: Int) -> Strokes:
     """Return the sides of (M, 4) rectangles x1 y1 x2 y2 of (M,) owners."""
     corners = boxes_px[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
     sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    return Strokes(np.repeat(owners, 4), sides.reshape(-1, 2, 2))
+    return Strokes(np.repeat(owners, 4).astype(np.int64), sides.reshape(-1, 2, 2))
 
 
 def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], widths_px: Int) -> None:

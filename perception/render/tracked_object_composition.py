@@ -9,18 +9,20 @@ import numpy as np
 from perception.geometry.se3 import wrap
 from perception.render import palette
 from perception.render.canvas import Align, blank_canvas, draw_text, text_width_px
-from perception.render.panels import LegendEntry, draw_legend, place_panel
-from perception.render.tracked_object_figure import STATUS_COLORS
-from perception.render.tracked_object_views import TrackedObjectScene, TrackedObjectViews
-from perception.render.tracks import TrackStyle
+from perception.render.palette import Style
+from perception.render.panels import LegendEntry, draw_legend, left_column_px, place_panel
+from perception.render.tracked_object_views import (
+    STATUS_COLORS,
+    TrackedObjectScene,
+    TrackedObjectViews,
+)
 from perception.render.trails import KM_H
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Boxes3D, UInt8
 
 # Sizes of the panels, as shares of the image's width and height.
-_LEFT_SHARE = 0.70
 _FOOTER_SHARE = 0.11
-_CAMERA_SHARE = 0.43
+_CAMERA_SHARE = 0.5
 _CHART_SHARES = (0.33, 0.80)
 _GUTTER_PX = 4
 _TICK_KM_H = 10.0
@@ -43,19 +45,35 @@ class TrackedObjectComposition:
     def draw(self, scene: TrackedObjectScene) -> UInt8:
         """Return the (height, width, 3) image of one frame."""
         width, height = self.size_px
-        view = TrackedObjectViews(scene, TrackStyle.of_height(height))
+        style = Style.of_height(height)
+        view = TrackedObjectViews(scene, style)
         canvas = blank_canvas(self.size_px, palette.BACKGROUND)
-        body_px, left_px = round(height * (1 - _FOOTER_SHARE)), round(width * _LEFT_SHARE)
-        right_px = left_px + _GUTTER_PX
-        camera = view.camera((left_px, round(body_px * _CAMERA_SHARE)))
-        close_up = view.close_up((width - right_px, len(camera)))
-        below_px = len(camera) + _GUTTER_PX if len(camera) else 0
-        place_panel(canvas, camera, (0, 0), "Camera")
-        place_panel(canvas, close_up, (right_px, 0), f"Close-up of {self.name}")
-        behind = view.from_behind((left_px, body_px - below_px))
-        above = view.from_above((width - right_px, body_px - below_px))
-        place_panel(canvas, behind, (0, below_px), "3D, over the vehicle towards the object")
-        place_panel(canvas, above, (right_px, below_px), "From above")
+        body_px = round(height * (1 - _FOOTER_SHARE))
+        frame = scene.result.frame
+        image = None if frame.calibration is None else frame.image
+        left_px, camera_px = left_column_px((width, body_px), image, _CAMERA_SHARE)
+        right_px, below_px = left_px + _GUTTER_PX, camera_px + _GUTTER_PX if camera_px else 0
+        # Above: the camera image and the object in it; below: the scene from behind and from above.
+        panels = (
+            (view.camera((left_px, camera_px)), (0, 0), "Camera"),
+            (
+                view.close_up((width - right_px, camera_px)),
+                (right_px, 0),
+                f"Close-up of {self.name}",
+            ),
+            (
+                view.from_behind((left_px, body_px - below_px)),
+                (0, below_px),
+                "3D, over the vehicle towards the object",
+            ),
+            (
+                view.from_above((width - right_px, body_px - below_px)),
+                (right_px, below_px),
+                "From above",
+            ),
+        )
+        for panel, corner_px, title in panels:
+            place_panel(canvas, panel, corner_px, title, style.text_px)
         self._draw_footer(canvas[body_px:], scene)
         return canvas
 
@@ -74,14 +92,17 @@ class TrackedObjectComposition:
 
 def _legends(scene: TrackedObjectScene) -> list[list[LegendEntry]]:
     entries: list[LegendEntry] = [
-        ("object and its path", (palette.TRACKED_OBJECT,)),
-        ("path of the vehicle", (palette.EGO_PATH,)),
+        LegendEntry("object and its path", (palette.TRACKED_OBJECT,)),
+        LegendEntry("path of the vehicle", (palette.EGO_PATH,)),
     ]
     further: list[LegendEntry] = []
     if scene.region is not None:
-        further += [("its region", (palette.INSIDE,)), ("ring", (palette.RING,))]
+        further += [
+            LegendEntry("its region", (palette.INSIDE,)),
+            LegendEntry("ring", (palette.RING,)),
+        ]
     if scene.truth is not None:
-        further.append(("label", (palette.TRUTH,)))
+        further.append(LegendEntry("label", (palette.TRUTH,)))
     return [entries, further]
 
 

@@ -1,7 +1,7 @@
 """The views of one tracked object: camera image, close-up, 3D view and top view."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -9,24 +9,29 @@ import numpy as np
 from perception.geometry.boxes import corners, edges
 from perception.geometry.camera import outlines_px, project_segments
 from perception.render import palette
-from perception.render.birds_eye import BirdsEyeView, draw_rings, draw_vehicle
-from perception.render.canvas import blank_canvas
+from perception.render.birds_eye import BirdsEyeView, draw_rings, draw_scale, draw_vehicle
+from perception.render.canvas import FIXED_POINT_BITS, blank_canvas, fixed_point
+from perception.render.labels import draw_labels
+from perception.render.object_figures import ObjectFigures, object_figures
+from perception.render.objects import draw_objects
+from perception.render.palette import Color, Style
 from perception.render.panels import FittedImage, Resizing
 from perception.render.perspective import chase_camera
 from perception.render.perspective import draw_vehicle as draw_solid_vehicle
 from perception.render.scan_points import ScanPoints
-from perception.render.strokes import draw_strokes, project_strokes
-from perception.render.tracked_object_figure import (
-    STATUS_COLORS,
-    TrackedObjectFigure,
-    draw_path,
-    draw_region,
-)
-from perception.render.tracks import TrackStyle
+from perception.render.scene import SceneObjects
+from perception.render.strokes import draw_seam, draw_strokes, project_strokes
+from perception.render.trails import KM_H
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import Boxes3D, Calibration, Float64, Result, UInt8
+from perception.types import Boxes3D, Calibration, Float64, Int, Result, UInt8
 
+STATUS_COLORS: dict[TrackStatus, Color] = {
+    TrackStatus.SEEN: palette.TRACKED_OBJECT,
+    TrackStatus.PREDICTED: palette.TRACKS[3],
+    TrackStatus.LOST: palette.STATIC,
+}
+_REGION_OPACITY = 0.30
 _SURROUND_M = 9.0  # margin around object and vehicle in the top view
 _MIN_SPAN_M = 36.0
 _CLOSE_UP = 1.7  # height of the close-up in heights of the object
@@ -64,7 +69,7 @@ class TrackedObjectScene:
 class TrackedObjectViews:
     """The views of one scene."""
 
-    def __init__(self, scene: TrackedObjectScene, style: TrackStyle) -> None:
+    def __init__(self, scene: TrackedObjectScene, style: Style) -> None:
         """Prepare what several views share.
 
         Args:
@@ -72,8 +77,10 @@ class TrackedObjectViews:
             style: Line width and text height.
         """
         self._scene, self._style = scene, style
-        self._figure = TrackedObjectFigure.of(scene.tracked, scene.path_velo)
-        self._box = TrackedObjectFigure.of(scene.tracked, None)
+        objects = SceneObjects.of_tracked(scene.tracked)
+        self._figures = object_figures(objects, [scene.path_velo] * len(objects))
+        still = replace(objects, is_moving=np.zeros(len(objects), bool))
+        self._still_figures = object_figures(still, [np.zeros((0, 3))] * len(objects))
         result, box = scene.result, scene.tracked.box_velo
         self._points = ScanPoints.of(result.frame.points_velo, result.ground, box)
 
@@ -125,9 +132,8 @@ class TrackedObjectViews:
         if region is not None and tracked.status is TrackStatus.SEEN:
             draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
         self._draw_truth(canvas, image_P_velo)
-        if self._box is not None:
-            self._box.draw(canvas, image_P_velo, self._style)
-        elif tracked.box_px is not None:
+        self._draw_object(canvas, image_P_velo, self._still_figures)
+        if tracked.box_velo is None and tracked.box_px is not None:
             first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
             color = STATUS_COLORS[tracked.status]
             cv2.rectangle(canvas, first, last, color, self._style.line_px, cv2.LINE_AA)
@@ -148,15 +154,30 @@ class TrackedObjectViews:
         canvas = blank_canvas(size_px, palette.PANEL)
         self._points.draw(canvas, view.image_P_velo)
         draw_rings(canvas, view)
-        self._draw_paths(canvas, view.image_P_velo)
+        taken_px = draw_scale(canvas, view, self._style.text_px - 1)
         draw_vehicle(canvas, view)
+        self._draw_paths(canvas, view.image_P_velo, taken_px)
         return canvas
 
-    def _draw_paths(self, canvas: UInt8, image_P_velo: Float64) -> None:
+    def _draw_paths(
+        self, canvas: UInt8, image_P_velo: Float64, taken_px: Sequence[Int] = ()
+    ) -> None:
         draw_path(canvas, image_P_velo, self._scene.ego_path_velo, palette.EGO_PATH)
         self._draw_truth(canvas, image_P_velo)
-        if self._figure is not None:
-            self._figure.draw(canvas, image_P_velo, self._style)
+        self._draw_object(canvas, image_P_velo, self._figures, taken_px)
+
+    def _draw_object(
+        self,
+        canvas: UInt8,
+        image_P_velo: Float64,
+        figures: ObjectFigures,
+        taken_px: Sequence[Int] = (),
+    ) -> None:
+        """Draw the object with its speed, and its status where it is not observed."""
+        labels = draw_objects(canvas, image_P_velo, figures, self._style)
+        text = label_text(self._scene.tracked)
+        labels = [replace(label, name="", details=text) for label in labels]
+        draw_labels(canvas, labels, self._style.text_px, taken_px)
 
     def _draw_truth(self, canvas: UInt8, image_P_velo: Float64) -> None:
         if self._scene.truth is not None:
@@ -184,3 +205,41 @@ class TrackedObjectViews:
             size_px[1] / 2 + middle_m[0] * scale,
         )
         return BirdsEyeView(size_px, scale, vehicle_px)
+
+
+def label_text(tracked: TrackedObject) -> str:
+    """Return the speed of an object, and its status where it is not observed."""
+    speed = f"{KM_H * float(np.hypot(*tracked.velocity_m_s)):.1f} km/h"
+    return {
+        TrackStatus.SEEN: speed,
+        TrackStatus.PREDICTED: f"predicted {speed}",
+        TrackStatus.LOST: "lost",
+    }[tracked.status]
+
+
+def draw_path(canvas: UInt8, image_P_velo: Float64, path_velo: Float64, color: Color) -> None:
+    """Draw a (K, 3) path as a curve."""
+    if len(path_velo) < 2:
+        return
+    segments = np.stack([path_velo[:-1], path_velo[1:]], axis=1)
+    strokes = project_strokes(image_P_velo, canvas, segments, np.zeros(len(segments), np.int64))
+    draw_seam(canvas, strokes, palette.BACKGROUND, 4)
+    draw_strokes(canvas, strokes, [color], np.array([2]))
+
+
+def draw_region(canvas: UInt8, hull_px: Float64, outer_px: Float64) -> None:
+    """Tint the object's region blue and the ring around it red, as in Fig. 5.13.
+
+    Args:
+        canvas: (H, W, 3) image.
+        hull_px: (V, 2) corners of the region in the image.
+        outer_px: (V, 2) corners of the region with its ring.
+    """
+    inside, outside = fixed_point(hull_px), fixed_point(outer_px)
+    painted = canvas.copy()
+    # Filling two outlines together leaves out what lies within both.
+    cv2.fillPoly(painted, [outside, inside], palette.RING, cv2.LINE_AA, FIXED_POINT_BITS)
+    cv2.fillPoly(painted, [inside], palette.INSIDE, cv2.LINE_AA, FIXED_POINT_BITS)
+    cv2.addWeighted(painted, _REGION_OPACITY, canvas, 1 - _REGION_OPACITY, 0, dst=canvas)
+    for outline, color in ((outside, palette.RING), (inside, palette.INSIDE)):
+        cv2.polylines(canvas, [outline], True, color, 1, cv2.LINE_AA, FIXED_POINT_BITS)

@@ -92,7 +92,9 @@ class SceneHistory:
         """
         self._forget(result)
         bottoms_world = _transform(result.world_SE3_velo, objects.boxes.bottom_m)
-        velocities_rad = _yaw_rad(result.world_SE3_velo) + np.arctan2(*objects.velocities_m_s.T[::-1])
+        velocities_rad = _yaw_rad(result.world_SE3_velo) + np.arctan2(
+            *objects.velocities_m_s.T[::-1]
+        )
         is_moving, colors = np.zeros(len(objects), bool), objects.colors.copy()
         headings_rad = np.full(len(objects), np.nan)
         paths: list[Float64] = [np.zeros((0, 3))] * len(objects)
@@ -110,7 +112,9 @@ class SceneHistory:
             if np.isfinite(heading_rad):
                 self._memories[track].heading_rad = heading_rad
         has_front = np.isfinite(headings_rad)
-        seen = replace(objects, boxes=boxes, is_moving=is_moving, has_front=has_front, colors=colors)
+        seen = replace(
+            objects, boxes=boxes, is_moving=is_moving, has_front=has_front, colors=colors
+        )
         return Scene(result, seen, paths, self._ego_speed_m_s(result))
 
     def _forget(self, result: Result) -> None:
@@ -130,9 +134,7 @@ class SceneHistory:
             self._memories[track] = _Memory(color)
         return self._memories[track]
 
-    def _observe(
-        self, memory: _Memory, bottom_world: Float64, velocity_rad: float | None
-    ) -> bool:
+    def _observe(self, memory: _Memory, bottom_world: Float64, velocity_rad: float | None) -> bool:
         """Add the position of an object; return whether it moves, at a known course.
 
         Args:

@@ -15,6 +15,7 @@ from perception.geometry.grids import EgoVehicle
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render import palette
 from perception.render.composition import Composition
+from perception.render.scene import Scene, SceneObjects
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Result, Tracks, Vehicles
@@ -59,11 +60,11 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
     with ObjectTracking(tmp_path, hand_over_of(8)) as object_tracking:
         before = object_tracking.update(replace(result, tracks=Tracks.empty()))
         assert TRACKING_STAGE in before.timings_s
-        assert object_tracking.figure is None
-        assert object_tracking.without_object(before) is before
-        seen = object_tracking.update(result)
-        assert object_tracking.figure.text == "8  5.0 m/s"
-        assert object_tracking.without_object(seen).tracks.ids.tolist() == [3]
+        assert object_tracking.selected is None
+        objects = SceneObjects.of(object_tracking.update(result), selected=object_tracking.selected)
+        assert objects.ids.tolist() == [3, 8]
+        assert objects.is_selected.tolist() == [False, True]
+        np.testing.assert_allclose(objects.speeds_m_s[1], 5.0)
         # Its own track is gone; it is followed on.
         object_tracking.update(replace(result, tracks=Tracks.empty()))
     lines = [json.loads(line) for line in path.read_text().splitlines()]
@@ -93,30 +94,33 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
     with ObjectTracking(tmp_path, hand_over_of(5)) as object_tracking:
         # Where the LiDAR says too little of it, there is nothing to begin with.
         object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
-        assert object_tracking.figure is None
+        assert object_tracking.selected is None
         seen = object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=located))
-        without_object = object_tracking.without_object(seen).vehicles
+        objects = SceneObjects.of(seen, selected=object_tracking.selected)
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
-    # It is drawn in space once, as what is followed.
-    assert np.isnan(without_object.boxes.bottom_m).any(axis=1).tolist() == [False, True]
+    # It is drawn once, as what is followed.
+    assert objects.ids.tolist() == [4, 5]
+    assert objects.is_selected.tolist() == [False, True]
 
 
 def test_without_a_handover_nothing_changes(result, tmp_path):
     with ObjectTracking(tmp_path, None) as object_tracking:
         assert object_tracking.update(result) is result
-        assert object_tracking.without_object(result) is result
-        assert object_tracking.figure is None
+        assert object_tracking.selected is None
 
 
 def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
     with ObjectTracking(tmp_path, hand_over_of(8)) as object_tracking:
         object_tracking.update(result)
-        plain = Composition().draw(result)
-        picture = Composition().draw(
-            object_tracking.without_object(result), None, object_tracking.figure
-        )
-    counts = [int((one == palette.TRACKED_OBJECT).all(axis=2).sum()) for one in (plain, picture)]
+    objects = SceneObjects.of(result, selected=object_tracking.selected)
+    plain = Composition().draw(Scene.of(result))
+    scene = Scene(result, objects, [np.zeros((0, 3))] * len(objects))
+    picture = Composition().draw(scene)
+    counts = [
+        int((np.abs(one.astype(int) - palette.TRACKED_OBJECT) < 30).all(axis=2).sum())
+        for one in (plain, picture)
+    ]
     assert counts[0] < 50
     assert counts[1] > 500
 

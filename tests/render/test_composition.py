@@ -5,42 +5,48 @@ import pytest
 
 from perception.errors import UsageError
 from perception.render.composition import Composition
+from perception.render.panels import left_column_px
+from perception.render.scene import Scene
 from perception.types import Obstacles
 from tests.render.conftest import voxels_at
 
 SMALL = Composition(size_px=(800, 450))
 
 
+def drawn(result):
+    return SMALL.draw(Scene.of(result))
+
+
 def test_the_picture_has_the_size_that_was_asked_for(scene):
-    assert SMALL.draw(scene).shape == (450, 800, 3)
-    assert Composition().draw(scene).shape == (900, 1600, 3)
+    assert drawn(scene).shape == (450, 800, 3)
+    assert Composition().draw(Scene.of(scene)).shape == (900, 1600, 3)
 
 
 def test_the_size_stays_without_a_camera(scene):
     blind = replace(scene, frame=replace(scene.frame, image=None, calibration=None))
-    assert SMALL.draw(blind).shape == (450, 800, 3)
+    assert drawn(blind).shape == (450, 800, 3)
 
 
 def test_a_tall_image_fits_too(scene):
     calibration = replace(scene.frame.calibration, image_size_px=None)
     image = np.full((900, 400, 3), 128, np.uint8)
     tall = replace(scene, frame=replace(scene.frame, image=image, calibration=calibration))
-    assert SMALL.draw(tall).shape == (450, 800, 3)
+    assert drawn(tall).shape == (450, 800, 3)
 
 
 def test_the_same_picture_twice(scene):
-    np.testing.assert_array_equal(SMALL.draw(scene), SMALL.draw(scene))
+    np.testing.assert_array_equal(drawn(scene), drawn(scene))
 
 
 def test_no_obstacles_and_no_timings_are_a_picture_too(scene):
     states = np.zeros(4, np.uint8)
     empty = replace(scene, obstacles=Obstacles(states, voxels_at(), voxels_at()), timings_s={})
-    assert SMALL.draw(empty).shape == (450, 800, 3)
+    assert drawn(empty).shape == (450, 800, 3)
 
 
 def test_moving_voxels_make_green_pixels_in_every_panel(scene):
     without = replace(scene, obstacles=replace(scene.obstacles, moving=voxels_at()))
-    changed = (SMALL.draw(scene) != SMALL.draw(without)).any(axis=2)
+    changed = (drawn(scene) != drawn(without)).any(axis=2)
     rows, columns = np.nonzero(changed)
     is_left, is_top = columns < 560, rows < 190
     assert (is_left & is_top).any()
@@ -53,3 +59,38 @@ def test_sizes_that_no_video_can_have_are_refused(size_px):
     with pytest.raises(UsageError) as error:
         Composition(size_px=size_px)
     assert (error.value.where, error.value.found) == ("image size", f"{size_px[0]}x{size_px[1]}")
+
+
+@pytest.mark.parametrize(
+    ("camera_px", "column_px", "image_px"),
+    [
+        ((1242, 375), 1120, 338),  # KITTI: the widest column
+        ((1936, 1216), 739, 464),  # 16:10: as high as an image may be
+        ((640, 480), 619, 464),
+        ((400, 900), 576, 464),  # upright: the narrowest column
+    ],
+)
+def test_the_camera_image_fills_its_column(camera_px, column_px, image_px):
+    image = np.zeros((camera_px[1], camera_px[0], 3), np.uint8)
+    assert left_column_px((1600, 800), image, 0.58) == (column_px, image_px)
+
+
+def test_without_a_camera_both_columns_are_filled(scene):
+    blind = replace(scene, frame=replace(scene.frame, image=None, calibration=None))
+    column_px, image_px = left_column_px((800, 407), None, 0.58)
+    assert image_px == 0
+    changed = drawn(replace(blind, obstacles=replace(blind.obstacles, moving=voxels_at())))
+    columns = np.nonzero((changed != drawn(blind)).any(axis=(0, 2)))[0]
+    assert columns.min() < column_px < columns.max()
+
+
+def test_a_camera_of_any_aspect_leaves_no_empty_half(scene):
+    for size_px in ((1242, 375), (968, 608), (640, 480)):
+        image = np.full((size_px[1], size_px[0], 3), 200, np.uint8)
+        calibration = replace(scene.frame.calibration, image_size_px=size_px)
+        frame = replace(scene.frame, image=image, calibration=calibration)
+        canvas = drawn(replace(scene, frame=frame))
+        column_px, image_px = left_column_px((800, 407), image, 0.58)
+        bright = (canvas[:image_px, :column_px] == 200).all(axis=2)
+        # Ground, title and voxels cover the rest.
+        assert bright[:, [2, -3]].mean() > 0.3

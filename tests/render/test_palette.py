@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from perception.render.palette import GROUND, MOVING, STATIC, TRACKS, track_color
+from perception.render.palette import FAINT_TEXT, GROUND, MOVING, STATIC, TRACKS, track_color
 
 # How linear RGB looks to whoever lacks one kind of cone (Machado, Oliveira and Fernandes 2009).
 SIGHTS = {
@@ -30,9 +30,10 @@ def test_tracks_differ_from_one_another_and_from_what_lies_below(sight):
     pairs = [*combinations(TRACKS, 2)]
     pairs += [(track, other) for track in TRACKS for other in (GROUND, STATIC, MOVING)]
     # A difference of 2 is just noticed; 10 is seen at a glance.
-    assert min(np.linalg.norm(as_seen(a, sight) - as_seen(b, sight)) for a, b in pairs) > 18
+    assert min(np.linalg.norm(as_seen(a, sight) - as_seen(b, sight)) for a, b in pairs) > 20
 
 
-def test_a_track_keeps_its_colour_and_its_neighbour_has_another():
-    assert track_color(7) == track_color(7) == TRACKS[7 % len(TRACKS)]
-    assert all(track_color(track) != track_color(track + 1) for track in range(20))
+def test_a_number_has_one_colour_its_neighbour_another_and_no_number_is_grey():
+    assert track_color(9) == TRACKS[9 % len(TRACKS)]
+    assert all(track_color(number) != track_color(number + 1) for number in range(20))
+    assert track_color(-1) == FAINT_TEXT

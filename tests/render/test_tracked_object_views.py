@@ -7,27 +7,27 @@ import pytest
 
 from perception.render import palette
 from perception.render.canvas import blank_canvas
+from perception.render.palette import Style
 from perception.render.panels import FittedImage, Resizing
 from perception.render.scan_points import ScanPoints
 from perception.render.tracked_object_composition import (
-    STATUS_COLORS,
     TrackedObjectComposition,
     draw_speed_chart,
 )
-from perception.render.tracked_object_figure import (
-    TrackedObjectFigure,
+from perception.render.tracked_object_views import (
+    STATUS_COLORS,
+    TrackedObjectScene,
+    TrackedObjectViews,
     draw_path,
     draw_region,
-    draw_tag,
+    label_text,
 )
-from perception.render.tracked_object_views import TrackedObjectScene, TrackedObjectViews
-from perception.render.tracks import TrackStyle
 from perception.render.trails import TrackedObjectTrail
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
 
-STYLE = TrackStyle()
+STYLE = Style()
 BOX = Boxes3D(np.array([[12.0, 1, -1.73]]), np.array([[4.0, 1.8, 1.6]]), np.zeros(1))
 
 
@@ -119,11 +119,9 @@ def test_the_view_from_above_holds_vehicle_and_object(follow_scene):
     assert count_of(canvas, palette.VEHICLE) > 5
 
 
-def test_what_is_not_seen_is_said_and_what_is_lost_is_grey():
-    text = {state: TrackedObjectFigure.of(tracked_in(state), None).text for state in TrackStatus}
+def test_the_label_says_where_an_object_is_not_observed():
+    text = {status: label_text(tracked_in(status)) for status in TrackStatus}
     assert text == {"seen": "18.0 km/h", "predicted": "predicted 18.0 km/h", "lost": "lost"}
-    assert TrackedObjectFigure.of(tracked_in(TrackStatus.LOST), None).color == palette.FAINT_TEXT
-    assert TrackedObjectFigure.of(tracked_in(TrackStatus.SEEN, None), None) is None
 
 
 def test_a_region_is_blue_and_its_ring_red():
@@ -134,19 +132,6 @@ def test_a_region_is_blue_and_its_ring_red():
     assert inside[2] > inside[0] + 30
     assert ring[0] > ring[2] + 30
     assert tuple(outside) == (100, 100, 100)
-
-
-def test_a_tag_stands_over_its_box_or_under_it_and_never_beside_the_canvas():
-    for outline, row in (((40, 60, 80, 90), 45), ((40, 2, 80, 30), 45)):
-        canvas = blank_canvas((120, 100), (200, 200, 200))
-        draw_tag(canvas, "9 km/h", np.array(outline, float), palette.TRACKED_OBJECT, 8)
-        darkened = np.flatnonzero((canvas < 100).any(axis=(1, 2)))
-        assert abs(darkened.mean() - row) < 8
-    canvas = blank_canvas((120, 100), (200, 200, 200))
-    draw_tag(
-        canvas, "9 km/h", np.array([np.inf, np.inf, -np.inf, -np.inf]), palette.TRACKED_OBJECT, 8
-    )
-    assert (canvas == 200).all()
 
 
 def test_a_way_of_one_place_is_no_line():

@@ -8,9 +8,9 @@ from lightning.pytorch.loggers import TensorBoardLogger
 
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.render import palette
-from perception.render.canvas import draw_tag
 from perception.render.curve_plots import CurvePanel, curve_figure, precision_panel
 from perception.render.detections import draw_boxes
+from perception.render.labels import Label, draw_labels
 from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
 
@@ -80,8 +80,9 @@ def draw_detections(batch: Batch, position: int, found: Detections) -> UInt8:
     draw_boxes(canvas, boxes_px[has_area & ~is_ignored], _LABEL)
     sure = found[found.scores >= _DISPLAY_SCORE]
     draw_boxes(canvas, times * sure.boxes_px, _FOUND)
-    for box_px, score in zip(times * sure.boxes_px, sure.scores.tolist(), strict=True):
-        draw_tag(canvas, f"{score:.2f}", box_px, _FOUND, _TEXT_PX)
+    scored = zip(times * sure.boxes_px, sure.scores.tolist(), strict=True)
+    labels = [Label(box_px, f"{100 * score:.0f}%", _FOUND) for box_px, score in scored]
+    draw_labels(canvas, labels, _TEXT_PX)
     return canvas
 
 

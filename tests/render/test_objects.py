@@ -6,18 +6,19 @@ import pytest
 from perception.geometry.boxes import edges
 from perception.render.birds_eye import BirdsEyeView
 from perception.render.composition import Composition
-from perception.render.palette import TRACKS
+from perception.render.labels import draw_labels
+from perception.render.object_figures import ObjectPart, object_figures
+from perception.render.objects import draw_objects
+from perception.render.palette import LINE_PATTERNS, TRACKS, Style
+from perception.render.panels import Resizing
+from perception.render.scene import Scene, SceneObjects
 from perception.render.strokes import Strokes, draw_strokes, project_strokes
-from perception.render.track_figures import TrackPart, track_figures
-from perception.render.track_labels import Tag, draw_track_labels
-from perception.render.tracks import TrackStyle, draw_tracks
-from perception.render.trails import Trails
 from perception.types import Boxes3D, Tracks
 from tests.render.conftest import FORWARD_CAMERA
 
 ABOVE = BirdsEyeView(size_px=(200, 300), pixels_per_m=10.0, vehicle_px=(100.0, 250.0))
 FORWARD = FORWARD_CAMERA.image_P_velo
-THIN = TrackStyle(line_px=1, text_px=8)
+THIN = Style(line_px=1, text_px=8)
 SMALL = Composition(size_px=(800, 450))
 
 
@@ -33,12 +34,19 @@ def tracks_at(*bottoms, size=(4.0, 2.0, 1.5), yaw=0.0, velocity=(0.0, 0.0), seen
 def drawn(tracks, image_P_velo=ABOVE.image_P_velo, size_px=(200, 300), paths=None):
     canvas = np.zeros((size_px[1], size_px[0], 3), np.uint8)
     paths = list(tracks.boxes.bottom_m[:, None]) if paths is None else paths
-    draw_tracks(canvas, image_P_velo, track_figures(tracks, paths), THIN)
+    figures = figures_of(tracks, paths)
+    draw_labels(canvas, draw_objects(canvas, image_P_velo, figures, THIN), THIN.text_px)
     return canvas
 
 
+def figures_of(tracks, paths):
+    """Return the figures of tracks whose headings are reliable."""
+    objects = SceneObjects.of_tracks(tracks)
+    return object_figures(replace(objects, has_front=np.ones(len(objects), bool)), paths)
+
+
 def is_colored(pixel, color=TRACKS[0]):
-    return bool((pixel.astype(int) > 0.6 * np.array(color)).all())
+    return bool((pixel.astype(int) >= 0.6 * np.array(color)).all())
 
 
 def test_the_projection_from_above_is_the_view_itself():
@@ -96,12 +104,12 @@ def test_a_box_behind_the_camera_is_not_drawn():
 
 
 def test_the_arrow_is_as_long_as_the_way_of_a_second():
-    figures = track_figures(tracks_at((10, 0, 0), velocity=(0.0, 3.0)), [np.array([(10, 0, 0.0)])])
-    shaft = figures.segments_m[figures.numbers == TrackPart.ARROW][0]
+    figures = figures_of(tracks_at((10, 0, 0), velocity=(0.0, 3.0)), [np.array([(10, 0, 0.0)])])
+    shaft = figures.segments_m[figures.numbers == ObjectPart.ARROW][0]
     # From the left side of a box 2 m wide.
     np.testing.assert_allclose(shaft, [(10, 1, 0), (10, 4, 0)], atol=1e-9)
-    slow = track_figures(tracks_at((10, 0, 0), velocity=(0.1, 0)), [np.array([(10, 0, 0.0)])])
-    assert not (slow.numbers == TrackPart.ARROW).any()
+    slow = figures_of(tracks_at((10, 0, 0), velocity=(0.4, 0)), [np.array([(10, 0, 0.0)])])
+    assert not (slow.numbers == ObjectPart.ARROW).any()
 
 
 def test_a_way_is_drawn_where_it_went_and_fades():
@@ -119,20 +127,29 @@ def test_under_the_vehicle_no_way_is_drawn():
     assert not canvas[235:265, 100].any()
 
 
-def test_predicted_boxes_are_broken():
-    solid = drawn(tracks_at((10, 0, 0)))[:, 90].max(axis=1)[132:168] > 100
-    broken = drawn(tracks_at((10, 0, 0), seen=False))[:, 90].max(axis=1)[132:168] > 100
-    assert solid.all()
-    assert 0.3 < broken.mean() < 0.9
+def test_predicted_boxes_are_faint():
+    observed = drawn(tracks_at((10, 0, 0)))[:, 90].max(axis=1)[140:160]
+    predicted = drawn(tracks_at((10, 0, 0), seen=False))[:, 90].max(axis=1)[140:160]
+    assert (observed > 250).all()
+    assert (predicted < 0.6 * observed).all()
+    assert (predicted > 100).all()
 
 
-def test_dashes_cover_their_share_of_a_line():
-    line = Strokes(np.array([0, 1]), np.array([[(0.0, 0.0), (100.0, 0.0)]] * 2))
-    dashes = line.dashed(np.array([False, True]))
-    assert dashes.owners.tolist() == [0] + [1] * 10
-    np.testing.assert_allclose(dashes.ends_px[0], [(0, 0), (100, 0)])
-    np.testing.assert_allclose(dashes.ends_px[1:, 0, 0], np.arange(10) * 10)
-    np.testing.assert_allclose(dashes.ends_px[1:, 1, 0], np.arange(10) * 10 + 5.5)
+@pytest.mark.parametrize(
+    ("modality", "starts", "stops"),
+    [
+        ("rgb", [0, 12, 24], [7.2, 19.2, 30]),
+        ("dm", [0, 6, 12, 18, 24], [2.4, 8.4, 14.4, 20.4, 26.4]),
+        ("rm", [0, 12.06, 18, 30], [9, 14.94, 27, 30]),
+    ],
+)
+def test_each_modality_has_its_line_pattern(modality, starts, stops):
+    line = Strokes(np.array([3]), np.array([[(0.0, 0.0), (30.0, 0.0)]]))
+    dashes = line.dashed(LINE_PATTERNS[modality])
+    assert set(dashes.owners) == {3}
+    np.testing.assert_allclose(dashes.ends_px[:, 0, 0], starts)
+    np.testing.assert_allclose(dashes.ends_px[:, 1, 0], stops)
+    assert not dashes.ends_px[..., 1].any()
 
 
 @pytest.mark.parametrize(("width_px", "rows"), [(1, [50]), (3, [49, 50, 51])])
@@ -153,23 +170,48 @@ def test_the_nearer_of_two_lies_on_top():
     assert (canvas[both] == TRACKS[1]).all()
 
 
-def test_labels_never_overlap(monkeypatch):
-    tags: list[Tag] = []
-    monkeypatch.setattr(
-        "perception.render.track_labels._Label.draw", lambda self, canvas, tag: tags.append(tag)
-    )
-    random = np.random.default_rng(2)
-    tracks = tracks_at(*random.uniform((4, -6, -1), (12, 6, 0), (60, 3)), size=(1, 1, 1))
-    corners = random.uniform(20, 150, (60, 2))
-    outlines = np.hstack([corners, corners + 9])
-    canvas = np.zeros((200, 200, 3), np.uint8)
-    draw_track_labels(canvas, outlines, track_figures(tracks, [np.zeros((1, 3))] * 60), 8)
-    assert 10 < len(tags) < 60
-    covered = np.zeros((200, 200), int)
-    for tag in tags:
-        assert tag.is_within(canvas)
-        covered[tag.top : tag.bottom, tag.left : tag.right] += 1
-    assert covered.max() == 1
+def labels_of(objects, **known):
+    canvas = np.zeros((300, 200, 3), np.uint8)
+    objects = replace(objects, **known)
+    figures = object_figures(objects, [np.zeros((0, 3))] * len(objects))
+    return draw_objects(canvas, ABOVE.image_P_velo, figures, THIN)
+
+
+def test_a_label_says_class_id_score_and_speed():
+    objects = SceneObjects.of_tracks(tracks_at((10, 0, 0), first_id=12, velocity=(0.0, 4.0)))
+    (label,) = labels_of(objects)
+    assert (label.name, label.details) == ("#12", "4.0 m/s")
+    known = {"types": np.array(["Car"]), "scores": np.array([0.87])}
+    (label,) = labels_of(objects, **known)
+    assert (label.name, label.details) == ("Car #12", "87%  4.0 m/s")
+    (label,) = labels_of(objects, **known, ids=np.array([-1]), is_moving=np.zeros(1, bool))
+    assert (label.name, label.details) == ("Car", "87%")
+
+
+def test_the_selected_object_is_labelled_first_then_what_moves_then_what_is_near():
+    tracks = tracks_at((5, 0, 0), (15, 0, 0), (10, 2, 0), (20, 3, 0), velocity=(2.0, 0))
+    known = {
+        "is_moving": np.array([False, True, False, False]),
+        "statuses": np.array(["", "", "", "lost"]),
+        "is_observed": np.array([True, True, True, False]),
+    }
+    labels = labels_of(SceneObjects.of_tracks(tracks), **known)
+    assert [label.name for label in labels] == ["#3", "#1", "#0", "#2"]
+    assert labels[0].details == "lost"
+
+
+def test_an_object_without_a_3d_box_is_its_rectangle_in_the_image_alone():
+    tracks = tracks_at((np.nan, np.nan, np.nan))
+    rectangle = np.array([[20.0, 30, 80, 90]])
+    objects = replace(SceneObjects.of_tracks(tracks), boxes_px=rectangle)
+    figures = object_figures(objects, [np.zeros((0, 3))])
+    resizing = Resizing.of_window(np.array([0.0, 0, 100, 50]), (200, 100))
+    canvas = np.zeros((300, 200, 3), np.uint8)
+    (label,) = draw_objects(canvas, FORWARD, figures, THIN, resizing)
+    np.testing.assert_allclose(label.box_px, [40.5, 60.5, 160.5, 180.5])
+    assert is_colored(canvas[61, 100])
+    draw_objects(elsewhere := np.zeros((300, 200, 3), np.uint8), ABOVE.image_P_velo, figures, THIN)
+    assert not elsewhere.any()
 
 
 def test_the_label_stands_over_its_box():
@@ -182,18 +224,9 @@ def test_no_tracks_draw_nothing():
     assert not drawn(Tracks.empty(), paths=[]).any()
 
 
-def test_without_tracks_the_picture_is_as_it_was(scene):
-    before = SMALL.draw(scene)
-    tracked = SMALL.draw(scene, Trails())
-    # Only the legend says that tracks are looked for.
-    differing = np.nonzero((before != tracked).any(axis=2))
-    assert differing[0].min() > 450 * (1 - 0.075) - 1
-    assert differing[1].max() < 0.27 * 800
-
-
 def test_tracks_are_in_every_panel(scene):
     tracked = replace(scene, tracks=tracks_at((12, 1, -1.7), velocity=(3.0, 0.0)))
-    changed = (SMALL.draw(tracked) != SMALL.draw(scene)).any(axis=2)[: 450 - 34]
+    changed = (SMALL.draw(Scene.of(tracked)) != SMALL.draw(Scene.of(scene))).any(axis=2)[: 450 - 34]
     rows, columns = np.nonzero(changed)
     is_left, is_top = columns < 560, rows < 190
     assert (is_left & is_top).any()
@@ -204,4 +237,4 @@ def test_tracks_are_in_every_panel(scene):
 def test_tracks_are_drawn_without_a_camera_too(scene):
     blind = replace(scene, frame=replace(scene.frame, image=None, calibration=None))
     tracked = replace(blind, tracks=tracks_at((12, 1, -1.7)))
-    assert (SMALL.draw(tracked, Trails()) != SMALL.draw(blind, Trails())).any()
+    assert (SMALL.draw(Scene.of(tracked)) != SMALL.draw(Scene.of(blind))).any()

@@ -3,7 +3,7 @@ import pytest
 
 from perception.render.canvas import Align, text_width_px
 from perception.render.palette import FAINT_TEXT, PANEL, STAGES, STATIC
-from perception.render.stage_bar import draw_stage_bar, draw_worker_bars
+from perception.render.strip import draw_stage_bar, draw_worker_bars
 from perception.types import StageSpan
 
 BAR_ROW = 20
@@ -62,7 +62,7 @@ def test_names_of_stages_neither_overlap_nor_run_out(canvas, width, monkeypatch)
         left = position_px[0] - text_width_px(text, height_px) * align.value
         written.append((position_px[1], left, left + text_width_px(text, height_px)))
 
-    monkeypatch.setattr("perception.render.stage_bar.draw_text", draw_text)
+    monkeypatch.setattr("perception.render.strip.draw_text", draw_text)
     spans = [StageSpan(f"stage {n}", "", 0.01 * n, 0.01 * n + 0.005) for n in range(11)]
     draw_worker_bars(canvas[:, :width], spans, turn_s=0.1, text_px=9)
     lines = sorted({baseline for baseline, _, _ in written})
