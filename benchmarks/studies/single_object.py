@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.studies.report import RESULTS, publish
 from perception.cli.evaluate_otd import require_trackers, run_trackers
 from perception.cli.parser import FlagGroup
-from perception.evaluation.config import SingleObjectMetricsConfig
+from perception.evaluation.config import MIN_OVERLAP
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import load_sensor
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from perception.evaluation.single_object.track import TrueTrack
 
 # An object that was hidden is reacquired once it is observed with this overlap of both boxes (A.1).
-_REACQUIRED_IOU = SingleObjectMetricsConfig().overlap
+_REACQUIRED_IOU = MIN_OVERLAP
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ def evaluate_otd(  # noqa: PLR0913 - flags of a command
         pipeline: Configuration of the pipeline up to the ground.
     """
     from data.derived.otd_objects import ObjectSetConfig, find_objects
-    from perception.evaluation.single_object.measure import SingleObjectMeasure
+    from perception.evaluation.single_object.measure import PROTOCOL, SingleObjectMeasure
     from perception.evaluation.single_object.plots import write_plots
 
     names = require_trackers(trackers)
@@ -71,7 +71,7 @@ def evaluate_otd(  # noqa: PLR0913 - flags of a command
     document = EvaluationDocument(
         "otd",
         {"config": set_config, "drives": drives, "absent": reasons},
-        metrics.protocol,
+        PROTOCOL,
     )
     heading = "\n".join([f"{heading}; absent:", *absent]) if absent else heading
     publish_report(heading, metrics, document, config, report.json)

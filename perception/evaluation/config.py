@@ -8,6 +8,12 @@ from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 
 EvaluationView = Literal["camera", "all"]
 
+# Thresholds at which a frame of one tracked object counts as correct.
+MIN_OVERLAP = 0.25  # 3D overlap (IoU) that must be exceeded (A.1)
+MAX_HEADING_DEG = 10.0  # heading error that must not be reached (A.2)
+MAX_LOCATION_PX = 20.0  # centre error in the image that must not be reached (A.3)
+MAX_CENTER_M = 2.0  # centre error up to which precision is measured
+
 
 @dataclass(frozen=True)
 class MotionLabelConfig:
@@ -140,32 +146,3 @@ class DatmoProtocol:
     distance_threshold: float = 0.5
     overlap_threshold: float = 0.5
     loose_overlap_threshold: float = 0.3
-
-
-@dataclass(frozen=True)
-class SingleObjectMetricsConfig:
-    """Thresholds at which a frame of one tracked object counts as correct.
-
-    Attributes:
-        overlap: 3D overlap (IoU) that must be exceeded (A.1).
-        heading_deg: Heading error in degrees that must not be reached (A.2).
-        location_px: Centre error in px that must not be reached (A.3).
-        max_center_error_m: Centre error in m up to which precision is measured.
-        steps: Number of thresholds of success and precision.
-    """
-
-    overlap: float = 0.25
-    heading_deg: float = 10.0
-    location_px: float = 20.0
-    max_center_error_m: float = 2.0
-    steps: int = 21
-
-    def __post_init__(self) -> None:
-        """Validate the thresholds."""
-        limits = (self.heading_deg, self.location_px, self.max_center_error_m)
-        if not 0 <= self.overlap < 1 or min(limits) <= 0 or self.steps < 2:
-            raise UsageError(
-                "metrics of one object",
-                expected="an overlap from 0 to 1, limits over 0 and at least 2 steps",
-                found=str(self),
-            )

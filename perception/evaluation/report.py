@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, Final, Generic, Protocol, Self, TypeVar, get_type_hints
 
 from perception.types import Labels, PointTruth, Result
@@ -95,7 +96,7 @@ class Metrics:
     def columns(cls) -> list[Column[Self]]:
         """Return a column for each declared metric, fields first."""
         return [
-            Column(metric.heading, lambda row, name=name: getattr(row, name), metric.spec, name)  # type: ignore[misc]
+            Column(metric.heading, partial(_attribute, name), metric.spec, name)
             for name, annotations in _annotations(cls)
             for metric in annotations
             if isinstance(metric, Metric)
@@ -165,6 +166,22 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
         for column, (cell, width) in enumerate(zip(row, widths, strict=True))
     )
     return "  ".join([first, *others]).rstrip()
+
+
+def value_table(
+    title: str, rows: Mapping[str, Mapping[str, Value]], spec: str = "", heading: str = ""
+) -> Table[Mapping[str, Value]]:
+    """Return a table of values of one format by row, then by column; a column that a row lacks has a dash."""
+    names = dict.fromkeys(name for row in rows.values() for name in row)
+    return Table(title, [Column(n, partial(_item, n), spec, n) for n in names], rows, heading)
+
+
+def _item(name: str, row: Mapping[str, Value]) -> Value:
+    return row.get(name)
+
+
+def _attribute(name: str, row: object) -> Any:  # noqa: ANN401 - any metric
+    return getattr(row, name, None)
 
 
 def _annotations(kind: type) -> Iterator[tuple[str, tuple[Any, ...]]]:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from perception.errors import PerceptionError, UsageError
-from perception.evaluation.config import SingleObjectMetricsConfig
+from perception.errors import PerceptionError
+from perception.evaluation.single_object import metrics
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import (
     area_under_curve,
@@ -173,25 +173,24 @@ def test_headings_are_compared_around_the_circle():
     assert single_object_metrics(errors).heading_bias_rad == pytest.approx(np.pi - 3.1)
 
 
-def test_success_needs_more_than_the_threshold_and_less_than_the_angle():
+def test_success_needs_more_than_the_threshold_and_less_than_the_angle(monkeypatch):
     # 4 m long boxes: 2.4 m apart share 1.6 of 6.4, which is exactly a quarter.
     quarter, more = errors_of([prediction(14.4)]), errors_of([prediction(14.39)])
-    config = SingleObjectMetricsConfig(overlap=float(quarter.overlap[0]))
+    monkeypatch.setattr(metrics, "MIN_OVERLAP", float(quarter.overlap[0]))
     assert quarter.overlap[0] == pytest.approx(0.25)
-    assert correct_frames(quarter, config).overlap.tolist() == [False]
-    assert correct_frames(more, config).overlap.tolist() == [True]
+    assert correct_frames(quarter).overlap.tolist() == [False]
+    assert correct_frames(more).overlap.tolist() == [True]
     headings = errors_of([prediction(12, np.radians(9.9)), prediction(12, np.radians(170.2))])
-    assert correct_frames(headings, config).heading.tolist() == [True, False]
+    assert correct_frames(headings).heading.tolist() == [True, False]
 
 
 def test_one_pass_evaluation_counts_thresholds():
     # A perfect frame and one without overlap, 10 m off.
     errors = errors_of([prediction(12.0), prediction(22.0)])
-    config = SingleObjectMetricsConfig()
-    success = success_curve(errors, config)
+    success = success_curve(errors)
     assert success[[0, 1, 20]].tolist() == [1.0, 0.5, 0.5]  # at least 0 are both
     assert area_under_curve(success) == pytest.approx(0.5 + 0.5 / 40)
-    precision = precision_curve(errors, config)
+    precision = precision_curve(errors)
     assert precision.tolist() == [0.5] * 21
     assert single_object_metrics(errors).precision == pytest.approx(0.5)
 
@@ -246,6 +245,3 @@ def test_no_frame_gives_no_figure():
 def test_what_cannot_be_measured_is_refused():
     with fault(PerceptionError, where="TrueTrack.stamps_s", found="shape (2,)"):
         TrueTrack(np.arange(3), np.zeros(2), boxes([1, 2]), np.zeros((2, 4)), np.zeros((2, 2)), np.zeros(2, int))  # fmt: skip
-    for bad in ({"overlap": 1.0}, {"heading_deg": 0.0}, {"steps": 1}):
-        with fault(UsageError, expected="limits over 0"):
-            SingleObjectMetricsConfig(**bad)

@@ -2,12 +2,17 @@
 
 import inspect
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from perception.evaluation.config import SingleObjectMetricsConfig
-from perception.evaluation.report import Column, Report, Table, Value
+from perception.evaluation.config import (
+    MAX_CENTER_M,
+    MAX_HEADING_DEG,
+    MAX_LOCATION_PX,
+    MIN_OVERLAP,
+)
+from perception.evaluation.report import Column, Report, Table, value_table
 from perception.evaluation.single_object.challenges import (
     CHALLENGE_DESCRIPTIONS,
     Challenge,
@@ -15,13 +20,30 @@ from perception.evaluation.single_object.challenges import (
     variations,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
-from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
+from perception.evaluation.single_object.metrics import (
+    SingleObjectMetrics,
+    single_object_metrics,
+)
 from perception.evaluation.single_object.track import TargetObject
 from perception.evaluation.single_object.tracker_runs import TrackerRun
 from perception.types import Calibration
 
 _TOGETHER = "together"  # over all frames of all sequences, not a mean of the sequences
 _Metrics = Mapping[str, SingleObjectMetrics | None]
+
+PROTOCOL = {
+    "metrics": inspect.getdoc(SingleObjectMetrics),
+    "challenges": CHALLENGE_DESCRIPTIONS,
+    "values": {
+        "metrics": {
+            "overlap": MIN_OVERLAP,
+            "heading_deg": MAX_HEADING_DEG,
+            "location_px": MAX_LOCATION_PX,
+            "max_center_error_m": MAX_CENTER_M,
+        },
+        "challenges": asdict(Variations()),
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -49,23 +71,12 @@ class SingleObjectReport(Report):
     """Metrics of trackers of one object, over several objects.
 
     Attributes:
-        config: Thresholds at which a frame counts as correct.
         trackers: Names of the trackers, in the order of the tables.
         objects: Errors of each object.
     """
 
-    config: SingleObjectMetricsConfig
     trackers: tuple[str, ...]
     objects: tuple[ObjectErrors, ...]
-
-    @property
-    def protocol(self) -> dict[str, Any]:
-        """Rules of the measure in words and values."""
-        return {
-            "metrics": inspect.getdoc(SingleObjectMetrics),
-            "challenges": CHALLENGE_DESCRIPTIONS,
-            "values": {"metrics": self.config, "challenges": Variations()},
-        }
 
     def objects_with(self, challenge: Challenge | None) -> list[ObjectErrors]:
         """Return the objects with a challenge, or all."""
@@ -83,34 +94,26 @@ class SingleObjectReport(Report):
 
     def metrics_of(self, challenge: Challenge | None = None) -> _Metrics:
         """Return the metrics of all these frames together, by tracker."""
-        return self._metrics({name: self.errors_of(name, challenge) for name in self.trackers})
-
-    def _metrics(self, errors: Mapping[str, SingleObjectErrors | None]) -> _Metrics:
-        return {
-            name: None if one is None else single_object_metrics(one, self.config)
-            for name, one in errors.items()
-        }
+        return _metrics({name: self.errors_of(name, challenge) for name in self.trackers})
 
     def tables(self) -> list[Table[Any]]:
         """Return the objects, the metrics with trackers side by side, by challenge, and each tracker in detail."""
         by_name, rows = self._by_name(), self._rows()
         title = "Objects to track; challenges from the labels"
         tables: list[Table[Any]] = [Table(title, _OBJECT_COLUMNS, by_name, "sequence")]
-        for title, metric, spec, key in _comparisons(self.config):
-            columns = [_column(name, metric, spec, name, title) for name in self.trackers]
-            printed = {
-                id(rows[name]): one.target.sequence.stated.get(key) for name, one in by_name.items()
-            }
+        for title, metric, spec, key in _COMPARISONS:
+            values = {name: _values(row, metric) for name, row in rows.items()}
+            table: Table[Any] = value_table(title, values, spec)
+            printed = {name: one.target.sequence.stated.get(key) for name, one in by_name.items()}
             if any(printed.values()):
-                columns.append(Column("thesis H-Fus", lambda row, of=printed: of.get(id(row))))  # type: ignore[misc]
-            tables.append(Table(title, columns, rows))
+                table = _beside(table, printed)
+            tables.append(table)
         tables += self._challenge_tables()
+        details = SingleObjectMetrics.columns()
         for tracker in self.trackers:
+            of_tracker = {name: row.get(tracker) for name, row in rows.items()}
             title = f"{tracker}: errors, states that it reports, drift, time"
-            details = [
-                _column(name, metric, spec, tracker, name) for name, metric, spec in _DETAILS
-            ]
-            tables.append(Table(title, details, rows))
+            tables.append(Table(title, details, of_tracker))
         notes = [
             f"{name} does not track {one.target.sequence.name}: {reason}"
             for one in self.objects
@@ -127,7 +130,7 @@ class SingleObjectReport(Report):
 
     def _rows(self) -> dict[str, _Metrics]:
         """Return the metrics by tracker of each object, and of all together."""
-        rows = {name: self._metrics(one.errors) for name, one in self._by_name().items()}
+        rows = {name: _metrics(one.errors) for name, one in self._by_name().items()}
         if len(rows) > 1:
             rows[_TOGETHER] = {
                 name: None if one is None else replace(one, lost_from_frame=None)
@@ -137,18 +140,16 @@ class SingleObjectReport(Report):
 
     def _challenge_tables(self) -> list[Table[Any]]:
         groups = {one: len(self.objects_with(one)) for one in Challenge if self.objects_with(one)}
-        if len(self.objects) < 2:
+        if len(self.objects) < 2 or not groups:
             return []
         metrics = {f"{one} ({count})": self.metrics_of(one) for one, count in groups.items()}
         rows = {t: {name: row[t] for name, row in metrics.items()} for t in self.trackers}
-        titles = {
-            "overlap_success": "Overlap success [%] by challenge, over all frames of its sequences",
-            "heading_success": "Heading success [%] by challenge",
-        }
+        overlaps = {t: _values(row, lambda m: m.overlap_success) for t, row in rows.items()}
+        headings = {t: _values(row, lambda m: m.heading_success) for t, row in rows.items()}
+        title = "Overlap success [%] by challenge, over all frames of its sequences"
         return [
-            Table(title, [_column(name, metric, ".1f", name, title) for name in metrics], rows)
-            for metric, title in titles.items()
-            if metrics
+            value_table(title, overlaps, ".1%"),
+            value_table("Heading success [%] by challenge", headings, ".1%"),
         ]
 
     def to_json(self) -> dict[str, Any]:
@@ -161,7 +162,7 @@ class SingleObjectReport(Report):
                     "total_frames": one.target.total_frames,
                     "variations": one.variation,
                     "challenges": one.variation.challenges(),
-                    "metrics": self._metrics(one.errors),
+                    "metrics": _metrics(one.errors),
                     "refusals": one.refusals,
                 }
                 for one in self.objects
@@ -176,16 +177,9 @@ class SingleObjectReport(Report):
 class SingleObjectMeasure:
     """Accumulates the metrics of trackers of one object, object after object."""
 
-    def __init__(
-        self, trackers: Sequence[str], config: SingleObjectMetricsConfig | None = None
-    ) -> None:
-        """Start without an object.
-
-        Args:
-            trackers: Names of the trackers, in the order of the tables.
-            config: Thresholds at which a frame counts as correct.
-        """
-        self._trackers, self._config = tuple(trackers), config or SingleObjectMetricsConfig()
+    def __init__(self, trackers: Sequence[str]) -> None:
+        """Start without an object, for the trackers in the order of the tables."""
+        self._trackers = tuple(trackers)
         self._objects: list[ObjectErrors] = []
 
     def update(
@@ -208,18 +202,24 @@ class SingleObjectMeasure:
 
     def compute(self) -> SingleObjectReport:
         """Return the metrics of all objects so far."""
-        return SingleObjectReport(self._config, self._trackers, tuple(self._objects))
+        return SingleObjectReport(self._trackers, tuple(self._objects))
 
 
-def _column(name: str, metric: str, spec: str, tracker: str, unit: str) -> Column[Any]:
-    """Return the column of a metric of one tracker; percent is in `unit` where a share is printed so."""
+def _metrics(errors: Mapping[str, SingleObjectErrors | None]) -> _Metrics:
+    return {n: None if one is None else single_object_metrics(one) for n, one in errors.items()}
 
-    def value(row: _Metrics) -> Value:
-        metrics = row.get(tracker)
-        found: Value = None if metrics is None else getattr(metrics, metric)
-        return 100 * found if "[%]" in unit and isinstance(found, float) else found
 
-    return Column(name, value, spec)
+def _values(
+    row: _Metrics, metric: Callable[[SingleObjectMetrics], float]
+) -> dict[str, float | None]:
+    return {name: None if one is None else metric(one) for name, one in row.items()}
+
+
+def _beside(table: Table[Any], printed: Mapping[str, str | None]) -> Table[Any]:
+    """Add the values that the thesis prints, digit by digit."""
+    rows = {name: {**row, "thesis": printed.get(name)} for name, row in table.rows.items()}
+    thesis = Column[Any]("thesis H-Fus", lambda row: row["thesis"])
+    return replace(table, columns=[*table.columns, thesis], rows=rows)
 
 
 # fmt: off
@@ -236,37 +236,24 @@ _OBJECT_COLUMNS: tuple[Column[ObjectErrors], ...] = (
     Column("distance ratio", lambda o: o.variation.distance_ratio, ".1f"),
     Column("speed change [m/s]", lambda o: o.variation.speed_change_m_s, ".1f"),
 )
-_DETAILS = (
-    ("frames", "frames", ""), ("E3D [m]", "center_m", ".3f"), ("E2D [px]", "center_px", ".1f"),
-    ("in image [%]", "in_image", ".1f"), ("E_phi [rad]", "folded_heading_rad", ".3f"),
-    ("bias [rad]", "heading_bias_rad", ".3f"), ("velocity [m/s]", "velocity_m_s", ".3f"),
-    ("overlap [%]", "overlap_success", ".1f"), ("Success [%]", "success", ".1f"),
-    ("Precision [%]", "precision", ".1f"), ("seen [%]", "seen", ".1f"),
-    ("predicted [%]", "predicted", ".1f"), ("lost [%]", "lost", ".1f"),
-    ("drifted [%]", "drifted", ".1f"), ("lost from frame", "lost_from_frame", ""),
-    ("mean [ms]", "ms_per_frame", ".2f"), ("p99 [ms]", "ms_p99", ".2f"),
+# Title, metric, format, and the name under which the thesis prints the metric of H-Fus, if it does.
+_COMPARISONS: tuple[tuple[str, Callable[[SingleObjectMetrics], float], str, str], ...] = (
+    ("E3D (7.3): mean distance of the box centres [m]",
+     lambda m: m.center_m, ".3f", "printed_E3D_m"),
+    ("E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]",
+     lambda m: m.center_px, ".1f", "printed_E2D_px"),
+    ("E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]",
+     lambda m: m.folded_heading_rad, ".3f", "printed_E_phi_rad"),
+    ("Mean heading error, 0..pi [rad]", lambda m: m.heading_rad, ".3f", ""),
+    (f"Overlap success (A.1): frames with 3D IoU above {MIN_OVERLAP:.0%} [%]",
+     lambda m: m.overlap_success, ".1%", ""),
+    (f"Heading success (A.2): frames within {MAX_HEADING_DEG:g} deg [%]",
+     lambda m: m.heading_success, ".1%", ""),
+    (f"Location success (A.3): frames within {MAX_LOCATION_PX:g} px [%]",
+     lambda m: m.location_success, ".1%", ""),
+    ("Success, one-pass evaluation: area under 3D overlap 0..1 [%]",
+     lambda m: m.success, ".1%", ""),
+    (f"Precision, one-pass evaluation: area under centre error 0..{MAX_CENTER_M:g} m [%]",
+     lambda m: m.precision, ".1%", ""),
 )
 # fmt: on
-
-
-def _comparisons(config: SingleObjectMetricsConfig) -> list[tuple[str, str, str, str]]:
-    """Return title, metric, format, and the name under which the thesis prints the metric of H-Fus, if it does."""
-    # fmt: off
-    return [
-        ("E3D (7.3): mean distance of the box centres [m]", "center_m", ".3f", "printed_E3D_m"),
-        ("E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]",
-         "center_px", ".1f", "printed_E2D_px"),
-        ("E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]",
-         "folded_heading_rad", ".3f", "printed_E_phi_rad"),
-        ("Mean heading error, 0..pi [rad]", "heading_rad", ".3f", ""),
-        (f"Overlap success (A.1): frames with 3D IoU above {config.overlap:.0%} [%]",
-         "overlap_success", ".1f", ""),
-        (f"Heading success (A.2): frames within {config.heading_deg:g} deg [%]",
-         "heading_success", ".1f", ""),
-        (f"Location success (A.3): frames within {config.location_px:g} px [%]",
-         "location_success", ".1f", ""),
-        ("Success, one-pass evaluation: area under 3D overlap 0..1 [%]", "success", ".1f", ""),
-        ("Precision, one-pass evaluation: area under centre error "
-         f"0..{config.max_center_error_m:g} m [%]", "precision", ".1f", ""),
-    ]
-    # fmt: on

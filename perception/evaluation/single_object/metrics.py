@@ -1,18 +1,26 @@
 """Metrics of trackers of one object: those of the thesis, and one-pass evaluation."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from perception.evaluation.config import SingleObjectMetricsConfig
+from perception.evaluation.config import (
+    MAX_CENTER_M,
+    MAX_HEADING_DEG,
+    MAX_LOCATION_PX,
+    MIN_OVERLAP,
+)
+from perception.evaluation.report import Metric, Metrics
 from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Bool, Float64
 
+_STEPS = 21  # thresholds of success and precision
+
 
 @dataclass(frozen=True)
-class SingleObjectMetrics:
+class SingleObjectMetrics(Metrics):
     """Metrics over frames of one object, or of several together; NaN where no frame counts.
 
     The tracker is initialised with the labelled box in the first frame; the first and the last frame are evaluated,
@@ -29,14 +37,14 @@ class SingleObjectMetrics:
         heading_rad: Mean angle between the headings in rad, 0 to pi.
         heading_bias_rad: Mean signed heading error in rad.
         velocity_m_s: Mean length of the velocity error over the ground in m/s, where the truth is known.
-        overlap_success: Share of frames whose 3D IoU (A.1) exceeds `overlap`; 0 without a box.
-        heading_success: Share of frames whose headings differ by less than `heading_deg` (A.2), 0 to 180.
+        overlap_success: Share of frames whose 3D IoU (A.1) exceeds 0.25; 0 without a box.
+        heading_success: Share of frames whose headings differ by less than 10 degrees (A.2), 0 to 180.
         location_success: Share of the frames with the object in the image in which the centres of the rectangles are
-            less than `location_px` apart.
+            less than 20 px apart.
         success: One-pass evaluation: area under the share of frames whose overlap is at least a threshold, over
-            `steps` thresholds from 0 to 1 (trapezoids); at 0 all frames count, as in the field.
+            21 thresholds from 0 to 1 (trapezoids); at 0 all frames count, as in the field.
         precision: One-pass evaluation: area under the share of frames whose centres are within a threshold, over
-            `steps` thresholds from 0 to `max_center_error_m` (trapezoids), as a share.
+            21 thresholds from 0 to 2 m (trapezoids), as a share.
         seen: Share of frames that the tracker reports as seen.
         predicted: Share of frames that the tracker reports as predicted.
         lost: Share of frames that the tracker reports as lost.
@@ -46,34 +54,31 @@ class SingleObjectMetrics:
         ms_p99: 99th percentile of the same time in ms.
     """
 
-    frames: int
-    center_m: float
-    center_px: float
-    in_image: float
-    folded_heading_rad: float
+    frames: Annotated[int, Metric("frames")]
+    center_m: Annotated[float, Metric("E3D [m]", ".3f")]
+    center_px: Annotated[float, Metric("E2D [px]", ".1f")]
+    in_image: Annotated[float, Metric("in image [%]", ".1%")]
+    folded_heading_rad: Annotated[float, Metric("E_phi [rad]", ".3f")]
     heading_rad: float
-    heading_bias_rad: float
-    velocity_m_s: float
-    overlap_success: float
+    heading_bias_rad: Annotated[float, Metric("bias [rad]", ".3f")]
+    velocity_m_s: Annotated[float, Metric("velocity [m/s]", ".3f")]
+    overlap_success: Annotated[float, Metric("overlap [%]", ".1%")]
     heading_success: float
     location_success: float
-    success: float
-    precision: float
-    seen: float
-    predicted: float
-    lost: float
-    drifted: float
-    lost_from_frame: int | None
-    ms_per_frame: float
-    ms_p99: float
+    success: Annotated[float, Metric("Success [%]", ".1%")]
+    precision: Annotated[float, Metric("Precision [%]", ".1%")]
+    seen: Annotated[float, Metric("seen [%]", ".1%")]
+    predicted: Annotated[float, Metric("predicted [%]", ".1%")]
+    lost: Annotated[float, Metric("lost [%]", ".1%")]
+    drifted: Annotated[float, Metric("drifted [%]", ".1%")]
+    lost_from_frame: Annotated[int | None, Metric("lost from frame")]
+    ms_per_frame: Annotated[float, Metric("mean [ms]", ".2f")]
+    ms_p99: Annotated[float, Metric("p99 [ms]", ".2f")]
 
 
-def single_object_metrics(
-    errors: SingleObjectErrors, config: SingleObjectMetricsConfig | None = None
-) -> SingleObjectMetrics:
+def single_object_metrics(errors: SingleObjectErrors) -> SingleObjectMetrics:
     """Return the metrics of one sequence, or of several together."""
-    config = config or SingleObjectMetricsConfig()
-    size_rad, correct = np.abs(errors.heading_rad), correct_frames(errors, config)
+    size_rad, correct = np.abs(errors.heading_rad), correct_frames(errors)
     shares = {str(state): _mean(errors.states == state) for state in TrackStatus}
     return SingleObjectMetrics(
         frames=len(errors),
@@ -87,8 +92,8 @@ def single_object_metrics(
         overlap_success=_mean(correct.overlap),
         heading_success=_mean(correct.heading),
         location_success=_mean(correct.location),
-        success=area_under_curve(success_curve(errors, config)),
-        precision=area_under_curve(precision_curve(errors, config)),
+        success=area_under_curve(success_curve(errors)),
+        precision=area_under_curve(precision_curve(errors)),
         **shares,
         drifted=_mean(errors.is_drifted),
         lost_from_frame=_lost_from(errors),
@@ -105,24 +110,24 @@ class CorrectFrames(NamedTuple):
     location: Bool  # (L,) in the frames with the object in the image
 
 
-def correct_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> CorrectFrames:
+def correct_frames(errors: SingleObjectErrors) -> CorrectFrames:
     """Return which frames are correct; missing values are NaN, which is never correct."""
     in_space = slice(None) if errors.has_3d_boxes else slice(0)
     return CorrectFrames(
-        overlap=errors.overlap[in_space] > config.overlap,
-        heading=np.abs(errors.heading_rad[in_space]) < np.radians(config.heading_deg),
-        location=errors.center_px[np.isfinite(errors.overlap_px)] < config.location_px,
+        overlap=errors.overlap[in_space] > MIN_OVERLAP,
+        heading=np.abs(errors.heading_rad[in_space]) < np.radians(MAX_HEADING_DEG),
+        location=errors.center_px[np.isfinite(errors.overlap_px)] < MAX_LOCATION_PX,
     )
 
 
-def success_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
+def success_curve(errors: SingleObjectErrors) -> Float64:
     """Return (steps,) shares of frames whose overlap is at least a threshold, from 0 to 1."""
-    return _shares(errors.overlap[:, None] >= np.linspace(0, 1, config.steps), errors)
+    return _shares(errors.overlap[:, None] >= np.linspace(0, 1, _STEPS), errors)
 
 
-def precision_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
+def precision_curve(errors: SingleObjectErrors) -> Float64:
     """Return (steps,) shares of frames whose centres are within a threshold, from 0 to the reach."""
-    thresholds_m = np.linspace(0, config.max_center_error_m, config.steps)
+    thresholds_m = np.linspace(0, MAX_CENTER_M, _STEPS)
     return _shares(errors.center_m[:, None] <= thresholds_m, errors)
 
 

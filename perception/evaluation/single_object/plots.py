@@ -6,6 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from perception.evaluation.config import (
+    MAX_CENTER_M,
+    MAX_HEADING_DEG,
+    MAX_LOCATION_PX,
+    MIN_OVERLAP,
+)
 from perception.evaluation.single_object.challenges import Challenge
 from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.evaluation.single_object.measure import SingleObjectReport
@@ -26,29 +32,29 @@ _Draw = Callable[[SingleObjectErrors], tuple[Float64, float]]
 
 def write_plots(folder: Path, title: str, report: SingleObjectReport) -> list[Path]:
     """Write all plots into a folder; return their paths."""
-    config, thresholds_px = report.config, np.arange(51.0)
+    thresholds_px = np.arange(51.0)
 
     def location(errors: SingleObjectErrors) -> tuple[Float64, float]:
-        is_correct = correct_frames(errors, config).location
+        is_correct = correct_frames(errors).location
         return location_curve(errors, thresholds_px), is_correct.mean() if len(is_correct) else 0.0
 
     def success(errors: SingleObjectErrors) -> tuple[Float64, float]:
-        curve = success_curve(errors, config)
+        curve = success_curve(errors)
         return curve, area_under_curve(curve)
 
     def precision(errors: SingleObjectErrors) -> tuple[Float64, float]:
-        curve = precision_curve(errors, config)
+        curve = precision_curve(errors)
         return curve, area_under_curve(curve)
 
-    within = f"in brackets: within {config.location_px:g} px"
+    within = f"in brackets: within {MAX_LOCATION_PX:g} px"
     overlaps = ("Success: area under the curve", "3D overlap, at least")
     distances = (
         "Precision: area under the curve, as a share",
         "distance of the centres [m], at most",
     )
     figures = {
-        "overlap": f"3D overlap above {config.overlap:.0%} (Fig. A.1)",
-        "heading": f"heading within {config.heading_deg:g}° (Fig. A.2)",
+        "overlap": f"3D overlap above {MIN_OVERLAP:.0%} (Fig. A.1)",
+        "heading": f"heading within {MAX_HEADING_DEG:g}° (Fig. A.2)",
         "location": "location in the image (Fig. A.3)",
         "one_pass": "one-pass evaluation",
     }
@@ -58,7 +64,7 @@ def write_plots(folder: Path, title: str, report: SingleObjectReport) -> list[Pa
         ],
         "one_pass": [
             _panel(report, (*overlaps, "{:.3f}"), 1, success),
-            _panel(report, (*distances, "{:.3f}"), config.max_center_error_m, precision),
+            _panel(report, (*distances, "{:.3f}"), MAX_CENTER_M, precision),
         ],
     }
     for name, what in figures.items():
@@ -71,7 +77,7 @@ def _cumulative_panels(report: SingleObjectReport, criterion: str) -> list[Curve
     """Return a panel of all objects, and one for each challenge that an object has."""
 
     def draw(errors: SingleObjectErrors) -> tuple[Float64, float]:
-        frames = getattr(correct_frames(errors, report.config), criterion)
+        frames = getattr(correct_frames(errors), criterion)
         if not len(frames):
             return np.full(1, np.nan), 0.0
         return cumulative_success(frames), frames.mean()
