@@ -55,7 +55,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     Raises:
         WriteError: The file cannot be written.
     """
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    part = part_of(path)
     with writing(path):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,6 +65,11 @@ def atomic_file(path: Path) -> Iterator[Path]:
             with suppress(OSError):
                 part.unlink(missing_ok=True)
             raise
+
+
+def part_of(path: Path) -> Path:
+    """Return the path of the partial file of a file, or of a pattern of files."""
+    return path.with_name(f".{path.stem}.part{path.suffix}")
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -10,6 +10,7 @@ from typing import Self
 
 from data.frames import frame_count
 from data.results.documents import write_json
+from data.results.folder import ResultsFolder, started
 from data.results.objects import TrajectoryRecord
 from data.results.records import append_record
 from data.results.run_folder import append_frame
@@ -63,27 +64,32 @@ class RunConfig:
 
 
 def run_drive(
-    drive: Drive, results: Generator[Result, None, None], out: Path, config: RunConfig
+    drive: Drive,
+    results: Generator[Result, None, None],
+    folder: ResultsFolder,
+    config: RunConfig,
 ) -> RunSummary:
     """Write the results of the pipeline; every result file is complete after each frame.
 
     Args:
         drive: Drive of the run.
         results: Results of the pipeline, frame by frame; closed at the end.
-        out: Folder of the results.
+        folder: Folder for the results; nothing is written before the first result is there.
         config: Configuration of the run.
 
     Raises:
-        PerceptionError: a frame cannot be used; the results of the frames before it stay.
+        PerceptionError: A frame cannot be used; the results of the frames before it stay.
     """
-    pipeline = config.pipeline
-    summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
+    pipeline, handover = config.pipeline, _handover(drive, config)
     start = time.perf_counter()
+    all_results = started(results)
+    out = folder.prepare()
+    summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
     with ExitStack() as files:
         video = files.enter_context(_open_video(drive, out, config))
-        tracking = files.enter_context(ObjectTracking(out, _handover(drive, config)))
+        tracking = files.enter_context(ObjectTracking(out, handover))
         try:
-            for result in map(tracking.update, results):
+            for result in map(tracking.update, all_results):
                 video.add(result, tracking.selected)
                 append_frame(out, drive, result, pipeline.area, config.min_vehicle_score)
                 summary.update(result, drive.point_truth(result.frame.index))

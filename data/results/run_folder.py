@@ -1,24 +1,6 @@
-"""The folder of results that `trifuse run` writes; every file is complete, whenever the run ends.
-
-config.yaml           effective flags; `--config` takes the file back
-frames.jsonl          one `FrameRecord` a line: time, position, counts, seconds of each stage
-poses.txt             world_SE3_velo after registration, 12 numbers a row, as KITTI's odometry benchmark has them
-tracks/NAME.txt       KITTI tracking rows of all tracks in the image; only with a camera
-tracks.jsonl          one `FrameTracks` a line
-data/NNNNNN.txt       KITTI object rows of the detected vehicles; this and the next two only with detectors
-vehicles/NAME.txt     KITTI tracking rows of the tracked vehicles
-vehicles.jsonl        one `FrameVehicles` a line
-trajectory.jsonl      one `TrajectoryRecord` a line; only with `--track`
-labels/NNNNNN.label   one uint32 a point in SemanticKITTI's classes: 40 ground, 9 static, 251 moving
-obstacles/NNNNNN.npz  static and moving voxels (centres, counts of points), and ground heights on a 1 m grid
-video.mp4             camera, 3D and bird's-eye view
-preview.jpg           image of the frame in the middle
-timeline.png          start and end of each stage in a typical frame
-summary.json          the printed summary
-"""
+"""Results of `trifuse run`: every file is whole, whenever the run ends. `data.results.folder` lists the files."""
 
 import json
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -53,7 +35,7 @@ class FrameRecord(FrameLine):
         points: Number of points by state: outside, ground, static, moving.
         voxels: Number of static and of moving voxels.
         tracks: Number of tracks.
-        vehicles: Number of detected vehicles; null without detectors.
+        vehicles: Number of vehicles in `vehicles.jsonl`; null without detectors.
         latency_s: Time from the start of the first stage to the end of the last.
         seconds: Time of each stage.
     """
@@ -67,8 +49,8 @@ class FrameRecord(FrameLine):
     seconds: dict[str, float]
 
     @classmethod
-    def of(cls, result: Result) -> Self:
-        """Return the record of one result."""
+    def of(cls, result: Result, vehicles: FrameVehicles | None) -> Self:
+        """Return the record of one result with its listed vehicles."""
         states = np.bincount(result.obstacles.point_states, minlength=len(PointState))
         obstacles = result.obstacles
         return cls(
@@ -77,21 +59,10 @@ class FrameRecord(FrameLine):
             points={state.name.lower(): int(states[state]) for state in PointState},
             voxels={"static": len(obstacles.static), "moving": len(obstacles.moving)},
             tracks=len(result.tracks),
-            vehicles=None if result.vehicles is None else len(result.vehicles),
+            vehicles=None if vehicles is None else len(vehicles.vehicles),
             latency_s=round(result.latency_s, 6) if result.spans else None,
             seconds={stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
         )
-
-
-def make_results_folder(parent: Path = Path("results")) -> Path:
-    """Make results/<time> and let results/latest point to it."""
-    folder = parent / time.strftime("%Y-%m-%d_%H-%M-%S")
-    folder.mkdir(parents=True, exist_ok=True)
-    latest = parent / "latest"
-    if latest.is_symlink() or not latest.exists():
-        latest.unlink(missing_ok=True)
-        latest.symlink_to(folder.name)
-    return folder
 
 
 def append_frame(
@@ -128,7 +99,7 @@ def append_frame(
     if vehicles is not None:
         append_record(out / "vehicles.jsonl", vehicles)
     append_kitti_rows(out, drive, result)
-    append_record(out / FRAMES, FrameRecord.of(result))
+    append_record(out / FRAMES, FrameRecord.of(result, vehicles))
 
 
 def append_kitti_rows(out: Path, drive: Drive, result: Result) -> None:

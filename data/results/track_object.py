@@ -2,8 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,12 +12,14 @@ from data.derived.track_start import TrackStart
 from data.frames import frame_count, read_frames
 from data.kitti.tracking_rows import format_result_rows
 from data.results.documents import write_json
+from data.results.folder import ResultsFolder, started
 from data.results.kitti_rows import trajectory_rows
 from data.results.objects import TrajectoryRecord
 from data.results.records import append_record
 from perception.atomic_file import append_atomically
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
+from perception.geometry.grids import EgoVehicle
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.lidar_stages import LidarStages
@@ -33,7 +34,6 @@ from perception.tracking.single_object.handover import tracker_input_of
 from perception.tracking.single_object.tracker import (
     SingleObjectTracker,
     TrackedObject,
-    TrackerInput,
 )
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D, Drive, Frame, OnBadFrame, Result
@@ -66,64 +66,80 @@ class TrackConfig:
 
 
 def track_object(
-    drive: Drive, start: TrackStart, out: Path, config: TrackConfig, progress: FrameProgress
+    drive: Drive,
+    start: TrackStart,
+    folder: ResultsFolder,
+    config: TrackConfig,
+    progress: FrameProgress,
 ) -> TrajectorySummary:
     """Track one object; every result file is complete after each frame.
 
     Args:
         drive: Drive to track in.
         start: First box of the object.
-        out: Folder of the results.
+        folder: Folder for the results; nothing is written before the tracker has started.
         config: Configuration of the tracking.
         progress: Shows the progress over the frames.
 
     Raises:
-        PerceptionError: the tracker cannot start, or a frame cannot be used; the results before it stay.
+        PerceptionError: The tracker cannot start, or a frame cannot be used; the results before it stay.
     """
+    calibration, rate_hz = drive.calibration, drive.sensor.rate_hz
     tracker = single_object_tracker(config.tracker, drive.sensor, config.tracker_config)
-    summary = TrajectorySummary(
-        drive.name, config.tracker, start.name, out, start.truth, drive.calibration
-    )
     last = frame_count(drive, None if config.frames is None else start.frame + config.frames)
     count = last - start.frame
-    trail, calibration = TrackedObjectTrail(), drive.calibration
-    composition = TrackedObjectComposition(frame_count=count, name=start.name)
-    stages = LidarStages(drive.sensor, config.pipeline)
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
-    with ExitStack() as files:
-        video_path = out / "video.mp4" if config.video else None
-        video = files.enter_context(open_video(video_path, drive.sensor.rate_hz))
+    stages = LidarStages(drive.sensor, config.pipeline)
+    segmented = (stages.segment(frame)[0] for frame in progress(frames, drive.name, count))
+    steps = started(_track(tracker, start, segmented, config.pipeline.ego_vehicle))
+    out = folder.prepare()
+    summary = TrajectorySummary(
+        drive.name, config.tracker, start.name, out, start.truth, calibration
+    )
+    trail = TrackedObjectTrail()
+    composition = TrackedObjectComposition(frame_count=count, name=start.name)
+    with open_video(out / "video.mp4" if config.video else None, rate_hz) as video:
         try:
-            for frame in progress(frames, drive.name, count):
-                result, _ = stages.segment(frame)
-                tracker_input = tracker_input_of(result, config.pipeline.ego_vehicle)
+            for result, tracked, seconds in steps:
                 if not summary.frames:
-                    summary.points_at_start = _points_in(start.box_velo, tracker_input)
-                start_s = time.perf_counter()
-                with limit_blas_threads():
-                    tracked = (
-                        tracker.update(tracker_input)
-                        if summary.frames
-                        else tracker.init(tracker_input, start.box_velo)
-                    )
-                seconds = time.perf_counter() - start_s
+                    summary.points_at_start = _points_in(start.box_velo, result, config)
                 identity = start.object_id, start.kind
                 record = TrajectoryRecord.of(result, tracked, *identity)
                 append_record(out / "trajectory.jsonl", record)
                 if calibration is not None and calibration.image_size_px is not None:
-                    rows = trajectory_rows(frame.index, tracked, *identity, calibration)
+                    rows = trajectory_rows(record.frame, tracked, *identity, calibration)
                     append_atomically(out / "trajectory.txt", format_result_rows(rows).encode())
                 summary.update(result, tracked, seconds)
                 if config.video:
                     trail.add(result, tracked)
-                    video.add(
-                        composition.draw(_scene(result, tracked, seconds, trail, tracker, start))
-                    )
+                    scene = _scene(result, tracked, seconds, trail, tracker, start)
+                    video.add(composition.draw(scene))
                 if len(summary.frames) == 1 + count // 2:
                     _plot_colors(out / "color-model.png", start, result, tracker)
         finally:
             write_json(out / "summary.json", summary.to_json())
     return summary
+
+
+def _track(
+    tracker: SingleObjectTracker,
+    start: TrackStart,
+    results: Iterable[Result],
+    ego_vehicle: EgoVehicle,
+) -> Iterator[tuple[Result, TrackedObject, float]]:
+    """Yield each frame, the object in it, and the seconds that the tracker took."""
+    is_first = True
+    for result in results:
+        tracker_input = tracker_input_of(result, ego_vehicle)
+        start_s = time.perf_counter()
+        with limit_blas_threads():
+            tracked = (
+                tracker.init(tracker_input, start.box_velo)
+                if is_first
+                else tracker.update(tracker_input)
+            )
+        yield result, tracked, time.perf_counter() - start_s
+        is_first = False
 
 
 def _scene(
@@ -150,8 +166,9 @@ def _scene(
     )
 
 
-def _points_in(box_velo: Boxes3D, tracker_input: TrackerInput) -> int:
-    count = int(np.count_nonzero(points_inside(box_velo, tracker_input.points_velo)))
+def _points_in(box_velo: Boxes3D, result: Result, config: TrackConfig) -> int:
+    points_velo = tracker_input_of(result, config.pipeline.ego_vehicle).points_velo
+    count = int(np.count_nonzero(points_inside(box_velo, points_velo)))
     if not count:
         log.warning("no point of the scan lies in the first box; the tracker starts from it alone")
     return count
@@ -161,7 +178,6 @@ def _plot_colors(
     path: Path, start: TrackStart, result: Result, tracker: SingleObjectTracker
 ) -> None:
     """Plot the colour model of the object (Fig. 5.16) where the tracker has one."""
-    path.unlink(missing_ok=True)
     image = result.frame.image
     if not isinstance(tracker, FusionTracker) or image is None or tracker.colors.region is None:
         return

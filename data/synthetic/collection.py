@@ -48,12 +48,14 @@ class SynthConfig:
     ego_m_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Validate the number of frames and the layout."""
+        """Validate the number of frames, the layout and the speed."""
         if self.frames < 1 or self.drives < 1:
             found = f"{self.drives} drives of {self.frames} frames"
             raise UsageError("synthetic drives", expected="at least one frame", found=found)
         if self.layout not in ("raw", "tracking", "object"):
             raise UsageError("layout", expected="raw, tracking or object", found=repr(self.layout))
+        if self.ego_m_s is not None:
+            WorldConfig(ego_m_s=self.ego_m_s)
 
     @property
     def total_frames(self) -> int:

@@ -15,7 +15,7 @@ def demo(
 ) -> None:
     """Write a short synthetic drive and run every stage on it; needs no data.
 
-    Leaves a video, the result files and a summary.
+    Leaves a video, the result files and a summary, in place of those of an earlier demo.
 
     Example: trifuse demo --sensor VLP-16
 
@@ -26,6 +26,7 @@ def demo(
         seed: Seed of the street.
     """
     from data.open_drive import open_drive
+    from data.results.folder import ResultsFolder
     from data.results.run_drive import RunConfig, run_drive
     from data.synthetic.collection import SynthConfig, write_drives
     from perception.cli.drive_results import drive_results
@@ -33,10 +34,12 @@ def demo(
     from perception.sensor import load_sensor
 
     synth_config = SynthConfig(frames=frames, sensor=load_sensor(sensor), seed=seed)
+    results_folder = ResultsFolder.choose(out, config, overwrite=True)
+    recipe = CommandConfig("synth", config.values)
+    street = ResultsFolder.choose(out / "drive", recipe, overwrite=True).prepare()
     with counting_bar("writing a street", frames) as bar:
-        (folder,) = write_drives(out / "drive", synth_config, bar.update)
+        (folder,) = write_drives(street, synth_config, bar.update)
     drive, run_config = open_drive(folder), RunConfig()
     results = drive_results(drive, run_config.pipeline, limit=None, on_bad_frame="stop")
-    config.write(out)
-    print(run_drive(drive, results, out, run_config).text())
+    print(run_drive(drive, results, results_folder, run_config).text())
     print(f"video: {out / 'video.mp4'}")

@@ -5,11 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data.results.command_config import CommandConfig
-from perception.cli.flags import DriveFlags
+from perception.cli.flags import DriveFlags, ResultsFlags
 from perception.detection.config import DepthCnConfig, DetectionConfig, NmsConfig
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from perception.evaluation.detection.detector_measure import FrameDetections
+    from perception.maps.densify import DenseMaps
+    from perception.types import Frame, Vehicles
 
 _DEPTHCN, _NMS = DepthCnConfig(), NmsConfig()
 
@@ -18,8 +22,8 @@ def detect(  # noqa: PLR0913 - flags of a command
     root: Path,
     *,
     drive: DriveFlags,
+    results: ResultsFlags,
     config: CommandConfig,
-    out: Path | None = None,
     display_score: float = DetectionConfig.display_score,
     video: bool = True,
     depthcn: DepthCnConfig = _DEPTHCN,
@@ -27,14 +31,13 @@ def detect(  # noqa: PLR0913 - flags of a command
 ) -> None:
     """Detect vehicles by DepthCN in the LiDAR scans of a drive and write KITTI result files.
 
-    OUT/data/NNNNNN.txt holds the detections of a frame with their 3D boxes, OUT/video.mp4 the camera and the depth map with proposals
-    and detections (previews/NNNNNN.jpg of object frames), OUT/config.yaml the configuration.
+    OUT/data/NNNNNN.txt holds the detections of a frame with their 3D boxes, OUT/video.mp4 the camera and the depth map
+    with proposals and detections (previews/NNNNNN.jpg of object frames), OUT/config.yaml the configuration.
 
     Example: trifuse detect kitti/tracking --sequence 0000 --out results/vehicles
 
     Args:
         root: KITTI raw drive, tracking folder, object folder or synthetic drive.
-        out: Folder for the results; else results/<time>, with results/latest pointing to it.
         display_score: Score from which a detection is drawn and counted in the summary.
         video: Write a video, or previews of object frames.
         depthcn: DepthCN: network and proposals.
@@ -47,7 +50,7 @@ def detect(  # noqa: PLR0913 - flags of a command
     from data.frames import frame_count, read_frames
     from data.open_drive import open_drive
     from data.results.documents import write_json
-    from data.results.run_folder import make_results_folder
+    from data.results.folder import started
     from perception.cli.progress import progress_bar
     from perception.detection.vehicles.locate import locate
     from perception.geometry.threads import limit_blas_threads
@@ -56,19 +59,24 @@ def detect(  # noqa: PLR0913 - flags of a command
     opened = open_drive(root, sequence=drive.sequence, sensor=drive.sensor)
     detection = DetectionConfig(depthcn=depthcn, nms=nms, display_score=display_score)
     detector = open_depthcn(detection, opened.sensor)
-    folder, start_s = out or make_results_folder(), time.perf_counter()
-    metadata = dict(detector.verifier.model.metadata)
-    config.write(folder)
-    summary = DetectSummary(opened.name, display_score, metadata)
+    chosen, start_s = results.folder(config), time.perf_counter()
+    summary = DetectSummary(opened.name, display_score, dict(detector.verifier.model.metadata))
     count = frame_count(opened, drive.frames)
     frames = read_frames(opened, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
+
+    def detect_all() -> "Iterator[tuple[Frame, FrameDetections, Vehicles, DenseMaps]]":
+        for frame in progress_bar(frames, opened.name, count):
+            with limit_blas_threads():
+                output, dense = run_depthcn(detector, frame)
+                fused = FusedDetections.unfused(output.detections)
+                vehicles = locate(fused, frame, ground=None)
+            yield frame, output, vehicles, dense
+
+    detected = started(detect_all())
+    folder = chosen.prepare()
     try:
         with DetectionFolder(folder, opened, count, display_score if video else None) as files:
-            for frame in progress_bar(frames, opened.name, count):
-                with limit_blas_threads():
-                    output, dense = run_depthcn(detector, frame)
-                    fused = FusedDetections.unfused(output.detections)
-                    vehicles = locate(fused, frame, ground=None)
+            for frame, output, vehicles, dense in detected:
                 files.write(frame, output, vehicles, dense)
                 summary.add(output)
     finally:

@@ -3,10 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from data.results.command_config import CommandConfig
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
 from perception.types import OnBadFrame
+
+if TYPE_CHECKING:
+    from data.results.folder import ResultsFolder
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,29 @@ class DriveFlags(SourceFlags):
     def __post_init__(self) -> None:
         """Validate the number of frames."""
         require_positive("--frames", self.frames)
+
+
+@dataclass(frozen=True)
+class ResultsFlags(FlagGroup):
+    """Results.
+
+    Attributes:
+        out: Folder for the results; else results/<time>, with results/latest pointing to it.
+        overwrite: Replace the results of an earlier run of this command in that folder; other files stay.
+    """
+
+    out: Path | None = None
+    overwrite: bool = False
+
+    def folder(self, config: CommandConfig) -> "ResultsFolder":
+        """Return the folder for the results of a command; it stays as it is until it is prepared.
+
+        Raises:
+            UsageError: It is a file, or holds results that are not to be replaced.
+        """
+        from data.results.folder import ResultsFolder
+
+        return ResultsFolder.choose(self.out, config, overwrite=self.overwrite)
 
 
 @dataclass(frozen=True)

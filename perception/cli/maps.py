@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.results.command_config import CommandConfig
-from perception.cli.flags import SourceFlags
-from perception.errors import DriveError, UsageError
+from perception.cli.flags import DriveFlags, ResultsFlags
+from perception.errors import UsageError
 from perception.types import Drive, MapMethod
 
 if TYPE_CHECKING:
@@ -13,55 +13,58 @@ if TYPE_CHECKING:
 
 
 def maps(  # noqa: PLR0913 - flags of a command
-    drive: Path,
+    root: Path,
     *,
-    source: SourceFlags,
+    drive: DriveFlags,
+    results: ResultsFlags,
     config: CommandConfig,
     frame: int = 0,
     all: bool = False,
     method: MapMethod = "default",
-    out: Path | None = None,
 ) -> None:
     """Write 8-bit depth and reflectance maps of LiDAR scans, as the camera sees them.
 
     Example: trifuse maps kitti/object --frame 1468 --out results/maps
 
     Args:
-        drive: KITTI raw drive, tracking folder, object folder, or synthetic drive.
+        root: KITTI raw drive, tracking folder, object folder, or synthetic drive.
         frame: Number of the frame; a figure compares all methods on it.
         all: Write the maps of all frames, without a figure.
         method: Interpolation; thesis is the nearest vertex of the Delaunay triangle.
-        out: Folder for the maps; else results/<time>.
     """
-    from data.frames import file_number, read_frames
+    from data.frames import file_number, frame_count, read_frames
     from data.open_drive import open_drive
-    from data.results.run_folder import make_results_folder
+    from data.results.folder import started
     from perception.cli.progress import progress_bar
     from perception.evaluation.report import Column, Table
     from perception.maps.densify import FILL_METHODS, DenseMaps, densify
     from perception.maps.projection import project_frame
     from perception.render.map_plots import plot_maps
 
-    opened = open_drive(drive, sequence=source.sequence, sensor=source.sensor)
+    opened = open_drive(root, sequence=drive.sequence, sensor=drive.sensor)
+    chosen = results.folder(config)
     if all:
-        folder = out or make_results_folder()
-        config.write(folder)
-        for one in progress_bar(read_frames(opened), "frames", len(opened)):
-            name = f"{file_number(opened, one.index):06d}.png"
-            write_maps(densify(project_frame(one), method), folder, name)
-        print(f"{len(opened)} depth and reflectance maps in {folder}")
+        count = frame_count(opened, drive.frames)
+        frames = read_frames(opened, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
+        dense_maps = started(
+            (file_number(opened, one.index), densify(project_frame(one), method))
+            for one in progress_bar(frames, "frames", count)
+        )
+        folder, written = chosen.prepare(), 0
+        for number, dense in dense_maps:
+            write_maps(dense, folder, f"{number:06d}.png")
+            written += 1
+        print(f"{written} depth and reflectance maps in {folder}")
         return
-    numbers = [file_number(opened, index) for index in range(len(opened))]
-    chosen = opened[_index_of(frame, numbers, opened)]
-    folder = out or make_results_folder()
-    config.write(folder)
-    sparse = project_frame(chosen)
+    one = opened[_index_of(frame, opened)]
+    sparse = project_frame(one)
     methods = sorted(FILL_METHODS, key=lambda name: name != method)
     by_method = {name: densify(sparse, name) for name in methods}
     rows = {str(name): dense for name, dense in by_method.items()}
+    folder = chosen.prepare()
     write_maps(by_method[method], folder, f"{frame:06d}.png")
     title = f"{opened.name}, frame {frame}"
-    plot_maps(folder / f"maps_{frame:06d}.png", title, chosen.image, sparse, by_method)
+    plot_maps(folder / f"maps_{frame:06d}.png", title, one.image, sparse, by_method)
     columns = (
         Column[DenseMaps]("measured [%]", lambda dense: 100 * dense.is_measured.mean(), ".1f"),
         Column[DenseMaps]("filled [%]", lambda dense: 100 * dense.is_filled.mean(), ".1f"),
@@ -79,6 +82,7 @@ def write_maps(dense: "DenseMaps", folder: Path, name: str) -> None:
     """
     import cv2
 
+    from perception.atomic_file import write_atomically
     from perception.maps.encoding import encode_depth, encode_reflectance
 
     images = {
@@ -86,12 +90,14 @@ def write_maps(dense: "DenseMaps", folder: Path, name: str) -> None:
         "reflectance": encode_reflectance(dense.reflectance),
     }
     for kind, image in images.items():
-        (folder / kind).mkdir(parents=True, exist_ok=True)
-        if not cv2.imwrite(str(folder / kind / name), image):
-            raise DriveError(folder / kind, expected="a folder to write to", found="none")
+        _, encoded = cv2.imencode(".png", image)
+        write_atomically(folder / kind / name, encoded.tobytes())
 
 
-def _index_of(number: int, numbers: list[int], drive: Drive) -> int:
+def _index_of(number: int, drive: Drive) -> int:
+    from data.frames import file_number
+
+    numbers = [file_number(drive, index) for index in range(len(drive))]
     if number not in numbers:
         raise UsageError(
             "--frame",

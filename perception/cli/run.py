@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
-from perception.cli.flags import DriveFlags
+from perception.cli.flags import DriveFlags, ResultsFlags
 from perception.pipeline import PipelineConfig
 
 _PIPELINE = PipelineConfig()
@@ -13,8 +13,8 @@ def run(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     frames: DriveFlags,
+    results: ResultsFlags,
     config: CommandConfig,
-    out: Path | None = None,
     video: bool = True,
     video_views: bool = False,
     track: int | None = None,
@@ -27,7 +27,6 @@ def run(  # noqa: PLR0913 - flags of a command
 
     Args:
         drive: KITTI raw drive, tracking folder, object folder, or synthetic drive.
-        out: Folder for the results; else results/<time>, with results/latest pointing to it.
         video: Draw the video.
         video_views: Draw the boxes of each modality's detector in the video, too.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
@@ -36,7 +35,6 @@ def run(  # noqa: PLR0913 - flags of a command
     """
     from data.open_drive import open_drive
     from data.results.run_drive import RunConfig, run_drive
-    from data.results.run_folder import make_results_folder
     from perception.cli.drive_results import drive_results
     from perception.pipeline.camera_stages import enabled_modalities
 
@@ -52,7 +50,6 @@ def run(  # noqa: PLR0913 - flags of a command
         track=track,
         min_vehicle_score=min_vehicle_score,
     )
-    results = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
-    folder = out or make_results_folder()
-    config.write(folder)
-    print(run_drive(opened, results, folder, run_config).text())
+    folder = results.folder(config)
+    found = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
+    print(run_drive(opened, found, folder, run_config).text())

@@ -10,6 +10,7 @@ def synth(  # noqa: PLR0913 - flags of a command
     out: Path,
     *,
     config: CommandConfig,
+    overwrite: bool = False,
     layout: Layout = "raw",
     frames: int = 80,
     drives: int = 1,
@@ -28,6 +29,7 @@ def synth(  # noqa: PLR0913 - flags of a command
 
     Args:
         out: Folder for the drives.
+        overwrite: Replace the drives that this command wrote there before; other files stay.
         layout: Folder layout; object frames come from many different streets.
         frames: Number of frames of each drive; of all streets together in the object layout.
         drives: Number of drives; the object layout makes as many streets as it needs.
@@ -38,6 +40,7 @@ def synth(  # noqa: PLR0913 - flags of a command
         images: Write the images of the colour camera.
         speed: Desired speed of the ego vehicle in metres per second; else that of the street.
     """
+    from data.results.folder import ResultsFolder
     from data.synthetic.collection import SynthConfig, write_drives
     from data.synthetic.ins import InsNoise
     from perception.cli.progress import counting_bar
@@ -53,8 +56,8 @@ def synth(  # noqa: PLR0913 - flags of a command
         images=images,
         ego_m_s=speed,
     )
+    ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
     with counting_bar("synth", synth_config.total_frames) as bar:
         folders = write_drives(out, synth_config, bar.update)
-    config.write(out)
     for folder in dict.fromkeys(folders):
         print(folder)

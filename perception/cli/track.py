@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
-from perception.cli.flags import DriveFlags
+from perception.cli.flags import DriveFlags, ResultsFlags
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 
@@ -15,12 +15,12 @@ def track(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     frames: DriveFlags,
+    results: ResultsFlags,
     config: CommandConfig,
     track_id: int | None = None,
     box: str | None = None,
     start_frame: int | None = None,
     tracker: TrackerName = "default",
-    out: Path | None = None,
     video: bool = True,
     tracker_config: SingleObjectTrackerConfig = _TRACKER_CONFIG,
     pipeline: PipelineConfig = _PIPELINE,
@@ -36,14 +36,12 @@ def track(  # noqa: PLR0913 - flags of a command
             bottom face in the LiDAR frame of the start frame.
         start_frame: Start frame; else the first frame of the object or of the drive. --frames counts from there.
         tracker: Name of the tracker; ms-i, cbwh and opencv-* work in the image alone.
-        out: Folder for the results; else results/<time>, with results/latest pointing to it.
         video: Draw the video.
         tracker_config: Parameters of the trackers.
         pipeline: Configuration of registration and ground, which come before the tracker.
     """
     from data.derived.track_start import TrackStartConfig, find_start
     from data.open_drive import open_drive
-    from data.results.run_folder import make_results_folder
     from data.results.track_object import TrackConfig, track_object
     from perception.cli.progress import progress_bar
 
@@ -53,6 +51,5 @@ def track(  # noqa: PLR0913 - flags of a command
     track_config = TrackConfig(
         tracker, frames.frames, video, frames.on_bad_frame, pipeline, tracker_config
     )
-    folder = out or make_results_folder()
-    config.write(folder)
+    folder = results.folder(config)
     print(track_object(opened, start, folder, track_config, progress_bar).text())

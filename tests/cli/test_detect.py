@@ -107,7 +107,7 @@ def test_a_damaged_frame_stops_or_is_skipped(car_frames, label_reader, tmp_path,
     assert detect(car_frames, out) == 2
     assert "000002.bin: expected 16 bytes a point" in capsys.readouterr().err
     assert [path.name for path in (out / "data").iterdir()] == ["000000.txt"]
-    assert detect(car_frames, out, "--on-bad-frame", "skip") == 0
+    assert detect(car_frames, out, "--on-bad-frame", "skip", "--overwrite") == 0
     assert json.loads((out / "summary.json").read_text())["frames"] == 2
 
 

@@ -37,3 +37,9 @@ def test_all_frames_get_both_maps(drive, tmp_path):
 def test_frame_that_is_not_there_is_named(drive, tmp_path, capsys):
     assert main(["maps", str(drive), "--frame", "9", "--out", str(tmp_path)]) == 2
     assert "--frame: expected a frame of" in capsys.readouterr().err
+
+
+def test_the_first_frames_can_be_chosen(drive, tmp_path, capsys):
+    assert main(["maps", str(drive), "--all", "--frames", "1", "--out", str(tmp_path)]) == 0
+    assert [path.name for path in (tmp_path / "depth").iterdir()] == ["000000.png"]
+    assert capsys.readouterr().out.startswith("1 depth and reflectance maps")

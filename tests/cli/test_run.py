@@ -113,6 +113,23 @@ def test_the_written_configuration_can_be_given_back(street, tmp_path):
     assert not (second / "video.mp4").exists()
 
 
+def test_results_are_refused_or_replaced(street, tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ["run", str(street), "--out", str(out), "--no-video"]
+    assert main([*words, "--frames", "2"]) == 0
+    (out / "labels" / "notes.txt").write_text("mine")
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+    assert main([*words, "--frames", "1"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    # What cannot work replaces nothing.
+    assert main([*words, "--overwrite", "--pipeline.detection.dm-model", "nowhere.onnx"]) == 2
+    assert main([*words, "--overwrite", "--track", "-1"]) == 2
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert main([*words, "--overwrite", "--frames", "1"]) == 0
+    assert sorted(path.name for path in (out / "labels").iterdir()) == ["000000.label", "notes.txt"]
+    assert len(RunFolder(out).frames()) == len(RunFolder(out).tracks()) == 1
+
+
 def test_what_was_written_is_read_back(results, street):
     folder, drive = RunFolder(results), open_drive(street)
     frames = folder.frames()
@@ -152,7 +169,8 @@ def test_sentences_do_not_run_into_the_progress_bar(damaged, tmp_path):
         ("stop", 2, "trifuse run: "),
         ("skip", 0, "skipped frame 2: "),
     ):
-        words = [str(damaged), "--no-video", "--out", str(tmp_path), "--on-bad-frame", policy]
+        out = str(tmp_path / policy)
+        words = [str(damaged), "--no-video", "--out", out, "--on-bad-frame", policy]
         ran = subprocess.run(
             [sys.executable, "-m", "perception", "run", *words],
             cwd=ROOT, capture_output=True, text=True, check=False,

@@ -19,3 +19,13 @@ def test_an_impossible_speed_is_one_sentence(tmp_path, capsys):
 def test_an_unknown_sensor_is_one_sentence(tmp_path, capsys):
     assert main(["synth", str(tmp_path), "--sensor", "HDL-128"]) == 2
     assert "HDL-64E, HDL-32E, VLP-16 or a .json file" in capsys.readouterr().err
+
+
+def test_drives_are_refused_or_replaced(tmp_path, capsys):
+    words = ["synth", str(tmp_path), "--sensor", "VLP-16", "--no-images"]
+    assert main([*words, "--frames", "2"]) == 0
+    assert main([*words, "--frames", "1"]) == 2
+    assert main([*words, "--frames", "1", "--speed", "90", "--overwrite"]) == 2
+    assert len(list(tmp_path.rglob("*.bin"))) == 2
+    assert main([*words, "--frames", "1", "--overwrite"]) == 0
+    assert len(list(tmp_path.rglob("*.bin"))) == 1

@@ -14,7 +14,9 @@ from data.derived.object_truth import DriveObjects
 from data.derived.track_start import TrackStart, TrackStartConfig, find_start, parse_box
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
+from data.results.command_config import CommandConfig
 from data.results.documents import to_serializable
+from data.results.folder import ResultsFolder
 from data.results.objects import TrajectoryRecord
 from data.results.records import read_records
 from data.results.track_object import TrackConfig, track_object
@@ -82,7 +84,11 @@ def track_scripted(street, out, states, *, in_space=True, start=None) -> Traject
     with pytest.MonkeyPatch.context() as patch:
         scripted = Scripted(list(states), in_space)
         patch.setattr("data.results.track_object.single_object_tracker", lambda *_: scripted)
-        return track_object(drive, start, out, config, progress_bar)
+        return track_object(drive, start, folder_of(out), config, progress_bar)
+
+
+def folder_of(out: Path) -> ResultsFolder:
+    return ResultsFolder(out, CommandConfig("track", {}))
 
 
 def lines_of(path: Path) -> list[dict]:
@@ -235,15 +241,23 @@ def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     with pytest.raises(PerceptionError) as caught:
         track_object(
-            drive, TrackStart(0, box), tmp_path, TrackConfig("ms-i", 1, video=False), progress_bar
+            drive,
+            TrackStart(0, box),
+            folder_of(tmp_path / "out"),
+            TrackConfig("ms-i", 1, video=False),
+            progress_bar,
         )
     assert caught.value.expected == "an image and a camera calibration in the first frame"
+    # A tracker that cannot start leaves nothing, and would have replaced nothing.
+    assert not (tmp_path / "out").exists()
 
 
 def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path, labelled_id):
     start = find_start(open_drive(street), TrackStartConfig(track_id=labelled_id))
     bare = replace(open_drive(street, images=False), calibration=None)
-    summary = track_object(bare, start, tmp_path, TrackConfig("default", 2), progress_bar)
+    summary = track_object(
+        bare, start, folder_of(tmp_path), TrackConfig("default", 2), progress_bar
+    )
     assert len(summary.positions_world) == 2
     assert (tmp_path / "video.mp4").is_file()
     assert not (tmp_path / "trajectory.txt").exists()
