@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from data.kitti.reading import read_text
 from perception.errors import CalibrationError
 from perception.geometry.se3 import from_rotation_translation
 from perception.types import Calibration, Float, Float64
@@ -67,11 +68,7 @@ class CalibrationText:
         Raises:
             CalibrationError: The file is missing, or is not text.
         """
-        try:
-            lines = path.read_text().splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            found = "no file" if isinstance(error, FileNotFoundError) else str(error)
-            raise CalibrationError(path, expected="a calibration text", found=found) from error
+        lines = read_text(path, CalibrationError, "a calibration text").splitlines()
         parts = [line.split(maxsplit=1) for line in lines if line.strip()]
         return cls(path, {key.rstrip(":"): "".join(row) for key, *row in parts})
 

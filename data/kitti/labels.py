@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from data.kitti.reading import read_text
 from perception.errors import LabelError
 from perception.geometry.se3 import wrap
 from perception.types import Boxes3D, Calibration, Float64, Labels
@@ -73,11 +74,8 @@ def read_label_lines(path: Path, what: str = "a label text") -> list[str]:
     Raises:
         LabelError: The file cannot be read.
     """
-    try:
-        return [line for line in path.read_text().splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        found = "no file" if isinstance(error, FileNotFoundError) else str(error)
-        raise LabelError(path, expected=what, found=found) from error
+    lines = read_text(path, LabelError, what).splitlines()
+    return [line for line in lines if line.strip()]
 
 
 def _parse_row(words: list[str], where: str) -> tuple[str, Float64]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from data.kitti.calibration import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM, read_raw_calibration
 from data.kitti.oxts import InsPacket, parse_oxts_packet
+from data.kitti.reading import read_text
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
@@ -25,7 +26,7 @@ from data.kitti.sensor_files import (
     no_scans,
 )
 from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
-from perception.errors import PoseError
+from perception.errors import DriveError, PoseError
 from perception.sensor import LidarModel
 
 
@@ -92,21 +93,15 @@ class OxtsFiles:
             PoseError: The packet is missing or malformed.
         """
         path = self.files.paths[index]
-        try:
-            return parse_oxts_packet(path.read_text(), path)
-        except (OSError, UnicodeDecodeError) as error:
-            found = "no file" if isinstance(error, FileNotFoundError) else str(error)
-            raise PoseError(
-                path, expected=f"the INS packet of frame {index}", found=found, advice=SKIP_ADVICE
-            ) from error
+        expected = f"the INS packet of frame {index}"
+        return parse_oxts_packet(read_text(path, PoseError, expected, SKIP_ADVICE), path)
 
 
 def _clock(path: Path, scans: FrameFiles, sensor: LidarModel) -> ScanClock:
     if not path.is_file():
         return ScanClock.without_timestamps(scans, sensor.rate_hz)
-    timestamps = np.array(
-        [_parse_timestamp(line) for line in path.read_text().splitlines()], "datetime64[ns]"
-    )
+    lines = read_text(path, DriveError, "timestamps as text").splitlines()
+    timestamps = np.array([_parse_timestamp(line) for line in lines], "datetime64[ns]")
     # A row a scan; or, where scans are missing, a row for each frame number.
     is_row_a_scan = len(timestamps) == len(scans)
     rows = range(len(scans)) if is_row_a_scan else scans.numbers

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from data.kitti.reading import read_bytes
 from perception.errors import DriveError, ImageError, LabelError, ScanError
 from perception.types import Float32, Float64, PointTruth, UInt8
 
@@ -188,11 +189,7 @@ def read_scan(path: Path) -> Float32:
     Raises:
         ScanError: The file is missing, or does not hold a whole number of points.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        found = "no file" if isinstance(error, FileNotFoundError) else str(error)
-        raise ScanError(path, expected="a scan", found=found, advice=SKIP_ADVICE) from error
+    data = read_bytes(path, ScanError, "a scan", SKIP_ADVICE)
     if len(data) % _POINT_BYTES:
         raise ScanError(
             path,
@@ -209,11 +206,7 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
     Raises:
         ImageError: The image is missing, damaged, or of another size than expected.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        found = "no file" if isinstance(error, FileNotFoundError) else str(error)
-        raise ImageError(path, expected="an image", found=found, advice=SKIP_ADVICE) from error
+    data = read_bytes(path, ImageError, "an image", SKIP_ADVICE)
     decoded = _decode(data)
     if decoded is None:
         raise ImageError(
@@ -247,15 +240,14 @@ def read_point_truth(path: Path, points: int) -> PointTruth:
     Raises:
         LabelError: The file is missing, or its length differs from that of the scan.
     """
-    if not path.is_file():
-        raise LabelError(path, expected="a label for each point", found="no file")
-    if path.stat().st_size != 4 * points:
+    data = read_bytes(path, LabelError, "a label for each point")
+    if len(data) != 4 * points:
         raise LabelError(
             path,
             expected=f"a label for each of {points} points, {4 * points} bytes",
-            found=f"{path.stat().st_size} bytes",
+            found=f"{len(data)} bytes",
         )
-    words = np.fromfile(path, np.uint32)
+    words = np.frombuffer(data, np.uint32)
     classes, instances = (words & 0xFFFF).astype(np.int64), (words >> 16).astype(np.int64)
     is_moving = np.isin(classes, list(_STATIC_CLASS))
     still = np.arange(1 << 16)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from data.kitti.calibration import DriveCalibration, read_benchmark_calibration
 from data.kitti.oxts import InsPacket, parse_oxts_packet
+from data.kitti.reading import read_text
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
@@ -89,10 +90,8 @@ class OxtsFile:
         Raises:
             PoseError: The file is not text.
         """
-        try:
-            return cls(path, tuple(path.read_text().splitlines()), numbers)
-        except (OSError, UnicodeDecodeError) as error:
-            raise PoseError(path, expected="INS packets as text", found=str(error)) from error
+        text = read_text(path, PoseError, "INS packets as text")
+        return cls(path, tuple(text.splitlines()), numbers)
 
     def packet(self, index: int) -> InsPacket:
         """Read the packet of a frame.

@@ -136,7 +136,7 @@ def test_an_image_of_another_size_than_its_calibration(raw_drive):
     cv2.imwrite(str(path), np.zeros((20, 62, 3), np.uint8))
     calibration = raw_drive.parent / "calib_cam_to_cam.txt"
     sentence = _sentence(raw_drive, ImageError)
-    assert sentence == f"{path}: expected 62x19 pixels as {calibration} says, found 62x20."
+    assert sentence == f"{path}: expected 62x19 pixels as {calibration} says, found 62x20"
 
 
 def test_an_image_of_another_size_than_the_first(tracking_root):
@@ -149,14 +149,14 @@ def test_an_image_of_another_size_than_the_first(tracking_root):
 def test_a_missing_calibration_key(raw_drive):
     path = raw_drive.parent / "calib_velo_to_cam.txt"
     path.write_text(path.read_text().replace("T:", "S:"))
-    assert _sentence(raw_drive, CalibrationError) == f"{path}: expected the key T, found only R, S."
+    assert _sentence(raw_drive, CalibrationError) == f"{path}: expected the key T, found only R, S"
 
 
 def test_a_singular_matrix(raw_drive):
     path = raw_drive.parent / "calib_velo_to_cam.txt"
     path.write_text(f"R: {'0 ' * 9}\nT: 0 0 0\n")
     sentence = _sentence(raw_drive, CalibrationError)
-    assert sentence == f"{path}: expected an invertible R, found a singular matrix."
+    assert sentence == f"{path}: expected an invertible R, found a singular matrix"
 
 
 def test_a_missing_ins_file(raw_drive):

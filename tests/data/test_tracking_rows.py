@@ -79,19 +79,19 @@ def test_an_empty_file_holds_no_rows(tmp_path):
 @pytest.mark.parametrize(
     ("row", "sentence"),
     [
-        (RESULT, "row 2: expected 17 columns, found 18."),
-        ("1 2 Car", "row 2: expected 17 columns, found 3."),
-        (LABEL.replace("3 4", "3.5 4"), "row 2: expected a frame number and an id, found '3.5 4'."),
+        (RESULT, "row 2: expected 17 columns, found 18"),
+        ("1 2 Car", "row 2: expected 17 columns, found 3"),
+        (LABEL.replace("3 4", "3.5 4"), "row 2: expected a frame number and an id, found '3.5 4'"),
         (LABEL.replace("3 4", f"3 {2**70}"), "row 2: expected a frame number and an id"),
         (LABEL.replace("20", "wide"), "row 2: expected numbers after the type, found '1 2 -1.5"),
         (LABEL.replace(" 0.25", " nan"), "row 2: expected finite numbers after the type"),
-        (LABEL.replace("40", "inf"), "row 2: expected finite numbers after the type, found 'inf'."),
+        (LABEL.replace("40", "inf"), "row 2: expected finite numbers after the type, found 'inf'"),
         (LABEL.replace("Car", "Bus"), "row 2: expected one of Car, Van"),
-        (LABEL.replace("3 4", "6 4"), "row 2: expected frames from 0 to 5, found '6'."),
-        (LABEL.replace("3 4", "-1 4"), "row 2: expected frames from 0 to 5, found '-1'."),
+        (LABEL.replace("3 4", "6 4"), "row 2: expected frames from 0 to 5, found '6'"),
+        (LABEL.replace("3 4", "-1 4"), "row 2: expected frames from 0 to 5, found '-1'"),
         (
             LABEL.replace("Car", "car"),
-            "row 2: expected every car once in a frame, found id 4 again in frame 3.",
+            "row 2: expected every car once in a frame, found id 4 again in frame 3",
         ),
     ],
 )

@@ -1,0 +1,37 @@
+"""Contents of files, with one error for every reason for which they cannot be read."""
+
+from pathlib import Path
+
+from perception.errors import PerceptionError
+
+
+def read_bytes(
+    path: Path, kind: type[PerceptionError], expected: str, advice: str | None = None
+) -> bytes:
+    """Return the contents of a file.
+
+    Args:
+        path: File to read.
+        kind: Type of the error.
+        expected: Content that is expected, for the error.
+        advice: Remedy for the user, for the error.
+
+    Raises:
+        PerceptionError: The file is missing or cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        missing = isinstance(error, FileNotFoundError)
+        found = "no file" if missing else error.strerror or str(error)
+        raise kind(path, expected=expected, found=found, advice=advice) from error
+
+
+def read_text(
+    path: Path, kind: type[PerceptionError], expected: str, advice: str | None = None
+) -> str:
+    """Return the contents of a text file; arguments and errors are those of `read_bytes`."""
+    try:
+        return read_bytes(path, kind, expected, advice).decode()
+    except UnicodeDecodeError as error:
+        raise kind(path, expected=expected, found=str(error), advice=advice) from error
