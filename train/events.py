@@ -1,7 +1,9 @@
 """TensorBoard events: speed, memory and gradients of a training, and logged values read back."""
 
 import resource
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,6 +16,7 @@ from lightning.pytorch.utilities.data import extract_batch_size
 from torch.nn.utils import get_total_norm
 from torch.optim import Optimizer
 
+from perception.atomic_file import write_error
 from perception.types import Float64
 
 
@@ -67,6 +70,29 @@ class TrainingStatistics(Callback):
 def event_logger(folder: Path) -> TensorBoardLogger:
     """Return the logger of the events in a folder."""
     return TensorBoardLogger(folder, name="", version="", default_hp_metric=False)
+
+
+@contextmanager
+def writing_events(folder: Path) -> Iterator[None]:
+    """Name the folder where its events cannot be written, without the traceback of the writer's thread.
+
+    Raises:
+        WriteError: the disk is full, or the folder cannot be written to.
+    """
+    hook = threading.excepthook
+    threading.excepthook = lambda error: (
+        None if issubclass(error.exc_type, OSError) else hook(error)
+    )
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        # The logger reports what cannot be written as a value that is not supported.
+        cause = error if isinstance(error, OSError) else error.__cause__
+        if not isinstance(cause, OSError):
+            raise
+        raise write_error(folder, cause) from error
+    finally:
+        threading.excepthook = hook
 
 
 def log_hyperparameters(

@@ -18,12 +18,11 @@ from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
 
-from perception.atomic_file import write_error
 from perception.errors import UsageError
 from train.best_epoch import BestEpoch, Ranking
 from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
 from train.config import Accelerator, DevicePrecision, TrainingRun
-from train.events import TrainingStatistics, event_logger
+from train.events import TrainingStatistics, event_logger, writing_events
 from train.folder import TrainingFolder
 from train.progress import TrainingBar
 
@@ -73,15 +72,11 @@ def fit(
     trainer = make_trainer(ranking, run, folder, callbacks)
     interrupt = signal.getsignal(signal.SIGINT)
     try:
-        trainer.fit(module, datamodule=data, ckpt_path=folder.resume, weights_only=True)
+        with writing_events(folder.out):
+            trainer.fit(module, datamodule=data, ckpt_path=folder.resume, weights_only=True)
     except SystemExit as stopped:
         # Lightning ends the program itself; the caller decides that here.
         raise KeyboardInterrupt from stopped
-    except ValueError as error:
-        # As which the logger reports that events cannot be written.
-        if isinstance(error.__cause__, OSError):
-            raise write_error(folder.out, error.__cause__) from error
-        raise
     finally:
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, interrupt)

@@ -115,6 +115,13 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, full_disk):
     load_verifier(tmp_path / "last.ckpt")
 
 
+def test_events_that_cannot_be_written_are_one_sentence(tmp_path, full_disk, capfd):
+    full_disk(600)
+    with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
+        train(tmp_path)
+    assert "Traceback" not in capfd.readouterr().err
+
+
 def test_a_disk_that_is_full_from_the_start_holds_no_part_of_a_file(tmp_path, full_disk):
     full_disk(100_000)
     with fault(WriteError, "best.ckpt", found="File too large", advice="make room"):

@@ -16,7 +16,7 @@ from train.best_epoch import Criterion
 from train.checkpoint_writer import require_same_training, write_checkpoint
 from train.checkpoints import read_checkpoint
 from train.config import TrainingRun
-from train.events import event_logger, log_hyperparameters
+from train.events import event_logger, log_hyperparameters, writing_events
 from train.folder import TrainingFolder
 from train.fusion.config import MODEL, FusionTrainingConfig
 from train.fusion.fit_adamw import FusionBatches, FusionTraining
@@ -116,7 +116,11 @@ def _fit_by_levenberg_marquardt(
         write_checkpoint(folder.best, content(state.best.parameters, state.best.step))
     logger = event_logger(folder.out)
     first = 0 if state is None else state.last.number
-    with closing(logger.experiment), step_bar(config.lm.max_steps, first) as bar:
+    with (
+        writing_events(folder.out),
+        closing(logger.experiment),
+        step_bar(config.lm.max_steps, first) as bar,
+    ):
         best = fit_levenberg_marquardt(sets, config, keep, state)
         log_hyperparameters(logger, config.hyper_parameters, {"validation/mse": best.validation})
     return FittedFusion(folder.best, best.step, best.training, best.validation)
