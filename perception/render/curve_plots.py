@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall
-from perception.render.figure import new_figure, save_figure, series_color
+from perception.render.figure import legend_below, new_figure, save_figure, series_color
 from perception.types import Bool, Float64
 
 if TYPE_CHECKING:
@@ -302,7 +302,7 @@ def _include_zero(axes: "Axes") -> None:
 def _draw_legends(
     figure: "Figure", all_axes: Sequence["Axes"], panels: Sequence[CurvePanel]
 ) -> None:
-    """Draw one legend below panels with the same curves, else one in each panel."""
+    """Draw one legend below panels with the same curves, else one below each panel."""
     labels = {tuple(curve.label for curve in panel.curves) for panel in panels}
     if len(panels) > 1 and len(labels) == 1 and labels != {()}:
         handles = all_axes[0].get_legend_handles_labels()
@@ -311,4 +311,4 @@ def _draw_legends(
         return
     for axes, panel in zip(all_axes, panels, strict=False):
         if panel.curves:
-            axes.legend(fontsize=7.5, title=panel.legend_title)
+            legend_below(axes, title=panel.legend_title)

@@ -8,16 +8,16 @@ from perception.render import palette
 from perception.render.palette import Color
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _DOTS_PER_INCH = 150
+_BELOW_AXIS_IN = 0.45  # ticks, their numbers, and the label of the axis
 _STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    # Keeps a legend readable over the curves behind it.
-    "legend.framealpha": 0.8,
     "legend.edgecolor": "none",
     "figure.facecolor": "white",
 }
@@ -32,6 +32,24 @@ def new_figure(width_in: float, height_in: float, title: str) -> "Figure":
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     figure.suptitle(title, fontsize=12)
     return figure
+
+
+def legend_below(axes: "Axes", columns: int = 1, title: str | None = None) -> None:
+    """Draw the legend of a panel below the label of its x axis, where it hides nothing."""
+    from matplotlib.transforms import ScaledTranslation
+
+    figure = axes.get_figure(root=True)
+    assert figure is not None  # panels are drawn in one
+    below = ScaledTranslation(0, -_BELOW_AXIS_IN, figure.dpi_scale_trans)
+    axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0),
+        bbox_transform=axes.transAxes + below,
+        ncols=columns,
+        fontsize=7.5,
+        title=title,
+        borderaxespad=0,
+    )
 
 
 def save_figure(figure: "Figure", path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.evaluation.detection.reliability import Reliability
 from perception.render import palette
-from perception.render.figure import new_figure, rgb, save_figure
+from perception.render.figure import legend_below, new_figure, rgb, save_figure
 from perception.types import MODALITIES, Float64
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def plot_reliability(path: Path, title: str, found: Mapping[str, Reliability]) -
         axes.scatter(one.scores, one.shares, sizes, color=[color])
     axes.set(xlabel="score", ylabel="share of correct detections", xlim=(0, 1), ylim=(0, 1.02))
     axes.grid(alpha=0.25)
-    axes.legend(loc="upper left")
+    legend_below(axes, columns=2)
     save_figure(figure, path)
 
 
@@ -97,7 +97,7 @@ def _draw_one_layer(axes: "Axes", errors: Mapping[int, tuple[float, float]]) -> 
         ylabel="mean squared error",
     )
     axes.grid(alpha=0.25)
-    axes.legend()
+    legend_below(axes, columns=2)
 
 
 def _draw_two_layers(axes: "Axes", errors: Mapping[tuple[int, int], float]) -> None:

@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from perception.evaluation.detection.proposal_recall import ProposalRecall, RecallMetrics
 from perception.render.curve_plots import (
@@ -77,6 +78,21 @@ def test_panels_of_the_same_curves_share_one_legend():
     figure = curve_figure("", different)
     assert not figure.legends
     assert all(axes.get_legend() is not None for axes in figure.axes)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_legends_hide_no_curve(columns):
+    panels = [
+        panel(**{f"difficulty {n}": np.linspace(1, 0, 5) for n in range(count)})
+        for count in (1, 5, 3, 2)
+    ]
+    figure = curve_figure("all", panels, columns=columns)
+    FigureCanvasAgg(figure).draw()
+    areas = [axes.get_window_extent() for axes in figure.axes]
+    legends = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+    assert len(legends) == 4
+    assert not any(legend.overlaps(area) for legend in legends for area in areas)
+    assert all(figure.bbox.containsx(box.x0) and figure.bbox.containsy(box.y0) for box in legends)
 
 
 def test_conditions_are_rows_and_metrics_columns_of_one_scale():
