@@ -236,7 +236,7 @@ def _run(
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt(_how_to_go_on(config, folder)) from error
     except WriteError as error:
-        advice = f"make room ({_how_to_go_on(config, folder)})"
+        advice = f"make room, then {_how_to_go_on(config, folder)}"
         raise WriteError(
             error.where, expected=error.expected, found=error.found, advice=advice
         ) from error
