@@ -5,7 +5,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
 
-from data.frames import file_number
 from data.results.kitti_rows import format_object_rows
 from perception.atomic_file import write_atomically, write_jpeg
 from perception.errors import PerceptionError
@@ -66,16 +65,15 @@ class DetectionFolder:
             vehicles: The same detections, located in the scan.
             dense: Dense maps of the frame.
         """
-        number = file_number(self._drive, frame.index)
         calibration, _ = camera_of(frame)
         rows = format_object_rows(vehicles, calibration)
-        write_atomically(self._out / "data" / f"{number:06d}.txt", rows.encode())
+        write_atomically(self._out / "data" / f"{frame.name}.txt", rows.encode())
         self._written += 1
         if self._display_score is None or output.proposals_px is None:
             return
         found = output.detections
         scene = DetectionScene(
-            number=number,
+            number=frame.number,
             image=frame.image,
             depth=color_depth_map(dense),
             proposals_px=output.proposals_px,
@@ -87,7 +85,7 @@ class DetectionFolder:
         self._composition = self._composition or DetectionComposition.of(scene, period_s)
         preview = self._composition.draw(scene)
         if not self._drive.is_sequence:
-            write_jpeg(self._out / "previews" / f"{number:06d}.jpg", preview)
+            write_jpeg(self._out / "previews" / f"{frame.name}.jpg", preview)
             return
         self._video.add(preview)
         if self._written == self._middle:

@@ -99,7 +99,7 @@ def run_drive(
         finally:
             results.close()
             summary.elapsed_s = time.perf_counter() - start
-            write_json(out / "summary.json", summary.to_json())
+            write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
     if summary.frames:
         title = f"{drive.name}: a typical frame"
         plot_timeline(

@@ -8,7 +8,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from data.frames import file_number
 from data.kitti.tracking_rows import format_result_rows
 from data.results.kitti_rows import format_object_rows, track_rows, vehicle_rows
 from data.results.objects import FrameLine, FrameTracks, FrameVehicles, frame_of, numbers
@@ -31,6 +30,8 @@ class FrameRecord(FrameLine):
     """One line of `frames.jsonl`.
 
     Attributes:
+        name: Name of the frame's files.
+        invalid_points: Number of points that were no measurement, of all points of the scan.
         position_m: Position of the LiDAR in the world frame x, y, z.
         points: Number of points by state: outside, ground, static, moving.
         voxels: Number of static and of moving voxels.
@@ -40,6 +41,8 @@ class FrameRecord(FrameLine):
         seconds: Time of each stage.
     """
 
+    name: str
+    invalid_points: int
     position_m: list[float]
     points: dict[str, int]
     voxels: dict[str, int]
@@ -55,6 +58,8 @@ class FrameRecord(FrameLine):
         obstacles = result.obstacles
         return cls(
             *frame_of(result),
+            name=result.frame.name,
+            invalid_points=result.frame.invalid_points,
             position_m=numbers(result.world_SE3_velo[:3, 3]),
             points={state.name.lower(): int(states[state]) for state in PointState},
             voxels={"static": len(obstacles.static), "moving": len(obstacles.moving)},
@@ -77,7 +82,7 @@ def append_frame(
         area: Area in which ground heights are written.
         min_vehicle_score: Score from which a vehicle is listed in `vehicles.jsonl`.
     """
-    name = f"{result.frame.index:06d}"
+    name = result.frame.name
     labels = SEMANTIC_KITTI[result.obstacles.point_states]
     write_atomically(out / "labels" / f"{name}.label", labels.tobytes())
     static, moving = result.obstacles.static, result.obstacles.moving
@@ -104,13 +109,13 @@ def append_frame(
 
 def append_kitti_rows(out: Path, drive: Drive, result: Result) -> None:
     """Write the tracks and the vehicles of one frame as rows of KITTI's benchmarks; only with a camera."""
-    frame, calibration = result.frame.index, drive.calibration
+    frame, calibration = result.frame.number, drive.calibration
     if calibration is not None and calibration.image_size_px is not None:
         rows = format_result_rows(track_rows(frame, result.tracks, calibration))
         append_atomically(out / "tracks" / f"{drive.name}.txt", rows.encode())
     vehicles, calibration = result.vehicles, result.frame.calibration
     if vehicles is not None and calibration is not None:
-        file = out / "data" / f"{file_number(drive, frame):06d}.txt"
+        file = out / "data" / f"{result.frame.name}.txt"
         write_atomically(file, format_object_rows(vehicles, calibration).encode())
         if drive.is_sequence:
             rows = format_result_rows(vehicle_rows(frame, vehicles, calibration))
@@ -154,13 +159,13 @@ class RunFolder:
         path = self.path / "vehicles.jsonl"
         return read_records(path, FrameVehicles) if path.exists() else []
 
-    def labels(self, frame: int) -> NDArray[np.uint32]:
-        """Read the (N,) SemanticKITTI classes of the points of a frame."""
-        return np.fromfile(self.path / "labels" / f"{frame:06d}.label", np.uint32)
+    def labels(self, name: str) -> NDArray[np.uint32]:
+        """Read the (N,) SemanticKITTI classes of the points of a frame by its name."""
+        return np.fromfile(self.path / "labels" / f"{name}.label", np.uint32)
 
-    def obstacles(self, frame: int) -> dict[str, NDArray[Any]]:
+    def obstacles(self, name: str) -> dict[str, NDArray[Any]]:
         """Read the voxels and ground heights of a frame, in the LiDAR frame, by the names of the arrays."""
-        with np.load(self.path / "obstacles" / f"{frame:06d}.npz") as arrays:
+        with np.load(self.path / "obstacles" / f"{name}.npz") as arrays:
             return dict(arrays)
 
     def summary(self) -> dict[str, Any]:

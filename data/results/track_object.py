@@ -107,7 +107,7 @@ def track_object(
                 record = TrajectoryRecord.of(result, tracked, *identity)
                 append_record(out / "trajectory.jsonl", record)
                 if calibration is not None and calibration.image_size_px is not None:
-                    rows = trajectory_rows(record.frame, tracked, *identity, calibration)
+                    rows = trajectory_rows(result.frame.number, tracked, *identity, calibration)
                     append_atomically(out / "trajectory.txt", format_result_rows(rows).encode())
                 summary.update(result, tracked, seconds)
                 if config.video:
@@ -117,7 +117,7 @@ def track_object(
                 if len(summary.frames) == 1 + count // 2:
                     _plot_colors(out / "color-model.png", start, result, tracker)
         finally:
-            write_json(out / "summary.json", summary.to_json())
+            write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
     return summary
 
 

@@ -81,7 +81,7 @@ def detect(  # noqa: PLR0913 - flags of a command
                 summary.add(output)
     finally:
         summary.elapsed_s = time.perf_counter() - start_s
-        write_json(folder / "summary.json", summary.to_json())
+        write_json(folder / "summary.json", {"sensor": opened.sensor.name, **summary.to_json()})
     print(f"{summary.text()}\nresults: {folder}")
 
 

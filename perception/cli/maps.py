@@ -32,7 +32,7 @@ def maps(  # noqa: PLR0913 - flags of a command
         all: Write the maps of all frames, without a figure.
         method: Interpolation; thesis is the nearest vertex of the Delaunay triangle.
     """
-    from data.frames import file_number, frame_count, read_frames
+    from data.frames import frame_count, read_frames
     from data.open_drive import open_drive
     from data.results.folder import started
     from perception.cli.progress import progress_bar
@@ -47,12 +47,12 @@ def maps(  # noqa: PLR0913 - flags of a command
         count = frame_count(opened, drive.frames)
         frames = read_frames(opened, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
         dense_maps = started(
-            (file_number(opened, one.index), densify(project_frame(one), method))
+            (one.name, densify(project_frame(one), method))
             for one in progress_bar(frames, "frames", count)
         )
         folder, written = chosen.prepare(), 0
-        for number, dense in dense_maps:
-            write_maps(dense, folder, f"{number:06d}.png")
+        for name, dense in dense_maps:
+            write_maps(dense, folder, f"{name}.png")
             written += 1
         print(f"{written} depth and reflectance maps in {folder}")
         return
@@ -62,9 +62,9 @@ def maps(  # noqa: PLR0913 - flags of a command
     by_method = {name: densify(sparse, name) for name in methods}
     rows = {str(name): dense for name, dense in by_method.items()}
     folder = chosen.prepare()
-    write_maps(by_method[method], folder, f"{frame:06d}.png")
+    write_maps(by_method[method], folder, f"{one.name}.png")
     title = f"{opened.name}, frame {frame}"
-    plot_maps(folder / f"maps_{frame:06d}.png", title, one.image, sparse, by_method)
+    plot_maps(folder / f"maps_{one.name}.png", title, one.image, sparse, by_method)
     columns = (
         Column[DenseMaps]("measured [%]", lambda dense: 100 * dense.is_measured.mean(), ".1f"),
         Column[DenseMaps]("filled [%]", lambda dense: 100 * dense.is_filled.mean(), ".1f"),

@@ -140,7 +140,7 @@ def test_what_was_written_is_read_back(results, street):
     np.testing.assert_allclose(poses[:, :3, 3], [one.position_m for one in frames], atol=1e-4)
     assert folder.summary()["frames"] == FRAMES
     for frame in frames:
-        labels, obstacles = folder.labels(frame.frame), folder.obstacles(frame.frame)
+        labels, obstacles = folder.labels(frame.name), folder.obstacles(frame.name)
         assert len(labels) == len(drive[frame.frame].points_velo)
         assert len(obstacles["static_centers_m"]) == frame.voxels["static"]
         assert len(obstacles["ground_xy_m"]) == len(obstacles["ground_height_m"])
