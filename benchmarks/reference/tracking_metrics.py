@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from perception.evaluation.multi_object.clear import Clear
 from perception.evaluation.multi_object.hota import ALPHAS, Hota
-from perception.evaluation.multi_object.identity import Identity
+from perception.evaluation.multi_object.mot_metrics import Identity
 from perception.evaluation.multi_object.sequence import TrackedFrame, TrackedSequence
 from perception.types import Float64
 

@@ -17,8 +17,7 @@ from perception.sensor import load_sensor
 from perception.types import Float64
 
 if TYPE_CHECKING:
-    from perception.evaluation.single_object.errors import SingleObjectErrors
-    from perception.evaluation.single_object.metrics import SingleObjectMetrics
+    from perception.evaluation.single_object.metrics import SingleObjectErrors, SingleObjectMetrics
     from perception.evaluation.single_object.track import TrueTrack
 
 # An object that was hidden is reacquired once it is observed with this overlap of both boxes (A.1).
@@ -73,8 +72,10 @@ def single_object(
         out: Figure; a JSON file with the numbers is written beside it.
     """
     from data.synthetic import scenarios
-    from perception.evaluation.single_object.errors import single_object_errors
-    from perception.evaluation.single_object.metrics import single_object_metrics
+    from perception.evaluation.single_object.metrics import (
+        single_object_errors,
+        single_object_metrics,
+    )
     from perception.evaluation.single_object.track import ObjectSequence, TargetObject
 
     require_trackers(config.trackers)

@@ -18,7 +18,7 @@ from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
 from perception.errors import CalibrationError, DriveError
 from perception.evaluation.config import EvaluationView, MotionLabelConfig
-from perception.evaluation.multi_object.moving_scene import (
+from perception.evaluation.multi_object.track_assignment import (
     MovingScene,
     points_above_bottom,
 )

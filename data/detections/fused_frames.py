@@ -8,9 +8,11 @@ import numpy as np
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
-from perception.evaluation.detection.average_precision import kitti_average_precision
+from perception.evaluation.detection.average_precision import (
+    PrecisionCurve,
+    kitti_average_precision,
+)
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.precision_curve import PrecisionCurve
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.evaluation.detection.reliability import Correctness, match_correctness
 from perception.types import MODALITIES, Detections, FusedDetections

@@ -18,9 +18,9 @@ import numpy as np
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.multi_object import track_assignment
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
-from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.multi_object.track_assignment import (
+    MovingScene,
     assign_tracks,
     similarity_by_distance,
     tracked_frame,

@@ -14,7 +14,7 @@ from benchmarks.studies.single_object import (
 )
 from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive, true_track
 from perception.cli.main import main
-from perception.evaluation.single_object.errors import single_object_errors
+from perception.evaluation.single_object.metrics import single_object_errors
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.types import Boxes3D
 

@@ -5,12 +5,13 @@ import pytest
 
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.detection.average_precision import (
+    PrecisionCurve,
     kitti_average_precision,
     match_detections,
+    max_ap,
+    resample_precision,
 )
-from perception.evaluation.detection.bootstrap import resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.precision_curve import PrecisionCurve, max_ap
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.types import Detections
 

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from perception.evaluation.detection.average_precision import ClassMatches, match_detections
-from perception.evaluation.detection.bootstrap import percentile_interval, resample_precision
+from perception.evaluation.detection.average_precision import (
+    ClassMatches,
+    match_detections,
+    percentile_interval,
+    resample_precision,
+)
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 

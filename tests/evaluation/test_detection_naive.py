@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from benchmarks.reference.detection_ap import ReferenceCurve, reference_curve, reference_thresholds
-from perception.evaluation.detection import threshold_sweep
+from perception.evaluation.detection import match_statistics
 from perception.evaluation.detection.average_precision import (
+    PrecisionCurve,
     kitti_average_precision,
     match_detections,
+    threshold_ranks,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.precision_curve import PrecisionCurve, threshold_ranks
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 
 FRAMES = 12
@@ -103,7 +104,7 @@ def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
     truths, detections = crowded_frames(4)
     car = KITTI_CLASSES[0].at_iou(0.2)
     whole = kitti_average_precision(truths, detections, FRAMES, [car])[car]
-    monkeypatch.setattr(threshold_sweep, "MAX_BLOCK_PAIRS", 7)
+    monkeypatch.setattr(match_statistics, "MAX_BLOCK_PAIRS", 7)
     blocks = kitti_average_precision(truths, detections, FRAMES, [car])[car]
     for name, curve in whole.items():
         same = blocks[name]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.reference import tracking_metrics as naive
-from perception.evaluation.multi_object.identity import Identity, identity
+from perception.evaluation.multi_object.mot_metrics import Identity, identity
 
 
 def test_a_perfect_tracker(frame_of):

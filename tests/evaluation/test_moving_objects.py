@@ -6,13 +6,11 @@ import pytest
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.config import MovingObjectConfig
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
-from perception.evaluation.multi_object.moving_scene import (
+from perception.evaluation.multi_object.track_assignment import (
     MovingScene,
+    assign_tracks,
     is_target,
     points_above_bottom,
-)
-from perception.evaluation.multi_object.track_assignment import (
-    assign_tracks,
     similarity_by_distance,
     tracked_frame,
 )

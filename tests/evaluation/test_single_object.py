@@ -5,13 +5,14 @@ import pytest
 
 from perception.errors import PerceptionError
 from perception.evaluation.single_object import metrics
-from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import (
+    SingleObjectErrors,
     area_under_curve,
     correct_frames,
     cumulative_success,
     location_curve,
     precision_curve,
+    single_object_errors,
     single_object_metrics,
     success_curve,
 )

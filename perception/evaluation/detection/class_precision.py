@@ -6,17 +6,18 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from perception.evaluation.detection.average_precision import match_detections
-from perception.evaluation.detection.bootstrap import (
+from perception.evaluation.detection.average_precision import (
     Interval,
+    PrecisionCurve,
     PrecisionSamples,
+    match_detections,
+    max_ap,
     percentile_interval,
     resample_precision,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.evaluation_boxes import count_objects
-from perception.evaluation.detection.precision_curve import PrecisionCurve, max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
 from perception.evaluation.report import Column, Metrics, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel

@@ -16,7 +16,11 @@ from perception.detection.config import FusionVariant
 from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
-from perception.evaluation.detection.bootstrap import NO_INTERVAL, Interval, percentile_interval
+from perception.evaluation.detection.average_precision import (
+    NO_INTERVAL,
+    Interval,
+    percentile_interval,
+)
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.class_precision import (
     CONFIDENCE,

@@ -5,8 +5,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from perception.evaluation.multi_object.moving_scene import MovingScene
-from perception.evaluation.multi_object.track_assignment import FrameAssignment
+from perception.evaluation.multi_object.track_assignment import FrameAssignment, MovingScene
 from perception.evaluation.report import Metric, Metrics
 from perception.types import ArrayTable, Bool, Float64, Int, Tracks
 

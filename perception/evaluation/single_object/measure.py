@@ -6,12 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from perception.evaluation.config import (
-    MAX_CENTER_M,
-    MAX_HEADING_DEG,
-    MAX_LOCATION_PX,
-    MIN_OVERLAP,
-)
+from perception.evaluation.config import MAX_CENTER_M, MAX_HEADING_DEG, MAX_LOCATION_PX, MIN_OVERLAP
 from perception.evaluation.report import Column, Report, Table, value_table
 from perception.evaluation.single_object.challenges import (
     CHALLENGE_DESCRIPTIONS,
@@ -19,9 +14,10 @@ from perception.evaluation.single_object.challenges import (
     Variations,
     variations,
 )
-from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import (
+    SingleObjectErrors,
     SingleObjectMetrics,
+    single_object_errors,
     single_object_metrics,
 )
 from perception.evaluation.single_object.track import TargetObject

@@ -6,16 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.evaluation.config import (
-    MAX_CENTER_M,
-    MAX_HEADING_DEG,
-    MAX_LOCATION_PX,
-    MIN_OVERLAP,
-)
+from perception.evaluation.config import MAX_CENTER_M, MAX_HEADING_DEG, MAX_LOCATION_PX, MIN_OVERLAP
 from perception.evaluation.single_object.challenges import Challenge
-from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.evaluation.single_object.measure import SingleObjectReport
 from perception.evaluation.single_object.metrics import (
+    SingleObjectErrors,
     area_under_curve,
     correct_frames,
     cumulative_success,

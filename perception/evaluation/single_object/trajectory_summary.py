@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 
 from perception.evaluation.report import Column, Table
-from perception.evaluation.single_object.errors import single_object_errors
-from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
+from perception.evaluation.single_object.metrics import (
+    SingleObjectMetrics,
+    single_object_errors,
+    single_object_metrics,
+)
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.geometry.boxes import transform_boxes
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus

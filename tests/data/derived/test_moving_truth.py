@@ -10,7 +10,7 @@ from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
 from data.synthetic.writer import write_raw, write_tracking
 from perception.errors import DriveError, PoseError
-from perception.evaluation.multi_object.moving_scene import MovingScene
+from perception.evaluation.multi_object.track_assignment import MovingScene
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 from perception.types import Drive
