@@ -114,7 +114,12 @@ def draw_overlay(
     face_color_indices = color_indices.take(cubes.cubes) * len(_FACE_LIGHT) + cubes.faces
     colors.reshape(-1)[cubes.pixels] = _CUBE_COLORS.take(face_color_indices)
     opacity.reshape(-1)[cubes.pixels] = style.cube_opacity
-    return np.asarray(cv2.blendLinear(unpacked(colors), image, opacity, 1 - opacity), np.uint8)
+    # Nothing is drawn over the sky.
+    rows = slice(int(opacity.any(axis=1).argmax()), None)
+    blended = image.copy()
+    shares = opacity[rows], 1 - opacity[rows]
+    cv2.blendLinear(unpacked(colors[rows]), image[rows], *shares, dst=blended[rows])
+    return blended
 
 
 def _cube_colors() -> PackedColors:

@@ -1,5 +1,7 @@
 """The scene in 3D from a virtual camera behind and above the vehicle."""
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 
@@ -28,6 +30,21 @@ _TO_LIGHT = np.array([-0.45, 0.25, 0.86])
 _SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
 
 
+@lru_cache(maxsize=8)
+def _straight_camera(size_px: tuple[int, int], field_of_view_rad: float) -> Float64:
+    """Return (3, 4) image_P_velo of the camera straight behind the vehicle; a video has few of them."""
+    width, height = size_px
+    # A high image is enlarged rather than filled with sky.
+    low_rad = _MAX_ASPECT * field_of_view_rad
+    focal_px = max(width / np.tan(field_of_view_rad / 2), height / np.tan(low_rad / 2)) / 2
+    forward = (_TARGET_M - _EYE_M) / np.linalg.norm(_TARGET_M - _EYE_M)
+    right = np.cross(forward, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    cam_R_velo = np.stack([right, np.cross(forward, right), forward])
+    image_K_cam = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+    return np.asarray(image_K_cam @ np.column_stack([cam_R_velo, -cam_R_velo @ _EYE_M]))
+
+
 def chase_camera(
     size_px: tuple[int, int],
     turn_rad: float = 0.0,
@@ -41,17 +58,8 @@ def chase_camera(
             vehicle.
         field_of_view_rad: Horizontal field of view in radians.
     """
-    width, height = size_px
-    # A high image is enlarged rather than filled with sky.
-    low_rad = _MAX_ASPECT * field_of_view_rad
-    focal_px = max(width / np.tan(field_of_view_rad / 2), height / np.tan(low_rad / 2)) / 2
-    forward = (_TARGET_M - _EYE_M) / np.linalg.norm(_TARGET_M - _EYE_M)
-    right = np.cross(forward, (0, 0, 1))
-    right /= np.linalg.norm(right)
-    cam_R_velo = np.stack([right, np.cross(forward, right), forward])
-    image_K_cam = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
-    image_P_straight = image_K_cam @ np.column_stack([cam_R_velo, -cam_R_velo @ _EYE_M])
-    return np.asarray(image_P_straight @ from_euler(0.0, 0.0, -turn_rad))
+    turn = from_euler(0.0, 0.0, -turn_rad)
+    return np.asarray(_straight_camera(size_px, field_of_view_rad) @ turn)
 
 
 def draw_perspective(size_px: tuple[int, int], result: Result, surface: GroundMesh) -> UInt8:

@@ -17,7 +17,7 @@ KM_H = 3.6  # km/h of 1 m/s
 _FASTEST_M_S = 100.0
 _JUMP_M = 5.0
 _STEP_M = 0.6  # minimum distance of two positions of a path
-_COURSE_M = 2.0  # distance that an object has travelled before its course is known
+_COURSE_M = 1.5  # distance that an object has travelled before its course is known
 _EGO_SPEED_S = 0.5  # time over which the speed of the vehicle is measured
 
 
@@ -50,7 +50,7 @@ class _Memory:
         A course against the velocity is none. One against the heading makes both unknown: either the object turned,
         or its id went to another one.
         """
-        for _, point in reversed(self.path):
+        for place, (_, point) in reversed(list(enumerate(self.path))):
             x_m, y_m = (bottom_world - point)[:2].tolist()
             if np.hypot(x_m, y_m) >= _COURSE_M:
                 course_rad = float(np.arctan2(y_m, x_m))
@@ -59,6 +59,9 @@ class _Memory:
                 if np.cos(course_rad - self.heading_rad) < 0:
                     self.path, self.heading_rad = [(self.newest_s, bottom_world)], float("nan")
                     return False
+                if np.isnan(self.heading_rad):
+                    # The first positions of an object wander.
+                    self.path = self.path[place:]
                 self.heading_rad = course_rad
                 return True
         return False
