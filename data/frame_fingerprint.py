@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from data.array_store import entry_key
-from data.kitti.objects import ObjectFrames
+from data.kitti.drive import KittiDrive
 from data.kitti.sequence import KittiSequence
 from perception.types import Drive
 
@@ -32,14 +32,15 @@ def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
 
 def frame_files(drive: Drive, index: int) -> list[Path]:
     """Return the files of a frame and its labels; none for a drive in memory."""
-    if not isinstance(drive, ObjectFrames | KittiSequence):
+    if not isinstance(drive, KittiDrive):
         return []
     scan = drive.scans.paths[index]
-    if isinstance(drive, ObjectFrames):
-        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
+    image = None if drive.images is None else drive.images.paths[index]
+    if isinstance(drive, KittiSequence):
+        texts = [drive.label_file]
     else:
-        texts = [drive.label_file] if drive.label_file else []
-    return [scan, *texts, *([drive.images.paths[index]] if drive.images is not None else [])]
+        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
+    return [path for path in (scan, *texts, image) if path is not None]
 
 
 @cache

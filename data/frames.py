@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 from data.beam_pattern import beam_anomalies
-from data.kitti.objects import ObjectFrames
-from data.kitti.sequence import KittiSequence
+from data.kitti.drive import KittiDrive
 from data.plausibility import describe_invalid_points
 from perception.errors import PerceptionError
 from perception.types import Drive, Frame, OnBadFrame
@@ -21,7 +20,7 @@ def frame_count(drive: Drive, limit: int | None) -> int:
 
 def file_number(drive: Drive, index: int) -> int:
     """Return the frame number in KITTI's rows and file names; the index where names are others."""
-    return drive.scans.numbers[index] if isinstance(drive, KittiSequence | ObjectFrames) else index
+    return drive.scans.numbers[index] if isinstance(drive, KittiDrive) else index
 
 
 def read_frames(

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from data.beam_pattern import beam_anomalies
-from data.kitti.objects import ObjectFrames
+from data.kitti.drive import KittiDrive
 from data.kitti.sequence import KittiSequence
 from data.plausibility import (
     Anomaly,
@@ -31,8 +31,6 @@ from perception.errors import (
 )
 from perception.localization.mounting import check_mounting
 from perception.types import Float64, Frame, Progress
-
-KittiDrive = KittiSequence | ObjectFrames
 
 _WHAT = {
     ScanError: "scans missing or damaged",

@@ -5,10 +5,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from data.kitti.objects import ObjectFrames, is_object_folder, open_objects
+from data.kitti.drive import KittiDrive
+from data.kitti.objects import is_object_folder, open_objects
 from data.kitti.raw import is_raw_drive, open_raw, raw_drives_in
 from data.kitti.sensor_files import no_scans
-from data.kitti.sequence import KittiSequence
 from data.kitti.tracking import open_tracking, tracking_sequences_in
 from perception.errors import DriveError, UsageError
 from perception.sensor import HDL_64E, LidarModel, load_sensor
@@ -36,7 +36,7 @@ class _DriveLocation:
 
 def open_drive(
     path: Path, *, sequence: str | None = None, sensor: str | None = None, images: bool = True
-) -> KittiSequence | ObjectFrames:
+) -> KittiDrive:
     """Open a drive, whatever its layout.
 
     Args:

@@ -8,7 +8,6 @@ from typing import Literal
 from data.derived.object_truth import DriveObjects
 from data.derived.single_object import table_3_2, table_a_1, unique_sequences
 from data.frames import frame_count
-from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive, sequences_in
 from data.synthetic.truth_files import truth_files
@@ -187,7 +186,7 @@ def _is_requested(one: ObjectSequence, config: ObjectSetConfig) -> bool:
 
 def _open(config: ObjectSetConfig, sequence: str | None) -> KittiSequence:
     drive = open_drive(config.root, sequence=sequence, sensor=config.sensor)
-    if isinstance(drive, ObjectFrames):
+    if not isinstance(drive, KittiSequence):
         raise DriveError(
             drive.root,
             expected="a sequence of frames",

@@ -1,6 +1,6 @@
 """Frames of one recording in order of time: the common part of the raw and the tracking layout."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -9,19 +9,17 @@ from typing import Protocol
 import numpy as np
 
 from data.kitti.calibration import with_kitti_image_size
+from data.kitti.drive import KittiDrive
 from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.sensor_files import (
     FrameFiles,
     ImageSize,
     read_image,
-    read_point_truth,
-    read_scan,
 )
 from perception.errors import CalibrationError, DriveError, ImageError, PoseError
 from perception.geometry.se3 import inverse
-from perception.sensor import LidarModel
-from perception.types import Calibration, Float64, Frame, Labels, PointTruth, UInt8
+from perception.types import Calibration, Float64, Labels, UInt8
 
 
 class InsSource(Protocol):
@@ -70,40 +68,26 @@ class ScanClock:
         return stamp_s
 
 
-@dataclass(frozen=True)
-class KittiSequence:
-    """Drive whose frames are read on access.
+@dataclass(frozen=True, kw_only=True)
+class KittiSequence(KittiDrive):
+    """Frames of one recording.
 
     Attributes:
-        name: Name of the raw drive or the tracking sequence.
-        root: Folder of the drive, or of all sequences.
-        sensor: LiDAR model.
-        calibration: Calibration of the camera, with the image size where a file states it.
-        scans: Scans, one per frame.
         clock: Times of the scans.
-        images: Images of the left colour camera, one per scan, or None.
-        image_size: Size that every image must have, or None.
         ins: INS packets, or None.
         velo_SE3_imu: (4, 4) transform from the IMU to the LiDAR; required with `ins`.
         label_file: Labels in tracking format, or None.
-        point_labels: Exact truth of synthetic points, one file per scan, or None.
-        notes: Sentences on files that are not joined to the scans by their names.
     """
 
-    name: str
-    root: Path
-    sensor: LidarModel
-    calibration: Calibration | None
-    scans: FrameFiles
     clock: ScanClock
-    images: FrameFiles | None = None
-    image_size: ImageSize | None = None
     ins: InsSource | None = None
     velo_SE3_imu: Float64 | None = None
     label_file: Path | None = None
-    point_labels: FrameFiles | None = None
-    notes: tuple[str, ...] = ()
-    is_sequence: bool = True
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether frames follow each other in time: yes."""
+        return True
 
     def __post_init__(self) -> None:
         """Validate that an INS has a calibration, without which its poses cannot be used."""
@@ -116,11 +100,6 @@ class KittiSequence:
             )
 
     @property
-    def has_images(self) -> bool:
-        """Whether frames carry images."""
-        return self.images is not None
-
-    @property
     def has_poses(self) -> bool:
         """Whether frames carry INS poses."""
         return self.ins is not None
@@ -130,30 +109,9 @@ class KittiSequence:
         """Whether there are labelled boxes."""
         return self.label_file is not None
 
-    def __len__(self) -> int:
-        return len(self.scans)
-
-    def __iter__(self) -> Iterator[Frame]:
-        return (self[index] for index in range(len(self)))
-
-    def __getitem__(self, index: int) -> Frame:
-        """Read one frame.
-
-        Raises:
-            PerceptionError: A file of the frame is missing or damaged.
-        """
-        path = self.scans.paths[index]
-        return Frame(
-            index=range(len(self))[index],
-            points_velo=read_scan(path),
-            stamp_s=self.stamp_s(index),
-            image=self.image(index),
-            world_SE3_velo=self.world_SE3_velo(index),
-            calibration=self.calibration,
-            source=str(path),
-            name=self.scans.names[index],
-            number=self.scans.numbers[index],
-        )
+    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
+        """Return the calibration of the drive."""
+        return self.calibration
 
     @cached_property
     def _world(self) -> Mercator:
@@ -167,22 +125,8 @@ class KittiSequence:
         raise failure or PoseError(self.root, expected="an INS packet", found="none")
 
     def stamp_s(self, index: int) -> float:
-        """Return the time of a scan in seconds.
-
-        Raises:
-            DriveError: The row of timestamps is missing, or is not a time.
-        """
+        """Return the time of a scan since the drive's first."""
         return self.clock.stamp_s(index)
-
-    def image(self, index: int) -> UInt8 | None:
-        """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
-
-        Raises:
-            ImageError: The image is missing, damaged or of another size.
-        """
-        return (
-            None if self.images is None else read_image(self.images.paths[index], self.image_size)
-        )
 
     def ins_packet(self, index: int) -> InsPacket:
         """Read the INS packet of one frame.
@@ -196,23 +140,13 @@ class KittiSequence:
         return self.ins.packet(index)
 
     def world_SE3_velo(self, index: int) -> Float64 | None:
-        """Return the (4, 4) INS pose of one frame without reading its scan, or None without INS.
-
-        Raises:
-            PoseError: The packet is missing or malformed.
-        """
+        """Return the (4, 4) INS pose of one frame."""
         if self.ins is None or self.velo_SE3_imu is None:
             return None
         return self._world.world_SE3_imu(self.ins.packet(index)) @ inverse(self.velo_SE3_imu)
 
     def labels(self, index: int) -> Labels:
-        """Read the labels of one frame.
-
-        Raises:
-            DriveError: The drive has no labels.
-            CalibrationError: There is no camera calibration, which labels need.
-            LabelError: The label file cannot be read.
-        """
+        """Return the labels of one frame; none where the file has no row of it."""
         return self._labels_by_number.get(self.scans.numbers[index], empty_labels())
 
     @cached_property
@@ -226,17 +160,6 @@ class KittiSequence:
                 found="none",
             )
         return read_tracking_labels(self.label_file, self.calibration)
-
-    def point_truth(self, index: int) -> PointTruth | None:
-        """Read the exact truth of every point, which only synthetic drives have.
-
-        Raises:
-            LabelError: The file is missing, or its length differs from that of the scan.
-        """
-        if self.point_labels is None:
-            return None
-        points = len(read_scan(self.scans.paths[index]))
-        return read_point_truth(self.point_labels.paths[index], points)
 
 
 @dataclass(frozen=True)
