@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from perception import __version__
-from perception.cli.parser import CommandFunction, call, help_text
+from perception.cli.parser import CommandFunction, call, flag_types, help_text
 from perception.cli.study import STUDIES
 from perception.errors import PerceptionError, UsageError
 
@@ -104,26 +104,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         # Processes that libraries start for a command import nothing from the working folder.
         os.environ["PYTHONSAFEPATH"] = "1"
-    if not words or words[0] in ("-h", "--help", "help"):
-        print(_overview())
-        return 0
-    if words[0] == "--version":
-        print(f"trifuse {__version__}")
-        return 0
     logging.basicConfig(handlers=[_LogHandler()], format="%(message)s", level=logging.INFO)
     try:
         run_command_line(words)
+        sys.stdout.flush()
+        return 0
     except PerceptionError as error:
         _print_error(f"trifuse {words[0]}: {error}")
         return 2
     except KeyboardInterrupt as stopped:
-        advice = f"; {stopped}" if stopped.args else ""
-        _print_error(f"trifuse {words[0]}: stopped; what was written is kept{advice}")
+        advice = str(stopped) or _how_to_go_on(words)
+        _print_error(f"trifuse {words[0]}: stopped; what is complete is kept; {advice}")
         return 130
     except BrokenPipeError:  # the reader, such as `head`, has enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    return 0
+    except OSError as error:
+        from perception.atomic_file import write_error
+
+        _print_error(f"trifuse {words[0]}: {write_error(error.filename or 'output', error)}")
+        return 2
+    finally:
+        _flush_output()
+
+
+def _flush_output() -> None:
+    """Write what is buffered, or drop it where nothing takes it."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _LogHandler(logging.Handler):
@@ -144,16 +153,20 @@ def _print_error(sentence: str) -> None:
 
 
 def run_command_line(words: Sequence[str]) -> None:
-    """Run the command that the words call.
+    """Run the command that the words call, or print help.
 
     Raises:
         PerceptionError: The user has to act.
     """
-    for count in (2, 1):
-        name = " ".join(words[:count])
-        if name in COMMANDS:
-            _run_command(name, words[count:])
-            return
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(_HELP.format(commands=_lines(_top_level())))
+        return
+    if words[0] == "--version":
+        print(f"trifuse {__version__}")
+        return
+    if (name := _command_of(words)) is not None:
+        _run_command(name, words[len(name.split()) :])
+        return
     group, *rest = words
     subcommands = {name: one for name, one in COMMANDS.items() if name.startswith(f"{group} ")}
     is_help = not rest or rest[0] in ("-h", "--help")
@@ -169,6 +182,18 @@ def run_command_line(words: Sequence[str]) -> None:
         )
 
 
+def _command_of(words: Sequence[str]) -> str | None:
+    """Return the command that the words begin with."""
+    begun = (" ".join(words[:count]) for count in (2, 1))
+    return next((name for name in begun if name in COMMANDS), None)
+
+
+def _how_to_go_on(words: Sequence[str]) -> str:
+    name = _command_of(words)
+    replaces = name is not None and "overwrite" in flag_types(COMMANDS[name].load())
+    return "repeat the command" + (" with --overwrite" if replaces else "")
+
+
 def _run_command(name: str, words: Sequence[str]) -> None:
     prog = f"trifuse {name}"
     function = COMMANDS[name].load()
@@ -176,10 +201,6 @@ def _run_command(name: str, words: Sequence[str]) -> None:
         print(help_text(prog, function, everything="--help-all" in words))
     else:
         call(prog, function, words)
-
-
-def _overview() -> str:
-    return _HELP.format(commands=_lines(_top_level()))
 
 
 def _top_level() -> dict[str, str]:

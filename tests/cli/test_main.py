@@ -70,6 +70,35 @@ def test_the_help_of_every_command_imports_nothing_heavy():
     assert ran.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.parametrize(
+    ("words", "advice"),
+    [
+        (["check", "x"], "repeat the command"),
+        (["synth", "x"], "repeat the command with --overwrite"),
+        (["train", "depthcn", "x"], "go on with: trifuse train"),
+    ],
+)
+def test_an_interrupt_is_130_and_says_how_to_go_on(words, advice, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt(*([advice] if words[0] == "train" else []))
+
+    monkeypatch.setattr("perception.cli.main.call", interrupted)
+    assert main(words) == 130
+    error = capsys.readouterr().err
+    assert (error.count("\n"), error.endswith(f"; {advice}\n")) == (1, True)
+
+
+def test_output_that_cannot_be_written_is_one_sentence():
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(
+            [sys.executable, "-c", "import sys; from perception.cli.main import main; sys.exit(main())", "study", "--help"],
+            cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("trifuse study: output: ")
+    assert ran.stderr.count("\n") == 1
+
+
 def test_help_is_quick():
     start_s = time.perf_counter()
     subprocess.run(
