@@ -39,9 +39,9 @@ class Command:
                 raise
             raise PerceptionError(
                 module,
-                expected="the folder benchmarks/, which the source tree holds and the wheel does not",
-                found="a wheel",
-                advice="in the source tree of this version, run: pip install --editable ./",
+                expected="the folder benchmarks/ of the source tree, which a wheel does not hold",
+                found="none",
+                advice='in the source tree of this version, run: pip install --editable ".[bench]"',
             ) from error
         return function
 
