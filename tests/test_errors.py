@@ -55,9 +55,8 @@ def test_a_wheel_has_no_benchmarks(name, monkeypatch):
     monkeypatch.setitem(sys.modules, "benchmarks", None)
     for module in ("benchmarks.bench", "benchmarks.studies", "benchmarks.studies.masks"):
         monkeypatch.delitem(sys.modules, module, raising=False)
-    with fault(
-        PerceptionError, "benchmarks", "benchmarks/", "a wheel", "pip install --editable ./"
-    ):
+    advice = 'pip install --editable ".[bench]"'
+    with fault(PerceptionError, "benchmarks", "benchmarks/", "none", advice):
         run_command_line([*name.split(), "x"])
 
 

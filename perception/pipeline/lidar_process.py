@@ -10,7 +10,6 @@ when it is closed, and when this process ends, for whatever reason.
 
 import os
 import pickle
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -27,8 +26,11 @@ from perception.sensor import LidarModel
 from perception.types import Frame
 
 # The other process finds modules where this one does. `python -P -c` does not put the working folder first, which may
-# hold a user's random.py.
-_START = f"import sys; sys.path[:] = sys.argv[1:]; from {__name__} import serve; serve()"
+# hold a user's random.py. An interrupt reaches both processes, from the start; this one ends the other.
+_START = (
+    "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); sys.path[:] = sys.argv[1:]; "
+    f"from {__name__} import serve; serve()"
+)
 
 
 class LidarProcess:
@@ -143,8 +145,6 @@ def _serve_requests(requests: IO[bytes], responses: IO[bytes]) -> None:
 
 def serve() -> None:
     """Run the other process."""
-    # An interrupt reaches both processes; the other one ends this one.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # What is printed must not get into the responses.
     responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
