@@ -13,7 +13,7 @@ from perception.tracking import motion_model
 from perception.tracking.association import assign_hungarian
 from perception.tracking.config import BoxTrackerConfig
 from perception.tracking.fragments import is_inside_boxes, join_fragments
-from perception.tracking.heading import update_from_course
+from perception.tracking.heading import reported_yaws, update_from_course
 from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
 from perception.tracking.track_lifecycle import is_alive, is_confirmed, is_reported, may_be_static
 from perception.tracking.track_table import TrackTable
@@ -177,6 +177,7 @@ class BoxTracker:
         """Return the reported tracks in the frame of the scan."""
         tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.lifecycle)]
         sizes_m = likely_sizes_m(tracks, self._config.size)
+        tracks = replace(tracks, yaw_rad=reported_yaws(tracks, self._config.heading))
         return Tracks.unclassified(
             tracks.ids,
             tracks.boxes_velo(np.column_stack([sizes_m, tracks.heights_m]), world_SE3_velo),

@@ -73,6 +73,13 @@ def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConf
     return Headings(wrap(yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
 
 
+def reported_yaws(tracks: TrackTable, config: HeadingConfig) -> Float64:
+    """Return (T,) headings to report: one that is not settled yet points to the side of the course."""
+    course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
+    is_settled = tracks.yaw_variance <= config.unsettled_variance
+    return np.where(is_settled, tracks.yaw_rad, _course_side(tracks, course_rad, config))
+
+
 def _course_side(tracks: TrackTable, course_rad: Float64, config: HeadingConfig) -> Float64:
     """Return (T,) the one of both headings along the shape that is nearer to an uncertain course."""
     is_ahead = np.abs(wrap(course_rad - tracks.yaw_rad)) <= np.pi / 2

@@ -224,3 +224,14 @@ def test_the_order_of_clusters_does_not_matter():
     assert one.ids.tolist() == other.ids.tolist() == [0, 1]
     np.testing.assert_allclose(one.boxes.bottom_m, other.boxes.bottom_m[::-1], atol=1e-9)
     assert len(replace(one)) == 2
+
+
+@pytest.mark.parametrize("speed_m_s", [-9.0, 9.0])
+def test_from_its_first_report_on_a_vehicle_heads_where_it_goes(speed_m_s):
+    drive, reported = Drive(), 0
+    for step in range(8):
+        tracks = drive.scan(sides(16.0 + 0.1 * speed_m_s * step, 4.0, 0.0, CAR))
+        reported += len(tracks)
+        ahead = tracks.velocities_m_s[:, 0] * np.cos(tracks.boxes.yaw_rad)
+        assert (ahead > 0).all()
+    assert reported >= 5

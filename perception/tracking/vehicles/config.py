@@ -43,6 +43,8 @@ class VehicleTrackerConfig:
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
         front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
+        max_front_votes: Maximum number of observations of the course that opposite ones have to outweigh before
+            front and rear change places.
         max_size_samples: Maximum number of observations that a size is averaged over.
         max_reported_speed_deviation_m_s: Maximum standard deviation of a reported velocity.
         image_speed_gain: Gain of a correction of the motion in the image.
@@ -67,6 +69,7 @@ class VehicleTrackerConfig:
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0
     front_speed_m_s: float = 1.0
+    max_front_votes: int = 10
     max_size_samples: int = 12
     max_reported_speed_deviation_m_s: float = 2.0
     image_speed_gain: float = 0.5

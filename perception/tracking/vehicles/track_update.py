@@ -179,7 +179,9 @@ def _placed(
         mean=states.mean,
         covariance=states.covariance,
         axis=_doubled(boxes.yaw_rad),
-        yaw_rad=boxes.yaw_rad,
+        yaw_rad=np.where(
+            tracks.is_located, _nearer_end(boxes.yaw_rad, tracks.yaw_rad), boxes.yaw_rad
+        ),
         sizes_m=boxes.size_m,
         size_samples=np.ones(len(tracks), np.int64),
         low_world_m=boxes.bottom_m[:, 2],
@@ -216,14 +218,26 @@ def _corrected(
 
 
 def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> VehicleTable:
-    """Choose front and rear by a well-known velocity and, once it is fast, correct the heading by the course."""
+    """Choose front and rear by well-known velocities and, once they are fast, correct the heading by the course.
+
+    A vehicle does not turn round within a scan: most of the latest velocities determine its front, and a slow one
+    keeps it.
+    """
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     excess_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
     is_fast = (excess_m_s >= config.course_speed_m_s)[:, None]
     axis = tracks.axis + np.where(is_fast, _doubled(course_rad), 0.0)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
-    ahead_rad = np.where(excess_m_s >= config.front_speed_m_s, course_rad, tracks.yaw_rad)
-    return replace(tracks, axis=axis, yaw_rad=_nearer_end(yaw_rad, ahead_rad))
+    yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
+    is_ahead = np.abs(wrap(course_rad - yaw_rad)) <= np.pi / 2
+    vote = np.where(excess_m_s >= config.front_speed_m_s, np.where(is_ahead, 1, -1), 0)
+    votes = np.minimum(tracks.front_votes + vote, config.max_front_votes)
+    return replace(
+        tracks,
+        axis=axis,
+        yaw_rad=wrap(np.where(votes < 0, yaw_rad + np.pi, yaw_rad)),
+        front_votes=np.abs(votes),
+    )
 
 
 def _hidden_shift_m(boxes: Boxes3D, sizes_m: Float64, sensor_m: Float64) -> Float64:

@@ -162,7 +162,7 @@ class VehicleTracker:
             ids=ids,
             velocities_m_s=velocities_m_s,
             covariances=covariances,
-            boxes=_tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry),
+            boxes=_tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._config),
         )
 
 
@@ -196,10 +196,19 @@ def _classified(moving: Tracks, vehicles: VehicleTable) -> Tracks:
 
 
 def _tracked_boxes(
-    boxes: Boxes3D, seen: Int, tracks: VehicleTable, frame_geometry: FrameGeometry
+    boxes: Boxes3D,
+    seen: Int,
+    tracks: VehicleTable,
+    frame_geometry: FrameGeometry,
+    config: VehicleTrackerConfig,
 ) -> Boxes3D:
-    """Replace the boxes of single detections by those of the tracks that are located now."""
-    is_found = tracks.is_located & (tracks.last_located_s == frame_geometry.stamp_s)
+    """Replace the boxes of single detections by those of their tracks.
+
+    A detection that is located elsewhere than its track a moment ago has other points than those of the vehicle.
+    """
+    unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
+    is_found = tracks.is_located & (unlocated_s <= config.relocate_after_s)
+    is_found &= np.isfinite(boxes.yaw_rad[seen])
     found = tracks[is_found]
     return boxes.replaced(
         seen[is_found], found.boxes_velo(found.sizes_m, frame_geometry.world_SE3_velo)

@@ -27,6 +27,7 @@ class VehicleTable(GroundPlaneTracks):
             are void.
         last_located_s: (T,) time of the last detection that was located.
         axis: (T, 2) sum of the observed headings, as cosine and sine of twice the angle.
+        front_votes: (T,) observations of the course that agree with the heading, less those against it.
         sizes_m: (T, 3) mean length, width and height.
         size_samples: (T,) number of observations of the mean.
     """
@@ -42,6 +43,7 @@ class VehicleTable(GroundPlaneTracks):
     is_located: Bool
     last_located_s: Float64
     axis: Annotated[Float64, 2]
+    front_votes: Int
     sizes_m: Annotated[Float64, 3]
     size_samples: Int
 
@@ -69,6 +71,7 @@ class VehicleTable(GroundPlaneTracks):
             mean=np.zeros((count, 4)),
             covariance=np.zeros((count, 4, 4)),
             axis=np.zeros((count, 2)),
+            front_votes=np.zeros(count, np.int64),
             yaw_rad=np.zeros(count),
             sizes_m=np.zeros((count, 3)),
             size_samples=np.zeros(count, np.int64),

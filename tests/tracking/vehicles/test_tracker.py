@@ -29,6 +29,7 @@ class Drive:
         moving: Tracks | None = None,
         missed: tuple[int, ...] = (),
         blind: bool = False,
+        returns_of: Boxes3D | None = None,
     ) -> VehicleTrackerResult:
         """Drive for a tenth of a second, and update the tracker.
 
@@ -39,10 +40,13 @@ class Drive:
             moving: Moving objects in the frame of the scan, with the ids of their own tracker.
             missed: Rows that are not detected.
             blind: Whether the LiDAR observes the road only.
+            returns_of: Objects in the world that the LiDAR observes; else the vehicles.
         """
         self.index += 1
-        pose, boxes = observed_from(0.1 * self.speed_m_s * self.index, world)
-        body = np.zeros((0, 3)) if blind else sides(boxes)
+        x_m = 0.1 * self.speed_m_s * self.index
+        pose, boxes = observed_from(x_m, world)
+        bodies = boxes if returns_of is None else observed_from(x_m, returns_of)[1]
+        body = np.zeros((0, 3)) if blind else sides(bodies)
         frame = frame_of(_ROAD, body, index=self.index)
         found = np.setdiff1d(np.arange(len(world)), missed)
         shown = detected(boxes, scores)
@@ -78,6 +82,40 @@ def test_a_moving_car_has_its_speed_and_its_course():
         reported = drive.observe(driven(world, -0.8 * step)).vehicles
     np.testing.assert_allclose(reported.velocities_m_s, [[-8.0, 0.0]], atol=0.5)
     assert np.cos(reported.boxes.yaw_rad[0]) < -0.99
+
+
+def _yaws(drive: Drive, world: Boxes3D, along_m: list[float]) -> np.ndarray:
+    """Return the reported heading of one vehicle while it goes along x."""
+    reported = [drive.observe(driven(world, x_m)).vehicles for x_m in along_m]
+    return np.array([one.boxes.yaw_rad[0] for one in reported])
+
+
+def test_front_and_rear_stay_where_they_are_while_the_vehicle_stops_and_backs():
+    drive, world = Drive(speed_m_s=0.0), cars((30.0, 3.0, 0.0))
+    comes = _yaws(drive, world, [-0.8 * step for step in range(15)])
+    assert (np.cos(comes[5:]) < -0.99).all()
+    waits = _yaws(drive, world, [-11.2] * 20)
+    assert (np.cos(waits) < -0.99).all()
+    backs = _yaws(drive, world, [-11.2 + 0.3 * step for step in range(6)])
+    assert (np.cos(backs) < -0.99).all()
+
+
+def test_a_vehicle_that_goes_on_backwards_has_its_front_there():
+    drive, world = Drive(speed_m_s=0.0), cars((15.0, 3.0, 0.0))
+    _yaws(drive, world, [-0.3 * step for step in range(8)])
+    away = _yaws(drive, world, [-2.1 + 0.8 * step for step in range(40)])
+    assert np.cos(away[-1]) > 0.99
+    assert (np.abs(np.diff(np.cos(away))) > 1).sum() <= 1
+
+
+def test_a_detection_with_the_points_of_another_object_does_not_move_its_vehicle():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
+    for _ in range(5):
+        expected = drive.observe(world).vehicles.boxes
+    # The same rectangle in the image around a wall across the road, nearer to the LiDAR.
+    reported = drive.observe(world, returns_of=cars((12.0, 2.4, np.pi / 2))).vehicles
+    np.testing.assert_allclose(reported.boxes.bottom_m, expected.bottom_m, atol=0.1)
+    np.testing.assert_allclose(reported.boxes.yaw_rad, expected.yaw_rad, atol=0.05)
 
 
 def test_covariances_shrink_and_belong_to_the_axes_of_the_lidar():
