@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from perception.cli.main import run_command_line
 from perception.errors import PerceptionError
 
 
@@ -25,3 +26,8 @@ def fault(
         ("where", where), ("expected", expected), ("found", found), ("advice", advice),
     ):  # fmt: skip
         assert words in (getattr(error, name) or ""), f"{name}: {getattr(error, name)}"
+
+
+def command(*words: object) -> None:
+    """Run a command as `trifuse` does, but raise its error instead of printing it."""
+    run_command_line([str(word) for word in words])

@@ -30,7 +30,7 @@ from perception.geometry.grids import LocalArea
 from perception.localization.scan_window import DenseCloud
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import HDL_32E
-from tests.faults import fault
+from tests.faults import command, fault
 
 
 @dataclass(frozen=True)
@@ -232,11 +232,9 @@ def test_a_frame_without_scans_before_it_is_refused(drive, frame):
         read_merged_frame(drive, MergedFrameFlags(frame=frame))
 
 
-def test_the_command_answers_in_one_sentence(capsys, tmp_path):
-    assert main(["study", "gates", str(tmp_path / "nothing")]) == 2
-    message = capsys.readouterr().err
-    assert message.startswith("trifuse study: ")
-    assert message.count("\n") == 1
+def test_a_folder_that_does_not_exist_is_an_error(tmp_path):
+    with fault(DriveError, where="nothing", found="no such folder"):
+        command("study", "gates", tmp_path / "nothing")
 
 
 def test_registration_brings_a_real_pole_together(kitti_root, tmp_path):

@@ -13,10 +13,11 @@ from benchmarks.studies.single_object import (
     reacquisition_time_s,
 )
 from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive, true_track
-from perception.cli.main import main
+from perception.errors import UsageError
 from perception.evaluation.single_object.metrics import single_object_errors
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.types import Boxes3D
+from tests.faults import command, fault
 
 FRAMES = 10
 
@@ -103,13 +104,13 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
 
 
 @pytest.mark.parametrize(
-    ("flags", "said"),
+    ("flag", "value", "expected", "found"),
     [
-        (["--trackers", "default,goat"], "expected some of default"),
-        (["--duration-s", "0.1"], "at least 0.5 s, found 0.1 s"),
-        (["--sensor", "HDL-65"], "expected one of HDL-64E"),
+        ("--trackers", "default,goat", "some of default", "goat"),
+        ("--duration-s", "0.1", "at least 0.5 s", "0.1 s"),
+        ("--sensor", "HDL-65", "one of HDL-64E", "neither"),
     ],
 )
-def test_wrong_flags_are_answered_in_one_sentence(flags, said, capsys):
-    assert main(["study", "single-object", *flags]) == 2
-    assert said in capsys.readouterr().err
+def test_unusable_flags_are_an_error(flag, value, expected, found):
+    with fault(UsageError, expected=expected, found=found):
+        command("study", "single-object", flag, value)

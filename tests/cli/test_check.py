@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from perception.cli.main import main
+from perception.errors import DriveError
+from tests.faults import command, fault
 
 
 @pytest.fixture
@@ -29,11 +31,11 @@ def test_a_drive_without_faults_passes(scans_only, capsys):
 
 def test_a_fault_is_in_the_table_and_in_the_exit_code(scans_only, capsys):
     (scans_only / "velodyne_points/data/0000000001.bin").write_bytes(b"")
-    assert main(["check", str(scans_only)]) == 2
-    said = capsys.readouterr()
-    assert "scans missing or damaged" in said.out
-    assert "0000000001.bin: expected at least one return, found an empty scan" in said.out
-    assert f"{scans_only}: expected a drive without faults, found 1" in said.err
+    with fault(DriveError, where=str(scans_only), expected="a drive without faults", found="1"):
+        command("check", scans_only)
+    table = capsys.readouterr().out
+    assert "scans missing or damaged" in table
+    assert "0000000001.bin: expected at least one return, found an empty scan" in table
 
 
 def test_another_sensor_height_is_a_fault(scans_only, capsys, tmp_path):
@@ -56,9 +58,9 @@ def test_every_drive_of_a_folder_is_checked(scans_only, capsys):
     assert "drive_0043_sync: 4 frames" in table
 
 
-def test_what_is_no_drive_is_one_sentence(tmp_path, capsys):
-    assert main(["check", str(tmp_path)]) == 2
-    assert "expected a KITTI raw drive" in capsys.readouterr().err
+def test_a_folder_without_a_drive_is_an_error(tmp_path):
+    with fault(DriveError, where=str(tmp_path), expected="a KITTI raw drive"):
+        command("check", tmp_path)
 
 
 @pytest.mark.parametrize("layout", ["tracking", "object"])

@@ -13,7 +13,9 @@ import yaml
 from data.kitti.detection_rows import read_detection_set
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
+from perception.errors import DriveError, ModelError, ScanError, UsageError
 from tests.car_frames import SIZE_PX
+from tests.faults import command, fault
 
 FRAMES = 3
 
@@ -104,8 +106,8 @@ def test_a_damaged_frame_stops_or_is_skipped(car_frames, label_reader, tmp_path,
     scan = car_frames / "training/velodyne/000002.bin"
     scan.write_bytes(scan.read_bytes()[:1001])
     out = tmp_path / "out"
-    assert detect(car_frames, out) == 2
-    assert "000002.bin: expected 16 bytes a point" in capsys.readouterr().err
+    with fault(ScanError, where="000002.bin", expected="16 bytes a point"):
+        command("detect", car_frames, "--out", out)
     assert [path.name for path in (out / "data").iterdir()] == ["000000.txt"]
     assert detect(car_frames, out, "--on-bad-frame", "skip", "--overwrite") == 0
     assert json.loads((out / "summary.json").read_text())["frames"] == 2
@@ -139,22 +141,21 @@ def _located_rows(out: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence"),
+    ("words", "kind", "expected", "found"),
     [
-        (("--sequence", "0007"), "expected sequence 0007, found 0000; choose one with --sequence"),
-        (("--frames", "0"), "--frames: expected at least 1, found 0"),
-        (("--depthcn.model", "nowhere.onnx"), "expected a model file, found no file nowhere.onnx"),
+        (("--sequence", "0007"), DriveError, "sequence 0007", "0000"),
+        (("--frames", "0"), UsageError, "at least 1", "0"),
+        (("--depthcn.model", "nowhere.onnx"), ModelError, "a model file", "nowhere.onnx"),
     ],
 )
-def test_what_cannot_work_is_one_sentence(street, tmp_path, capsys, words, sentence):
-    assert detect(street, tmp_path / "out", *words) == 2
-    assert sentence in capsys.readouterr().err
+def test_nothing_is_written_before_an_error(street, tmp_path, words, kind, expected, found):
+    with fault(kind, expected=expected, found=found):
+        command("detect", street, "--out", tmp_path / "out", *words)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_file_that_is_no_network_is_named(street, tmp_path, capsys):
+def test_a_file_without_a_network_is_an_error(street, tmp_path):
     model = tmp_path / "broken.onnx"
     model.write_bytes(b"\x08\x07 not a network")
-    assert detect(street, tmp_path / "out", "--depthcn.model", str(model)) == 2
-    error = capsys.readouterr().err
-    assert "broken.onnx: expected a complete ONNX model" in error
+    with fault(ModelError, where="broken.onnx", expected="a complete ONNX model"):
+        command("detect", street, "--out", tmp_path / "out", "--depthcn.model", model)

@@ -14,11 +14,13 @@ from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
 from perception.cli.main import main
 from perception.datmo.detector import SegmentedScan
+from perception.errors import DriveError, UsageError
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 from perception.types import Boxes3D, Drive, Frame, Obstacles, Result, Tracks, Voxels
+from tests.faults import command, fault
 
 FRAMES = 6
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
@@ -154,12 +156,27 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
     assert "Objects that must be tracked: thesis" in printed
 
 
-def test_what_the_command_cannot_do(kitti_root: Path, capsys):
-    words = ["evaluate", "datmo", str(kitti_root / "tracking"), "--sequence", "0000"]
-    assert main([*words, "--protocol.view", "all"]) == 2
-    assert "--protocol.view camera" in capsys.readouterr().err
-    assert main([*words, "--methods", ""]) == 2
-    assert "default, thesis, author" in capsys.readouterr().err
-    assert main([*words, "--methods", "thesis,thesis"]) == 2
-    assert main(["evaluate", "datmo", str(kitti_root / "object")]) == 2
-    assert "tracking layout" in capsys.readouterr().err
+def test_labels_of_the_camera_do_not_cover_the_whole_scan(kitti_root: Path):
+    with fault(UsageError, where="--protocol.view", advice="--protocol.view camera"):
+        command(
+            "evaluate",
+            "datmo",
+            kitti_root / "tracking",
+            "--sequence",
+            "0000",
+            "--protocol.view",
+            "all",
+        )
+
+
+@pytest.mark.parametrize("methods", ["", "thesis,thesis"])
+def test_methods_are_named_once(kitti_root: Path, methods):
+    with fault(UsageError, where="--methods", expected="default, thesis, author", found=methods):
+        command(
+            "evaluate", "datmo", kitti_root / "tracking", "--sequence", "0000", "--methods", methods
+        )
+
+
+def test_object_frames_have_no_tracks(kitti_root: Path):
+    with fault(DriveError, advice="tracking layout"):
+        command("evaluate", "datmo", kitti_root / "object")

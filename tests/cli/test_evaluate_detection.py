@@ -18,12 +18,13 @@ from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.errors import ModelError, UsageError
+from perception.errors import DriveError, ModelError, ScanError, UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.types import MODALITIES, Detections
 from tests.car_frames import write_car_frames
 from tests.detection.bright_cells import bright_cells
 from tests.detection.fusion.conftest import AS_IT_WAS, weighted_sums
+from tests.faults import command, fault
 
 
 def evaluate(*words: str | Path) -> int:
@@ -127,25 +128,27 @@ def test_labels_without_objects(car_frames, label_reader, capsys):
     assert row == ["0", "0", "-", "-", "-"]
 
 
-def test_a_drive_without_labels_is_refused(car_frames, label_reader, capsys):
+def test_a_drive_without_labels_is_an_error(car_frames, label_reader):
     label_reader(car_frames)
     shutil.rmtree(car_frames / "training/label_2")
-    assert evaluate(car_frames, "--detector", "depthcn") == 2
-    assert "expected labelled boxes" in capsys.readouterr().err
+    with fault(DriveError, expected="labelled boxes"):
+        command("evaluate", "detection", car_frames, "--detector", "depthcn")
 
 
 def test_bad_frames_stop_or_are_skipped(car_frames, label_reader, capsys):
     label_reader(car_frames)
     scans = sorted((car_frames / "training/velodyne").iterdir())
     scans[1].write_bytes(b"")
-    assert evaluate(car_frames, "--detector", "depthcn") == 2
-    assert "000002.bin" in capsys.readouterr().err
+    with fault(ScanError, where="000002.bin"):
+        command("evaluate", "detection", car_frames, "--detector", "depthcn")
     assert evaluate(car_frames, "--detector", "depthcn", "--on-bad-frame", "skip") == 0
     assert f"{car_frames} (real, 2 frames)" in capsys.readouterr().out
     for scan in scans:
         scan.write_bytes(b"")
-    assert evaluate(car_frames, "--detector", "depthcn", "--on-bad-frame", "skip") == 2
-    assert "expected a frame that can be read, found none" in capsys.readouterr().err
+    with fault(DriveError, expected="a frame that can be read", found="none"):
+        command(
+            "evaluate", "detection", car_frames, "--detector", "depthcn", "--on-bad-frame", "skip"
+        )
 
 
 # A detector of one modality
@@ -246,12 +249,10 @@ def test_a_file_that_is_no_detector(tmp_path):
         (("--sequence", "0000"), "sequence 0000", "cars"),
     ],
 )
-def test_flags_out_of_range(car_frames, label_reader, capsys, words, where, found):
+def test_flags_out_of_range(car_frames, label_reader, words, where, found):
     label_reader(car_frames)
-    assert evaluate(car_frames, "--detector", "depthcn", *words) == 2
-    error = capsys.readouterr().err
-    assert f": {where}: expected " in error
-    assert found in error
+    with fault(UsageError, where=where, found=found):
+        command("evaluate", "detection", car_frames, "--detector", "depthcn", *words)
 
 
 # The fusion

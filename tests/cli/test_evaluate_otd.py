@@ -19,6 +19,7 @@ from perception.sensor import VLP_16
 from perception.tracking.single_object import trackers
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D
+from tests.faults import command, fault
 
 FRAMES = 16
 
@@ -133,25 +134,28 @@ def test_one_object_and_one_tracker(folder: Path, fakes: None, capsys):
     assert "0-14" in printed
 
 
-def test_the_sets_of_the_thesis_are_not_looked_for_in_a_synthetic_drive(
-    folder: Path, fakes: None, capsys
-):
-    assert main(["evaluate", "otd", str(folder)]) == 2
-    said = capsys.readouterr().err
-    assert "found a synthetic drive; no scans of sequence 0001" in said
-    assert "--set present" in said
+def test_a_synthetic_drive_has_no_sequences_of_the_thesis(folder: Path, fakes: None):
+    found = "a synthetic drive; no scans of sequence 0001"
+    with fault(DriveError, found=found, advice="--set present"):
+        command("evaluate", "otd", folder)
 
 
-def test_what_cannot_work_is_said(folder: Path, fakes: None, capsys):
-    words = ["evaluate", "otd", str(folder), "--set", "present"]
-    for flags, expected in [
-        (["--trackers", "stays,nobody"], "some of knows, stays, needs-image, each once"),
-        (["--trackers", "stays,stays"], "each once"),
-        (["--frames", "1"], "at least 2"),
-        (["--track-id", "4321"], "found none with 15 labelled frames"),
-    ]:
-        assert main([*words, *flags]) == 2
-        assert expected in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("flags", "expected", "found"),
+    [
+        (("--trackers", "stays,nobody"), "some of knows, stays, needs-image, each once", "nobody"),
+        (("--trackers", "stays,stays"), "each once", "stays,stays"),
+        (("--frames", "1"), "at least 2", "1"),
+    ],
+)
+def test_unusable_flags_are_an_error(folder: Path, fakes: None, flags, expected, found):
+    with fault(UsageError, where=flags[0], expected=expected, found=found):
+        command("evaluate", "otd", folder, "--set", "present", *flags)
+
+
+def test_an_unknown_track_id_is_an_error(folder: Path, fakes: None):
+    with fault(DriveError, found="none with 15 labelled frames"):
+        command("evaluate", "otd", folder, "--set", "present", "--track-id", "4321")
 
 
 def test_published_sequences_at_hand_and_absent(kitti_root: Path):

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from perception.cli.main import main
+from perception.errors import DriveError, LabelError, UsageError
+from tests.faults import command, fault
 
 CAR, CYCLIST = "300 100 400 180", "600 100 640 200"
 FRAMES = 50
@@ -109,17 +111,24 @@ def test_a_class_that_is_not_labelled(folders, capsys):
     assert "AOS" not in printed
 
 
-def test_what_cannot_work_is_one_sentence(folders, tmp_path: Path, capsys):
+@pytest.mark.parametrize(
+    ("flags", "expected", "advice"),
+    [
+        (("--classes", "Tram"), "Car", "name any other class together with --iou"),
+        (("--iou", "1.5"), "from 0 to below 1", ""),
+        (("--bootstrap", "-3"), "0 or more", ""),
+    ],
+)
+def test_unusable_flags_are_an_error(folders, flags, expected, advice):
     results, labels = folders
-    assert evaluate(results, "--labels", labels, "--classes", "Tram") == 2
-    assert "name any other class together with --iou" in capsys.readouterr().err
-    assert evaluate(results, "--labels", labels, "--iou", "1.5") == 2
-    assert "--iou: expected from 0 to below 1, found 1.5" in capsys.readouterr().err
-    assert evaluate(results, "--labels", labels, "--bootstrap", "-3") == 2
-    assert "--bootstrap: expected 0 or more, found -3" in capsys.readouterr().err
+    with fault(UsageError, flags[0], expected, found=flags[1], advice=advice):
+        command("evaluate", "results", results, "--labels", labels, *flags)
+
+
+def test_results_that_cannot_be_read_are_an_error(folders, tmp_path: Path):
+    results, labels = folders
+    with fault(DriveError, where="nowhere", found="no folder"):
+        command("evaluate", "results", tmp_path / "nowhere", "--labels", labels)
     (results / "000002.txt").write_text("Car 1 2 3\n")
-    assert evaluate(results, "--labels", labels) == 2
-    sentence = "000002.txt row 1: expected 16 columns, type to score, found 4."
-    assert sentence in capsys.readouterr().err
-    assert evaluate(tmp_path / "nowhere", "--labels", labels) == 2
-    assert "found no folder" in capsys.readouterr().err
+    with fault(LabelError, "000002.txt row 1", "16 columns, type to score", "4"):
+        command("evaluate", "results", results, "--labels", labels)

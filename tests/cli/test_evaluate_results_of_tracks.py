@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from perception.cli.main import main
+from perception.errors import DriveError, LabelError, UsageError
+from tests.faults import command, fault
 
 _ORACLE = Path(__file__).parents[3] / "shared" / "oracle"
 _COUNTS = ("TP", "FP", "FN", "IDSW", "Frag", "MT", "PT", "ML", "IDTP", "IDFP", "IDFN")
@@ -126,16 +128,21 @@ def test_an_empty_file_is_a_tracker_that_found_nothing(small, capsys):
     assert row[8:] == ["0", "0", "2", "0", "0", "0", "0", "1"]
 
 
-def test_what_is_wrong_is_said_in_one_sentence(small, capsys):
+def test_a_sequence_without_labels_is_an_error(small):
     results, labels = small
     (results / "0001.txt").touch()
-    assert evaluate(results, "--labels", labels) == 2
-    assert (
-        "0001.txt: expected the labels of sequence 0001, found no file" in capsys.readouterr().err
-    )
-    (results / "0001.txt").unlink()
+    with fault(DriveError, "0001.txt", "the labels of sequence 0001", "no file"):
+        command("evaluate", "results", results, "--labels", labels)
+
+
+def test_labels_in_place_of_results_are_an_error(small):
+    results, labels = small
     (results / "0000.txt").write_text(LABELS)
-    assert evaluate(results, "--labels", labels) == 2
-    assert "0000.txt row 1: expected 18 columns, found 17" in capsys.readouterr().err
-    assert evaluate(results, "--labels", labels, "--classes", "car,bus") == 2
-    assert "--classes: expected car, pedestrian, cyclist, found car,bus" in capsys.readouterr().err
+    with fault(LabelError, "0000.txt row 1", "18 columns", "17"):
+        command("evaluate", "results", results, "--labels", labels)
+
+
+def test_an_unknown_class_is_an_error(small):
+    results, labels = small
+    with fault(UsageError, "--classes", "car, pedestrian, cyclist", "car,bus"):
+        command("evaluate", "results", results, "--labels", labels, "--classes", "car,bus")

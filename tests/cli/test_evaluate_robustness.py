@@ -16,6 +16,7 @@ from perception.errors import UsageError
 from perception.evaluation.detection.config import CorruptionLevels
 from perception.types import MODALITIES, Detections
 from tests.car_frames import SIZE_PX, write_car_frames
+from tests.faults import command, fault
 
 
 @dataclass
@@ -113,6 +114,6 @@ def test_levels_that_do_not_rise():
     assert (error.value.where, error.value.found) == ("--levels", "none")
 
 
-def test_a_dropout_of_all_points_is_refused(bright_cars, capsys):
-    assert evaluate(bright_cars, "--levels.point-dropout", "1.5") == 2
-    assert "expected from 0 to below 1, found 1.5" in capsys.readouterr().err
+def test_a_dropout_of_all_points_is_an_error(bright_cars):
+    with fault(UsageError, expected="from 0 to below 1", found="1.5"):
+        command("evaluate", "robustness", bright_cars, "--levels.point-dropout", "1.5")

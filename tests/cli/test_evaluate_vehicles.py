@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from data.synthetic.collection import SynthConfig, write_drives
-from perception.cli.main import main
+from perception.errors import DriveError
+from tests.faults import command, fault
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +20,7 @@ def street(tmp_path_factory) -> Path:
 
 
 def evaluate(root: Path, *words: object) -> int:
-    return main(["evaluate", "vehicles", str(root), "--detector", "labels", *map(str, words)])
+    command("evaluate", "vehicles", root, "--detector", "labels", *words)
 
 
 def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_path, capsys):
@@ -48,8 +49,8 @@ def test_the_same_seed_gives_the_same_and_frames_can_be_limited(street, tmp_path
     assert documents[0] == documents[1]
 
 
-def test_a_drive_without_track_labels_is_refused(tmp_path, capsys):
+def test_a_drive_without_track_labels_is_an_error(tmp_path):
     write_drives(tmp_path, SynthConfig(layout="tracking", frames=1, images=False))
     shutil.rmtree(tmp_path / "training" / "label_02")
-    assert evaluate(tmp_path) == 2
-    assert "labels with track ids" in capsys.readouterr().err
+    with fault(DriveError, expected="labels with track ids", found="none"):
+        evaluate(tmp_path)

@@ -15,7 +15,7 @@ from data.results.documents import to_serializable
 from perception.cli import drive_results
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.main import main
-from perception.errors import UsageError
+from perception.errors import DriveError, UsageError
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.ground import GroundMeasure, GroundReport, thesis_slice_edges_m
 from perception.evaluation.obstacle_measure import ObstacleMeasure, ObstacleReport
@@ -34,6 +34,7 @@ from perception.types import (
     UInt8,
     Voxels,
 )
+from tests.faults import command, fault
 
 AREA = LocalArea()
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
@@ -233,19 +234,19 @@ def test_the_command_prints_a_table_and_writes_the_same_as_json(
     assert list(out.parent.iterdir()) == [out]
 
 
-def test_a_drive_without_labels_says_what_to_do(kitti_root: Path, capsys):
+def test_a_drive_without_labels_is_an_error(kitti_root: Path):
     drive = kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync"
-    assert main(["evaluate", "ground", str(drive)]) == 2
-    assert "name the same drive in the tracking or object layout" in capsys.readouterr().err
+    with fault(DriveError, advice="name the same drive in the tracking or object layout"):
+        command("evaluate", "ground", drive)
 
 
-def test_options_that_cannot_work(kitti_root: Path, capsys):
-    tracking = str(kitti_root / "tracking")
-    words = ["evaluate", "obstacles", tracking, "--sequence", "0000"]
-    assert main([*words, "--frames", "0"]) == 2
-    assert main([*words, "--protocol.objects.moving-share", "1.5"]) == 2
-    assert "shares from 0 to 1" in capsys.readouterr().err
-    with pytest.raises(UsageError):
+def test_numbers_out_of_range_are_an_error(kitti_root: Path):
+    words = ["evaluate", "obstacles", kitti_root / "tracking", "--sequence", "0000"]
+    with fault(UsageError, where="--frames", expected="at least 1", found="0"):
+        command(*words, "--frames", "0")
+    with fault(UsageError, expected="shares from 0 to 1", found="1.5"):
+        command(*words, "--protocol.objects.moving-share", "1.5")
+    with fault(UsageError, found="0"):
         ObjectMatchConfig(min_points=0)
 
 

@@ -4,6 +4,8 @@ import cv2
 import pytest
 
 from perception.cli.main import main
+from perception.errors import UsageError
+from tests.faults import command, fault
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +36,9 @@ def test_all_frames_get_both_maps(drive, tmp_path):
     assert not list(tmp_path.glob("maps_*.png"))
 
 
-def test_frame_that_is_not_there_is_named(drive, tmp_path, capsys):
-    assert main(["maps", str(drive), "--frame", "9", "--out", str(tmp_path)]) == 2
-    assert "--frame: expected a frame of" in capsys.readouterr().err
+def test_a_frame_that_does_not_exist_is_an_error(drive, tmp_path):
+    with fault(UsageError, where="--frame", expected="a frame of", found="9"):
+        command("maps", drive, "--frame", "9", "--out", tmp_path)
 
 
 def test_the_first_frames_can_be_chosen(drive, tmp_path, capsys):

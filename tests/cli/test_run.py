@@ -15,7 +15,8 @@ from data.open_drive import open_drive
 from data.results.run_folder import RunFolder
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
-from perception.errors import DriveError
+from perception.errors import DriveError, ScanError, UsageError
+from tests.faults import command, fault
 
 FRAMES = 4
 ROOT = Path(__file__).parents[2]
@@ -152,12 +153,10 @@ def test_a_folder_without_a_run_is_named(tmp_path):
     assert (caught.value.where, caught.value.found) == (str(tmp_path), "no frames.jsonl")
 
 
-def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path, capsys):
+def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path):
     out = tmp_path / "out"
-    assert main(["run", str(damaged), "--out", str(out)]) == 2
-    sentence = capsys.readouterr().err
-    assert "0000000002.bin" in sentence
-    assert "1001 bytes" in sentence
+    with fault(ScanError, where="0000000002.bin", found="1001 bytes"):
+        command("run", damaged, "--out", out)
     assert len((out / "frames.jsonl").read_text().splitlines()) == 2
     assert len((out / "tracks.jsonl").read_text().splitlines()) == 2
     assert json.loads((out / "summary.json").read_text())["frames"] == 2
@@ -208,16 +207,11 @@ def test_the_thesis_method_runs(street, tmp_path):
     assert main([*words, "--pipeline.method", "thesis"]) == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["run", "nowhere"], "no such folder"),
-        (["fly"], "found fly"),
-    ],
-)
-def test_what_cannot_be_is_answered_with_a_sentence_and_2(words, said, capsys):
-    assert main(words) == 2
-    assert said in capsys.readouterr().err
+def test_a_folder_or_command_that_does_not_exist_is_an_error():
+    with fault(DriveError, where="nowhere", found="no such folder"):
+        command("run", "nowhere")
+    with fault(UsageError, where="command line", found="fly"):
+        command("fly")
 
 
 def test_demo_leaves_a_video_and_a_table(tmp_path, capsys):

@@ -11,6 +11,7 @@ from data.open_drive import open_drive
 from data.results.run_drive import TRACKING_STAGE, ObjectTracking
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
+from perception.errors import UsageError
 from perception.geometry.grids import EgoVehicle
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render import palette
@@ -19,6 +20,7 @@ from perception.render.scene import Scene, SceneObjects
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Result, Tracks, Vehicles
+from tests.faults import command, fault
 from tests.vehicle_scenes import cars, detected
 
 FRAMES = 6
@@ -141,6 +143,6 @@ def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
     )
 
 
-def test_a_number_below_zero_is_refused(street, tmp_path, capsys):
-    assert main(["run", str(street), "--out", str(tmp_path), "--track", "-1"]) == 2
-    assert "an id of 0 or more, found -1" in capsys.readouterr().err
+def test_an_id_below_zero_is_an_error(street, tmp_path):
+    with fault(UsageError, where="track id", expected="an id of 0 or more", found="-1"):
+        command("run", street, "--out", tmp_path, "--track", "-1")

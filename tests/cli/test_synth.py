@@ -1,6 +1,8 @@
 """`trifuse synth`."""
 
 from perception.cli.main import main
+from perception.errors import UsageError
+from tests.faults import command, fault
 
 
 def test_a_drive_is_written_and_named(tmp_path, capsys):
@@ -11,14 +13,14 @@ def test_a_drive_is_written_and_named(tmp_path, capsys):
     assert (tmp_path / named / "velodyne_points" / "data" / "0000000000.bin").is_file()
 
 
-def test_an_impossible_speed_is_one_sentence(tmp_path, capsys):
-    assert main(["synth", str(tmp_path), "--speed", "90"]) == 2
-    assert "ego_m_s up to 20" in capsys.readouterr().err
+def test_an_impossible_speed_is_an_error(tmp_path):
+    with fault(UsageError, expected="ego_m_s up to 20", found="90"):
+        command("synth", tmp_path, "--speed", "90")
 
 
-def test_an_unknown_sensor_is_one_sentence(tmp_path, capsys):
-    assert main(["synth", str(tmp_path), "--sensor", "HDL-128"]) == 2
-    assert "HDL-64E, HDL-32E, VLP-16 or a .json file" in capsys.readouterr().err
+def test_an_unknown_sensor_is_an_error(tmp_path):
+    with fault(UsageError, where="HDL-128", expected="HDL-64E, HDL-32E, VLP-16 or a .json file"):
+        command("synth", tmp_path, "--sensor", "HDL-128")
 
 
 def test_drives_are_refused_or_replaced(tmp_path, capsys):

@@ -23,10 +23,11 @@ from data.results.track_object import TrackConfig, track_object
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.cli.progress import progress_bar
-from perception.errors import PerceptionError, UsageError
+from perception.errors import DriveError, PerceptionError, UsageError
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary, path_length_m
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
+from tests.faults import command, fault
 
 FRAMES = 5
 
@@ -210,21 +211,26 @@ def test_a_flat_box_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("flags", "said"),
+    ("flags", "expected", "found"),
     [
-        ([], "expected either --track-id or --box, found neither"),
-        (["--track-id", "1", "--box", "1,2,3,4,5,6,7"], "found both"),
-        (["--track-id", "9999"], "expected a labelled object of"),
-        (["--box", "1,2,3,4,5,6,7", "--start-frame", "5"], "0 to 4, found 5"),
-        (["--box", "1,2,3,4,5,6,7", "--start-frame", "-1"], "0 or more, found -1"),
-        (["--box", "1,2,3,4,5,6,7", "--frames", "0"], "at least 1, found 0"),
-        (["--box", "1,2,3,4,5,6,7", "--tracker", "goat"], "found goat"),
-        (["--box=-80,0,-1.7,4,2,2,0", "--tracker", "ms-i"], "in view of the camera"),
+        ([], "either --track-id or --box", "neither"),
+        (["--track-id", "1", "--box", "1,2,3,4,5,6,7"], "either --track-id or --box", "both"),
+        (["--track-id", "9999"], "a labelled object of", "9999"),
+        (["--box", "1,2,3,4,5,6,7", "--start-frame", "5"], "0 to 4", "5"),
+        (["--box", "1,2,3,4,5,6,7", "--start-frame", "-1"], "0 or more", "-1"),
+        (["--box", "1,2,3,4,5,6,7", "--frames", "0"], "at least 1", "0"),
+        (["--box", "1,2,3,4,5,6,7", "--tracker", "goat"], "default", "goat"),
     ],
 )
-def test_what_cannot_be_is_answered_in_one_sentence(street, tmp_path, flags, said, capsys):
-    assert main(["track", str(street), "--out", str(tmp_path), *flags]) == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
+def test_an_impossible_start_is_an_error(street, tmp_path, flags, expected, found):
+    with fault(UsageError, expected=expected, found=found):
+        command("track", street, "--out", tmp_path, *flags)
+
+
+def test_an_object_behind_the_camera_cannot_be_tracked_in_images(street, tmp_path):
+    behind = ("--box=-80,0,-1.7,4,2,2,0", "--tracker", "ms-i")
+    with fault(PerceptionError, expected="in view of the camera", found="outside the image"):
+        command("track", street, "--out", tmp_path, *behind)
 
 
 def test_an_unlabelled_frame_is_answered_with_those_that_are(kitti_root):
@@ -264,12 +270,10 @@ def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path,
     assert not (tmp_path / "color-model.png").exists()
 
 
-def test_object_frames_are_no_drive_to_follow_in(tmp_path, capsys):
+def test_object_frames_are_no_drive_to_track_in(tmp_path):
     write_drives(tmp_path, SynthConfig(layout="object", frames=1))
-    assert main(["track", str(tmp_path), "--box", "1,2,3,4,5,6,7"]) == 2
-    assert "expected a sequence of frames to track an object in, found object frames" in (
-        capsys.readouterr().err
-    )
+    with fault(DriveError, expected="a sequence of frames", found="object frames"):
+        command("track", tmp_path, "--box", "1,2,3,4,5,6,7")
 
 
 def test_who_stands_and_trembles_goes_nowhere():

@@ -17,6 +17,7 @@ from perception.errors import DriveError, PerceptionError, ScanError
 from perception.maps.densify import DenseMaps
 from perception.types import Detections
 from tests.car_frames import write_car_frames
+from tests.faults import fault
 from tests.simulated_detectors import simulated_frames
 
 
@@ -82,7 +83,7 @@ def test_a_bad_frame_is_left_out_with_its_labels(car_frames, tmp_path):
     kept = detect_drives([drive], bad, store, "skip")
     assert len(kept) == 1
     np.testing.assert_array_equal(kept.truth_of(0).boxes_px, drive.labels(1).boxes_px)
-    with pytest.raises(DriveError, match="labelled frames, found none"):
+    with fault(DriveError, expected="labelled frames", found="none"):
         detect_drives([], bad, store)
 
 
@@ -99,5 +100,5 @@ def test_chosen_frames_are_numbered_anew():
 
 def test_labels_of_frames_that_are_not_there_are_refused():
     frames = simulated_frames(3, 0)
-    with pytest.raises(PerceptionError, match="labels and drives of 2 frames"):
+    with fault(PerceptionError, expected="labels and drives of 2 frames"):
         DetectedFrames(frames.scenes[:2], frames.truth, frames.drive_numbers[:2])
