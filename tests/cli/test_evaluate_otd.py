@@ -109,7 +109,7 @@ def test_the_command_compares_trackers_on_every_labelled_track(
     assert together["stays"]["predicted"] == pytest.approx(1 - together["stays"]["seen"])
     assert together["needs-image"] is None
     assert "needs-image does not track track" in printed
-    assert "expected an image, found none." in printed
+    assert "expected an image, found none" in printed
     assert "E3D (7.3)" in printed
     assert "stays: errors, states" in printed
     assert written["protocol"]["values"]["metrics"]["overlap"] == 0.25

@@ -29,7 +29,6 @@ from perception.evaluation.detection.class_precision import (
     PrecisionMeasure,
     few_objects_note,
 )
-from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.reliability import (
     Reliability,
     match_correctness,
@@ -39,7 +38,6 @@ from perception.evaluation.report import Column, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
 from perception.types import MODALITIES, Detections, Modality
 
-Modalities = tuple[Modality, ...]
 Fuse = Callable[[DetectedScene], Detections]
 
 # Rows as Table 7.10 names them.
@@ -60,6 +58,10 @@ THESIS_PERCENT: Mapping[str, Sequence[float]] = {
     VARIANT_NAMES["features"]: (75.13, 62.74, 55.10),
 }
 _THESIS_IOU = 0.7
+_THESIS_NOTE = (
+    "Thesis: Table 7.10, on frames of KITTI's training set that are not named, over 11 recall points; "
+    "not comparable."
+)
 _STEPS_LEVEL = "moderate"
 _BINS = 10  # of scores
 
@@ -82,59 +84,66 @@ EstimateRow = Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)
+class FusionRow:
+    """Row of Table 7.10.
+
+    Attributes:
+        precision: Metrics of the row.
+        singles: Metrics of each modality that the row joins; none of a single modality.
+    """
+
+    precision: ClassPrecision
+    singles: tuple[ClassPrecision, ...] = ()
+
+    def estimates(self, iou: float) -> EstimateRow:
+        """Return the average precision by difficulty."""
+        return {
+            level: Estimate(one.ap(one.recall_points[0]), one.interval(one.recall_points[0]))
+            for level, one in self.precision.metrics[iou].items()
+        }
+
+    def gains(self, iou: float) -> EstimateRow:
+        """Return the gain over the best of the modalities; in each resample, over the best of that resample."""
+        gains = {}
+        for level, own in self.precision.metrics[iou].items():
+            points = own.recall_points[0]
+            singles = [one.metrics[iou][level] for one in self.singles]
+            gain = own.ap(points) - max(one.ap(points) for one in singles)
+            samples = own.resampled_ap(points)
+            known = [one for s in singles if len(one := s.resampled_ap(points)) == len(samples)]
+            interval = NO_INTERVAL
+            if len(samples) and known:
+                interval = percentile_interval(samples - np.max(known, axis=0), CONFIDENCE)
+            gains[level] = Estimate(gain, interval)
+        return gains
+
+
+@dataclass(frozen=True)
 class FusionReport(Report):
     """Metrics of detectors and fusions on one drive.
 
     Attributes:
-        config: Metric configuration.
-        modalities: Modalities of the drive.
         rows: Rows of Table 7.10 by name, the single modalities first.
-        missing_modalities: Trifuse's fusion with modalities missing, by the remaining ones.
+        missing_modalities: Trifuse's fusion with modalities missing, by the remaining ones, such as rgb+dm.
         steps: Boxes before rescoring, after it, and after suppression (Fig. 7.14).
         reliability: Reliability of the scores at the first IoU, of each row with scores of a network.
     """
 
-    config: PrecisionConfig
-    modalities: Modalities
-    rows: Mapping[str, ClassPrecision]
-    missing_modalities: Mapping[Modalities, ClassPrecision]
+    rows: Mapping[str, FusionRow]
+    missing_modalities: Mapping[str, FusionRow]
     steps: Mapping[str, ClassPrecision]
     reliability: Mapping[str, Reliability]
 
-    def gains(self, iou: float) -> dict[str, EstimateRow]:
-        """Return the gain of each row that joins modalities over the best single modality."""
-        names = list(self.rows)[len(self.modalities) :]
-        return {name: self._gain(self.rows[name], self.modalities, iou) for name in names}
-
-    def remaining_gains(self, iou: float) -> dict[Modalities, EstimateRow]:
-        """Return the gain of the fusion of the remaining modalities over the best of them."""
-        missing = self.missing_modalities.items()
-        return {remaining: self._gain(row, remaining, iou) for remaining, row in missing}
-
     def tables(self) -> Sequence[Table[Any]]:
         """Return four tables for each IoU: rows, gains, both with modalities missing; notes below the last."""
-        tables = [table for iou in self.config.iou for table in self._tables_at(iou)]
+        tables = [table for iou in self._first.metrics for table in self._tables_at(iou)]
         return [*tables[:-1], replace(tables[-1], notes=list(self._notes()))]
 
     def to_json(self) -> dict[str, Any]:
-        """Return all metrics."""
-        ious = self.config.iou
-        gains = {f"{iou:g}": self.gains(iou) for iou in ious}
-        remaining = {f"{iou:g}": self.remaining_gains(iou) for iou in ious}
-        missing = self.missing_modalities
+        """Return all metrics, and those of the thesis."""
         return {
-            "rows": {name: one.to_json() for name, one in self.rows.items()},
-            "gain_points": {
-                name: {iou: rows[name] for iou, rows in gains.items()}
-                for name in gains[f"{ious[0]:g}"]
-            },
-            "missing_modalities": {
-                "rows": {"+".join(names): one.to_json() for names, one in missing.items()},
-                "gain_points": {
-                    "+".join(names): {iou: rows[names] for iou, rows in remaining.items()}
-                    for names in missing
-                },
-            },
+            **_rows_document(self.rows),
+            "missing_modalities": _rows_document(self.missing_modalities),
             "steps": {name: one.to_json() for name, one in self.steps.items()},
             "calibration": {name: one.to_json() for name, one in self.reliability.items()},
             "thesis_table_7_10": THESIS_PERCENT,
@@ -142,89 +151,65 @@ class FusionReport(Report):
 
     def panels(self) -> list[CurvePanel]:
         """Return the curves at the first IoU: of the rows by difficulty, and of the steps."""
-        iou = self.config.iou[0]
-        panels = [self._panel(f"{level}, IoU over {iou:g}", self.rows, level) for level in LEVELS]
-        steps = self._panel(f"steps of the fusion, {_STEPS_LEVEL}", self.steps, _STEPS_LEVEL)
+        iou = next(iter(self._first.metrics))
+        rows = {name: row.precision for name, row in self.rows.items()}
+        panels = [_panel(f"{level}, IoU over {iou:g}", rows, level) for level in LEVELS]
+        steps = _panel(f"steps of the fusion, {_STEPS_LEVEL}", self.steps, _STEPS_LEVEL)
         return [*panels, steps]
 
+    @property
+    def _first(self) -> ClassPrecision:
+        return next(iter(self.rows.values())).precision
+
     def _tables_at(self, iou: float) -> Iterator[Table[Any]]:
-        ap, at_iou = f"AP R{self._points} [%]", f"IoU over {iou:g}"
-        first = next(iter(self.rows.values())).metrics[iou]
-        perfect = {level: Estimate(one.max_ap(self._points)) for level, one in first.items()}
-        rows = {name: self._estimates(one, iou) for name, one in self.rows.items()}
+        first = self._first.metrics[iou]
+        (points, *_) = first[LEVELS[0]].recall_points
+        ap, at_iou = f"AP R{points} [%]", f"IoU over {iou:g}"
+        rows = {name: row.estimates(iou) for name, row in self.rows.items()}
         if iou == _THESIS_IOU:
             rows = {name: {**row, **_thesis(name)} for name, row in rows.items()}
-        yield self._table(f"{ap}, {at_iou}", {**rows, PERFECT: perfect}, ".2f")
-        title = f"Gain over the best modality [points], {at_iou}"
-        yield self._table(title, self.gains(iou), "+.2f")
-        missing = {
-            _words(names): self._estimates(one, iou)
-            for names, one in self.missing_modalities.items()
-        }
+        perfect = {level: Estimate(one.max_ap(points)) for level, one in first.items()}
+        yield _table(f"{ap}, {at_iou}", {**rows, PERFECT: perfect}, ".2f")
+        gains = {name: row.gains(iou) for name, row in self.rows.items() if row.singles}
+        yield _table(f"Gain over the best modality [points], {at_iou}", gains, "+.2f")
+        missing = {_words(name): row for name, row in self.missing_modalities.items()}
         title = f"Missing modalities: {ap} of Trifuse's fusion of the remaining, {at_iou}"
-        yield self._table(title, missing, ".2f")
-        gains = {_words(names): row for names, row in self.remaining_gains(iou).items()}
+        yield _table(title, {name: row.estimates(iou) for name, row in missing.items()}, ".2f")
         title = f"Missing modalities: gain over the best remaining modality [points], {at_iou}"
-        yield self._table(title, gains, "+.2f")
-
-    def _table(self, title: str, rows: Mapping[str, EstimateRow], spec: str) -> Table[EstimateRow]:
-        """Return a table with an estimate and its interval for each difficulty, then the thesis' values."""
-        intervals = self.config.bootstrap > 0
-        columns = [one for level in LEVELS for one in _columns(level, spec, intervals=intervals)]
-        thesis = [f"thesis {level}" for level in LEVELS]
-        if any(thesis[0] in row for row in rows.values()):
-            columns += [one for name in thesis for one in _columns(name, spec)]
-        return Table(title, columns, rows)
-
-    @property
-    def _points(self) -> int:
-        return self.config.recall_points[0]
-
-    def _estimates(self, row: ClassPrecision, iou: float) -> EstimateRow:
-        by_level = row.metrics[iou].items()
-        return {
-            level: Estimate(one.ap(self._points), one.interval(self._points))
-            for level, one in by_level
-        }
-
-    def _gain(self, row: ClassPrecision, modalities: Modalities, iou: float) -> EstimateRow:
-        """Return the gain over the best of modalities; in each resample, over the best of that resample."""
-        gains = {}
-        for level, own in row.metrics[iou].items():
-            singles = [self.rows[MODALITY_NAMES[name]].metrics[iou][level] for name in modalities]
-            points = own.ap(self._points) - max(one.ap(self._points) for one in singles)
-            samples = own.resampled_ap(self._points)
-            resampled = [one.resampled_ap(self._points) for one in singles]
-            known = [one for one in resampled if len(one) == len(samples)]
-            gains[level] = Estimate(points)
-            if len(samples) and known:
-                differences = samples - np.max(known, axis=0)
-                gains[level] = Estimate(points, percentile_interval(differences, CONFIDENCE))
-        return gains
+        yield _table(title, {name: row.gains(iou) for name, row in missing.items()}, "+.2f")
 
     def _notes(self) -> Iterator[str]:
-        objects = {
-            level: one.objects for level, one in next(iter(self.rows.values())).first.items()
-        }
+        objects = {level: one.objects for level, one in self._first.first.items()}
         yield "Objects: " + ", ".join(f"{count} {level}" for level, count in objects.items())
         yield "Expected calibration error [points]: " + ", ".join(
             f"{name} {100 * one.expected_calibration_error:.1f}"
             for name, one in self.reliability.items()
         )
         yield from few_objects_note(objects.values())
-        if _THESIS_IOU in self.config.iou:
-            yield (
-                "Thesis: Table 7.10, on frames of KITTI's training set that are not named, over 11 recall "
-                "points; not comparable."
-            )
+        if _THESIS_IOU in self._first.metrics:
+            yield _THESIS_NOTE
 
-    def _panel(self, title: str, rows: Mapping[str, ClassPrecision], level: str) -> CurvePanel:
-        curves = {
-            f"{name}: {one.first[level].ap(self._points):.1f} %": curve.precision
-            for name, one in rows.items()
-            if (curve := one.first[level].curve) is not None
-        }
-        return precision_panel(title, curves, "average precision")
+
+def _rows_document(rows: Mapping[str, FusionRow]) -> dict[str, Any]:
+    return {
+        "rows": {name: row.precision.to_json() for name, row in rows.items()},
+        "gain_points": {
+            name: {f"{iou:g}": row.gains(iou) for iou in row.precision.metrics}
+            for name, row in rows.items()
+            if row.singles
+        },
+    }
+
+
+def _table(title: str, rows: Mapping[str, EstimateRow], spec: str) -> Table[EstimateRow]:
+    """Return an estimate for each difficulty, its interval where there are resamples, and the thesis' value."""
+    estimates = [one for row in rows.values() for one in row.values()]
+    intervals = any(np.isfinite(one.interval.low) for one in estimates)
+    columns = [one for level in LEVELS for one in _columns(level, spec, intervals=intervals)]
+    thesis = [f"thesis {level}" for level in LEVELS]
+    if any(thesis[0] in row for row in rows.values()):
+        columns += [one for name in thesis for one in _columns(name, spec)]
+    return Table(title, columns, rows)
 
 
 def _columns(name: str, spec: str, *, intervals: bool = False) -> list[Column[EstimateRow]]:
@@ -234,15 +219,25 @@ def _columns(name: str, spec: str, *, intervals: bool = False) -> list[Column[Es
     return [value, low, high] if intervals else [value]
 
 
+def _panel(title: str, rows: Mapping[str, ClassPrecision], level: str) -> CurvePanel:
+    first = {name: one.first[level] for name, one in rows.items()}
+    curves = {
+        f"{name}: {one.ap(one.recall_points[0]):.1f} %": one.curve.precision
+        for name, one in first.items()
+        if one.curve is not None
+    }
+    return precision_panel(title, curves, "average precision")
+
+
 def _thesis(name: str) -> EstimateRow:
     percent = THESIS_PERCENT.get(name, (None, None, None))
-    return {
-        f"thesis {level}": Estimate(value) for level, value in zip(LEVELS, percent, strict=True)
-    }
+    return {f"thesis {level}": Estimate(x) for level, x in zip(LEVELS, percent, strict=True)}
 
 
-def _words(modalities: Modalities) -> str:
-    return " + ".join(MODALITY_NAMES[name] for name in modalities)
+def _words(modalities: str) -> str:
+    """Return rgb+dm as color + depth."""
+    names = {str(modality): name for modality, name in MODALITY_NAMES.items()}
+    return " + ".join(names[modality] for modality in modalities.split("+"))
 
 
 @dataclass(kw_only=True)
@@ -262,35 +257,42 @@ class FusionMeasure(PrecisionMeasure[DetectedScene]):
     def compute(self) -> FusionReport:
         """Return the metrics of all frames so far."""
         functions = row_functions(self.outputs, self.fusions)
-        modalities = tuple(name for name in MODALITIES if MODALITY_NAMES[name] in functions)
-        rows = {name: self.detected(one) for name, one in functions.items()}
+        detected = {name: self.detected(one) for name, one in functions.items()}
+        precision = {name: self.precision(found)[0] for name, found in detected.items()}
+        modalities = [name for name in MODALITIES if MODALITY_NAMES[name] in precision]
+        singles = {name: precision[MODALITY_NAMES[name]] for name in modalities}
+        joined = {MODALITY_NAMES[name]: () for name in modalities}
+        rows = {
+            name: FusionRow(one, joined.get(name, tuple(singles.values())))
+            for name, one in precision.items()
+        }
+        missing = {}
+        for remaining in _parts(modalities):
+            found = self.detected(partial(self._fuse_rest, remaining))
+            row = FusionRow(self.precision(found)[0], tuple(singles[name] for name in remaining))
+            missing["+".join(remaining)] = row
         steps: dict[str, Fuse] = {
             "merged": lambda scene: scene.merged.detections,
             "rescored": partial(_rescore, self.fusions["default"]),
             "rescored and suppressed": self._fuse,
         }
-        missing = {one: self.detected(partial(self._fuse_rest, one)) for one in _parts(modalities)}
-        no_intervals, first = replace(self.config, bootstrap=0), self.classes[0]
-        correctness = {
-            name: match_correctness(
-                self.truths, found, len(self.outputs), first.at_iou(self.config.iou[0])
-            )
-            for name, found in rows.items()
-            if name != MERGED
-        }
+        no_intervals = replace(self.config, bootstrap=0)
         return FusionReport(
-            self.config,
-            modalities,
-            {name: self.precision(found)[0] for name, found in rows.items()},
-            {remaining: self.precision(found)[0] for remaining, found in missing.items()},
+            rows,
+            missing,
             {name: self.precision(self.detected(s), no_intervals)[0] for name, s in steps.items()},
-            {name: measure_reliability(one, _BINS) for name, one in correctness.items()},
+            {name: self._reliability(one) for name, one in detected.items() if name != MERGED},
         )
+
+    def _reliability(self, found: DetectedBoxes) -> Reliability:
+        of_class = self.classes[0].at_iou(self.config.iou[0])
+        correctness = match_correctness(self.truths, found, len(self.outputs), of_class)
+        return measure_reliability(correctness, _BINS)
 
     def _fuse(self, scene: DetectedScene) -> Detections:
         return _fuse(self.fusions["default"], scene)
 
-    def _fuse_rest(self, remaining: Modalities, scene: DetectedScene) -> Detections:
+    def _fuse_rest(self, remaining: Sequence[Modality], scene: DetectedScene) -> Detections:
         return self._fuse(scene.without(*(name for name in MODALITIES if name not in remaining)))
 
 
@@ -324,7 +326,7 @@ def _rescore(fusion: Fusion, scene: DetectedScene) -> Detections:
     return fusion.rescore(scene).detections if has_boxes else Detections.empty()
 
 
-def _parts(modalities: Modalities) -> Iterator[Modalities]:
+def _parts(modalities: Sequence[Modality]) -> Iterator[tuple[Modality, ...]]:
     """Yield the modalities that remain where some are missing, the most of them first."""
     for count in range(len(modalities) - 1, 0, -1):
         yield from combinations(modalities, count)
