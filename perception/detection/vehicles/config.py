@@ -1,6 +1,8 @@
 """Configuration of the vehicles stage: detections are located in the scan and tracked."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 
@@ -89,6 +91,46 @@ class LShapeFitConfig:
     edge_deviation_share: float = 0.07
     hidden_side_cost: float = 4.0
     centered_cost: float = 2.0
+
+    def for_class(self, name: str) -> Self:
+        """Return the configuration of a class: with its sizes where it is known not to be as large as a car."""
+        size = CLASS_SIZES.get(name.lower())
+        if size is None:
+            return self
+        mean_m, deviation_m = size.length_m
+        return replace(
+            self,
+            lengths_m=(mean_m - deviation_m, mean_m, mean_m + deviation_m),
+            length_m=size.length_m,
+            width_m=size.width_m,
+            min_height_m=size.height_m,
+        )
+
+
+@dataclass(frozen=True)
+class ClassSize:
+    """Size of the objects of a class.
+
+    Attributes:
+        length_m: Mean and standard deviation of the lengths.
+        width_m: Mean and standard deviation of the widths.
+        height_m: Height of which the LiDAR may miss the top.
+    """
+
+    length_m: tuple[float, float]
+    width_m: tuple[float, float]
+    height_m: float
+
+
+# Sizes of KITTI's classes other than Car, rounded from the statistics of its labels.
+CLASS_SIZES: Mapping[str, ClassSize] = {
+    "pedestrian": ClassSize((0.85, 0.2), (0.65, 0.15), 1.6),
+    "person_sitting": ClassSize((0.8, 0.2), (0.6, 0.15), 1.2),
+    "cyclist": ClassSize((1.75, 0.2), (0.6, 0.15), 1.6),
+    "van": ClassSize((5.0, 0.7), (1.9, 0.2), 1.9),
+    "truck": ClassSize((10.0, 3.0), (2.6, 0.3), 2.8),
+    "tram": ClassSize((16.0, 5.0), (2.5, 0.3), 3.3),
+}
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from perception.maps.projection import camera_of
 from perception.types import (
     Boxes3D,
     Calibration,
+    Detections,
     Float64,
     Frame,
     FusedDetections,
@@ -52,7 +53,7 @@ def locate(
     return Vehicles(
         fused=fused,
         ids=np.full(count, -1),
-        boxes=_boxes(found, boxes_px, camera, config.fit),
+        boxes=_boxes(found, fused.detections, camera, config.fit),
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
         covariances=np.full((count, 4, 4), np.nan),
@@ -62,39 +63,50 @@ def locate(
 
 def _boxes(
     found: VehiclePoints,
-    boxes_px: Float64,
+    detections: Detections,
     camera: tuple[Calibration, tuple[int, int]],
     config: LShapeFitConfig,
 ) -> Boxes3D:
-    """Return (M) boxes; rows of NaN where there are not enough points."""
-    count = len(boxes_px)
-    bottom_m, size_m = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    yaw_rad = np.full(count, np.nan)
-    counts = np.bincount(found.owners, minlength=count)
-    shown = np.flatnonzero(counts >= config.min_points)
-    if len(shown):
-        order, owners = _of_vehicles(found.owners, shown, count)
-        xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))
-        ground_m = np.add.reduceat(found.ground_m[order], starts) / counts[shown]
-        top_m = np.maximum.reduceat(xyz_m[:, 2], starts)
-        heights_m = np.maximum(top_m - ground_m, config.min_height_m)
-        calibration, size_px = camera
-        spans = ImageSpans(
-            boxes_px[shown][:, [0, 2]],
-            calibration.image_P_velo,
-            size_px[0],
-            ground_m + heights_m / 2,
-        )
-        rectangles = fit_rectangles(xyz_m[:, :2], owners, spans, config)
-        bottom_m[shown] = np.column_stack([rectangles.centers_m, ground_m])
-        size_m[shown] = np.column_stack([rectangles.sizes_m, heights_m])
-        yaw_rad[shown] = wrap(rectangles.yaw_rad, np.pi)
-    return Boxes3D(bottom_m, size_m, yaw_rad)
+    """Return (M) boxes, each of the size of its class; rows of NaN where there are not enough points."""
+    count = len(detections)
+    boxes = Boxes3D(
+        np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan)
+    )
+    is_shown = np.bincount(found.owners, minlength=count) >= config.min_points
+    for name in sorted(set(detections.types[is_shown].tolist())):
+        rows = np.flatnonzero(is_shown & (detections.types == name))
+        columns_px = detections.boxes_px[rows][:, [0, 2]]
+        fitted = _fitted_boxes(found, rows, columns_px, camera, config.for_class(name))
+        boxes = boxes.replaced(rows, fitted)
+    return boxes
 
 
-def _of_vehicles(owners: Int, shown: Int, count: int) -> tuple[Int, Int]:
+def _fitted_boxes(
+    found: VehiclePoints,
+    shown: Int,
+    columns_px: Float64,
+    camera: tuple[Calibration, tuple[int, int]],
+    config: LShapeFitConfig,
+) -> Boxes3D:
+    """Return (F) boxes of some vehicles, at least one, from their points and (F, 2) columns in the image."""
+    calibration, size_px = camera
+    order, owners = _of_vehicles(found.owners, shown)
+    xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))
+    ground_m = np.add.reduceat(found.ground_m[order], starts) / np.bincount(owners)
+    heights_m = np.maximum(np.maximum.reduceat(xyz_m[:, 2], starts) - ground_m, config.min_height_m)
+    middles_m = ground_m + heights_m / 2
+    spans = ImageSpans(columns_px, calibration.image_P_velo, size_px[0], middles_m)
+    rectangles = fit_rectangles(xyz_m[:, :2], owners, spans, config)
+    return Boxes3D(
+        np.column_stack([rectangles.centers_m, ground_m]),
+        np.column_stack([rectangles.sizes_m, heights_m]),
+        wrap(rectangles.yaw_rad, np.pi),
+    )
+
+
+def _of_vehicles(owners: Int, shown: Int) -> tuple[Int, Int]:
     """Return the points of some vehicles, vehicle after vehicle, and their owners counted from 0."""
-    number = np.full(count, -1)
+    number = np.full(owners.max() + 1, -1)
     number[shown] = np.arange(len(shown))
     order = np.flatnonzero(number[owners] >= 0)
     order = order[np.argsort(number[owners[order]], kind="stable")]

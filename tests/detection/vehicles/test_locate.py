@@ -1,16 +1,18 @@
 """Location of cars at known positions: their points, distances and boxes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from data.open_drive import open_drive
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
-from perception.errors import CalibrationError
-from perception.geometry.camera import project
+from perception.geometry.camera import box_outlines_px, project
 from perception.geometry.se3 import wrap
+from perception.maps.projection import VIRTUAL_CAMERA
 from perception.tracking.vehicles.config import VehicleTrackerConfig
-from perception.types import Boxes3D, Frame, FusedDetections
+from perception.types import Boxes3D, Detections, FusedDetections
 from tests.vehicle_scenes import (
     CALIBRATION,
     SIZE_PX,
@@ -175,11 +177,35 @@ def test_boxes_at_and_beyond_the_borders_are_no_fault():
     assert found.boxes.bottom_m[3, 0] == pytest.approx(12.0, abs=0.3)
 
 
-def test_a_frame_without_a_camera_is_an_error():
-    frame = Frame(0, 0.0, np.ones((5, 4), np.float32))
-    with pytest.raises(CalibrationError) as caught:
-        locate(FusedDetections.empty(), frame, None)
-    assert caught.value.expected == "a camera's calibration"
+@pytest.mark.parametrize(
+    ("name", "size_m"),
+    [
+        ("Pedestrian", (0.85, 0.65, 1.75)),
+        ("Cyclist", (1.75, 0.6, 1.7)),
+        ("Van", (5.0, 1.9, 2.2)),
+        ("Car", (4.0, 1.65, 1.5)),
+        ("Wagon", (4.0, 1.65, 1.5)),
+    ],
+)
+def test_a_box_has_the_size_of_its_class(name, size_m):
+    true = cars((14.0, 3.0, 0.4), (16.0, -5.0, 0.0), size_m=size_m)
+    seen = detected(true)
+    fused = replace(seen, detections=replace(seen.detections, types=np.array([name, "Car"])))
+    found = locate(fused, frame_of(road(), sides(true)), _GROUND)
+    np.testing.assert_allclose(found.boxes.size_m[0], size_m, atol=0.45)
+    np.testing.assert_allclose(found.boxes.bottom_m[0], true.bottom_m[0], atol=0.3)
+    alone = locate(fused[1:], frame_of(road(), sides(true[1:])), _GROUND)
+    np.testing.assert_allclose(found.boxes.size_m[1], alone.boxes.size_m[0])
+
+
+def test_without_a_camera_boxes_belong_to_the_virtual_one():
+    (true,) = (cars((15.0, 2.0, 0.3)),)
+    size_px = VIRTUAL_CAMERA.image_size_px
+    seen_px = box_outlines_px(VIRTUAL_CAMERA.image_P_velo, true, size_px)
+    fused = FusedDetections.unfused(Detections(seen_px, np.array([0.9]), np.array(["Car"])))
+    frame = replace(frame_of(road(), sides(true)), calibration=None)
+    found = locate(fused, frame, FlatRoad())
+    np.testing.assert_allclose(found.boxes.bottom_m, true.bottom_m, atol=0.3)
 
 
 def test_labelled_cars_of_real_frames_are_located_well(kitti_root):

@@ -109,14 +109,16 @@ def test_frames_of_several_drives_are_numbered_through(
     assert [len(frames.scene(number).label_types) for number in range(5)] == [2, 2, 1, 1, 1]
 
 
-def test_without_a_camera_nothing_can_be_seen(make_street: Callable[..., Path], store: ArrayStore):
+def test_without_a_camera_nothing_can_be_learned(
+    make_street: Callable[..., Path], store: ArrayStore
+):
     folder = make_street() / "training" / "calib"
     for path in folder.iterdir():
         path.unlink()
     folder.rmdir()
     frames = LabelledFrames([open_drive(folder.parent)], CropConfig(), store)
-    with fault(CalibrationError, expected="a camera's calibration", found="none"):
-        frames.image(0)
+    with fault(CalibrationError, where=str(folder), found="none"):
+        frames.scene(0)
 
 
 def test_without_labels_nothing_can_be_learned(make_street: Callable[..., Path], store: ArrayStore):
