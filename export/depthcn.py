@@ -14,6 +14,7 @@ from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from export.result import ChosenVariant, ExportConfig, ExportResult
 from export.variants import compare_variants
+from perception.atomic_file import write_atomically
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.verifier import CONTRACT
@@ -138,5 +139,5 @@ def crop_inputs(detector: DepthCn, frames: Iterable[Frame], sensor: LidarModel) 
 
 
 def _write(data: bytes, file: Path) -> Path:
-    file.write_bytes(data)
+    write_atomically(file, data)
     return file

@@ -16,6 +16,7 @@ from export.parity import Arrays, torch_runner
 from export.quantize import QuantizationConfig, Scales, to_int8
 from export.result import ChosenVariant, ExportConfig, ExportResult
 from export.variants import ModelVariant, compare_variants
+from perception.atomic_file import write_atomically
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -180,5 +181,5 @@ def _inputs(config: ExportConfig, detector: ModalityDetector) -> Iterator[Arrays
 
 def _open(data: bytes, file: Path) -> ModalityDetector:
     """Open a file on one thread, as it runs beside other detectors."""
-    file.write_bytes(data)
+    write_atomically(file, data)
     return ModalityDetector(file, threads=1)

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from export.onnx import Exportable, to_onnx
 from export.result import ChosenVariant, ExportConfig, ExportResult
 from export.variants import compare_variants
+from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import CONTRACT
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.detection.onnx_model import OnnxModel
@@ -60,7 +61,7 @@ def export_fusion(config: ExportConfig) -> ExportResult:
     model = to_onnx(exportable)
     with TemporaryDirectory() as folder:
         file = Path(folder, "fusion.onnx")
-        file.write_bytes(model)
+        write_atomically(file, model)
         opened = {"fp32": (len(model), OnnxModel(file, CONTRACT))}
         variants = compare_variants(exportable, opened, {"features": batches}, timed=batches[-1])
     return ExportResult(

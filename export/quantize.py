@@ -19,6 +19,7 @@ from onnxruntime.quantization import (
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from export.parity import Arrays
+from perception.atomic_file import write_atomically
 
 # By entropy is a third way of ONNX Runtime's, but with the bins that it counts in there is nothing to choose
 # from: it comes to the same as minmax.
@@ -58,7 +59,7 @@ def to_int8(
     level = logger.level
     with TemporaryDirectory() as folder:
         plain, prepared, quantised = (Path(folder, f"{n}.onnx") for n in ("a", "b", "c"))
-        plain.write_bytes(model)
+        write_atomically(plain, model)
         # It advises through the root logger, and prints what it goes through.
         logger.setLevel(logging.ERROR)
         try:

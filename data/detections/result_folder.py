@@ -51,7 +51,7 @@ class DetectionFolder:
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         if kind is not None and issubclass(kind, PerceptionError):
-            log.warning("%d frames were written before this to %s", self._written, self._out)
+            log.warning("frames done: %d; their results are kept in %s", self._written, self._out)
         self._files.__exit__(kind, *error)  # type: ignore[arg-type]
 
     def write(

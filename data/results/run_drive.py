@@ -94,7 +94,7 @@ def run_drive(
                 append_frame(out, drive, result, pipeline.area, config.min_vehicle_score)
                 summary.update(result, drive.point_truth(result.frame.index))
         except PerceptionError:
-            log.warning("%d frames are done; their results are in %s", summary.frames, out)
+            log.warning("frames done: %d; their results are kept in %s", summary.frames, out)
             raise
         finally:
             results.close()

@@ -10,10 +10,11 @@ from export.depthcn import exportable_verifier, random_inputs
 from export.exporters import export_network
 from export.parity import compare, torch_runner
 from export.result import ExportConfig
-from perception.cli.main import main
+from perception.cli.main import main, run_command_line
 from perception.detection.depthcn.verifier import Verifier
-from perception.errors import ModelError
+from perception.errors import ModelError, WriteError
 from tests.faults import fault
+from tests.full_disk import file_size_limit
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +103,13 @@ def test_difference_beyond_tolerance_leaves_a_report_and_no_file(
     assert main(["export", str(checkpoint), "--out", str(out)]) == 2
     assert "model.onnx: expected scores within -1 of the checkpoint's" in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_a_full_disk_leaves_no_file(checkpoint, from_file, tmp_path):
+    words = ["export", str(checkpoint), "--out", str(tmp_path / "model.onnx")]
+    with file_size_limit(20_000), fault(WriteError, ".onnx", found="File too large"):
+        run_command_line(words)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path, capsys):

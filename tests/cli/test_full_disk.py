@@ -1,0 +1,47 @@
+"""Commands on a full disk: one sentence with the name of the file, and nothing half written."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from perception.cli.main import run_command_line
+from perception.errors import WriteError
+from tests.car_frames import write_car_frames
+from tests.faults import fault
+from tests.full_disk import file_size_limit
+
+
+@pytest.fixture(scope="module")
+def frames(make_once) -> Path:
+    """Return two object frames of 80 kB a scan, without images."""
+    return make_once("full_disk_frames", lambda folder: write_car_frames(folder, frames=2))
+
+
+def fill_disk(words: list[str], room: int, file: Path) -> None:
+    """Run a command that finds no room for a file."""
+    with file_size_limit(room), fault(WriteError, str(file), found="File too large", advice="room"):
+        run_command_line(words)
+
+
+def files_in(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_run_ends_at_the_first_file_without_room(frames, tmp_path):
+    words = ["run", str(frames), "--out", str(tmp_path), "--no-video", "--pipeline.no-parallel"]
+    fill_disk(words, 10_000, tmp_path / "labels/000000.label")
+    assert files_in(tmp_path) == {"config.yaml", "summary.json"}
+    assert json.loads((tmp_path / "summary.json").read_text())["frames"] == 0
+
+
+def test_maps_end_at_the_first_file_without_room(frames, tmp_path):
+    words = ["maps", str(frames), "--all", "--out", str(tmp_path)]
+    fill_disk(words, 2_000, tmp_path / "depth/000000.png")
+    assert files_in(tmp_path) == {"config.yaml"}
+
+
+def test_a_report_without_room_leaves_no_part(frames, tmp_path):
+    words = ["evaluate", "ground", str(frames), "--json", str(tmp_path / "ground.json")]
+    fill_disk(words, 3_000, tmp_path / "ground.json")
+    assert files_in(tmp_path) == set()
