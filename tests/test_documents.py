@@ -14,6 +14,7 @@ DOCUMENTS = (
     "README.md",
     "docs/architecture.md",
     "docs/benchmark.md",
+    "docs/install.md",
     "perception/detection/weights/README.md",
     "Makefile",
 )
@@ -27,7 +28,8 @@ def commands(document: str) -> list[str]:
 
 def fault_of(command: str) -> PerceptionError | None:
     """Return the error by which a command is refused before it runs."""
-    words = [word for word in command.split()[1:] if word not in ("--help", "--help-all")]
+    printing = ("--help", "--help-all", "--print-config")
+    words = [word for word in command.split()[1:] if word not in printing]
     name = next((n for n in (" ".join(words[:2]), words[0]) if n in COMMANDS), None)
     if name is None:
         is_group = words[1:] == [] and words[0] in GROUPS
@@ -42,8 +44,12 @@ def fault_of(command: str) -> PerceptionError | None:
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_commands_of_documents_can_be_parsed(document):
     faults = [fault_of(command) for command in commands(document)]
-    # A text names commands without their drives; what `make` runs is whole.
-    known = [fault for fault in faults if fault is not None and fault.found != "nothing"]
+    # A text names commands without their drives, and files that a run leaves; what `make` runs is whole.
+    known = [
+        fault
+        for fault in faults
+        if fault is not None and fault.found != "nothing" and "config.yaml" not in fault.where
+    ]
     assert known == []
     assert document != "Makefile" or faults == [None] * len(faults)
 
