@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
-from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall
 from perception.render.figure import legend_below, new_figure, save_figure, series_color
 from perception.types import Bool, Float64
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from perception.evaluation.detection.proposal_recall import ProposalRecall
 
 ShareY = Literal["none", "row", "col", "all"]
 
@@ -156,7 +157,7 @@ def _drop_lost(errors_m: Float64) -> Float64:
         return np.where(errors_m > _MAX_ERROR_M, np.nan, errors_m)
 
 
-def recall_by_count_panels(recalls: Mapping[str, ProposalRecall]) -> list[CurvePanel]:
+def recall_by_count_panels(recalls: Mapping[str, "ProposalRecall"]) -> list[CurvePanel]:
     """Return panels of recall over the number of proposals, a row for each IoU, a column for each difficulty.
 
     Args:
@@ -188,12 +189,14 @@ def recall_by_count_panels(recalls: Mapping[str, ProposalRecall]) -> list[CurveP
     ]
 
 
-def recall_by_iou_panels(recalls: Mapping[str, ProposalRecall]) -> list[CurvePanel]:
+def recall_by_iou_panels(recalls: Mapping[str, "ProposalRecall"]) -> list[CurvePanel]:
     """Return panels of the recall of all proposals over the IoU, one for each difficulty.
 
     Args:
         recalls: Recall of the proposals by the name of the setting.
     """
+    from perception.evaluation.detection.proposal_recall import IOU_STEPS
+
     difficulties = next(iter(recalls.values())).difficulties
     iou = next(iter(next(iter(difficulties.values())).ranks))
     last_iou = float(IOU_STEPS[-1])
