@@ -34,7 +34,7 @@ def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
     assert short.metadata["form"] == "int8 minmax"
 
 
-def test_openvino_says_the_same(tmp_path):
+def test_openvino_computes_the_same(tmp_path):
     (tmp_path / "dm.onnx").write_bytes(bright_cells("dm", size=SIZE))
     ours = ModalityDetector(tmp_path / "dm.onnx")
     inputs = {"pictures": ours.preprocess(images(1)[0])}

@@ -53,7 +53,7 @@ def test_the_grids_of_a_drive_without_camera_are_seen_from_above(source, tmp_pat
     assert document["conditions"]["config"] == to_serializable(THESIS)
 
 
-def test_a_longer_drive_is_followed_through_the_queue_only(source, tmp_path, monkeypatch):
+def test_only_the_scans_of_the_queue_are_read(source, tmp_path, monkeypatch):
     short = replace(THESIS, background=replace(THESIS.background, scans=3))
     monkeypatch.setitem(motion_grid.PRESETS, "thesis", short)
     read = []

@@ -58,19 +58,19 @@ def tracked_as(truth: TrueTrack, off_m, states) -> PredictedTrack:
         ([0.0] * 4 + [3.0] * 6, ["seen"] * 10, np.inf),
     ],
 )
-def test_found_again_is_seen_and_near_after_it_was_hidden(off_m, states, seconds):
+def test_reacquired_is_observed_and_near_after_occlusion(off_m, states, seconds):
     truth = truth_hidden_in(4, 5)
     errors = single_object_errors(truth, tracked_as(truth, off_m, states))
     assert reacquisition_time_s(truth, errors) == pytest.approx(seconds)
 
 
-def test_who_was_never_hidden_is_not_found_again():
+def test_an_object_that_was_never_hidden_has_no_reacquisition_time():
     truth = truth_hidden_in()
     errors = single_object_errors(truth, tracked_as(truth, [0.0] * 10, ["seen"] * 10))
     assert np.isnan(reacquisition_time_s(truth, errors))
 
 
-def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
+def test_the_truth_of_a_scene_is_exact_and_marks_occlusion():
     scenario = Scenario("Car", frozenset([ScenarioChallenge.OCCLUSION]))
     track = true_track(ScenarioDrive(scenario, images=False))
     assert len(track) == 60
@@ -84,7 +84,7 @@ def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
 
 
 @pytest.mark.slow
-def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsys):
+def test_the_study_writes_plot_numbers_and_table(tmp_path, monkeypatch, capsys):
     scenarios = [
         Scenario("Car", challenges, 0.5)
         for challenges in (frozenset[ScenarioChallenge](), frozenset([ScenarioChallenge.POSE]))

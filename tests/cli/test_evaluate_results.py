@@ -42,7 +42,7 @@ def cells(printed: str, row: str) -> list[str]:
     return next(line for line in printed.splitlines() if line.startswith(row))[len(row) :].split()
 
 
-def test_table_picture_and_document_say_the_same(folders, tmp_path: Path, capsys):
+def test_table_plot_and_document_agree(folders, tmp_path: Path, capsys):
     results, labels = folders
     (results / "000009.txt").unlink()
     (results / "000777.txt").write_text("")

@@ -43,7 +43,7 @@ def test_every_command_explains_every_flag(name):
 
 
 @pytest.mark.parametrize("words", [["fly"], ["evaluate", "fly"], ["run"], ["run", "nowhere"]])
-def test_what_cannot_run_is_exit_code_2_and_one_line(words, capsys):
+def test_an_error_is_exit_code_2_and_one_line(words, capsys):
     assert main(words) == 2
     captured = capsys.readouterr()
     assert captured.out == ""

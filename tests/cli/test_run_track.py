@@ -79,7 +79,7 @@ def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
     assert "--track 99: no frame has a track or a located vehicle of this id" in caplog.text
 
 
-def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tmp_path):
+def test_a_vehicle_without_a_track_is_tracked_from_its_first_box_on(result, tmp_path):
     fused = detected(cars((9.0, 2.0, 0.0), (12.0, -2.0, 0.0)))
     boxes = replace(result.tracks.boxes, bottom_m=np.array([[9.0, 2, -1.7], [np.nan] * 3]))
     unlocated = Vehicles(
@@ -127,7 +127,7 @@ def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
     assert counts[1] > 500
 
 
-def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
+def test_a_run_tracks_one_of_its_objects(street, tmp_path, capsys):
     # Detected vehicles would share the count of ids.
     words = ["run", str(street), "--out", str(tmp_path), "--pipeline.detection.modalities", ""]
     assert main([*words, "--track", "0"]) == 0

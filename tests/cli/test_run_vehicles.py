@@ -72,7 +72,7 @@ def test_every_vehicle_has_the_scores_of_its_detectors(run_of_cars):
         assert one.scores[one.dominant_modality] is not None
 
 
-def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
+def test_a_sequence_has_a_file_of_tracked_vehicles(networks, tmp_path):
     (street,) = write_drives(tmp_path / "street", SynthConfig(frames=3))
     out = tmp_path / "of_street"
     assert main(["run", str(street), "--out", str(out), *networks]) == 0
@@ -86,7 +86,7 @@ def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
 
 
 @pytest.mark.parametrize("looks", [True, False])
-def test_an_image_that_nobody_draws_is_looked_at_all_the_same(networks, tmp_path, looks):
+def test_detectors_read_an_image_that_is_not_drawn(networks, tmp_path, looks):
     (street,) = write_drives(tmp_path / "street", SynthConfig(frames=2))
     out = tmp_path / "out"
     words = ["run", str(street), "--out", str(out), "--video", "false", *networks]

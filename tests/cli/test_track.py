@@ -233,7 +233,7 @@ def test_an_object_behind_the_camera_cannot_be_tracked_in_images(street, tmp_pat
         command("track", street, "--out", tmp_path, *behind)
 
 
-def test_an_unlabelled_frame_is_answered_with_those_that_are(kitti_root):
+def test_an_unlabelled_frame_is_an_error_that_names_the_labelled_ones(kitti_root):
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
     late = next(one for one in DriveObjects.of(drive).sequences(1) if one.first_frame > 0)
     with pytest.raises(UsageError) as caught:
@@ -258,7 +258,7 @@ def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path, labelled_id):
+def test_without_a_camera_the_object_is_tracked_in_scans_alone(street, tmp_path, labelled_id):
     start = find_start(open_drive(street), TrackStartConfig(track_id=labelled_id))
     bare = replace(open_drive(street, images=False), calibration=None)
     summary = track_object(
@@ -276,7 +276,7 @@ def test_object_frames_are_no_drive_to_track_in(tmp_path):
         command("track", tmp_path, "--box", "1,2,3,4,5,6,7")
 
 
-def test_who_stands_and_trembles_goes_nowhere():
+def test_a_static_object_travels_nowhere():
     trembling = np.random.default_rng(0).normal(0, 0.05, (200, 3))
     assert path_length_m(trembling) == 0
     steps = np.column_stack([np.arange(0, 10, 0.25), np.zeros(40), np.zeros(40)])

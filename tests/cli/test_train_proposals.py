@@ -30,7 +30,7 @@ def train(drives: list[str], out: Path, *words: str) -> int:
     return main(["train", "proposals", *drives, *flags])
 
 
-def test_tables_files_and_pictures_say_the_same(drives, tmp_path, capsys):
+def test_tables_files_and_plots_agree(drives, tmp_path, capsys):
     out = tmp_path / "out"
     assert train(drives, out) == 0
     printed = capsys.readouterr().out

@@ -53,7 +53,7 @@ def test_a_key_tells_all_facts_apart():
 
 
 @pytest.mark.parametrize("damage", ["cut off", "no array", "emptied"])
-def test_a_damaged_entry_is_made_anew(store: ArrayStore, damage: str, caplog):
+def test_a_damaged_entry_is_made_again(store: ArrayStore, damage: str, caplog):
     store.get("a", made)
     file = store.folder / "a" / "picture.npy"
     if damage == "emptied":
@@ -107,13 +107,13 @@ def test_nothing_is_left_of_a_write_that_fails(store: ArrayStore, monkeypatch):
     assert list(store.folder.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path):
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with fault(UsageError, where="cache folder", expected="a folder with room"):
         ArrayStore(tmp_path / "file" / "cache")
 
 
-def test_a_folder_that_vanished_is_told(store: ArrayStore):
+def test_a_folder_that_vanished_is_an_error(store: ArrayStore):
     store.folder.rmdir()
     with fault(UsageError, found="No such file or directory"):
         store.get("a", made)

@@ -119,7 +119,7 @@ def test_ins_packets_without_a_calibration_are_refused(raw_drive):
         open_drive(raw_drive)
 
 
-def test_what_is_no_drive_is_told_what_would_be(tmp_path):
+def test_a_folder_without_a_drive_is_an_error_that_names_the_layouts(tmp_path):
     with fault(DriveError, expected="a KITTI raw drive", found="an empty folder"):
         open_drive(tmp_path)
     with fault(DriveError, found="no such folder"):
@@ -141,7 +141,7 @@ def test_scans_in_another_format_are_named(tmp_path, inner):
         open_drive(tmp_path)
 
 
-def test_scans_alone_in_a_folder_are_told_their_place(tmp_path):
+def test_scans_alone_in_a_folder_are_an_error_that_names_their_place(tmp_path):
     (tmp_path / "000000.bin").touch()
     with fault(DriveError, found="000000.bin", advice="velodyne_points/data"):
         open_drive(tmp_path)

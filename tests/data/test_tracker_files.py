@@ -43,7 +43,7 @@ def test_without_a_seqmap_sequences_are_those_with_results(folders):
     assert (len(rows.labels), len(rows.results)) == (1, 1)
 
 
-def test_an_empty_result_file_is_a_sequence_without_answers(folders):
+def test_an_empty_result_file_is_a_sequence_without_tracks(folders):
     results, labels = folders
     (results / "0002.txt").write_text("")
     rows = pair_with_labels(results, labels)[1].read()

@@ -77,7 +77,7 @@ def test_no_method_is_no_stage(drive):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_repeated_frame_repeats_the_answer(scans, drive, method):
+def test_a_repeated_frame_repeats_the_tracks(scans, drive, method):
     twice = [scans[i] for i in range(FRAMES) for _ in range(2)]
     results = track(twice, method, drive)
     for first, second in zip(results[::2], results[1::2], strict=True):

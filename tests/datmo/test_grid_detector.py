@@ -111,7 +111,7 @@ def test_the_neighbourhood_bears_an_error_of_the_ins_that_subtraction_does_not()
     assert suppressed < subtracted / 20
 
 
-def test_a_map_that_knows_nothing_accuses_nothing():
+def test_an_empty_map_finds_no_motion():
     detector = MotionGridDetector(HDL_64E, THESIS)
     for k in range(8):
         scan = replace(scan_of(k, [car(14, 3)]), is_reset=k == 4)

@@ -56,14 +56,14 @@ def test_implausible_sizes_are_dropped(block, kept):
     assert count(block) == kept
 
 
-def test_labels_are_numbered_anew_after_the_filters():
+def test_labels_are_renumbered_after_the_filters():
     found = find_objects(motion((2, 2, 1, 3, 1.0), (40, 20, 8, 8, 1.0)), 0.2, CONFIG)
     assert found.count == found.labels.max() == 1
     assert found.joined[2:8, 2:5].any()
     assert not found.labels[2:8, 2:5].any()
 
 
-def test_no_motion_is_no_thing():
+def test_no_motion_is_no_object():
     found = find_objects(motion(), 0.2, CONFIG)
     assert found.count == 0
     assert not found.labels.any()

@@ -48,7 +48,7 @@ def detect(
 
 
 @SENSORS
-def test_front_and_side_of_a_van_are_one_thing(sensor):
+def test_front_and_side_of_a_van_are_one_cluster(sensor):
     found = detect([wall((12, 2), (12, 3.8)), wall((12, 2), (16.5, 2), 0.3)], [], sensor)
     assert len(found.moving) == 1
     low_m, high_m = found.moving.extents_m(np.zeros(1))
@@ -56,18 +56,18 @@ def test_front_and_side_of_a_van_are_one_thing(sensor):
     np.testing.assert_allclose(high_m, [[16.5, 3.8]], atol=1e-5)
 
 
-def test_a_bumper_and_a_windscreen_are_one_thing_though_nothing_lies_between():
+def test_a_bumper_and_a_windscreen_are_one_cluster_across_a_gap():
     found = detect([wall((12, 0), (12, 1.6)), wall((13.1, 0), (13.1, 1.6))], [], VLP_16)
     assert len(found.moving) == 1
 
 
-def test_two_cars_one_behind_the_other_are_two_things():
+def test_two_cars_one_behind_the_other_are_two_clusters():
     found = detect([wall((12, 0), (12, 1.6)), wall((15, 0), (15, 1.6))], [], VLP_16)
     assert len(found.moving) == 2
 
 
 @SENSORS
-def test_two_walkers_side_by_side_are_two_things(sensor):
+def test_two_pedestrians_side_by_side_are_two_clusters(sensor):
     """Half a metre of air across the line of sight parts them; along it they would be one."""
     beside = [wall((10, 0), (10, 0.4)), wall((10, 0.9), (10, 1.3))]
     behind = [wall((10, 0), (10.1, 0)), wall((10.55, 0), (10.65, 0))]
@@ -75,7 +75,7 @@ def test_two_walkers_side_by_side_are_two_things(sensor):
     assert len(detect(behind, [], sensor).moving) == 1
 
 
-def test_things_reach_down_to_the_ground_under_them():
+def test_clusters_reach_down_to_the_ground():
     found = detect([wall((10, 0), (10, 0.5))], [wall((10, -5), (10, -4))])
     np.testing.assert_allclose(found.moving.low_m, [-1.6], atol=1e-6)
     np.testing.assert_allclose(found.moving.high_m, [-0.2], atol=1e-6)
@@ -84,7 +84,7 @@ def test_things_reach_down_to_the_ground_under_them():
     assert found.moving.points.tolist() == [18]
 
 
-def test_what_few_beams_find_touching_a_standing_thing_does_not_move():
+def test_moving_points_of_few_beams_at_a_static_object_are_no_object():
     hedge = wall((5, 4), (20, 4))
     found = detect([wall((10, 3.9), (10.6, 3.9)), wall((15, 3), (15.5, 3))], [hedge], VLP_16)
     np.testing.assert_allclose(found.moving.centroids_m, [[15.25, 3]], atol=1e-5)
@@ -103,7 +103,7 @@ def test_a_walker_who_passes_a_post_moves():
     assert len(detect([walker], [post]).moving) == 1
 
 
-def test_walls_are_no_standing_things_but_cars_are():
+def test_cars_are_static_objects_and_walls_are_not():
     car, house = wall((10, -4), (14, -4)), wall((0, 8), (20, 8))
     found = detect([], [car, house])
     assert len(found.static) == 1
@@ -112,7 +112,7 @@ def test_walls_are_no_standing_things_but_cars_are():
     assert found.static.points.tolist() == [3 * 41]
 
 
-def test_two_points_are_no_thing():
+def test_two_points_are_no_cluster():
     found = detect([np.array([[10.0, 1.0, -1.0], [10.1, 1.0, -1.0]])], [wall((0, 5), (0.1, 5))])
     assert len(found.moving) == 0
     assert len(found.static) == 1

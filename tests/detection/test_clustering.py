@@ -69,7 +69,7 @@ def test_labels_do_not_depend_on_how_they_are_found(monkeypatch, shape, constant
         assert cluster(xy_m, 0.5, 4).tolist() == labels.tolist()
 
 
-def test_far_apart_places_are_told_apart():
+def test_distant_places_are_separate_clusters():
     xy_m = np.array([[0.0, 0], [0.2, 0], [3e8, 3e8], [3e8 + 0.25, 3e8], [0, 3e8]])
     assert cluster(xy_m, 1.0, 2).tolist() == [0, 0, 1, 1, -1]
 
@@ -103,7 +103,7 @@ def test_no_points_are_no_clusters():
 
 
 @pytest.mark.parametrize(("radius_m", "min_points"), [(0, 5), (-1, 5), (np.nan, 5), (0.5, 0)])
-def test_rules_that_cannot_work_are_refused(radius_m, min_points):
+def test_an_impossible_config_is_refused(radius_m, min_points):
     with pytest.raises(UsageError) as error:
         cluster(np.zeros((3, 2)), radius_m, min_points)
     assert error.value.expected == "radius and min_points above zero"

@@ -45,7 +45,7 @@ def test_a_fact_is_one_of_those_known(write_model):
     assert (error.value.expected, error.value.found) == ("classes Van or Tram", "Car")
 
 
-def test_answer_does_not_depend_on_threads(write_model):
+def test_output_does_not_depend_on_threads(write_model):
     outputs = [OnnxModel(write_model(), CONTRACT, n)(inputs_of(5))["scores"] for n in (1, 2)]
     np.testing.assert_array_equal(*outputs)
 

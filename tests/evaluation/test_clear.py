@@ -46,7 +46,7 @@ def test_who_was_matched_stays_so_against_one_more_alike(frame_of):
     assert (leaves.id_switches, leaves.motp) == (1, pytest.approx((0.9 + 0.95) / 2))
 
 
-def test_a_switch_is_told_from_the_last_track_however_long_ago(frame_of):
+def test_a_switch_is_counted_from_the_last_track_however_long_ago(frame_of):
     here, gone = frame_of([1], [5], [[1]]), frame_of([1], [9], [[0]])
     again, other = frame_of([1], [5], [[1]]), frame_of([1], [6], [[1]])
     assert clear([here, *[gone] * 20, again]).id_switches == 0
@@ -105,7 +105,7 @@ def test_without_tracks_all_is_lost(frame_of):
     assert result.mota == 0
 
 
-def test_as_its_plain_form(crowd):
+def test_equals_the_reference(crowd):
     for threshold in (0.5, 0.2):
         assert asdict(clear(crowd, threshold)) == pytest.approx(
             asdict(naive.clear(crowd, threshold))

@@ -107,7 +107,7 @@ def test_nothing_at_all():
     assert list(metrics.values()) == [{}, {}, {}]
 
 
-def test_any_class_may_be_looked_for():
+def test_any_class_can_be_evaluated():
     tram = DetectionClass("Tram", iou=0.3, neighbours=("Truck",))
     truths = truths_of((0, "Tram", box(0)), (0, "Truck", box(200)))
     detections = detections_of((0, "TRAM", box(50), 0.9), (0, "tram", box(200), 0.8))

@@ -68,7 +68,7 @@ def assert_same(curve: PrecisionCurve, naive: ReferenceCurve) -> None:
 
 @pytest.mark.parametrize("iou", [0.0, 0.2, 0.5, 0.7, 0.9])
 @pytest.mark.parametrize("seed", range(3))
-def test_any_overlap_gives_the_counts_of_the_plain_form(seed: int, iou: float):
+def test_any_overlap_gives_the_counts_of_the_reference(seed: int, iou: float):
     truths, detections = crowded_frames(seed)
     classes = [of_class.at_iou(iou) for of_class in KITTI_CLASSES]
     metrics = kitti_average_precision(truths, detections, FRAMES, classes)

@@ -85,7 +85,7 @@ def test_frames_of_one_side_only(frame_of):
     assert_same(hota([]), Hota())
 
 
-def test_as_its_plain_form(crowd):
+def test_equals_the_reference(crowd):
     assert_same(hota(crowd), naive.hota(crowd))
 
 
@@ -105,7 +105,7 @@ def test_nothing_hangs_on_names_order_of_rows_or_order_of_frames(crowd):
     assert_same(hota(changed), hota(crowd))
 
 
-def test_truth_and_answer_may_change_places(crowd):
+def test_truth_and_tracks_are_symmetric(crowd):
     there = hota(crowd)
     back = hota(
         [

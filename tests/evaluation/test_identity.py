@@ -25,7 +25,7 @@ def test_a_track_is_given_to_one_object_only(frame_of):
     assert result == Identity(true_positives=6, false_positives=4, false_negatives=4)
 
 
-def test_given_for_the_most_meetings_of_all_not_of_each(frame_of):
+def test_identities_maximise_the_sum_of_matches_not_each_one(frame_of):
     # Track 5 meets object 1 five times and object 2 four times; track 6 meets object 1 four times.
     frames = [
         *[frame_of([1], [5], [[1]])] * 5,
@@ -58,7 +58,7 @@ def test_sequences_are_combined_by_their_counts(frame_of):
     assert both.idr == pytest.approx(3 / 5)
 
 
-def test_as_its_plain_form(crowd):
+def test_equals_the_reference(crowd):
     for threshold in (0.5, 0.2):
         assert identity(crowd, threshold) == naive.identity(crowd, threshold)
 

@@ -78,7 +78,7 @@ def test_who_sits_is_no_pedestrian(name):
     assert evaluated(truth, boxes(prediction(7, BOX)), "car") == ([], [7])
 
 
-def test_answers_of_another_class_or_without_id_do_not_count():
+def test_tracks_of_another_class_or_without_id_do_not_count():
     predictions = boxes(prediction(7, BOX, "Van"), prediction(-1, BOX), prediction(8, BOX, "car"))
     assert evaluated(boxes((1, "Car", 0, 0, BOX)), predictions) == ([1], [8])
 
@@ -86,7 +86,7 @@ def test_answers_of_another_class_or_without_id_do_not_count():
 @pytest.mark.parametrize(
     ("height", "is_evaluated"), [(25.0, False), (25.01, True), (10, False)], ids=str
 )
-def test_unmatched_answers_must_be_higher_than_25_pixels(height, is_evaluated):
+def test_unmatched_tracks_must_be_higher_than_25_pixels(height, is_evaluated):
     tracks = evaluated(boxes(), boxes(prediction(7, low(height))))[1]
     assert tracks == ([7] if is_evaluated else [])
 
@@ -108,17 +108,17 @@ def test_matched_boxes_may_be_low():
     ],
     ids=["half of it", "more than half", "two that are half together", "a huge one", "none"],
 )
-def test_unmatched_answers_in_one_region_without_labels_are_left_out(regions, is_evaluated):
+def test_unmatched_tracks_in_dont_care_regions_are_left_out(regions, is_evaluated):
     truth = boxes(*((-1, "DontCare", -1, -1, region) for region in regions))
     assert evaluated(truth, boxes(prediction(7, FAR)))[1] == ([7] if is_evaluated else [])
 
 
-def test_matched_answers_may_lie_in_such_a_region():
+def test_matched_tracks_may_lie_in_dont_care_regions():
     truth = boxes((1, "Car", 0, 0, BOX), (-1, "DontCare", -1, -1, (0, 0, 900, 900)))
     assert evaluated(truth, boxes(prediction(7, BOX))) == ([1], [7])
 
 
-def test_the_answer_goes_to_the_label_that_overlaps_most():
+def test_a_track_matches_the_label_of_the_largest_overlap():
     truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (105.0, 100.0, 155.0, 150.0)))
     on_car = boxes(prediction(7, (101.0, 100.0, 151.0, 150.0)))
     assert evaluated(truth, on_car) == ([1], [7])
@@ -126,7 +126,7 @@ def test_the_answer_goes_to_the_label_that_overlaps_most():
     assert evaluated(truth, on_van) == ([1], [])
 
 
-def test_two_answers_are_matched_for_the_greatest_sum():
+def test_two_tracks_are_matched_for_the_largest_sum():
     # Alone, each would go to the car; together, the second must take the van.
     truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (120.0, 100.0, 170.0, 150.0)))
     both = boxes(
@@ -141,7 +141,7 @@ def test_half_an_overlap_is_enough_and_less_is_not():
     assert evaluated(wide, boxes(prediction(7, (100.0, 100.0, 150.0, 200.5))))[1] == [7]
 
 
-def test_frames_are_told_apart_and_rows_may_be_in_any_order():
+def test_frames_are_separate_and_rows_may_be_in_any_order():
     truth = boxes((1, "Car", 0, 0, BOX), (1, "Car", 0, 0, FAR), frames=[2, 0])
     predictions = boxes(prediction(7, FAR), prediction(8, BOX), frames=[0, 2])
     first, second, third = kitti_frames(truth, predictions, "car", 3)

@@ -254,7 +254,7 @@ def test_an_object_that_nobody_follows_is_lost():
     assert len(rows.matched) == 0
 
 
-def test_false_tracks_follow_nobody_for_most_of_their_lives():
+def test_false_tracks_match_nothing_in_more_than_half_of_their_frames():
     car, ghost, parked = boxes_at((10, 0)), (20.0, 5.0), (15.0, -5.0)
     boxes = boxes_at((10, 0), ghost, parked)
     objects = boxes_at((10, 0), parked)

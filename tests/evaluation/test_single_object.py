@@ -97,7 +97,7 @@ def test_height_counts_in_the_distance_of_the_centres():
     assert errors_of([one]).center_m.tolist() == [1.0]
 
 
-def test_only_frames_with_a_label_and_an_answer_are_evaluated():
+def test_only_frames_with_a_label_and_a_box_are_evaluated():
     truth = true_track([3, 4, 6, 9], [10.0, 11.0, 13.0, 16.0])
     track = predicted_track([3, 4, 5, 6, 7], [prediction(x) for x in (10.0, 11.5, 0.0, 13.0, 0.0)])
     errors = single_object_errors(truth, track)

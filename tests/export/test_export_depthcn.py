@@ -73,7 +73,7 @@ def drive(tmp_path_factory):
     return root
 
 
-def test_candidates_of_a_drive_are_shown_and_8_bits_compared(
+def test_proposals_of_a_drive_are_compared_in_8_bits_too(
     checkpoint, from_file, drive, tmp_path, capsys
 ):
     out = tmp_path / "model.onnx"

@@ -55,7 +55,7 @@ def batch_of(rows):
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 9])
-def test_file_answers_as_the_module(file, rows):
+def test_the_file_computes_as_the_module(file, rows):
     batch = batch_of(rows)
     outputs = OnnxModel(file, CONTRACT)(batch)
     assert outputs["bright"].shape == (rows,)

@@ -20,7 +20,7 @@ def clusters() -> Footprints:
     return footprints_of(points[shuffled], cluster_of[shuffled], 3)
 
 
-def test_things_keep_their_count_middle_and_heights(clusters):
+def test_footprints_keep_point_count_centroid_and_heights(clusters):
     assert clusters.points.tolist() == [5, 2, 3]
     assert np.allclose(clusters.centroids_m, [[1, 1], [5, 5.1], [9, 0]])
     assert np.allclose(clusters.low_m, [0.2, 0.0, 0.5])
@@ -47,7 +47,7 @@ def test_picking_keeps_each_outline_whole(clusters):
     assert len(clusters[np.zeros(3, bool)]) == 0
 
 
-def test_things_move_to_another_frame(clusters):
+def test_footprints_move_to_another_frame(clusters):
     moved = clusters.moved(se3.from_euler(0, 0, np.pi / 2, np.array([1.0, 2.0, 3.0])))
     assert np.allclose(moved.centroids_m[2], [1, 11])
     assert np.allclose(moved.high_m, clusters.high_m + 3)

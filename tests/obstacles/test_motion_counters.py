@@ -59,7 +59,7 @@ def test_one_scan_alone_holds_nothing_static():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_fast_form_says_what_the_plain_one_says(seed):
+def test_equals_the_reference(seed):
     rng = np.random.default_rng(seed)
     grid = VoxelGrid(np.zeros(3), (6, 5, 4), 0.1)
     scans = [rng.integers(0, 120, 90) for _ in range(4)]
@@ -139,7 +139,7 @@ def test_the_vehicle_s_own_way_is_taken_out():
     assert len(segmented.moving) == 0
 
 
-def test_ground_and_what_lies_outside_are_told_apart():
+def test_ground_and_outside_are_different_states():
     points = np.array([[3, 0, 0.1, 0], [3, 0, -0.4, 0], [3, 0, 2.5, 0], [40, 0, 1, 0]], np.float32)
     states = CounterSegmenter(LocalArea()).update(window_of(points), FlatGround()).point_states
     assert states.tolist() == [

@@ -194,7 +194,7 @@ def test_a_new_window_forgets():
     assert len(obstacles.moving) == 0
 
 
-def test_the_same_scans_give_the_same_answer():
+def test_segmentation_is_deterministic():
     def scene(k):
         return [box(9.0, -3.0 + 0.15 * k), box(12.0, 3.0)]
 

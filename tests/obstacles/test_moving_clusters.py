@@ -40,7 +40,7 @@ def moves(states, voxels=12, before=NOWHERE, **options):
     [("FFF", True), ("HHH", False), ("---", False), ("HFF", False), ("F--", True)],
     ids=["came", "stood", "out of sight", "stopped", "came to light and moves"],
 )
-def test_a_thing_moves_where_its_place_was_empty(states, expected):
+def test_an_object_moves_where_its_place_was_empty(states, expected):
     assert moves(states).tolist() == [expected] * 12
 
 
@@ -58,7 +58,7 @@ def test_what_was_out_of_sight_moves_with_what_came():
     ("gaps_m", "expected"), [((1.0, 2.0, 3.0), True), ((3.0, 3.0, 3.0), False)],
     ids=["drives away", "hidden by a passer-by"],
 )  # fmt: skip
-def test_a_leaving_thing_is_told_from_one_that_a_passer_by_hid(gaps_m, expected):
+def test_a_leaving_object_differs_from_one_that_was_occluded(gaps_m, expected):
     gaps = np.repeat(np.array(gaps_m)[:, None], 12, axis=1)
     assert moves("LLL", gaps_m=gaps).tolist() == [expected] * 12
 

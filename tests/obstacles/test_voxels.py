@@ -16,7 +16,7 @@ def test_counts_by_hand():
 
 
 @pytest.mark.parametrize("reference", [count_voxels_by_loop, count_voxels_by_unique_rows])
-def test_same_answer_as_the_plain_forms(reference):
+def test_equals_both_references(reference):
     points = np.random.default_rng(3).normal(0, 0.4, (500, 3)).astype(np.float32)
     fast, slow = count_voxels(points, 0.1), reference(points, 0.1)
     np.testing.assert_allclose(fast.centers_m, slow.centers_m, atol=1e-5)

@@ -129,7 +129,7 @@ def test_result_holds_the_map_images(street_frames, all_stages):
         np.testing.assert_array_equal(image, modality_image(frame, modality)[..., 0])
 
 
-def test_without_an_image_the_lidar_looks_alone(street_frames, all_stages):
+def test_without_an_image_the_lidar_detects_alone(street_frames, all_stages):
     with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(replace(street_frames[0], image=None))
     assert set(result.modality_detections) == {"dm", "rm"}
@@ -220,7 +220,7 @@ def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames
         assert list(stream) == []
 
 
-def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
+def test_detectors_that_are_off_are_not_opened(tmp_path):
     nowhere = tmp_path / "nowhere.onnx"
     unused = replace(
         NO_DETECTION, rgb_model=nowhere, depthcn=DepthCnConfig(enabled=False, model=nowhere)

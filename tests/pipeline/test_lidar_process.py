@@ -36,7 +36,7 @@ def jumped(frame):
     return replace(frame, world_SE3_velo=pose)
 
 
-def test_answers_as_the_stages_does(street_frames, fresh):
+def test_equals_the_stages_of_this_process(street_frames, fresh):
     stages = LidarStages(HDL_64E, CONFIG)
     for frame in street_frames:
         here, there = stages.step(frame, StageClock()), fresh.step(frame, StageClock())

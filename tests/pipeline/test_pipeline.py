@@ -49,7 +49,7 @@ def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, m
     assert iou((states == PointState.MOVING)[inside], truth.is_moving[inside]) > 0.5
 
 
-def test_the_same_drive_gives_the_same_answer(frames):
+def test_the_pipeline_is_deterministic(frames):
     results = []
     for _ in range(2):
         pipeline = Pipeline(config=LIDAR_ALONE)

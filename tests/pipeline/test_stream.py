@@ -89,7 +89,7 @@ def test_results_come_in_the_order_of_frames_whatever_is_done_first():
         assert list(stream) == [2, 3]
 
 
-def test_no_more_frames_are_begun_or_read_than_there_is_room_for():
+def test_no_more_frames_are_read_than_the_queue_holds():
     work, read = Work(), []
 
     def source():
@@ -175,7 +175,7 @@ def test_an_error_of_the_source_comes_after_the_frames_before_it():
         assert list(stream) == []
 
 
-def test_closing_waits_for_what_was_begun_and_ends_the_reader():
+def test_closing_waits_for_running_frames_and_ends_the_reader():
     closed, work = [], Work()
 
     def source():

@@ -9,7 +9,7 @@ from perception.render.bar_plots import plot_groups, plot_timeline
 from perception.types import StageSpan
 
 
-def test_a_timeline_is_a_picture_with_a_row_for_each_worker(tmp_path):
+def test_a_timeline_is_an_image_with_a_row_for_each_worker(tmp_path):
     spans = [
         StageSpan("registration", "obstacles", 0.0, 0.03),
         StageSpan("maps", "vehicles", 0.0, 0.01),

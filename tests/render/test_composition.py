@@ -17,7 +17,7 @@ def drawn(result):
     return SMALL.draw(Scene.of(result))
 
 
-def test_the_picture_has_the_size_that_was_asked_for(scene):
+def test_the_image_has_the_given_size(scene):
     assert drawn(scene).shape == (450, 800, 3)
     assert Composition().draw(Scene.of(scene)).shape == (900, 1600, 3)
 
@@ -34,11 +34,11 @@ def test_a_tall_image_fits_too(scene):
     assert drawn(tall).shape == (450, 800, 3)
 
 
-def test_the_same_picture_twice(scene):
+def test_drawing_is_deterministic(scene):
     np.testing.assert_array_equal(drawn(scene), drawn(scene))
 
 
-def test_no_obstacles_and_no_timings_are_a_picture_too(scene):
+def test_no_obstacles_and_no_timings_are_drawn_too(scene):
     states = np.zeros(4, np.uint8)
     empty = replace(scene, obstacles=Obstacles(states, voxels_at(), voxels_at()), timings_s={})
     assert drawn(empty).shape == (450, 800, 3)

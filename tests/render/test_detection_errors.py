@@ -29,7 +29,7 @@ def test_each_kind_has_its_colour():
     assert color(40, 240) == palette.TRACKED_OBJECT
 
 
-def test_small_pictures_are_enlarged_and_nothing_may_be_found():
+def test_small_images_are_enlarged_and_may_show_no_detection():
     none = np.zeros((0, 4))
     picture = np.full((30, 100, 3), 7, np.uint8)
     canvas = draw_detection_errors(picture, none, none, Detections.empty(), 0.5)

@@ -91,7 +91,7 @@ def test_the_views_of_the_detectors_are_drawn_on_request(seen):
     assert changed[body_px:, :200].any()
 
 
-def test_a_picture_with_vehicles_differs_in_every_view(seen, scene):
+def test_an_image_with_vehicles_differs_in_every_view(seen, scene):
     layout = Composition(size_px=(800, 450))
     changed = (layout.draw(Scene.of(seen)) != layout.draw(Scene.of(scene))).any(axis=2)
     body = changed[:389]

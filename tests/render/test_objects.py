@@ -84,7 +84,7 @@ def test_a_front_is_filled_only_where_it_is_seen():
     np.testing.assert_allclose(towards[74, 108], np.array(TRACKS[0]) / 2, atol=1)
 
 
-def test_a_box_beside_the_camera_draws_no_line_across_the_picture():
+def test_a_box_outside_the_view_draws_no_line_across_the_image():
     # It reaches from 5 m behind the camera to 5 m ahead of it, 2 m to the right.
     tracks = tracks_at((0, -3, -1.0), size=(10, 2, 1.5))
     strokes = project_strokes(

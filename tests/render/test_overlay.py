@@ -51,13 +51,13 @@ def test_the_image_shows_through(scene):
     np.testing.assert_allclose(mixed, (solid + 128) / 2, atol=1)
 
 
-def test_the_picture_given_is_left_as_it_was(scene):
+def test_the_given_image_is_not_changed(scene):
     before = scene.frame.image.copy()
     overlay(scene, voxels_at((10, -1, 0)))
     np.testing.assert_array_equal(scene.frame.image, before)
 
 
-def test_the_same_picture_twice(scene):
+def test_drawing_is_deterministic(scene):
     np.testing.assert_array_equal(
         overlay(scene, voxels_at((10, -1, 0))), overlay(scene, voxels_at((10, -1, 0)))
     )

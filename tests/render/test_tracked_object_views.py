@@ -61,7 +61,7 @@ def count_of(canvas, color, tolerance=12) -> int:
     return int((np.abs(canvas.astype(int) - color).max(axis=2) <= tolerance).sum())
 
 
-def test_the_picture_has_its_size_and_shows_object_ways_region_and_label(follow_scene):
+def test_the_image_has_its_size_and_shows_object_paths_region_and_label(follow_scene):
     canvas = TrackedObjectComposition((1280, 720), frame_count=4).draw(follow_scene)
     assert canvas.shape == (720, 1280, 3)
     for color in (
@@ -160,7 +160,7 @@ def test_the_nearest_point_is_on_top(scene):
         assert tuple(canvas[50, 100]) == (200, 0, 0)
 
 
-def test_the_chart_rises_with_the_speed_and_says_the_states():
+def test_the_plot_rises_with_the_speed_and_shows_the_states():
     canvas = blank_canvas((240, 80), palette.BACKGROUND)
     states = [TrackStatus.SEEN, TrackStatus.SEEN, TrackStatus.PREDICTED, TrackStatus.LOST]
     draw_speed_chart(canvas, [0.0, 10.0, 20.0, np.nan], states, 8, 6)
@@ -173,7 +173,7 @@ def test_the_chart_rises_with_the_speed_and_says_the_states():
     assert np.corrcoef(rows, columns)[0, 1] < -0.9
 
 
-def test_a_chart_of_who_stands_still_can_be_drawn():
+def test_the_plot_of_a_static_object_can_be_drawn():
     canvas = blank_canvas((240, 80), palette.BACKGROUND)
     draw_speed_chart(canvas, [np.nan, 0.0], [TrackStatus.LOST, TrackStatus.SEEN], 2, 6)
     assert (canvas != palette.BACKGROUND).any()

@@ -24,7 +24,7 @@ def read_back(path):
         return Played(frames, float(stream.average_rate), stream.codec_context.pix_fmt)
 
 
-def test_every_picture_is_read_back(tmp_path):
+def test_every_image_is_read_back(tmp_path):
     path = tmp_path / "new folder" / "drive.mp4"
     with VideoWriter(path, rate_hz=10.0) as video:
         for _ in range(12):
@@ -57,7 +57,7 @@ def test_a_failed_run_leaves_the_last_good_video_alone(tmp_path):
     assert path.read_bytes() == b"of an earlier run"
 
 
-def test_another_size_is_refused_and_the_pictures_so_far_are_kept(tmp_path):
+def test_another_size_is_refused_and_earlier_images_are_kept(tmp_path):
     with pytest.raises(ImageError) as error, VideoWriter(tmp_path / "drive.mp4") as video:
         video.add(PICTURE)
         video.add(PICTURE[:32])
@@ -72,13 +72,13 @@ def test_odd_sizes_are_refused_before_a_file_is_made(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_pictures_there_is_no_file(tmp_path):
+def test_without_images_there_is_no_file(tmp_path):
     with VideoWriter(tmp_path / "drive.mp4"):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
-def test_no_video_takes_pictures_all_the_same(tmp_path):
+def test_no_video_accepts_images_too(tmp_path):
     with open_video(None) as nothing:
         assert isinstance(nothing, NullVideoWriter)
         nothing.add(PICTURE)

@@ -27,13 +27,13 @@ def test_one_cell_is_eight_pixels(height, width, rows, columns, channels):
     assert raw.shape == (1, 5, 7, rows, columns)
 
 
-def test_pictures_of_bytes_and_of_numbers_are_the_same():
+def test_images_of_bytes_and_of_floats_are_the_same():
     network = CompactDetector(widths=(4, 4, 4, 4, 4)).eval()
     image = torch.randint(0, 256, (1, 3, 32, 64), dtype=torch.uint8)
     assert torch.equal(network(image), network(image.float()))
 
 
-def test_a_batch_is_its_pictures_one_by_one():
+def test_a_batch_equals_its_images_one_by_one():
     network = CompactDetector(widths=(4, 4, 4, 4, 4)).eval()
     images = torch.randint(0, 256, (2, 3, 32, 64), dtype=torch.uint8)
     together = network.decode(network(images))

@@ -62,7 +62,7 @@ def test_one_logit_says_what_the_softmax_of_two_says():
     torch.testing.assert_close(logits.sigmoid(), classes.softmax(dim=1)[:, 1])
 
 
-def test_the_thesis_network_subtracts_the_mean_picture():
+def test_the_thesis_network_subtracts_the_mean_image():
     network = ThesisVerifier().eval()
     crops = crops_of(1, 1)
     network.mean_image.copy_(crops[0])
@@ -92,7 +92,7 @@ def test_the_default_box_is_a_share_of_the_window():
 
 
 @pytest.mark.parametrize("method", ["default", "thesis"])
-def test_bytes_and_numbers_are_judged_alike(method):
+def test_bytes_and_floats_have_the_same_score(method):
     network = make_verifier(method).eval()
     crops = crops_of(2, len(VERIFIER_INPUTS[method].channels))
     for of_bytes, of_numbers in zip(
@@ -102,7 +102,7 @@ def test_bytes_and_numbers_are_judged_alike(method):
 
 
 @pytest.mark.parametrize("method", ["default", "thesis"])
-def test_a_frame_without_candidates_has_no_boxes(method):
+def test_a_frame_without_proposals_has_no_boxes(method):
     network = make_verifier(method).eval()
     crops = crops_of(0, len(VERIFIER_INPUTS[method].channels))
     logits, boxes_px = network(crops, torch.zeros(0, 4))
@@ -110,7 +110,7 @@ def test_a_frame_without_candidates_has_no_boxes(method):
     assert boxes_px.shape == (0, 4)
 
 
-def test_a_crop_is_judged_alone_as_among_others():
+def test_a_crop_has_the_same_score_in_any_batch():
     network = DefaultVerifier().eval()
     crops = crops_of(4, 3)
     together, _ = network.heads(crops)
@@ -118,7 +118,7 @@ def test_a_crop_is_judged_alone_as_among_others():
     torch.testing.assert_close(together, alone, rtol=1e-4, atol=1e-6)
 
 
-def test_depth_becomes_meters_behind_the_candidate():
+def test_depth_becomes_meters_behind_the_proposal():
     # (6.2): 10 m, 10.5 m and 40 m of 5..80 m; heights of 128 say that it is known.
     encoded = [round(255 * 80 * (z - 5) / (75 * z)) for z in (10.0, 10.5, 40.0)]
     crop = torch.full((1, 3, 66, 112), 128.0)

@@ -102,7 +102,7 @@ def test_the_gradient_of_a_published_square_is_the_difference():
     assert raw.grad[0, 0, 5:, 0, 0].tolist() == pytest.approx([-0.5, 0.5])
 
 
-def test_a_batch_is_the_mean_of_its_pictures():
+def test_the_loss_of_a_batch_is_the_mean_of_its_images():
     generator = torch.Generator().manual_seed(0)
     raw = torch.randn(2, 2, 7, 2, 3, generator=generator)
     first = labels_of([8, 8, 24, 24], [40, 30, 90, 60], classes=[1, 0])
@@ -128,7 +128,7 @@ def test_ciou_in_place_of_squares():
     assert loss_of(zeros(), label, box="ciou").box.item() == pytest.approx(expected, rel=1e-5)
 
 
-def test_focal_looks_away_from_what_is_right():
+def test_focal_loss_weighs_easy_cells_less():
     raw = zeros()
     raw[:, :, 4] = -4.0
     entropy = math.log1p(math.exp(-4))

@@ -25,7 +25,7 @@ def detections(*rows):
     )
 
 
-def test_boxes_are_gathered_in_pixels_of_the_pictures():
+def test_boxes_are_gathered_in_pixels_of_the_images():
     boxes = ValidationBoxes(NAMES)
     seen = [detections((8, 4, 16, 12, 0.5, "Pedestrian")), detections((0, 0, 96, 64, 0.75, "Car"))]
     boxes.update(seen, torch.tensor([2, 0]), process=0)
@@ -36,7 +36,7 @@ def test_boxes_are_gathered_in_pixels_of_the_pictures():
     np.testing.assert_allclose(found.scores, [0.75, 0.5])
 
 
-def test_a_picture_that_two_processes_have_seen_counts_once():
+def test_an_image_of_two_processes_counts_once():
     boxes, one = ValidationBoxes(NAMES), detections((0, 0, 40, 40, 0.5, "Car"))
     boxes.update([one], torch.tensor([0]), process=1)
     boxes.update([one], torch.tensor([1]), process=1)
@@ -80,7 +80,7 @@ def test_the_table_names_class_and_overlap():
 
 
 @pytest.mark.parametrize(("name", "iou"), [("Car", 0.7), ("pedestrian", 0.5), ("Tram", 0.7)])
-def test_classes_are_judged_as_kitti_does(name, iou):
+def test_classes_are_evaluated_as_kitti_does(name, iou):
     of_class = kitti_class(name)
     assert (of_class.name.lower(), of_class.iou) == (name.lower(), iou)
     assert (of_class in KITTI_CLASSES) == (name != "Tram")

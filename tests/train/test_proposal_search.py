@@ -45,7 +45,7 @@ def rows(search_log: Path) -> list[str]:
     return search_log.read_text().splitlines()
 
 
-def test_the_best_setting_reaches_most_with_fewest_proposals(config, tmp_path):
+def test_the_best_setting_has_the_highest_recall_with_fewest_proposals(config, tmp_path):
     table = search(config, tmp_path / "counts.jsonl")
     assert len(table) == len(GRID) == 8
     assert table[0].parameters.radius_m == 0.5
@@ -129,7 +129,7 @@ def test_a_row_that_was_half_written_is_counted_again(config, tmp_path, kept):
     assert set(rows(search_log)) == set(before.splitlines())
 
 
-def test_a_file_that_ends_in_its_first_row_begins_anew(config, tmp_path):
+def test_a_file_that_ends_in_its_first_row_is_written_again(config, tmp_path):
     search_log = tmp_path / "counts.jsonl"
     search_log.write_text('{"search": {"dri')
     assert search(config, search_log) == search(config, tmp_path / "other.jsonl")
@@ -194,7 +194,7 @@ def test_labels_without_objects_leave_nothing_to_search_for(tmp_path):
         survey([empty], "Car")
 
 
-def test_a_class_that_is_not_labelled_is_told_what_is(frames):
+def test_an_unlabelled_class_is_an_error_that_names_the_labelled_ones(frames):
     with fault(LabelError, expected="at least one Tram", found="8 car"):
         survey([frames], "Tram")
 
@@ -242,7 +242,7 @@ def test_a_damaged_scan_stops_the_search(frames, tmp_path, workers):
     ).exists()  # nothing is counted: the next search may differ
 
 
-def test_a_damaged_scan_is_left_out_where_that_is_wanted(frames, tmp_path):
+def test_a_damaged_scan_can_be_skipped(frames, tmp_path):
     (frames / "training" / "velodyne" / "000001.bin").write_bytes(b"12345")
     config = SearchConfig(survey([frames], "Car"), GRID, chunk_frames=2, on_bad_frame="skip")
     table = search(config, tmp_path / "counts.jsonl")
@@ -272,7 +272,7 @@ def test_the_default_grid_holds_the_thesis_values():
     assert ProposalConfig(0.5, 0.01, 5, 0.5) in grid.combinations()
 
 
-def test_a_worker_that_is_ended_is_told_of():
+def test_a_killed_worker_is_an_error():
     with fault(PerceptionError, found="ended from outside"):
         list(run_parts(os._exit, [1, 2, 3], workers=2))
     with fault(UsageError, expected="at least 1", found="0"):

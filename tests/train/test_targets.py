@@ -116,7 +116,7 @@ def test_ignored_areas_have_no_target():
     assert targets.unassigned == 0
 
 
-def test_pictures_with_and_without_labels_in_one_batch():
+def test_images_with_and_without_labels_in_one_batch():
     targets = assign(
         labels_of(), labels_of([8, 8, 24, 24], [70, 8, 90, 24]), labels_of([0, 0, 9, 9])
     )
@@ -151,7 +151,7 @@ def test_ten_batches_share_a_size_and_a_resumed_run_draws_the_same():
     assert drawn[137] == size_of_batch(sizes, 137, seed=1)
 
 
-def test_labels_follow_their_picture():
+def test_labels_stay_with_their_image():
     before, after = InputSize(64, 96), InputSize(32, 192)
     labels = resize_labels(pad_labels([labels_of([10, 20, 30, 40])]), before, after)
     assert labels.boxes_px.tolist() == [[[20, 10, 60, 20]]]

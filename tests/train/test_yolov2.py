@@ -82,7 +82,7 @@ def test_any_size_that_is_a_multiple_of_32(height, width, rows, columns, channel
 
 
 @pytest.mark.parametrize("shape", [(1, 3, 190, 640), (1, 1, 192, 640), (3, 192, 640)])
-def test_other_pictures_are_refused(shape):
+def test_images_of_another_shape_are_refused(shape):
     with fault(ModelError, expected="images (B, ", found="shape"):
         on_paper()(torch.empty(shape, device="meta"))
 

@@ -48,7 +48,7 @@ class ToyDetector:
         return ToyOutput({"rgb": Detections.empty(), "dm": box}, dense)
 
 
-def test_detectors_look_once_at_each_frame(car_frames, tmp_path):
+def test_detectors_run_once_on_each_frame(car_frames, tmp_path):
     drive, detector, store = open_drive(car_frames), ToyDetector(), ArrayStore(tmp_path / "kept")
     first = detect_drives([drive], FingerprintedDetector(detector, "a"), store)
     again = detect_drives([drive], FingerprintedDetector(detector, "a"), store)
@@ -64,7 +64,7 @@ def test_detectors_look_once_at_each_frame(car_frames, tmp_path):
     np.testing.assert_array_equal(own.boxes_px[: len(labels)], labels.boxes_px)
 
 
-def test_other_models_look_for_themselves(car_frames, tmp_path):
+def test_other_models_run_again(car_frames, tmp_path):
     drive, detector, store = open_drive(car_frames), ToyDetector(), ArrayStore(tmp_path / "kept")
     fingerprints = [
         models_fingerprint({"rgb": b"1", "dm": b"2"}),
@@ -87,7 +87,7 @@ def test_a_bad_frame_is_left_out_with_its_labels(car_frames, tmp_path):
         detect_drives([], bad, store)
 
 
-def test_chosen_frames_are_numbered_anew():
+def test_chosen_frames_are_renumbered():
     frames = simulated_frames(5, 0)
     chosen = frames[np.array([3, 1])]
     assert len(chosen) == 2

@@ -102,7 +102,7 @@ def test_ground_points_lie_on_the_road(street_drive):
     assert (np.abs(side) < road.shape.half_width_m + 0.1).all()
 
 
-def test_points_of_moving_things_say_so(street_drive):
+def test_points_of_moving_objects_are_labelled_moving(street_drive):
     index = 10
     truth = street_drive.point_truth(index)
     world, time = street_drive.world, street_drive.stamp_s(index)

@@ -126,7 +126,7 @@ def test_a_mosaic_keeps_even_colours_and_softens_edges():
     assert len(np.unique(develop(edge, mosaic, rng)[5])) > len(np.unique(develop(edge, PLAIN, rng)))
 
 
-def test_light_and_camera_are_drawn_anew_for_each_seed_and_the_same_for_one():
+def test_light_and_camera_depend_on_the_seed_alone():
     sun = sun_at(0.0)
     drawn = [draw_daylight(sun, True, np.random.default_rng(s)) for s in (1, 1, 2)]
     assert drawn[0] == drawn[1]

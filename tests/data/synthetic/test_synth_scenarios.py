@@ -45,7 +45,7 @@ def world_positions(drive: ScenarioDrive) -> np.ndarray:
     )
 
 
-def test_scenarios_are_nothing_each_thing_alone_and_all_together():
+def test_scenarios_are_none_each_challenge_alone_and_all_together():
     names = [scenario.name for scenario in all_scenarios("Car")]
     assert names == ["baseline", *ScenarioChallenge, "together"]
 
@@ -55,7 +55,7 @@ def plain() -> ScenarioDrive:
     return drive_with()
 
 
-def test_in_the_plain_scene_the_object_goes_evenly_before_the_vehicle(plain):
+def test_in_the_baseline_scene_the_object_drives_evenly_ahead(plain):
     assert len(plain) == FRAMES
     speeds_m_s = 10 * np.linalg.norm(np.diff(world_positions(plain), axis=0), axis=1)
     np.testing.assert_allclose(speeds_m_s, 6.0, atol=0.1)

@@ -56,7 +56,7 @@ def test_a_window_of_the_crops_size_copies_pixels():
     np.testing.assert_array_equal(crop, image[20:86, 50:162].transpose(2, 0, 1))
 
 
-def test_beyond_the_picture_is_nothing():
+def test_crops_are_empty_outside_the_image():
     crops = crop_windows(
         np.full((50, 60, 3), 200, np.uint8),
         np.array([[-300.0, -300, -200, -200], [1e9, 1e9, 2e9, 2e9], [-56.5, -0.5, 55.5, 49.5]]),

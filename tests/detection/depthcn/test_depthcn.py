@@ -66,7 +66,7 @@ def test_best_of_each_place_is_kept_best_first(detector, three_places):
     assert detections.scores[0] == verified.scores[1]
 
 
-def test_each_detection_owns_the_points_of_its_candidate(detector, three_places):
+def test_each_detection_owns_the_points_of_its_proposal(detector, three_places):
     dense, boxes = three_places
     verified = detector.verify(proposals_at(boxes), dense, CALIBRATION)
     # Points of no candidate, of the dark one, of the bright, of the one at the edge, of the beaten.
@@ -82,7 +82,7 @@ def test_what_leaves_the_image_is_no_detection(write_model, three_places):
     assert verified.kept.tolist() == [1, 0]
 
 
-def test_rules_decide_what_is_kept(write_model, three_places):
+def test_thresholds_decide_what_is_kept(write_model, three_places):
     dense, boxes = three_places
     model = write_model(channels="reflectance", planes=1)
     strict = DepthCn(model, nms=NmsConfig(min_score=0.9))
@@ -91,7 +91,7 @@ def test_rules_decide_what_is_kept(write_model, three_places):
     assert lenient.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1, 3, 2, 0]
 
 
-def test_no_candidate_needs_no_network(detector, three_places, monkeypatch):
+def test_no_proposal_needs_no_network(detector, three_places, monkeypatch):
     def refuse(inputs):
         raise AssertionError("called for nothing")
 
@@ -101,7 +101,7 @@ def test_no_candidate_needs_no_network(detector, three_places, monkeypatch):
     assert verified.owners.tolist() == [-1]
 
 
-def test_one_call_judges_all_candidates_as_one_by_one(write_model):
+def test_a_batch_of_proposals_equals_one_by_one(write_model):
     generator = np.random.default_rng(1)
     detector = DepthCn(write_model(window="metric"))
     dense = maps_of_reflectance(generator.uniform(size=(120, 200)))

@@ -34,7 +34,7 @@ def test_a_box_without_extent_comes_last_and_stays_finite():
     assert scores[0] < scores[1]
 
 
-def test_most_returns_come_first():
+def test_proposals_of_more_returns_come_first():
     found = Proposals(np.zeros((3, 4)), np.ones(3), np.array([-1, 2, 2, 0, -1, 2, 0]))
     np.testing.assert_array_equal(order_scores("points", found, FOCAL_PX), [2, 0, 3])
 

@@ -126,7 +126,7 @@ def test_steps_can_be_called_apart():
         assert apart.clusters.tolist() == whole.clusters.tolist()
 
 
-def test_points_belong_to_the_candidate_that_they_are_numbered_by():
+def test_points_belong_to_the_proposal_of_their_number():
     scan = scene(upright(10, (2, -1.5), (4, 0)), upright(20, (-6, -1.5), (-2, 0)))
     found = propose(scan, CALIBRATION, SIZE)
     for number, (left, _, right, _) in enumerate(found.boxes_px):
@@ -159,7 +159,7 @@ def test_scans_with_nothing_to_propose(method, xyz):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_all_in_one_cell_is_one_candidate(method):
+def test_all_points_in_one_cell_are_one_proposal(method):
     pole = [[10.1, 0.1, z] for z in np.linspace(-1.5, 0, 20)]
     found = propose(as_scan(np.array(pole)), CALIBRATION, SIZE, method=method)
     assert found.boxes_px.tolist() == [[99, 45, 99, 65]]

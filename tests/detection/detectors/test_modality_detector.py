@@ -36,7 +36,7 @@ def test_bright_cells_are_found_best_first(write, modality, channels):
     assert found.types.tolist() == ["Car", "Car"]
 
 
-def test_boxes_are_in_pixels_of_the_picture_that_was_shown(write):
+def test_boxes_are_in_pixels_of_the_given_image(write):
     large = image_with_bright_cells().repeat(3, axis=0).repeat(5, axis=1)
     found = ModalityDetector(write()).detect(large)
     np.testing.assert_allclose(found.boxes_px, [[0, 0, 160, 96], [320, 96, 479, 191]])
@@ -73,7 +73,7 @@ def test_file_says_what_it_is(write):
     assert detector.metadata["revision"] == "0123abc"
 
 
-def test_answer_does_not_depend_on_threads(write):
+def test_output_does_not_depend_on_threads(write):
     image = np.random.default_rng(0).integers(0, 256, (375, 1242, 1), dtype=np.uint8)
     one, two = (ModalityDetector(write(), threads).detect(image) for threads in (1, 2))
     np.testing.assert_array_equal(one.scores, two.scores)
@@ -122,7 +122,7 @@ def test_broken_and_missing_file(write, tmp_path):
 
 
 @pytest.mark.parametrize("shape", [(64, 96, 1), (64, 96), (0, 96, 3)])
-def test_picture_of_another_modality(write, shape):
+def test_image_of_another_modality(write, shape):
     with pytest.raises(ImageError) as error:
         ModalityDetector(write("a.onnx", "rgb")).detect(np.zeros(shape, np.uint8))
     assert error.value.expected == "shape (H, W, 3) of modality rgb"

@@ -60,7 +60,7 @@ def test_each_detector_sees_what_it_sees_alone(detectors, frame):
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
-def test_answer_does_not_depend_on_who_works_at_once(detectors, frame, workers):
+def test_output_does_not_depend_on_the_number_of_workers(detectors, frame, workers):
     expected = MultimodalDetector(detectors).detect(frame).fused
     fused = MultimodalDetector(detectors, workers=workers).detect(frame).fused
     assert_same(fused.detections, expected.detections)

@@ -46,7 +46,7 @@ def test_there_are_as_many_as_printed():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_as_plain_loops_say(seed):
+def test_equals_the_reference(seed):
     scene = clumped_scene(seed)
     rows = tri_boxes(scene)
     expected = reference_features(scene, rows)
@@ -129,7 +129,7 @@ def test_depths_are_those_that_are_known():
     assert box_depths_m(np.zeros((0, 4)), dense).shape == (0, 2)
 
 
-def test_a_fifth_of_a_nearer_thing_is_its_near_side():
+def test_a_fifth_of_nearer_points_is_the_near_side():
     depth_m = np.full((20, 20), 12.0)
     depth_m[:, :4] = 8
     found = box_depths_m(np.array([[0.0, 0, 20, 20]]), maps_of(depth_m))

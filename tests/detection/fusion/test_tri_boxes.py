@@ -55,7 +55,7 @@ def test_without_boxes_there_is_no_combination():
 
 @pytest.mark.parametrize("rules", CONFIGS_TO_TRY)
 @pytest.mark.parametrize("seed", range(4))
-def test_as_plain_loops_say(rules, seed):
+def test_equals_the_reference(rules, seed):
     scene = clumped_scene(seed)
     np.testing.assert_array_equal(tri_boxes(scene, rules), reference_tri_boxes(scene, rules))
 

@@ -81,7 +81,7 @@ def test_parameters_of_no_effect_do_no_harm():
     np.testing.assert_allclose(last.parameters, [3, 7], atol=1e-6)
 
 
-def test_it_stops_where_it_is_told():
+def test_it_stops_at_the_limit_of_steps():
     steps = list(
         levenberg_marquardt_steps(
             rosenbrock(), np.array([-1.2, 1.0]), LevenbergMarquardtConfig(max_steps=3)

@@ -50,7 +50,7 @@ def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[...,
     return make
 
 
-def test_a_plain_sample_is_the_crop_of_the_detector(dataset: CropDataset):
+def test_a_sample_without_augmentation_is_the_crop_of_the_detector(dataset: CropDataset):
     row = int(np.flatnonzero(dataset.crops.is_vehicle)[0])
     sample = dataset[row]
     assert set(sample) == FIELDS
@@ -194,7 +194,9 @@ def test_validation_drives_are_taken_whole(
     assert set(data.validation.crops.frames) == {0, 1}
 
 
-def test_the_mean_crop_is_the_mean_of_plain_samples(make_data: Callable[..., CropDataModule]):
+def test_the_mean_crop_is_the_mean_of_samples_without_augmentation(
+    make_data: Callable[..., CropDataModule],
+):
     data = make_data()
     data.setup()
     rows = [index.row for index in BalancedSampler(data.training.crops.is_vehicle, 0, 20)]

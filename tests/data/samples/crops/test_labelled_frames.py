@@ -36,7 +36,7 @@ def test_a_scene_holds_who_is_made_of_what(street: LabelledFrames):
     assert scene.focal_px == 180.0
 
 
-def test_a_picture_shows_depth_height_and_reflectance(street: LabelledFrames):
+def test_an_image_holds_depth_height_and_reflectance(street: LabelledFrames):
     image = street.image(0)
     assert image.shape == (95, 310, 3)
     scene = street.scene(0)

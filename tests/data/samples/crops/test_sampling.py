@@ -45,7 +45,7 @@ def test_the_window_is_of_the_kind_that_was_asked_for(street: LabelledFrames):
     assert all((np.abs(proposed - window).max(axis=1) < 1e-3).any() for window in box)
 
 
-def test_shaken_labels_stay_on_their_vehicle(street: LabelledFrames):
+def test_jittered_labels_stay_on_their_vehicle(street: LabelledFrames):
     street.config = CropConfig(window="box")
     found = collect_crops(street, CropSamplingConfig(jittered_copies=20, max_jitter=0.1))
     jittered = found[found.is_jittered]
@@ -132,7 +132,7 @@ def test_no_frames_are_refused(store: ArrayStore):
         collect_crops(LabelledFrames([], CropConfig(), store), CropSamplingConfig())
 
 
-def test_rules_that_cannot_be_are_refused():
+def test_an_impossible_config_is_refused():
     with fault(UsageError, "crop sampling"):
         CropSamplingConfig(max_jitter=0.5)
 

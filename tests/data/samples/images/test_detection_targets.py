@@ -62,7 +62,7 @@ def test_other_types_are_nothing_and_regions_are_ignored():
     assert found.is_ignored.tolist() == [False, True]
 
 
-def test_classes_are_numbered_in_their_order_and_neighbours_may_be_wanted():
+def test_classes_are_numbered_in_their_order_and_neighbours_can_be_classes():
     names = ["Car", "Van", "Pedestrian", "Person_sitting", "Tram"]
     labels = labelled(*((name, 0, 0, BOX) for name in names))
     found = targets(labels, "Pedestrian", "Van", "Car")
@@ -84,7 +84,7 @@ def test_a_frame_without_objects_has_no_labels():
         (160.0, 90.0, 100.0, 50.0),
     ],
 )
-def test_what_covers_nothing_of_the_picture_is_left_out(box: tuple[float, ...]):
+def test_boxes_outside_the_image_are_left_out(box: tuple[float, ...]):
     labels = labelled(("Car", 0, 0, box), ("Car", 0, 0, BOX), dont_care=(box, (0, 0, 9, 9)))
     kept, left_out = labels_within_image(labels, SIZE_PX)
     assert left_out == 2

@@ -80,7 +80,7 @@ def test_around_a_smaller_map_nothing_is_known():
     assert set(np.unique(warped_image)) == {0, 100, 200}  # no depth in between
 
 
-def test_what_leaves_the_picture_is_cut_ignored_or_gone():
+def test_boxes_that_leave_the_image_are_cut_ignored_or_removed():
     boxes = (0, 30, 20, 50), (40, 30, 60, 50), (70, 30, 90, 50), (4, 0, 24, 20)
     warped_image = transform_targets(
         labels_of(*boxes), GeometricTransform(offset_px=(-12.0, 0.0)), SIZE_PX

@@ -57,7 +57,7 @@ def dataset(make_images: Callable[..., LabelledImages]) -> ImageDataset:
     return ImageDataset(make_images(), np.arange(5), ImageAugmentationConfig(), seed=3)
 
 
-def test_a_plain_sample_is_the_picture_and_its_labels(dataset: ImageDataset):
+def test_a_sample_without_augmentation_is_the_image_and_its_labels(dataset: ImageDataset):
     sample = dataset[1]
     assert set(sample) == FIELDS
     image = dataset.frames.image(1)
@@ -373,7 +373,7 @@ def test_resumed_training_loads_the_same_samples(make_data: MakeData, tmp_path: 
     assert first + trained(3, tmp_path / "1.ckpt") == whole
 
 
-def test_sequences_give_pictures_as_object_frames_do(kitti_root: Path, store: ArrayStore):
+def test_sequences_give_images_as_object_frames_do(kitti_root: Path, store: ArrayStore):
     drive = open_drive(kitti_root / "tracking", sequence="0000")
     dataset = ImageDataset(LabelledImages([drive], ImageConfig("rgb"), store), np.arange(3))
     assert dataset[0]["images"].shape == (3, 192, 640)

@@ -185,7 +185,7 @@ def test_an_empty_label_file_is_a_frame_without_objects(
     assert (len(frames.labels(0)), len(frames.targets(0))) == (0, 0)
 
 
-def test_boxes_without_an_area_are_left_out_and_told_once(
+def test_boxes_without_an_area_are_left_out_and_logged_once(
     make_images: Make, make_frames: Callable[..., Path], caplog
 ):
     root = make_frames(frames=1)

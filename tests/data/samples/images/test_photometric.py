@@ -25,7 +25,7 @@ def changed_means(color: tuple[int, int, int], magnitudes: PhotometricConfig) ->
     return np.array([view.mean(axis=(0, 1)) for view in views])
 
 
-def test_no_strength_changes_nothing():
+def test_a_magnitude_of_zero_changes_nothing():
     image = rng().integers(0, 256, (48, 64, 3), np.uint8)
     np.testing.assert_array_equal(transform_image(image, NONE, rng()), image)
 

@@ -75,7 +75,7 @@ def test_it_follows_a_square_over_a_checkerboard(name, within_px):
 
 
 @pytest.mark.parametrize("name", ["ms-i", "cbwh"])
-def test_the_same_images_give_the_same_answers(name):
+def test_trackers_are_deterministic(name):
     def boxes() -> list[np.ndarray]:
         tracker = single_object_tracker(name, HDL_64E)
         tracker.init(tracker_input(image_with_square(160, 100)), BOX)
