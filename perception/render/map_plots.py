@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MEASURED, _FILLED, _UNKNOWN = (250, 190, 60), (40, 100, 150), (30, 30, 34)
-_ROW_IN = 2.35
+# Largest width and height of a map, and room for its title.
+_MAP_IN, _TITLE_IN = (7.4, 3.6), 0.15
 
 
 def plot_maps(
@@ -29,7 +30,10 @@ def plot_maps(
     maps: Mapping[MapMethod, DenseMaps],
 ) -> None:
     """Draw the returns on the image and the masks of the first method, then both maps of each method."""
-    figure = new_figure(15.0, _ROW_IN * (len(maps) + 2), title)
+    aspect = sparse.size_px[0] / sparse.size_px[1]
+    high_in = min(_MAP_IN[0] / aspect, _MAP_IN[1])
+    height_in = (high_in + _TITLE_IN) * (len(maps) + 2)
+    figure = new_figure(2 * (high_in * aspect + _TITLE_IN), height_in, title)
     rows = figure.subplots(len(maps) + 2, 2)
     first = next(iter(maps))
     _draw_returns(rows[0, 0], image, sparse)

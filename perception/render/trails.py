@@ -41,8 +41,13 @@ class _Memory:
         """Add a position, and forget those before a time."""
         self.newest_s = stamp_s
         self.path = [point for point in self.path if point[0] >= since_s]
-        if not self.path or np.linalg.norm(bottom_world - self.path[-1][1]) >= _STEP_M:
-            self.path.append((stamp_s, bottom_world))
+        steps_m = np.diff([*(point for _, point in self.path[-2:]), bottom_world], axis=0)
+        if len(steps_m) and np.linalg.norm(steps_m[-1]) < _STEP_M:
+            return
+        if len(steps_m) > 1 and steps_m[0] @ steps_m[1] < 0:
+            # Nothing turns back at speed: the positions before were wrong, as those of a box half in view.
+            self.path = self.path[-1:]
+        self.path.append((stamp_s, bottom_world))
 
     def turn_to_course(self, bottom_world: Float64, velocity_rad: float) -> bool:
         """Take the direction from the last position at some distance as heading; return whether there is one.
@@ -50,7 +55,7 @@ class _Memory:
         A course against the velocity is none. One against the heading makes both unknown: either the object turned,
         or its id went to another one.
         """
-        for place, (_, point) in reversed(list(enumerate(self.path))):
+        for _, point in reversed(self.path):
             x_m, y_m = (bottom_world - point)[:2].tolist()
             if np.hypot(x_m, y_m) >= _COURSE_M:
                 course_rad = float(np.arctan2(y_m, x_m))
@@ -59,9 +64,6 @@ class _Memory:
                 if np.cos(course_rad - self.heading_rad) < 0:
                     self.path, self.heading_rad = [(self.newest_s, bottom_world)], float("nan")
                     return False
-                if np.isnan(self.heading_rad):
-                    # The first positions of an object wander.
-                    self.path = self.path[place:]
                 self.heading_rad = course_rad
                 return True
         return False
