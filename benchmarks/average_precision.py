@@ -6,6 +6,7 @@ from benchmarks.measure import Comparison, Contender, Measurement, compare
 from benchmarks.reference.detection_ap import reference_curve
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, NO_ALPHA_RAD
 from perception.evaluation.report import Column
 from perception.types import Float64
@@ -22,7 +23,7 @@ def compare_average_precision() -> Comparison:
     sets = [random_boxes(_FRAMES, np.random.default_rng(seed)) for seed in range(_SETS)]
 
     def at_once(i: int) -> Float64:
-        curves = kitti_average_precision(*sets[i], _FRAMES, (CAR,))[CAR]
+        curves = kitti_average_precision(pair_boxes(*sets[i], _FRAMES), (CAR,))[CAR]
         return np.array([curve.precision for curve in curves.values()])
 
     def reference(i: int) -> Float64:

@@ -13,6 +13,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.suppression import suppress
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 from perception.types import Detections
 
@@ -76,7 +77,9 @@ def simulated_frames(count: int, seed: int) -> DetectedFrames:
 def precision(frames: DetectedFrames, detections: DetectedBoxes, iou: float = 0.7) -> float:
     """Return the average precision in percent, at KITTI's moderate level."""
     of_class = KITTI_CLASSES[0].at_iou(iou)
-    figures = kitti_average_precision(frames.truth, detections, len(frames), (of_class,))
+    figures = kitti_average_precision(
+        pair_boxes(frames.truth, detections, len(frames)), (of_class,)
+    )
     return figures[of_class]["moderate"].ap()
 
 

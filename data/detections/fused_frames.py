@@ -13,6 +13,7 @@ from perception.evaluation.detection.average_precision import (
     kitti_average_precision,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.evaluation.detection.reliability import Correctness, match_correctness
 from perception.types import MODALITIES, Detections, FusedDetections
@@ -66,18 +67,17 @@ def precision_curves(
     truth: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass = CAR
 ) -> dict[str, PrecisionCurve]:
     """Return KITTI's precision curves by difficulty; none where nothing was detected."""
-    return kitti_average_precision(truth, detections, frames, (of_class,))[of_class]
+    return kitti_average_precision(pair_boxes(truth, detections, frames), (of_class,))[of_class]
 
 
 def class_correctness(
     frames: DetectedFrames, detections: DetectedBoxes, class_names: Sequence[str]
 ) -> Correctness:
     """Return which detections of some classes are correct, by the IoU that KITTI requires of each class."""
+    boxes = pair_boxes(frames.truth, detections, len(frames))
     known = {of_class.name: of_class for of_class in KITTI_CLASSES}
     parts = [
-        match_correctness(
-            frames.truth, detections, len(frames), known.get(name, DetectionClass(name, CAR.iou))
-        )
+        match_correctness(boxes, known.get(name, DetectionClass(name, CAR.iou)))
         for name in class_names
     ]
     return Correctness(

@@ -185,17 +185,17 @@ def _draw_worst_frames(  # noqa: PLR0913, PLR0917 - what the images show
     indices: Sequence[int],
 ) -> None:
     """Write DRIVE_CLASS_RANK_NUMBER.jpg of the frames with most errors of each class."""
-    stem, (truths, detections) = "_".join(re.findall(r"\w+", name)), measure.boxes()
+    stem, boxes = "_".join(re.findall(r"\w+", name)), measure.boxes()
     for one in detector.classes:
         target = one.at_iou(measure.config.iou[0])
-        found = worst_frames(truths, detections, len(indices), target, count)
+        found = worst_frames(boxes, target, count)
         for rank, errors in enumerate(found):
-            index, boxes = indices[errors.place], errors.detections
+            index, detected = indices[errors.place], errors.detections
             image = draw_detection_errors(
                 detector.image(drive[index]),
                 errors.objects_px,
                 errors.ignored_px,
-                Detections(boxes.boxes_px, boxes.scores, boxes.types),
+                Detections(detected.boxes_px, detected.scores, detected.types),
                 target.iou,
             )
             file = f"{stem}_{one.name}_{rank:02d}_{file_number(drive, index):06d}.jpg"

@@ -100,14 +100,13 @@ def _measure_detections(
         PrecisionReport,
         measure_precision,
     )
+    from perception.evaluation.detection.evaluation_boxes import pair_boxes
 
     numbers = None if frame_list is None else read_frame_list(frame_list)
     found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
     frames = len(found.numbers)
-    precision = [
-        measure_precision(found.truths, found.detections, frames, one, metric, resample_bar())
-        for one in classes
-    ]
+    boxes = pair_boxes(found.truths, found.detections, frames)
+    precision = [measure_precision(boxes, one, metric, resample_bar()) for one in classes]
     data = {
         **_paths(results=results, labels=labels, frame_list=frame_list),
         "frames": frames,

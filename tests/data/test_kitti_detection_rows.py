@@ -7,6 +7,7 @@ import pytest
 from data.kitti.detection_rows import read_detection_set, read_frame_list
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.average_precision import kitti_average_precision
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from tests.faults import fault
 
 CAR = "Car 0.10 1 -1.57 599.41 156.40 629.75 189.25 1.5 1.6 3.9 0.47 1.49 69.44 -1.56"
@@ -76,7 +77,7 @@ def test_labels_without_objects_and_results_without_rows(tmp_path: Path):
     found = read_detection_set(tmp_path / "results", tmp_path / "labels")
     assert (len(found.truths), len(found.detections)) == (1, 0)
     assert found.detections.boxes_px.shape == (0, 4)
-    figures = kitti_average_precision(found.truths, found.detections, 2)
+    figures = kitti_average_precision(pair_boxes(found.truths, found.detections, 2))
     assert list(figures.values()) == [{}, {}, {}]
 
 

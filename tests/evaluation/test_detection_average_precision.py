@@ -12,6 +12,7 @@ from perception.evaluation.detection.average_precision import (
     resample_precision,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.types import Detections
 
@@ -45,7 +46,7 @@ def box(x: float, width: float = 100, height: float = 50) -> list[float]:
 
 
 def easy(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> PrecisionCurve:
-    return kitti_average_precision(truths, detections, frames, CAR)[CAR[0]]["easy"]
+    return kitti_average_precision(pair_boxes(truths, detections, frames), CAR)[CAR[0]]["easy"]
 
 
 def test_two_cars_of_which_one_is_found_first_and_a_ghost_between():
@@ -89,7 +90,7 @@ def test_one_missing_heading_leaves_all_without():
 def test_a_class_without_detections_has_no_metrics():
     truths = truths_of((0, "Car", box(0)), (0, "Cyclist", box(300)))
     detections = detections_of((0, "Cyclist", box(300), 0.5))
-    car, pedestrian, cyclist = kitti_average_precision(truths, detections, 1).values()
+    car, pedestrian, cyclist = kitti_average_precision(pair_boxes(truths, detections, 1)).values()
     assert car == pedestrian == {}
     assert cyclist["easy"].true_positives.tolist() == [1]
 
@@ -103,7 +104,7 @@ def test_a_class_without_labels_rests_on_no_truths():
 
 
 def test_nothing_at_all():
-    metrics = kitti_average_precision(truths_of(), detections_of(), 0)
+    metrics = kitti_average_precision(pair_boxes(truths_of(), detections_of(), 0))
     assert list(metrics.values()) == [{}, {}, {}]
 
 
@@ -111,7 +112,7 @@ def test_any_class_can_be_evaluated():
     tram = DetectionClass("Tram", iou=0.3, neighbours=("Truck",))
     truths = truths_of((0, "Tram", box(0)), (0, "Truck", box(200)))
     detections = detections_of((0, "TRAM", box(50), 0.9), (0, "tram", box(200), 0.8))
-    curve = kitti_average_precision(truths, detections, 1, [tram])[tram]["hard"]
+    curve = kitti_average_precision(pair_boxes(truths, detections, 1), [tram])[tram]["hard"]
     assert (curve.truths, curve.matches) == (1, 1)
     assert curve.false_positives.tolist() == [0]
     with pytest.raises(UsageError) as error:
@@ -149,12 +150,12 @@ def test_rows_that_cannot_be_measured(change, where, expected, found):
 def test_boxes_beyond_the_last_frame():
     beyond = detections_of((2, "Car", box(0), 0.5))
     with pytest.raises(PerceptionError) as error:
-        kitti_average_precision(truths_of(), beyond, frames=2)
+        pair_boxes(truths_of(), beyond, frames=2)
     assert (error.value.expected, error.value.found) == ("below 2", "frame 2")
 
 
 def test_no_resample_without_frames():
-    matches = match_detections(truths_of(), detections_of(), 0)[CAR[0]]
+    matches = match_detections(pair_boxes(truths_of(), detections_of(), 0))[CAR[0]]
     with pytest.raises(UsageError) as error:
         resample_precision(matches, 5, np.random.default_rng(0))
     assert error.value.found == "5 resamples of 0 frames"

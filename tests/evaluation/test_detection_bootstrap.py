@@ -10,7 +10,7 @@ from perception.evaluation.detection.average_precision import (
     resample_precision,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.protocol import KITTI_CLASSES
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 
 
 def noisy_matches(frames: int, cyclist_frames: int = 1) -> list[ClassMatches]:
@@ -30,7 +30,7 @@ def noisy_matches(frames: int, cyclist_frames: int = 1) -> list[ClassMatches]:
     shifted = boxes[kept] + np.where(again | ~is_found[kept], 500, 0)[:, None]
     scores = rng.normal(size=len(kept)) - again
     detections = DetectedBoxes(numbers[kept], types[kept], nothing[kept], shifted, scores)
-    return list(match_detections(truths, detections, frames, KITTI_CLASSES).values())
+    return list(match_detections(pair_boxes(truths, detections, frames)).values())
 
 
 def test_the_same_generator_gives_the_same_interval():

@@ -12,6 +12,7 @@ from perception.evaluation.detection.average_precision import (
     threshold_ranks,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 
 FRAMES = 12
@@ -71,7 +72,7 @@ def assert_same(curve: PrecisionCurve, naive: ReferenceCurve) -> None:
 def test_any_overlap_gives_the_counts_of_the_reference(seed: int, iou: float):
     truths, detections = crowded_frames(seed)
     classes = [of_class.at_iou(iou) for of_class in KITTI_CLASSES]
-    metrics = kitti_average_precision(truths, detections, FRAMES, classes)
+    metrics = kitti_average_precision(pair_boxes(truths, detections, FRAMES), classes)
     for of_class, curves in metrics.items():
         for difficulty in DIFFICULTIES:
             naive = reference_curve(truths, detections, FRAMES, of_class, difficulty)
@@ -83,7 +84,7 @@ def test_frames_that_weigh_double_are_frames_that_are_there_twice():
     truths, detections = crowded_frames(3)
     weights = np.random.default_rng(0).integers(0, 3, FRAMES)
     car, hard = KITTI_CLASSES[0].at_iou(0.4), DIFFICULTIES[2]
-    statistics = match_detections(truths, detections, FRAMES, [car], [hard])
+    statistics = match_detections(pair_boxes(truths, detections, FRAMES), [car], [hard])
     frames = np.repeat(np.arange(FRAMES), weights)
     naive = reference_curve(
         take_frames(truths, frames), take_frames(detections, frames), len(frames), car, hard
@@ -103,9 +104,9 @@ def take_frames(rows, frames):
 def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
     truths, detections = crowded_frames(4)
     car = KITTI_CLASSES[0].at_iou(0.2)
-    whole = kitti_average_precision(truths, detections, FRAMES, [car])[car]
+    whole = kitti_average_precision(pair_boxes(truths, detections, FRAMES), [car])[car]
     monkeypatch.setattr(match_statistics, "MAX_BLOCK_PAIRS", 7)
-    blocks = kitti_average_precision(truths, detections, FRAMES, [car])[car]
+    blocks = kitti_average_precision(pair_boxes(truths, detections, FRAMES), [car])[car]
     for name, curve in whole.items():
         same = blocks[name]
         np.testing.assert_array_equal(curve.false_positives, same.false_positives)

@@ -11,6 +11,7 @@ import pytest
 
 from data.kitti.detection_rows import read_detection_set, read_frame_list
 from perception.evaluation.detection.average_precision import kitti_average_precision
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 
 _ORACLE = Path(__file__).parents[3] / "shared" / "oracle"
 SETS = ("syn_car", "syn_3class", "fpointnet_val_half")
@@ -74,7 +75,7 @@ def assert_same_figures(labels: Path, boxes: Path, expected: dict[str, Any], fol
     write_frames(folder / "results", frames, boxes / "detections.txt", row)
     found = read_detection_set(folder / "results", folder / "labels", frames)
 
-    metrics = kitti_average_precision(found.truths, found.detections, len(frames))
+    metrics = kitti_average_precision(pair_boxes(found.truths, found.detections, len(frames)))
 
     for of_class, curves in metrics.items():
         of_tool = expected[of_class.name.lower()]

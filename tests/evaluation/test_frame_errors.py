@@ -3,6 +3,7 @@
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.frame_errors import count_frame_errors
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 from perception.types import Detections
@@ -33,7 +34,7 @@ def at(lefts, scores):
 def test_misses_and_false_alarms_of_each_frame():
     # Cars: two in frame 0, none in 1, one in 2. Found: both, a ghost, nothing; and a doubtful ghost.
     found = DetectedBoxes.of_frames([at([0, 100], [0.9, 0.8]), at([50], [0.85]), at([500], [0.1])])
-    frame_errors = count_frame_errors(truths([0, 0, 2]), found, 3, CAR, HARD)
+    frame_errors = count_frame_errors(pair_boxes(truths([0, 0, 2]), found, 3), CAR, HARD)
     # At 0.9: one found, none wrong. At 0.8: two found, one wrong: as many mistakes, the surer is taken.
     assert frame_errors.threshold == 0.9
     assert frame_errors.false_negatives.tolist() == [1, 0, 1]
@@ -44,7 +45,7 @@ def test_misses_and_false_alarms_of_each_frame():
 
 def test_detections_of_one_score_count_together():
     found = DetectedBoxes.of_frames([at([0, 100, 700], [0.5, 0.5, 0.5])])
-    frame_errors = count_frame_errors(truths([0, 0]), found, 1, CAR, HARD)
+    frame_errors = count_frame_errors(pair_boxes(truths([0, 0]), found, 1), CAR, HARD)
     assert frame_errors.threshold == 0.5
     assert (frame_errors.false_negatives.tolist(), frame_errors.false_positives.tolist()) == (
         [0],
@@ -54,7 +55,7 @@ def test_detections_of_one_score_count_together():
 
 def test_where_all_are_wrong_none_counts():
     found = DetectedBoxes.of_frames([at([700], [0.9])])
-    frame_errors = count_frame_errors(truths([0]), found, 1, CAR, HARD)
+    frame_errors = count_frame_errors(pair_boxes(truths([0]), found, 1), CAR, HARD)
     assert frame_errors.threshold == np.inf
     assert (frame_errors.false_negatives.tolist(), frame_errors.false_positives.tolist()) == (
         [1],
@@ -63,6 +64,8 @@ def test_where_all_are_wrong_none_counts():
 
 
 def test_nothing_detected():
-    frame_errors = count_frame_errors(truths([1]), DetectedBoxes.of_frames([]), 2, CAR, HARD)
+    frame_errors = count_frame_errors(
+        pair_boxes(truths([1]), DetectedBoxes.of_frames([]), 2), CAR, HARD
+    )
     assert frame_errors.false_negatives.tolist() == [0, 1]
     assert frame_errors.worst(3).tolist() == [1]

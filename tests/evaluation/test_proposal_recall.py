@@ -5,6 +5,7 @@ import pytest
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.proposal_recall import (
     IOU_STEPS,
     count_recalled,
@@ -50,7 +51,7 @@ FOUND = proposals(
 
 
 def test_objects_are_counted_by_difficulty_and_reached_by_overlap():
-    recall = proposal_recall(LABELLED, FOUND, 2, "Car")
+    recall = proposal_recall(pair_boxes(LABELLED, FOUND, 2), "Car")
     assert (recall.frames, recall.proposals, recall.max_per_frame) == (2, 5, 3)
     assert recall.proposals_per_frame == 2.5
     metrics = recall.difficulties
@@ -66,7 +67,7 @@ def test_objects_are_counted_by_difficulty_and_reached_by_overlap():
 
 
 def test_the_highest_scores_of_each_frame_come_first():
-    metrics = proposal_recall(LABELLED, FOUND, 2, "Car").difficulties["all"]
+    metrics = proposal_recall(pair_boxes(LABELLED, FOUND, 2), "Car").difficulties["all"]
     # Frame 0: far, low, tall; frame 1: half of tall.
     np.testing.assert_array_equal(metrics.ranks[0.5], [2, 1, 0])
     np.testing.assert_array_equal(metrics.ranks[0.7], [2, 1, -1])
@@ -75,7 +76,7 @@ def test_the_highest_scores_of_each_frame_come_first():
 
 
 def test_recall_falls_with_the_overlap_that_is_asked():
-    metrics = proposal_recall(LABELLED, FOUND, 2, "Car").difficulties["all"]
+    metrics = proposal_recall(pair_boxes(LABELLED, FOUND, 2), "Car").difficulties["all"]
     np.testing.assert_allclose(metrics.best_iou, [1, 1, 0.6])
     curve = metrics.recall_by_iou()
     assert len(curve) == len(IOU_STEPS) == 101
@@ -85,7 +86,10 @@ def test_recall_falls_with_the_overlap_that_is_asked():
 def test_one_proposal_may_reach_several_objects_and_equal_overlap_is_enough():
     both = truths([(0, "Car", TALL, 0), (0, "Car", HALF_OF_TALL, 0)])
     found = proposals([(0, HALF_OF_TALL, 1.0)])
-    assert proposal_recall(both, found, 1, "car", [0.6]).difficulties["all"].found(0.6) == 2
+    assert (
+        proposal_recall(pair_boxes(both, found, 1), "car", [0.6]).difficulties["all"].found(0.6)
+        == 2
+    )
 
 
 def test_counting_one_frame_agrees_with_measuring_all():
@@ -100,7 +104,7 @@ def test_counting_one_frame_agrees_with_measuring_all():
 
 
 def test_without_proposals_nothing_is_reached():
-    recall = proposal_recall(LABELLED, proposals([]), 2, "Car")
+    recall = proposal_recall(pair_boxes(LABELLED, proposals([]), 2), "Car")
     assert (recall.proposals, recall.max_per_frame) == (0, 0)
     metrics = recall.difficulties["all"]
     assert metrics.recall(0.5) == 0
@@ -109,7 +113,7 @@ def test_without_proposals_nothing_is_reached():
 
 
 def test_of_no_objects_there_is_no_share():
-    metrics = proposal_recall(LABELLED, FOUND, 2, "Cyclist").difficulties["all"]
+    metrics = proposal_recall(pair_boxes(LABELLED, FOUND, 2), "Cyclist").difficulties["all"]
     assert metrics.objects == 0
     assert np.isnan(metrics.recall(0.7))
     assert np.isnan(metrics.recall_by_count(0.7, 5)).all()
@@ -119,5 +123,5 @@ def test_of_no_objects_there_is_no_share():
 @pytest.mark.parametrize("iou", [0.0, 1.2, float("nan")])
 def test_an_overlap_that_is_no_demand_is_refused(iou):
     with pytest.raises(PerceptionError) as error:
-        proposal_recall(LABELLED, FOUND, 2, "Car", [iou])
+        proposal_recall(pair_boxes(LABELLED, FOUND, 2), "Car", [iou])
     assert (error.value.expected, error.value.found) == ("above 0, at most 1", f"{iou:g}")

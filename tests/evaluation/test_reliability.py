@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 from perception.evaluation.detection.reliability import (
     Correctness,
@@ -40,7 +41,7 @@ def test_an_object_is_found_once_by_the_surest():
     box, near = [0, 0, 100, 50], [2, 0, 102, 50]
     truth = truth_of((0, "Car", box), (1, "Car", box))
     found = found_in([(near, 0.9), (box, 0.6), ([300, 0, 400, 50], 0.5)], [(box, 0.4)])
-    correctness = match_correctness(truth, found, 2, CAR)
+    correctness = match_correctness(pair_boxes(truth, found, 2), CAR)
     assert correctness.scores.tolist() == [0.9, 0.6, 0.5, 0.4]
     assert correctness.is_correct.tolist() == [True, False, False, True]
 
@@ -48,14 +49,16 @@ def test_an_object_is_found_once_by_the_surest():
 def test_two_objects_side_by_side_are_both_found():
     left, right = [0, 0, 100, 50], [10, 0, 110, 50]  # overlap by 0.82
     truth = truth_of((0, "Car", left), (0, "Car", right))
-    correctness = match_correctness(truth, found_in([(right, 0.9), (right, 0.8)]), 1, CAR)
+    correctness = match_correctness(
+        pair_boxes(truth, found_in([(right, 0.9), (right, 0.8)]), 1), CAR
+    )
     assert correctness.is_correct.tolist() == [True, True]
 
 
 def test_vans_and_regions_without_labels_do_not_count():
     truth = truth_of((0, "Van", [0, 0, 100, 50]), (0, "DontCare", [200, 0, 400, 100]))
     found = found_in([([0, 0, 100, 50], 0.9), ([250, 10, 300, 50], 0.8), ([390, 0, 500, 9], 0.7)])
-    correctness = match_correctness(truth, found, 1, CAR)
+    correctness = match_correctness(pair_boxes(truth, found, 1), CAR)
     assert correctness.scores.tolist() == [0.7]
     assert correctness.is_correct.tolist() == [False]
 

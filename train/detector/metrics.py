@@ -14,6 +14,7 @@ from perception.evaluation.detection.average_precision import (
     kitti_average_precision,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
     NO_ALPHA_RAD,
@@ -86,7 +87,7 @@ def measure(
     """Measure every class at the overlap that KITTI asks for, then every class at a half."""
     classes = [kitti_class(name) for name in class_names]
     both = [*classes, *(one.at_iou(LOOSE_IOU) for one in classes)]
-    return kitti_average_precision(truths, found, frames, both)
+    return kitti_average_precision(pair_boxes(truths, found, frames), both)
 
 
 def mean_precision(metrics: DetectionMetrics) -> dict[str, float]:

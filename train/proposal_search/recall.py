@@ -11,6 +11,7 @@ from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
 from perception.detection.depthcn.proposals import propose
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
 from perception.types import Detections, Frame, Labels, Method, OnBadFrame
@@ -96,16 +97,12 @@ def measure_recall(
     by_chunk = {task.chunk: frames for task, frames in bar}
     frames = [frame for chunk in sorted(by_chunk) for frame in by_chunk[chunk]]
     truths = TrueBoxes.of_frames([frame.labels for frame in frames])
-    return {
-        name: proposal_recall(
-            truths,
-            DetectedBoxes.of_frames([frame.proposals[number] for frame in frames]),
-            len(frames),
-            config.survey.of_class,
-            config.overlaps,
-        )
-        for number, name in enumerate(settings)
-    }
+    recalls = {}
+    for number, name in enumerate(settings):
+        proposals = DetectedBoxes.of_frames([frame.proposals[number] for frame in frames])
+        boxes = pair_boxes(truths, proposals, len(frames))
+        recalls[name] = proposal_recall(boxes, config.survey.of_class, config.overlaps)
+    return recalls
 
 
 def collect_proposals(task: RecallTask) -> list[FrameProposals]:

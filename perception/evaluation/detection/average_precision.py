@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import UsageError
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.config import RECALL_POINTS
-from perception.evaluation.detection.evaluation_boxes import pair_boxes
+from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
 from perception.evaluation.detection.match_statistics import MatchStatistics, match_statistics
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
@@ -176,30 +175,21 @@ class ClassMatches:
 
 
 def match_detections(
-    truths: TrueBoxes,
-    detections: DetectedBoxes,
-    frames: int,
+    boxes: EvaluationBoxes,
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
 ) -> dict[DetectionClass, ClassMatches]:
-    """Match the boxes of all frames for every class and difficulty.
-
-    Raises:
-        PerceptionError: a box is of a frame beyond the last.
-    """
-    boxes = pair_boxes(truths, detections, frames)
+    """Match the boxes of all frames for every class and difficulty."""
     matches = {}
     for of_class in classes:
         found = difficulties if boxes.has_detections_of(of_class) else ()
         statistics = {one.name: match_statistics(boxes, of_class, one) for one in found}
-        matches[of_class] = ClassMatches(frames, boxes.has_orientation, statistics)
+        matches[of_class] = ClassMatches(boxes.frames, boxes.has_orientation, statistics)
     return matches
 
 
 def kitti_average_precision(
-    truths: TrueBoxes,
-    detections: DetectedBoxes,
-    frames: int,
+    boxes: EvaluationBoxes,
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
 ) -> DetectionMetrics:
@@ -207,18 +197,8 @@ def kitti_average_precision(
 
     As with the official tool, a class without detections has no metrics, and a class without labels has an
     average precision of 0.
-
-    Args:
-        truths: Labelled boxes of all frames.
-        detections: Detected boxes of all frames.
-        frames: Number of frames, with boxes or without.
-        classes: Classes with their IoU thresholds.
-        difficulties: Difficulties, each with its limits.
-
-    Raises:
-        PerceptionError: a box is of a frame beyond the last.
     """
-    matches = match_detections(truths, detections, frames, classes, difficulties)
+    matches = match_detections(boxes, classes, difficulties)
     return {of_class: one.curves() for of_class, one in matches.items()}
 
 

@@ -17,7 +17,11 @@ from perception.evaluation.detection.average_precision import (
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.config import PrecisionConfig
-from perception.evaluation.detection.evaluation_boxes import count_objects
+from perception.evaluation.detection.evaluation_boxes import (
+    EvaluationBoxes,
+    evaluation_mask,
+    pair_boxes,
+)
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
 from perception.evaluation.report import Column, Metrics, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
@@ -116,9 +120,7 @@ class ClassPrecision(Metrics):
 
 
 def measure_precision(
-    truths: TrueBoxes,
-    detections: DetectedBoxes,
-    frames: int,
+    boxes: EvaluationBoxes,
     detection_class: DetectionClass,
     config: PrecisionConfig,
     progress: Progress = iter,
@@ -126,21 +128,16 @@ def measure_precision(
     """Measure the detections of one class at every IoU and difficulty.
 
     Args:
-        truths: Labelled boxes of all frames.
-        detections: Detected boxes of all frames.
-        frames: Number of frames, with boxes or without.
+        boxes: Boxes of all frames.
         detection_class: Class; its own IoU is used where the configuration has none.
         config: Metric configuration.
         progress: Iterates over the resamples and may show a progress bar.
     """
-    objects = {
-        one.name: count_objects(truths, frames, detection_class, one) for one in DIFFICULTIES
-    }
+    masks = {one.name: evaluation_mask(boxes, detection_class, one) for one in DIFFICULTIES}
+    objects = {name: int(one.is_valid_truth.sum()) for name, one in masks.items()}
     metrics: dict[float, dict[str, PrecisionMetrics]] = {}
     for iou in config.iou or (detection_class.iou,):
-        (matches,) = match_detections(
-            truths, detections, frames, [detection_class.at_iou(iou)]
-        ).values()
+        (matches,) = match_detections(boxes, [detection_class.at_iou(iou)]).values()
         curves = matches.curves()
         samples: Mapping[str, PrecisionSamples] = {}
         if config.bootstrap:
@@ -214,15 +211,16 @@ class PrecisionMeasure(Generic[Output]):
         """Return the detections of all frames so far, as a function makes them of an output."""
         return DetectedBoxes.of_frames([detections_of(output) for output in self.outputs])
 
+    def pair(self, detections: DetectedBoxes) -> EvaluationBoxes:
+        """Return the labelled boxes of all frames so far, paired with detections."""
+        return pair_boxes(self.truths, detections, len(self.outputs))
+
     def precision(
         self, detections: DetectedBoxes, config: PrecisionConfig | None = None
     ) -> list[ClassPrecision]:
         """Return the metrics of the detections of each class."""
-        settings, frames = config or self.config, len(self.outputs)
-        return [
-            measure_precision(self.truths, detections, frames, one, settings, self.progress)
-            for one in self.classes
-        ]
+        boxes, settings = self.pair(detections), config or self.config
+        return [measure_precision(boxes, one, settings, self.progress) for one in self.classes]
 
 
 @dataclass(frozen=True)

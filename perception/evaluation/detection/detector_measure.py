@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import (
     ClassPrecision,
     PrecisionMeasure,
     PrecisionReport,
 )
+from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.evaluation.report import Table
 from perception.types import Detections, Float64
@@ -81,19 +82,19 @@ class DetectorMeasure(PrecisionMeasure[FrameDetections]):
     title: str
     notes: Sequence[str] = ()
 
-    def boxes(self) -> tuple[TrueBoxes, DetectedBoxes]:
+    def boxes(self) -> EvaluationBoxes:
         """Return the labelled and the detected boxes of all frames so far."""
-        return self.truths, self.detected(lambda output: output.detections)
+        return self.pair(self.detected(lambda output: output.detections))
 
     def compute(self) -> DetectorReport:
         """Return the metrics of all frames so far."""
-        truths, detections = self.boxes()
+        detections = self.detected(lambda output: output.detections)
         classes, recall = self.precision(detections), None
         name, ious = self.classes[0].name, self.config.iou
         proposals = [one.proposals_px for one in self.outputs if one.proposals_px is not None]
         if proposals:
             boxes = DetectedBoxes.of_frames([_unscored(one, name) for one in proposals])
-            recall = proposal_recall(truths, boxes, len(self.outputs), name, ious)
+            recall = proposal_recall(self.pair(boxes), name, ious)
             classes[0] = _with_recall(classes[0], recall)
         seconds = {
             stage: np.array([output.timings_s[stage] for output in self.outputs])

@@ -123,11 +123,11 @@ class EvaluationMask:
 
 
 def evaluation_mask(
-    evaluation_boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
+    boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
 ) -> EvaluationMask:
     """Return which boxes count for one class at one difficulty."""
-    truths, detections = evaluation_boxes.truths, evaluation_boxes.detections
-    is_of_class = evaluation_boxes.truth_types == detection_class.name.lower()
+    truths, detections = boxes.truths, boxes.detections
+    is_of_class = boxes.truth_types == detection_class.name.lower()
     is_visible = (
         (truths.occlusion <= difficulty.max_occlusion)
         & (truths.truncation <= difficulty.max_truncation)
@@ -135,30 +135,15 @@ def evaluation_mask(
     )
     # The official tool checks the height before the class: low detections of any class are ignored.
     is_low = np.abs(_heights_px(detections.boxes_px)) < difficulty.min_height_px
-    is_valid_detection = ~is_low & (
-        evaluation_boxes.detection_types == detection_class.name.lower()
-    )
+    is_valid_detection = ~is_low & (boxes.detection_types == detection_class.name.lower())
     return EvaluationMask(
-        is_matchable_truth=is_of_class
-        | _is_any_of(evaluation_boxes.truth_types, detection_class.neighbours),
+        is_matchable_truth=is_of_class | _is_any_of(boxes.truth_types, detection_class.neighbours),
         is_valid_truth=is_of_class & is_visible,
         is_matchable_detection=is_low | is_valid_detection,
         is_valid_detection=is_valid_detection,
         is_false_positive_if_unmatched=is_valid_detection
-        & (evaluation_boxes.dont_care_shares <= detection_class.iou),
+        & (boxes.dont_care_shares <= detection_class.iou),
     )
-
-
-def count_objects(
-    truths: TrueBoxes, frames: int, detection_class: DetectionClass, difficulty: Difficulty
-) -> int:
-    """Return the number of objects that must be detected.
-
-    Raises:
-        PerceptionError: a box is of a frame beyond the last.
-    """
-    evaluation_boxes = pair_boxes(truths, DetectedBoxes.of_frames(()), frames)
-    return int(evaluation_mask(evaluation_boxes, detection_class, difficulty).is_valid_truth.sum())
 
 
 def _heights_px(boxes_px: Float64) -> Float64:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.evaluation_boxes import evaluation_mask, pair_boxes
+from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes, evaluation_mask
 from perception.evaluation.detection.match_statistics import match_statistics
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
 from perception.types import Float64, Int
@@ -33,18 +33,10 @@ class FrameErrors:
 
 
 def count_frame_errors(
-    truths: TrueBoxes,
-    detections: DetectedBoxes,
-    frames: int,
-    detection_class: DetectionClass,
-    difficulty: Difficulty,
+    boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
 ) -> FrameErrors:
-    """Count the errors at the score threshold with the fewest errors of all frames together.
-
-    Raises:
-        PerceptionError: a box is of a frame beyond the last.
-    """
-    counted = match_statistics(pair_boxes(truths, detections, frames), detection_class, difficulty)
+    """Count the errors at the score threshold with the fewest errors of all frames together."""
+    counted = match_statistics(boxes, detection_class, difficulty)
     increments = counted.increments
     gained = np.cumsum(increments.found_truths - increments.false_positives)
     # Of equal scores all count or none.
@@ -53,8 +45,8 @@ def count_frame_errors(
     if len(last_of_score) and gained[last_of_score].max() > 0:
         threshold = increments.scores[last_of_score[gained[last_of_score].argmax()]]
     above = increments[increments.scores >= threshold]
-    found = np.bincount(above.frames, above.found_truths, minlength=frames)
-    alarms = np.bincount(above.frames, above.false_positives, minlength=frames)
+    found = np.bincount(above.frames, above.found_truths, minlength=boxes.frames)
+    alarms = np.bincount(above.frames, above.false_positives, minlength=boxes.frames)
     return FrameErrors(
         threshold=float(threshold),
         false_negatives=np.asarray(counted.truths_of_frames - found, np.int64),
@@ -80,20 +72,11 @@ class ErrorFrame:
 
 
 def worst_frames(
-    truths: TrueBoxes,
-    detections: DetectedBoxes,
-    frames: int,
-    detection_class: DetectionClass,
-    count: int,
+    boxes: EvaluationBoxes, detection_class: DetectionClass, count: int
 ) -> list[ErrorFrame]:
-    """Return the frames with most errors at the hardest difficulty, the worst first.
-
-    Raises:
-        PerceptionError: a box is of a frame beyond the last.
-    """
-    difficulty = DIFFICULTIES[-1]
-    errors = count_frame_errors(truths, detections, frames, detection_class, difficulty)
-    boxes = pair_boxes(truths, detections, frames)
+    """Return the frames with most errors at the hardest difficulty, the worst first."""
+    truths, detections, difficulty = boxes.truths, boxes.detections, DIFFICULTIES[-1]
+    errors = count_frame_errors(boxes, detection_class, difficulty)
     mask = evaluation_mask(boxes, detection_class, difficulty)
     counts = (detections.scores >= errors.threshold) & (
         boxes.detection_types == detection_class.name.lower()

@@ -21,7 +21,7 @@ from perception.evaluation.detection.average_precision import (
     Interval,
     percentile_interval,
 )
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import (
     CONFIDENCE,
     LEVELS,
@@ -29,6 +29,7 @@ from perception.evaluation.detection.class_precision import (
     PrecisionMeasure,
     few_objects_note,
 )
+from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
 from perception.evaluation.detection.reliability import (
     Reliability,
     match_correctness,
@@ -250,9 +251,9 @@ class FusionMeasure(PrecisionMeasure[DetectedScene]):
 
     fusions: Mapping[FusionVariant, Fusion]
 
-    def boxes(self) -> tuple[TrueBoxes, DetectedBoxes]:
+    def boxes(self) -> EvaluationBoxes:
         """Return the labelled boxes and those of Trifuse's fusion of all frames so far."""
-        return self.truths, self.detected(self._fuse)
+        return self.pair(self.detected(self._fuse))
 
     def compute(self) -> FusionReport:
         """Return the metrics of all frames so far."""
@@ -286,8 +287,7 @@ class FusionMeasure(PrecisionMeasure[DetectedScene]):
 
     def _reliability(self, found: DetectedBoxes) -> Reliability:
         of_class = self.classes[0].at_iou(self.config.iou[0])
-        correctness = match_correctness(self.truths, found, len(self.outputs), of_class)
-        return measure_reliability(correctness, _BINS)
+        return measure_reliability(match_correctness(self.pair(found), of_class), _BINS)
 
     def _fuse(self, scene: DetectedScene) -> Detections:
         return _fuse(self.fusions["default"], scene)

@@ -76,48 +76,48 @@ class MatchStatistics:
 
 
 def match_statistics(
-    evaluation_boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
+    boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
 ) -> MatchStatistics:
     """Match the boxes of all frames for all thresholds."""
-    mask = evaluation_mask(evaluation_boxes, detection_class, difficulty)
-    overlaps = evaluation_boxes.overlaps
+    mask = evaluation_mask(boxes, detection_class, difficulty)
+    overlaps = boxes.overlaps
     pairs_to_match = overlaps[
         (overlaps.iou > detection_class.iou)
         & mask.is_matchable_truth[overlaps.truths]
         & mask.is_matchable_detection[overlaps.detections]
     ]
-    valid_frames = evaluation_boxes.truths.frames[mask.is_valid_truth]
+    valid_frames = boxes.truths.frames[mask.is_valid_truth]
     return MatchStatistics(
-        truths_of_frames=np.bincount(valid_frames, minlength=evaluation_boxes.frames),
-        matches=_match_by_score(evaluation_boxes, mask, pairs_to_match),
-        increments=_count_increments(evaluation_boxes, mask, pairs_to_match),
+        truths_of_frames=np.bincount(valid_frames, minlength=boxes.frames),
+        matches=_match_by_score(boxes, mask, pairs_to_match),
+        increments=_count_increments(boxes, mask, pairs_to_match),
     )
 
 
 def _match_by_score(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
+    boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> MatchedScores:
     """Match each label with the detection of the highest score, not of the largest IoU."""
-    scores = evaluation_boxes.detections.scores[pairs_to_match.detections]
+    scores = boxes.detections.scores[pairs_to_match.detections]
     pairs = pairs_to_match[np.lexsort((pairs_to_match.detections, -scores, pairs_to_match.truths))]
     rounds = rounds_in_groups(pairs.truths, connected_groups(pairs.truths, pairs.detections))
     matched = pairs[assign_greedily(pairs.truths, pairs.detections, rounds)]
     both = mask.is_valid_truth[matched.truths] & mask.is_valid_detection[matched.detections]
     detections = matched.detections[both]
     matches = MatchedScores(
-        evaluation_boxes.detections.scores[detections],
-        evaluation_boxes.detections.frames[detections],
+        boxes.detections.scores[detections],
+        boxes.detections.frames[detections],
     )
     return matches[np.argsort(-matches.scores)]
 
 
 def _count_increments(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
+    boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> CountIncrements:
     """Count every detection as a false positive, then correct the counts by the matches."""
-    sweep = plan_sweep(evaluation_boxes, mask, pairs_to_match)
-    gains = count_at_steps(evaluation_boxes, mask, sweep).gains(sweep.step_groups)
-    detections, count = evaluation_boxes.detections, len(evaluation_boxes.detections)
+    sweep = plan_sweep(boxes, mask, pairs_to_match)
+    gains = count_at_steps(boxes, mask, sweep).gains(sweep.step_groups)
+    detections, count = boxes.detections, len(boxes.detections)
     zeros = np.zeros(count, np.int64)
     gained = StepCounts(zeros, zeros, zeros, np.zeros(count)).replaced(sweep.steps, gains)
     increments = CountIncrements(
@@ -176,7 +176,7 @@ class ThresholdSweep:
 
 
 def plan_sweep(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
+    boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> ThresholdSweep:
     """Order the pairs by preference: largest IoU first, ignored detections last."""
     groups = connected_groups(pairs_to_match.truths, pairs_to_match.detections)
@@ -187,8 +187,8 @@ def plan_sweep(
     pairs, groups = pairs_to_match[order], groups[order]
     detections, firsts = np.unique(pairs.detections, return_index=True)
     detection_groups = groups[firsts]
-    fall = np.lexsort((-evaluation_boxes.detections.scores[detections], detection_groups))
-    places = np.zeros(len(evaluation_boxes.detections), np.int64)
+    fall = np.lexsort((-boxes.detections.scores[detections], detection_groups))
+    places = np.zeros(len(boxes.detections), np.int64)
     places[detections] = ranks_in_groups(detection_groups)
     return ThresholdSweep(
         pairs=pairs,
@@ -201,10 +201,10 @@ def plan_sweep(
 
 
 def count_at_steps(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep
+    boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep
 ) -> StepCounts:
     """Match each group at each of its steps, with the detections above the threshold."""
-    blocks = (_count_block(evaluation_boxes, mask, sweep, block) for block in _blocks(sweep))
+    blocks = (_count_block(boxes, mask, sweep, block) for block in _blocks(sweep))
     return StepCounts.concatenate(blocks)
 
 
@@ -217,9 +217,9 @@ def _blocks(sweep: ThresholdSweep) -> Iterator[slice]:
 
 
 def _count_block(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep, block: slice
+    boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep, block: slice
 ) -> StepCounts:
-    scores = evaluation_boxes.detections.scores
+    scores = boxes.detections.scores
     steps, groups = sweep.steps[block], sweep.step_groups[block]
     # Each step has its own copy of its group's pairs, without those below the threshold.
     of_steps, of_pairs = pairs_in_groups(groups, sweep.groups)
@@ -228,15 +228,15 @@ def _count_block(
     pairs = sweep.pairs[of_pairs]
     sizes = np.bincount(sweep.step_groups)[groups]
     is_matched = assign_greedily(
-        truths=of_steps * len(evaluation_boxes.truths) + pairs.truths,
+        truths=of_steps * len(boxes.truths) + pairs.truths,
         detections=(np.cumsum(sizes) - sizes)[of_steps] + sweep.places[pairs.detections],
         rounds=sweep.rounds[of_pairs],
     )
-    return _count(evaluation_boxes, mask, pairs[is_matched], of_steps[is_matched], len(steps))
+    return _count(boxes, mask, pairs[is_matched], of_steps[is_matched], len(steps))
 
 
 def _count(
-    evaluation_boxes: EvaluationBoxes,
+    boxes: EvaluationBoxes,
     mask: EvaluationMask,
     matched: OverlapPairs,
     of_steps: Int,
@@ -246,8 +246,7 @@ def _count(
     is_correct = is_found & mask.is_valid_detection[matched.detections]
     is_cleared = mask.is_false_positive_if_unmatched[matched.detections]
     heading_errors_rad = (
-        evaluation_boxes.truths.alphas_rad[matched.truths]
-        - evaluation_boxes.detections.alphas_rad[matched.detections]
+        boxes.truths.alphas_rad[matched.truths] - boxes.detections.alphas_rad[matched.detections]
     )
     similarity = np.where(is_correct, (1 + np.cos(heading_errors_rad)) / 2, 0.0)
     return StepCounts(

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import PerceptionError
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.evaluation_boxes import (
     EvaluationBoxes,
     evaluation_mask,
-    pair_boxes,
 )
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
 from perception.evaluation.grouping import ranks_in_groups
@@ -85,9 +83,7 @@ class ProposalRecall:
 
 
 def proposal_recall(
-    truths: TrueBoxes,
-    proposals: DetectedBoxes,
-    frames: int,
+    boxes: EvaluationBoxes,
     class_name: str,
     overlaps: Sequence[float] = IOU_THRESHOLDS,
     difficulties: Sequence[Difficulty] = (*DIFFICULTIES, EVERY_LABEL),
@@ -95,29 +91,26 @@ def proposal_recall(
     """Return the recall of the proposals for the objects of a class.
 
     Args:
-        truths: Labelled boxes of all frames.
-        proposals: Proposals of all frames, ranked by their scores; their classes are not used.
-        frames: Number of frames, with boxes or without.
+        boxes: Labelled boxes and proposals, ranked by their scores; their classes are not used.
         class_name: Class of the objects, in any case.
         overlaps: IoU thresholds from which on a proposal recalls an object.
         difficulties: Difficulties, each with its limits.
 
     Raises:
-        PerceptionError: an IoU is out of range, or a box is of a frame beyond the last.
+        PerceptionError: an IoU is out of range.
     """
     for iou in overlaps:
         require_iou(iou)
-    evaluation_boxes = pair_boxes(truths, proposals, frames)
-    ranks = {iou: _first_ranks(evaluation_boxes, iou) for iou in overlaps}
-    best_iou = np.zeros(len(truths))
-    np.maximum.at(best_iou, evaluation_boxes.overlaps.truths, evaluation_boxes.overlaps.iou)
+    proposals = boxes.detections
+    ranks = {iou: _first_ranks(boxes, iou) for iou in overlaps}
+    best_iou = np.zeros(len(boxes.truths))
+    np.maximum.at(best_iou, boxes.overlaps.truths, boxes.overlaps.iou)
     target_class = DetectionClass(class_name, iou=0)
     is_valid_truth = {
-        one.name: evaluation_mask(evaluation_boxes, target_class, one).is_valid_truth
-        for one in difficulties
+        one.name: evaluation_mask(boxes, target_class, one).is_valid_truth for one in difficulties
     }
     return ProposalRecall(
-        frames=frames,
+        frames=boxes.frames,
         proposals=len(proposals),
         max_per_frame=int(np.bincount(proposals.frames).max(initial=0)),
         difficulties={
@@ -143,14 +136,14 @@ def require_iou(iou: float) -> None:
         raise PerceptionError("IoU of a proposal", expected="above 0, at most 1", found=f"{iou:g}")
 
 
-def _first_ranks(evaluation_boxes: EvaluationBoxes, iou: float) -> Int:
+def _first_ranks(boxes: EvaluationBoxes, iou: float) -> Int:
     """Return (G,) the rank of the first proposal of the frame that recalls each object, -1 without one."""
-    proposals = evaluation_boxes.detections
+    proposals = boxes.detections
     order = np.lexsort((-proposals.scores, proposals.frames))
     places = np.empty(len(proposals), np.int64)
     places[order] = ranks_in_groups(proposals.frames[order])
-    reaching = evaluation_boxes.overlaps[evaluation_boxes.overlaps.iou >= iou]
-    first = np.full(len(evaluation_boxes.truths), len(proposals))
+    reaching = boxes.overlaps[boxes.overlaps.iou >= iou]
+    first = np.full(len(boxes.truths), len(proposals))
     np.minimum.at(first, reaching.truths, places[reaching.detections])
     return np.where(first < len(proposals), first, -1)
 

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes, pair_boxes
+from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
 from perception.evaluation.detection.protocol import DetectionClass
 from perception.evaluation.report import Metric, Metrics
 from perception.types import Bool, Float64, Int
@@ -51,28 +50,22 @@ class Reliability(Metrics):
         return float(np.average(np.abs(self.scores - self.shares), weights=self.counts))
 
 
-def match_correctness(
-    truths: TrueBoxes, detections: DetectedBoxes, frames: int, detection_class: DetectionClass
-) -> Correctness:
+def match_correctness(boxes: EvaluationBoxes, detection_class: DetectionClass) -> Correctness:
     """Return which detections of a class are correct; an object is matched once, by the highest score.
 
     Detections of neighbour classes and in DontCare regions are neither right nor wrong, and left out.
-
-    Raises:
-        PerceptionError: a box is of a frame beyond the last.
     """
-    evaluation_boxes = pair_boxes(truths, detections, frames)
-    is_of_class = evaluation_boxes.detection_types == detection_class.name.lower()
-    is_correct = _matched(evaluation_boxes, detection_class, is_of_class)
+    is_of_class = boxes.detection_types == detection_class.name.lower()
+    is_correct = _matched(boxes, detection_class, is_of_class)
     neighbours = [name.lower() for name in detection_class.neighbours]
-    pairs = evaluation_boxes.overlaps
-    is_neighbour = np.isin(evaluation_boxes.truth_types[pairs.truths], neighbours) & (
+    pairs = boxes.overlaps
+    is_neighbour = np.isin(boxes.truth_types[pairs.truths], neighbours) & (
         pairs.iou > detection_class.iou
     )
-    is_left_out = evaluation_boxes.dont_care_shares > detection_class.iou
+    is_left_out = boxes.dont_care_shares > detection_class.iou
     is_left_out[pairs.detections[is_neighbour]] = True
     counts = is_of_class & (is_correct | ~is_left_out)
-    return Correctness(evaluation_boxes.detections.scores[counts], is_correct[counts])
+    return Correctness(boxes.detections.scores[counts], is_correct[counts])
 
 
 def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
@@ -85,20 +78,18 @@ def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
     return Reliability(scores, shares, counts[is_filled])
 
 
-def _matched(
-    evaluation_boxes: EvaluationBoxes, detection_class: DetectionClass, is_of_class: Bool
-) -> Bool:
+def _matched(boxes: EvaluationBoxes, detection_class: DetectionClass, is_of_class: Bool) -> Bool:
     """Return (D,) the detections matched greedily: highest score first, then largest IoU."""
-    pairs = evaluation_boxes.overlaps
+    pairs = boxes.overlaps
     is_pair = (
         (pairs.iou > detection_class.iou)
-        & (evaluation_boxes.truth_types[pairs.truths] == detection_class.name.lower())
+        & (boxes.truth_types[pairs.truths] == detection_class.name.lower())
         & is_of_class[pairs.detections]
     )
     pairs = pairs[is_pair]
-    order = np.lexsort((-pairs.iou, -evaluation_boxes.detections.scores[pairs.detections]))
-    is_correct = np.zeros(len(evaluation_boxes.detections), bool)
-    is_found = np.zeros(len(evaluation_boxes.truths), bool)
+    order = np.lexsort((-pairs.iou, -boxes.detections.scores[pairs.detections]))
+    is_correct = np.zeros(len(boxes.detections), bool)
+    is_found = np.zeros(len(boxes.truths), bool)
     for truth, detection in zip(
         pairs.truths[order].tolist(), pairs.detections[order].tolist(), strict=True
     ):
