@@ -65,12 +65,12 @@ class Scripted:
 
     def init(self, tracker_input, box_velo):
         self._box = box_velo
-        return self._answer()
+        return self._tracked()
 
     def update(self, tracker_input):
-        return self._answer()
+        return self._tracked()
 
-    def _answer(self):
+    def _tracked(self):
         box = self._box if self.in_space else None
         box_px = None if self.in_space else np.array([10.0, 20, 30, 40])
         return TrackedObject(self.states.pop(0), box, np.array([3.0, 4.0]), box_px)

@@ -50,7 +50,7 @@ def test_a_few_voxels_count_only_beside_what_moved_before():
     assert not moves("FFF", voxels=6, before=column(6.0, 0.0, 3)).any()
 
 
-def test_what_was_out_of_sight_moves_with_what_came():
+def test_occluded_voxels_move_with_those_that_appeared():
     assert moves(["FFF"] * 12 + ["---"] * 28, voxels=40).all()
 
 

@@ -6,7 +6,7 @@ from train.networks.compact import CompactDetector
 from train.networks.yolov2 import YOLOv2
 
 
-def test_at_most_three_million_parameters():
+def test_no_more_than_three_million_parameters():
     assert sum(part.numel() for part in CompactDetector().parameters()) == 2_540_590
 
 
