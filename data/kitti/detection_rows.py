@@ -14,20 +14,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from data.kitti.labels import read_label_lines
+from data.kitti.reading import read_label_lines
+from data.kitti.rows import read_object_rows
 from data.kitti.sensor_files import list_folder
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.grouping import ranks_in_groups
-from perception.types import Float64, Int, Progress
-
-_COLUMNS = (
-    *("type", "truncation", "occlusion", "alpha", "x1", "y1", "x2", "y2"),
-    *("height", "width", "length", "x", "y", "z", "ry", "score"),
-)
-_LABEL_COLUMNS, _RESULT_COLUMNS = len(_COLUMNS) - 1, len(_COLUMNS)
+from perception.types import Progress
 
 
 @dataclass(frozen=True)
@@ -111,15 +103,6 @@ def read_frame_list(path: Path) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True)
-class _Table:
-    """Rows of many files: index of the frame, type, and the numbers after it."""
-
-    frames: Int
-    types: np.ndarray
-    numbers: Float64
-
-
-@dataclass(frozen=True)
 class _TextFiles:
     """Texts of a folder by the number in their names."""
 
@@ -140,9 +123,9 @@ def _text_files(folder: Path, inner: Sequence[str]) -> _TextFiles:
 
 def _read_labels(files: _TextFiles, chosen: Sequence[int], progress: Progress) -> TrueBoxes:
     paths = [files.paths.get(number, files.folder / f"{number:06d}.txt") for number in chosen]
-    table = _read_table(paths, _LABEL_COLUMNS, progress)
+    table = read_object_rows(paths, allows_more=True, progress=progress)
     return TrueBoxes(
-        frames=table.frames,
+        frames=table.files,
         types=table.types,
         truncation=table.numbers[:, 0],
         occlusion=table.numbers[:, 1],
@@ -152,62 +135,13 @@ def _read_labels(files: _TextFiles, chosen: Sequence[int], progress: Progress) -
 
 
 def _read_results(files: _TextFiles, chosen: Sequence[int], progress: Progress) -> DetectedBoxes:
-    table = _read_table([files.paths.get(number) for number in chosen], _RESULT_COLUMNS, progress)
+    table = read_object_rows(
+        [files.paths.get(number) for number in chosen], has_scores=True, progress=progress
+    )
     return DetectedBoxes(
-        frames=table.frames,
+        frames=table.files,
         types=table.types,
         alphas_rad=table.numbers[:, 2],
         boxes_px=table.numbers[:, 3:7],
         scores=table.numbers[:, 14],
     )
-
-
-def _read_table(paths: Sequence[Path | None], columns: int, progress: Progress) -> _Table:
-    """Read files in turn, None as an empty one; convert all words to numbers at once."""
-    rows, counts = [], []
-    for place in progress(range(len(paths))):
-        path = paths[place]
-        of_file = [] if path is None else _read_rows(path, columns)
-        rows += of_file
-        counts.append(len(of_file))
-    frames = np.repeat(np.arange(len(paths)), counts)
-    numbers = _to_numbers([word for row in rows for word in row[1:columns]], columns - 1)
-    is_bad = ~np.isfinite(numbers)
-    if is_bad.any():
-        row, column = np.argwhere(is_bad)[0].tolist()
-        raise LabelError(
-            f"{paths[frames[row]]} row {ranks_in_groups(frames)[row] + 1}",
-            expected=f"finite numbers after the type, as {_COLUMNS[column + 1]} is",
-            found=repr(rows[row][column + 1]),
-        )
-    return _Table(frames, np.array([row[0] for row in rows], np.str_), numbers)
-
-
-def _read_rows(path: Path, columns: int) -> list[list[str]]:
-    """Split the rows of a file into words; a label may carry a score, which is ignored."""
-    rows = [line.split() for line in read_label_lines(path)]
-    allowed = {columns, _RESULT_COLUMNS}
-    for number, row in enumerate(rows, start=1):
-        if len(row) not in allowed:
-            raise LabelError(
-                f"{path} row {number}",
-                expected=f"{columns} columns, {_COLUMNS[0]} to {_COLUMNS[columns - 1]}",
-                found=f"{len(row)}",
-            )
-    return rows
-
-
-def _to_numbers(words: list[str], columns: int) -> Float64:
-    """Return (N, columns); NaN where a word is no number."""
-    try:
-        numbers = list(map(float, words))
-    except ValueError:
-        numbers = [_number_or_nan(word) for word in words]
-    return np.array(numbers, np.float64).reshape(-1, columns)
-
-
-def _number_or_nan(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        return float("nan")

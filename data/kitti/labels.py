@@ -8,18 +8,15 @@ with x y z the centre of the bottom face in the rectified camera (x right, y dow
 the heading about the camera's y axis, 0 to the right. In the LiDAR frame that is yaw = -ry - pi/2.
 """
 
-from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 
-from data.kitti.reading import read_text
-from perception.errors import LabelError
+from data.kitti.rows import ObjectRows, read_object_rows
 from perception.geometry.se3 import wrap
 from perception.types import Boxes3D, Calibration, Float64, Labels
 
 DONT_CARE = "DontCare"
-_NUMBERS = 14  # after the type
 
 
 def read_tracking_labels(path: Path, calibration: Calibration) -> dict[int, Labels]:
@@ -28,17 +25,10 @@ def read_tracking_labels(path: Path, calibration: Calibration) -> dict[int, Labe
     Raises:
         LabelError: The file or one of its rows cannot be read.
     """
-    rows_of_frame: dict[int, list[tuple[str, int, Float64]]] = defaultdict(list)
-    for number, line in enumerate(read_label_lines(path), start=1):
-        where = f"{path} row {number}"
-        frame, track_id, *rest = line.split() if len(line.split()) > 2 else ("?", "?", "")
-        if not (frame.isdigit() and track_id.lstrip("-").isdigit()):
-            raise LabelError(
-                where, expected="a frame number, a track id and a label", found=repr(line)
-            )
-        kind, values = _parse_row(rest, where)
-        rows_of_frame[int(frame)].append((kind, int(track_id), values))
-    return {frame: _to_labels(rows, calibration) for frame, rows in rows_of_frame.items()}
+    rows = read_object_rows([path], heads=2, allows_more=True)
+    frames = rows.heads[:, 0]
+    numbers = dict.fromkeys(frames.tolist())
+    return {number: _to_labels(rows[frames == number], calibration) for number in numbers}
 
 
 def read_object_labels(path: Path, calibration: Calibration) -> Labels:
@@ -47,11 +37,7 @@ def read_object_labels(path: Path, calibration: Calibration) -> Labels:
     Raises:
         LabelError: The file or one of its rows cannot be read.
     """
-    rows = []
-    for number, line in enumerate(read_label_lines(path), start=1):
-        kind, values = _parse_row(line.split(), f"{path} row {number}")
-        rows.append((kind, -1, values))
-    return _to_labels(rows, calibration)
+    return _to_labels(read_object_rows([path], allows_more=True), calibration)
 
 
 def empty_labels() -> Labels:
@@ -68,47 +54,18 @@ def empty_labels() -> Labels:
     )
 
 
-def read_label_lines(path: Path, what: str = "a label text") -> list[str]:
-    """Return the rows of a text file that are not blank.
-
-    Raises:
-        LabelError: The file cannot be read.
-    """
-    lines = read_text(path, LabelError, what).splitlines()
-    return [line for line in lines if line.strip()]
-
-
-def _parse_row(words: list[str], where: str) -> tuple[str, Float64]:
-    """Return the type and the 14 numbers after it."""
-    try:
-        values = np.array(words[1 : _NUMBERS + 1], np.float64)
-    except ValueError as error:
-        raise LabelError(
-            where, expected=f"{_NUMBERS} numbers after the type", found=repr(" ".join(words))
-        ) from error
-    if len(values) < _NUMBERS or not np.isfinite(values).all():
-        raise LabelError(
-            where,
-            expected=f"{_NUMBERS} finite numbers after the type",
-            found=f"{int(np.isfinite(values).sum())}",
-        )
-    return words[0], values
-
-
-def _to_labels(rows: list[tuple[str, int, Float64]], calibration: Calibration) -> Labels:
-    types = np.array([kind for kind, _, _ in rows], np.str_)
-    values = np.array([numbers for _, _, numbers in rows]).reshape(-1, _NUMBERS)
-    track_ids = np.array([track_id for _, track_id, _ in rows], np.int64)
-    cared = types != DONT_CARE
-    objects = values[cared]
+def _to_labels(rows: ObjectRows, calibration: Calibration) -> Labels:
+    is_object = rows.types != DONT_CARE
+    objects = rows.numbers[is_object]
+    track_ids = rows.heads[:, 1] if rows.heads.shape[1] else np.full(len(rows), -1)
     return Labels(
         boxes_velo=_boxes_from_cam(objects[:, 7:14], calibration),
         boxes_px=objects[:, 3:7],
-        types=types[cared],
-        track_ids=track_ids[cared],
+        types=rows.types[is_object],
+        track_ids=track_ids[is_object],
         truncation=objects[:, 0],
         occlusion=objects[:, 1].astype(np.int64),
-        dont_care_px=values[~cared, 3:7],
+        dont_care_px=rows.numbers[~is_object, 3:7],
     )
 
 

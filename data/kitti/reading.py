@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from perception.errors import PerceptionError
+from perception.errors import LabelError, PerceptionError
 
 
 def read_bytes(
@@ -35,3 +35,13 @@ def read_text(
         return read_bytes(path, kind, expected, advice).decode()
     except UnicodeDecodeError as error:
         raise kind(path, expected=expected, found=str(error), advice=advice) from error
+
+
+def read_label_lines(path: Path, what: str = "a label text") -> list[str]:
+    """Return the rows of a text file that are not blank.
+
+    Raises:
+        LabelError: The file cannot be read.
+    """
+    lines = read_text(path, LabelError, what).splitlines()
+    return [line for line in lines if line.strip()]

@@ -8,7 +8,7 @@ Which sequences there are, and how long they are, can be said by a seqmap of the
 from dataclasses import dataclass
 from pathlib import Path
 
-from data.kitti.labels import read_label_lines
+from data.kitti.reading import read_label_lines
 from data.kitti.tracking_rows import TrackingRows, read_label_rows, read_result_rows
 from perception.errors import DriveError, LabelError
 

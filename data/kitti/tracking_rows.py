@@ -13,14 +13,13 @@ All is as in the file: pixels, metres and radians, x y z the centre of the botto
 camera, ry the heading about its y axis.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from data.kitti.labels import read_label_lines
+from data.kitti.rows import ObjectRows, read_object_rows
 from perception.errors import LabelError
 from perception.evaluation.multi_object.kitti_protocol import ImageBoxes
 from perception.types import ArrayTable, Bool, Float64, Int
@@ -29,7 +28,6 @@ TYPES = (
     *("Car", "Van", "Truck", "Tram", "Misc", "Cyclist"),
     *("Pedestrian", "Person", "Person_sitting", "DontCare"),
 )
-_LABEL_COLUMNS, _RESULT_COLUMNS = 17, 18
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,8 @@ def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
         LabelError: The file or a row cannot be read, a class or a frame number is not one that the
             benchmark knows, or an id of one type is twice in a frame.
     """
-    table = _read_table(path, _LABEL_COLUMNS)
-    return _checked(_to_rows(table, np.full(len(table.numbers), np.nan)), path, frame_count)
+    table = read_object_rows([path], heads=2)
+    return _checked(_to_rows(table, np.full(len(table), np.nan)), path, frame_count)
 
 
 def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
@@ -91,7 +89,7 @@ def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows
     Raises:
         LabelError: The same faults as for `read_label_rows`.
     """
-    table = _read_table(path, _RESULT_COLUMNS)
+    table = read_object_rows([path], heads=2, has_scores=True)
     return _checked(_to_rows(table, table.numbers[:, -1]), path, frame_count)
 
 
@@ -106,52 +104,10 @@ def format_result_rows(rows: TrackingRows) -> str:
     return "".join(f"{line} {score:.6f}\n" for line, score in lines)
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Columns of a file: frame and id, class, and the numbers after it."""
-
-    integers: Int
-    types: np.ndarray
-    numbers: Float64
-
-
-def _read_table(path: Path, columns: int) -> _Table:
-    rows = [line.split() for line in read_label_lines(path)]
-    for number, row in enumerate(rows, start=1):
-        if len(row) != columns:
-            raise LabelError(
-                f"{path} row {number}", expected=f"{columns} columns", found=f"{len(row)}"
-            )
-    integers = _parse([row[:2] for row in rows], np.int64, path, "a frame number and an id")
-    values = _parse([row[3:] for row in rows], float, path, "numbers after the type")
-    numbers = np.array(values, np.float64).reshape(-1, columns - 3)
-    if not np.isfinite(numbers).all():
-        raise _row_error(path, ~np.isfinite(numbers), "finite numbers after the type", numbers)
-    return _Table(
-        integers=np.array(integers, np.int64).reshape(-1, 2),
-        types=np.array([row[2] for row in rows], np.str_),
-        numbers=numbers,
-    )
-
-
-def _parse(
-    rows: list[list[str]], kind: Callable[[str], object], path: Path, expected: str
-) -> list[list[object]]:
-    values: list[list[object]] = []
-    for number, words in enumerate(rows, start=1):
-        try:
-            values.append(list(map(kind, words)))
-        except (ValueError, OverflowError) as error:
-            raise LabelError(
-                f"{path} row {number}", expected=expected, found=repr(" ".join(words))
-            ) from error
-    return values
-
-
-def _to_rows(table: _Table, scores: Float64) -> TrackingRows:
+def _to_rows(table: ObjectRows, scores: Float64) -> TrackingRows:
     return TrackingRows(
-        frames=table.integers[:, 0],
-        ids=table.integers[:, 1],
+        frames=table.heads[:, 0],
+        ids=table.heads[:, 1],
         types=table.types,
         truncation=table.numbers[:, 0],
         occlusion=table.numbers[:, 1],

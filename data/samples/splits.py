@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from data.kitti.labels import read_label_lines
+from data.kitti.reading import read_label_lines
 from data.samples.config import SplitBy
 from perception.errors import LabelError, UsageError
 from perception.types import Bool, Int

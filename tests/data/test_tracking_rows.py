@@ -77,29 +77,25 @@ def test_an_empty_file_holds_no_rows(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("row", "sentence"),
+    ("row", "expected", "found"),
     [
-        (RESULT, "row 2: expected 17 columns, found 18"),
-        ("1 2 Car", "row 2: expected 17 columns, found 3"),
-        (LABEL.replace("3 4", "3.5 4"), "row 2: expected a frame number and an id, found '3.5 4'"),
-        (LABEL.replace("3 4", f"3 {2**70}"), "row 2: expected a frame number and an id"),
-        (LABEL.replace("20", "wide"), "row 2: expected numbers after the type, found '1 2 -1.5"),
-        (LABEL.replace(" 0.25", " nan"), "row 2: expected finite numbers after the type"),
-        (LABEL.replace("40", "inf"), "row 2: expected finite numbers after the type, found 'inf'"),
-        (LABEL.replace("Car", "Bus"), "row 2: expected one of Car, Van"),
-        (LABEL.replace("3 4", "6 4"), "row 2: expected frames from 0 to 5, found '6'"),
-        (LABEL.replace("3 4", "-1 4"), "row 2: expected frames from 0 to 5, found '-1'"),
-        (
-            LABEL.replace("Car", "car"),
-            "row 2: expected every car once in a frame, found id 4 again in frame 3",
-        ),
+        (RESULT, "17 columns, frame to ry", "18"),
+        ("1 2 Car", "17 columns, frame to ry", "3"),
+        (LABEL.replace("3 4", "3.5 4"), "whole numbers before the type, as frame is", "'3.5'"),
+        (LABEL.replace("3 4", f"3 {2**70}"), "whole numbers before the type, as id is", "'118"),
+        (LABEL.replace("20", "wide"), "finite numbers after the type, as y1 is", "'wide'"),
+        (LABEL.replace(" 0.25", " nan"), "finite numbers after the type, as ry is", "'nan'"),
+        (LABEL.replace("40", "inf"), "finite numbers after the type, as y2 is", "'inf'"),
+        (LABEL.replace("Car", "Bus"), "one of Car, Van", "'Bus'"),
+        (LABEL.replace("3 4", "6 4"), "frames from 0 to 5", "'6'"),
+        (LABEL.replace("3 4", "-1 4"), "frames from 0 to 5", "'-1'"),
+        (LABEL.replace("Car", "car"), "every car once in a frame", "id 4 again in frame 3"),
     ],
 )
-def test_a_row_that_cannot_be_is_named_with_its_file(tmp_path, row, sentence):
+def test_a_row_that_cannot_be_is_named_with_its_file(tmp_path, row, expected, found):
     path = write(tmp_path, f"{LABEL}\n{row}\n")
-    with pytest.raises(LabelError) as error:
+    with fault(LabelError, f"{path} row 2", expected, found):
         read_label_rows(path, frame_count=6)
-    assert str(error.value).startswith(f"{path} {sentence}")
 
 
 def test_an_id_may_be_there_again_where_it_means_another(tmp_path):
