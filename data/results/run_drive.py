@@ -2,11 +2,9 @@
 
 import logging
 import time
-from collections.abc import Generator
-from contextlib import ExitStack
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Self
 
 from data.frames import frame_count
 from data.results.documents import write_json
@@ -80,25 +78,26 @@ def run_drive(
     Raises:
         PerceptionError: A frame cannot be used; the results of the frames before it stay.
     """
-    pipeline, handover = config.pipeline, _handover(drive, config)
-    start = time.perf_counter()
-    all_results = started(results)
+    pipeline, start_s = config.pipeline, time.perf_counter()
+    steps = started(track_selected(results, _handover(drive, config)))
     out = folder.prepare()
     summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
-    with ExitStack() as files:
-        video = files.enter_context(_open_video(drive, out, config))
-        tracking = files.enter_context(ObjectTracking(out, handover))
+    with _open_video(drive, out, config) as video:
         try:
-            for result in map(tracking.update, all_results):
-                video.add(result, tracking.selected)
+            for result, selected in steps:
+                video.add(result, selected)
                 append_frame(out, drive, result, pipeline.area, config.min_vehicle_score)
+                if selected is not None:
+                    identity = selected.track_id, None
+                    record = TrajectoryRecord.of(result, selected.tracked, *identity)
+                    append_record(out / "trajectory.jsonl", record)
                 summary.update(result, drive.point_truth(result.frame.index))
         except PerceptionError:
             log.warning("frames done: %d; their results are kept in %s", summary.frames, out)
             raise
         finally:
             results.close()
-            summary.elapsed_s = time.perf_counter() - start
+            summary.elapsed_s = time.perf_counter() - start_s
             write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
     if summary.frames:
         title = f"{drive.name}: a typical frame"
@@ -108,49 +107,31 @@ def run_drive(
     return summary
 
 
-class ObjectTracking:
-    """Tracks one object of the pipeline from its first frame on, and writes its trajectory; or does nothing.
+def track_selected(
+    results: Iterable[Result], handover: TrackHandover | None
+) -> Iterator[tuple[Result, SelectedObject | None]]:
+    """Yield each frame with the object that a one-object tracker follows, None before it appears.
 
-    Attributes:
-        selected: The object in the last frame, or None before it appears.
+    Args:
+        results: Results of the pipeline.
+        handover: Tracker that waits for the object; None to track nothing.
     """
-
-    def __init__(self, out: Path, handover: TrackHandover | None) -> None:
-        """Start without the object.
-
-        Args:
-            out: Folder of the results, which gets `trajectory.jsonl`.
-            handover: Tracker that waits for the object; None to track nothing.
-        """
-        self.selected: SelectedObject | None = None
-        self._handover = handover
-        self._path = out / "trajectory.jsonl"
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        """Warn where the object never appeared."""
-        if kind is None and self._handover is not None and not self._handover.has_started:
-            log.warning(
-                "--track %d: no frame has a track or a located vehicle of this id; tracks.jsonl and "
-                "vehicles.jsonl hold the ids of this run",
-                self._handover.track_id,
-            )
-
-    def update(self, result: Result) -> Result:
-        """Track the object in one frame; return the frame with the time of the stage."""
-        if self._handover is None:
-            return result
+    if handover is None:
+        yield from ((result, None) for result in results)
+        return
+    for result in results:
         start_s = time.perf_counter()
         with limit_blas_threads():
-            tracked = self._handover.update(result)
-        seconds = time.perf_counter() - start_s
-        if tracked is not None:
-            track_id = self._handover.track_id
-            append_record(self._path, TrajectoryRecord.of(result, tracked, track_id, None))
-            self.selected = SelectedObject(track_id, tracked)
-        return replace(result, timings_s={**result.timings_s, TRACKING_STAGE: seconds})
+            tracked = handover.update(result)
+        timings_s = {**result.timings_s, TRACKING_STAGE: time.perf_counter() - start_s}
+        selected = None if tracked is None else SelectedObject(handover.track_id, tracked)
+        yield replace(result, timings_s=timings_s), selected
+    if not handover.has_started:
+        log.warning(
+            "--track %d: no frame has a track or a located vehicle of this id; tracks.jsonl and "
+            "vehicles.jsonl hold the ids of this run",
+            handover.track_id,
+        )
 
 
 def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:

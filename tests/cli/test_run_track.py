@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from data.results.run_drive import TRACKING_STAGE, ObjectTracking
+from data.results.objects import TrajectoryRecord
+from data.results.run_drive import TRACKING_STAGE, track_selected
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.errors import UsageError
@@ -57,29 +58,35 @@ def hand_over_of(track_id: int) -> TrackHandover:
     return TrackHandover(track_id, StaticTracker(), EgoVehicle())
 
 
-def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
-    path = tmp_path / "trajectory.jsonl"
-    with ObjectTracking(tmp_path, hand_over_of(8)) as object_tracking:
-        before = object_tracking.update(replace(result, tracks=Tracks.empty()))
-        assert TRACKING_STAGE in before.timings_s
-        assert object_tracking.selected is None
-        objects = SceneObjects.of(object_tracking.update(result), selected=object_tracking.selected)
-        assert objects.ids.tolist() == [3, 8]
-        assert objects.is_selected.tolist() == [False, True]
-        np.testing.assert_allclose(objects.speeds_m_s[1], 5.0)
-        # Its own track is gone; it is followed on.
-        object_tracking.update(replace(result, tracks=Tracks.empty()))
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]] * 2
+def positions_m(steps) -> list[list[float]]:
+    """Return where the trajectory has the object."""
+    records = [
+        TrajectoryRecord.of(result, one.tracked, one.track_id, None)
+        for result, one in steps
+        if one is not None
+    ]
+    return [record.velo.position_m for record in records]
 
 
-def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
-    with ObjectTracking(tmp_path, hand_over_of(99)) as object_tracking:
-        object_tracking.update(result)
+def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result):
+    without = replace(result, tracks=Tracks.empty())
+    # In the last frame its own track is gone; it is followed on.
+    steps = list(track_selected([without, result, without], hand_over_of(8)))
+    assert all(TRACKING_STAGE in one.timings_s for one, _ in steps)
+    assert steps[0][1] is None
+    objects = SceneObjects.of(steps[1][0], selected=steps[1][1])
+    assert objects.ids.tolist() == [3, 8]
+    assert objects.is_selected.tolist() == [False, True]
+    np.testing.assert_allclose(objects.speeds_m_s[1], 5.0)
+    assert positions_m(steps) == [[12, -2, -1.7]] * 2
+
+
+def test_a_track_that_never_comes_is_said(result, caplog):
+    list(track_selected([result], hand_over_of(99)))
     assert "--track 99: no frame has a track or a located vehicle of this id" in caplog.text
 
 
-def test_a_vehicle_without_a_track_is_tracked_from_its_first_box_on(result, tmp_path):
+def test_a_vehicle_without_a_track_is_tracked_from_its_first_box_on(result):
     fused = detected(cars((9.0, 2.0, 0.0), (12.0, -2.0, 0.0)))
     boxes = replace(result.tracks.boxes, bottom_m=np.array([[9.0, 2, -1.7], [np.nan] * 3]))
     unlocated = Vehicles(
@@ -92,30 +99,24 @@ def test_a_vehicle_without_a_track_is_tracked_from_its_first_box_on(result, tmp_
         owners=np.full(len(result.frame.points_velo), -1),
     )
     located = replace(unlocated, boxes=result.tracks.boxes)
-    path = tmp_path / "trajectory.jsonl"
-    with ObjectTracking(tmp_path, hand_over_of(5)) as object_tracking:
-        # Where the LiDAR says too little of it, there is nothing to begin with.
-        object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
-        assert object_tracking.selected is None
-        seen = object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=located))
-        objects = SceneObjects.of(seen, selected=object_tracking.selected)
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
+    frames = [replace(result, tracks=Tracks.empty(), vehicles=one) for one in (unlocated, located)]
+    # Where the LiDAR says too little of it, there is nothing to begin with.
+    first, second = track_selected(frames, hand_over_of(5))
+    assert first[1] is None
+    assert positions_m([second]) == [[12, -2, -1.7]]
     # It is drawn once, as what is followed.
+    objects = SceneObjects.of(second[0], selected=second[1])
     assert objects.ids.tolist() == [4, 5]
     assert objects.is_selected.tolist() == [False, True]
 
 
-def test_without_a_handover_nothing_changes(result, tmp_path):
-    with ObjectTracking(tmp_path, None) as object_tracking:
-        assert object_tracking.update(result) is result
-        assert object_tracking.selected is None
+def test_without_a_handover_nothing_changes(result):
+    assert list(track_selected([result], None)) == [(result, None)]
 
 
-def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
-    with ObjectTracking(tmp_path, hand_over_of(8)) as object_tracking:
-        object_tracking.update(result)
-    objects = SceneObjects.of(result, selected=object_tracking.selected)
+def test_the_followed_object_is_drawn_over_the_others(result):
+    ((_, selected),) = track_selected([result], hand_over_of(8))
+    objects = SceneObjects.of(result, selected=selected)
     plain = Composition().draw(Scene.of(result))
     scene = Scene(result, objects, [np.zeros((0, 3))] * len(objects))
     picture = Composition().draw(scene)
