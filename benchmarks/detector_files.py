@@ -47,7 +47,7 @@ def write_detector(
         size: Size of its input.
         images: (H, W, C) images of this modality.
     """
-    variant = DetectorNetworkConfig(modality, network, size=size)
+    variant = DetectorNetworkConfig(modality, size=size, network=network)
     inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in images[:_SHOWN]]
     torch.manual_seed(0)
     detector = make_detector(variant)

@@ -1,10 +1,9 @@
 """Settings and result of the export of any network."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -13,19 +12,6 @@ from export.variants import ModelVariant
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.report import Column, Table
 from perception.types import Drive, Frame
-
-
-class Progress(Protocol):
-    """Shows how far a loop over frames is, as tqdm does."""
-
-    def __call__(self, frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
-        """Return the same frames."""
-        ...
-
-
-def no_progress(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
-    """Show nothing."""
-    return frames
 
 
 @dataclass(frozen=True)
@@ -38,7 +24,7 @@ class ExportConfig:
         frames: Maximum number of frames, spread evenly over the drive.
         int8: Whether to make an 8-bit variant.
         size: Size of the input of the model file, where it may be chosen; None for that of the training.
-        progress: Wrapper of the loop over frames that shows its progress.
+        progress: Wrapper of the loop over frames that shows their description and number.
     """
 
     checkpoint: Path
@@ -46,7 +32,7 @@ class ExportConfig:
     frames: int = 100
     int8: bool = False
     size: InputSize | None = None
-    progress: Progress = no_progress
+    progress: Callable[[Iterable[Frame], str, int], Iterable[Frame]] = lambda frames, *_: frames
 
     def read(self, what: str, most: int | None = None) -> Iterator[Frame]:
         """Yield frames of the drive, none without one.

@@ -1,10 +1,9 @@
 """Training of the fusion from cached detections to a calibrated model file (6.2.4)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.fused_frames import (
     boxes_by_detector,
     class_correctness,
@@ -12,11 +11,9 @@ from data.detections.fused_frames import (
     fuse_frames,
 )
 from data.detections.split_detections import SplitDetections, split_detections
-from data.samples.config import TrainingDrives
 from export.fusion import export_fusion, with_calibrations
 from export.result import ExportConfig
 from perception.atomic_file import write_atomically
-from perception.detection.config import FusionVariant
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.evaluation.detection.reliability import Reliability
@@ -25,7 +22,7 @@ from train.checkpoints import program_revision, read_checkpoint
 from train.config import TrainingRun
 from train.folder import TrainingFolder
 from train.fusion.calibration import fit_calibration
-from train.fusion.config import MODEL, FusionTrainingConfig
+from train.fusion.config import MODEL, FusionExperiment
 from train.fusion.plots import (
     plot_fusion_reliability,
     plot_fusion_rescoring,
@@ -37,32 +34,6 @@ from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import FittedFusion, fit_fusion, write_calibrations
 
 _SCORE_JITTERS = 2  # jittered copies of every frame, for the default variant
-
-
-@dataclass(frozen=True)
-class FusionExperiment:
-    """All settings of the training of the fusion, which `config.yaml` records.
-
-    Attributes:
-        drives: Labelled drives that no detector was trained on.
-        training: Network, and how it is fitted.
-        models: Model files of the detectors.
-        data: Split and cache.
-        sweep: Numbers of neurons of one hidden layer to try; the best of all sizes is taken.
-        sweep_two: Numbers of neurons of two hidden layers, of which all falling pairs are tried.
-    """
-
-    drives: TrainingDrives
-    training: FusionTrainingConfig
-    models: DetectorModelPaths = field(default_factory=DetectorModelPaths)
-    data: FusionDataConfig = field(default_factory=FusionDataConfig)
-    sweep: tuple[int, ...] = ()
-    sweep_two: tuple[int, ...] = ()
-
-    @property
-    def variant(self) -> FusionVariant:
-        """Features of a combination."""
-        return self.training.network.variant
 
 
 @dataclass(frozen=True)
@@ -114,8 +85,8 @@ def run_experiment(
         experiment.drives, experiment.models, experiment.data, run.seed, progress
     )
     sets = FusionSets(
-        fusion_rows(detections.training, experiment.variant, score_jitters=_SCORE_JITTERS),
-        fusion_rows(detections.validation, experiment.variant),
+        fusion_rows(detections.training, experiment.training.variant, score_jitters=_SCORE_JITTERS),
+        fusion_rows(detections.validation, experiment.training.variant),
     )
     config = replace(
         experiment.training,
@@ -129,10 +100,10 @@ def run_experiment(
     swept = tuple(sweep(sets, config, sizes))
     if swept:
         best = min(swept, key=lambda one: one.validation)
-        config = replace(config, network=replace(config.network, hidden=best.hidden))
+        config = replace(config, hidden=best.hidden)
     fitted, out = fit_fusion(sets, config, run, folder), folder.out
     file, metadata = out / "fusion.onnx", _export(fitted.checkpoint, out / "fusion.onnx")
-    if experiment.variant == "default":  # the thesis' scores are not calibrated
+    if experiment.training.variant == "default":  # the thesis' scores are not calibrated
         metadata = metadata | {"calibration": _calibrate(file, fitted.checkpoint, detections)}
     counts = {
         "training_frames": len(detections.training),

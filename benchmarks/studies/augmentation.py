@@ -61,9 +61,8 @@ def augmentation(
     """
     experiment = VerifierExperiment(
         training.drives(drives),
-        config.method,
+        VERIFIER_CONFIGS[config.method],
         CropDataConfig(batch_size=config.batch, workers=config.workers, cache=config.cache),
-        VERIFIER_CONFIGS[config.method].optimizer,
     )
     run = TrainingRun(epochs=config.epochs, seed=training.seed)
     trained = {name: _train(experiment, run, name, out, training.resume) for name in THESIS_PERCENT}

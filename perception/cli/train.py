@@ -27,7 +27,12 @@ from train.detector.config import (
     Preset,
 )
 from train.folder import TrainingFolder
-from train.fusion.config import FUSION_VARIANTS, FusionFitConfig
+from train.fusion.config import (
+    FUSION_VARIANTS,
+    FusionExperiment,
+    FusionFitConfig,
+    FusionTrainingConfig,
+)
 from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 
 _RESULTS = Path("results")
@@ -155,7 +160,9 @@ def train_depthcn(  # noqa: PLR0913 - flags of a command
         optimizer: Optimizer and learning rate.
         trainer: Devices and precision.
     """
-    experiment = VerifierExperiment(training.drives(drives), method, data, optimizer)
+    experiment = VerifierExperiment(
+        training.drives(drives), replace(VERIFIER_CONFIGS[method], optimizer=optimizer), data
+    )
     run = training.run(epochs, trainer)
     trained = _run(config, experiment, run, out, training.resume)
     if trained is not None:
@@ -208,10 +215,8 @@ def train_fusion(  # noqa: PLR0913 - flags of a command
         data: Split and cache.
         fit: Hidden layers, and how they are fitted.
     """
-    module, _ = _TRAINERS["train fusion"]
-    experiment = import_trainer(module).FusionExperiment(
-        training.drives(drives), fit.training(variant), models, data, sweep, sweep_two
-    )
+    network = FusionTrainingConfig(**vars(fit), variant=variant)
+    experiment = FusionExperiment(training.drives(drives), network, models, data, sweep, sweep_two)
     run = training.run(epochs, replace(_TRAINER, accelerator="cpu"))
     trained = _run(config, experiment, run, out, training.resume)
     title = (

@@ -10,7 +10,8 @@ from torchvision import models
 
 from perception.errors import ModelError
 from tests.faults import fault
-from train.detector.darknet_weights import init_from_darknet, save_darknet_weights
+from tests.train.darknet_file import save_darknet_weights
+from train.detector.darknet_weights import init_from_darknet
 from train.networks.torchvision_detector import (
     TorchvisionDetector,
     TorchvisionTrunk,

@@ -28,7 +28,7 @@ from train.detector.training import DetectorTrainingConfig
 from train.folder import TrainingFolder
 torch.set_num_threads(1)
 networks.NETWORKS["tiny"] = tiny_network
-network = DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE)
+network = DetectorNetworkConfig("dm", ("Car",), SIZE, network="tiny")
 optimizer = OptimizerConfig(learning_rate=0.02, ema_decay=0.8, gradient_clip_norm=20.0)
 config = DetectorTrainingConfig(network, optimizer, DETECTOR_PRESETS["default"].loss)
 run = TrainingRun(epochs=2, accelerator="cpu", devices=2)

@@ -38,7 +38,7 @@ from train.verifier.training import VerifierTraining
 
 QUICK = OptimizerConfig(learning_rate=0.01, ema_decay=0.8, gradient_clip_norm=20.0)
 PLAN = DetectorTrainingConfig(
-    DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE),
+    DetectorNetworkConfig("dm", ("Car",), SIZE, network="tiny"),
     QUICK,
     DETECTOR_PRESETS["default"].loss,
     scales=(0.5, 1.0),
@@ -319,7 +319,7 @@ def test_weights_of_another_kind_of_network_are_refused(tmp_path, weights, expec
 def test_unknown_names_are_refused(tmp_path):
     with fault(UsageError, "network", "compact, yolov2", "resnet19"):
         train(tmp_path, config=other_form(network="resnet19"))
-    with fault(UsageError, "modality", "rgb or dm or rm", "lidar"):
+    with fault(UsageError, "modality", "one of", "lidar"):
         DetectorNetworkConfig("lidar")
 
 

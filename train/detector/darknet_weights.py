@@ -1,4 +1,4 @@
-"""Reader and writer of Darknet's weight files.
+"""Reader of Darknet's weight files.
 
     int32 major, minor, revision
     int32 or uint64 images seen: 64 bits from version 0.2 on
@@ -72,7 +72,7 @@ def load_darknet_weights(
     """
     content = _read(path)
     header = _parse_header(content, path)
-    slots = list(_slots(network))
+    slots = list(weight_slots(network))
     required = sum(slot.numel() for slot in slots)
     numbers = _parse_numbers(content[header.size_bytes :], required, path, is_prefix)
     ends = np.cumsum([slot.numel() for slot in slots])
@@ -104,20 +104,7 @@ def init_from_darknet(detector: YOLOv2, path: Path) -> str:
     return "backbone"
 
 
-def save_darknet_weights(
-    network: nn.Module, path: Path, header: DarknetHeader = DarknetHeader()
-) -> None:
-    """Write a network as a weight file."""
-    version = _VERSION.pack(header.major, header.minor, header.revision)
-    numbers = [slot.detach().cpu().numpy().astype(_NUMBER).tobytes() for slot in _slots(network)]
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_bytes(
-        version + header.seen_format.pack(header.images_seen) + b"".join(numbers)
-    )
-    unfinished.replace(path)
-
-
-def _slots(network: nn.Module) -> Iterator[Tensor]:
+def weight_slots(network: nn.Module) -> Iterator[Tensor]:
     """Yield the tensors of a network in the order of the file."""
     layers = [part for part in network.modules() if isinstance(part, nn.Conv2d | nn.BatchNorm2d)]
     for layer, behind in zip(layers, [*layers[1:], None], strict=True):

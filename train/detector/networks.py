@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from data.samples.images.input_images import ImageConfig
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import CHANNELS, MapFilling
+from perception.detection.detectors.modalities import CHANNELS
 from perception.errors import ModelError, UsageError
-from perception.types import MODALITIES, Modality
 from train.checkpoints import Content, load_network, read_checkpoint
 from train.networks.compact import CompactDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
@@ -17,7 +17,6 @@ from train.networks.yolov2 import YOLOv2
 
 MODEL = "detector"  # kind of model in checkpoints and model files
 ANCHORS = 5
-_SIZE = InputSize(192, 640)
 
 # From class names and channels to a network with random weights; all others are backbones of torchvision.
 NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
@@ -27,27 +26,14 @@ NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
 
 
 @dataclass(frozen=True)
-class DetectorNetworkConfig:
-    """Network of a detector, and its input.
+class DetectorNetworkConfig(ImageConfig):
+    """Input of a detector, and its network.
 
     Attributes:
-        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
         network: Network: compact, yolov2, or the torchvision classifier of its backbone.
-        class_names: Classes in the order of the scores.
-        size: Size of the input.
-        filling: Method by which maps are made dense.
     """
 
-    modality: Modality
     network: str = "compact"
-    class_names: tuple[str, ...] = ("Car",)
-    size: InputSize = _SIZE
-    filling: MapFilling = "default"
-
-    def __post_init__(self) -> None:
-        """Validate the modality."""
-        if self.modality not in MODALITIES:
-            raise UsageError("modality", expected=" or ".join(MODALITIES), found=self.modality)
 
     @property
     def metadata(self) -> dict[str, str]:

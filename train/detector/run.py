@@ -10,7 +10,6 @@ from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
 from data.samples.images.datamodule import ImageDataModule
-from data.samples.images.input_images import ImageConfig
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import UsageError
 from perception.types import Progress
@@ -80,17 +79,11 @@ def run_experiment(
     model = experiment.model
     network = DetectorNetworkConfig(
         experiment.modality,
-        model.network,
         model.classes,
         InputSize.parse(model.size),
         model.filling,
-    )
-    image = ImageConfig(
-        network.modality,
-        network.class_names,
-        network.size,
-        network.filling,
         experiment.data.jpeg_quality,
+        model.network,
     )
     config = DetectorTrainingConfig(
         network,
@@ -101,7 +94,7 @@ def run_experiment(
         training_data=experiment.drives.names,
         revision=program_revision(),
     )
-    data = ImageDataModule(experiment.drives, image, experiment.data, run.seed, progress)
+    data = ImageDataModule(experiment.drives, network, experiment.data, run.seed, progress)
     return train_detector(data, config, run, folder, experiment.weights)
 
 

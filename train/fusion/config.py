@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from data.detections.config import DetectorModelPaths, FusionDataConfig
+from data.samples.config import TrainingDrives
 from perception.detection.config import FusionVariant
 from perception.errors import UsageError
 from train.config import OptimizerConfig
@@ -75,23 +77,17 @@ class FusionFitConfig:
     adamw: OptimizerConfig = _ADAMW
     batch_size: int = 512
 
-    def training(self, variant: FusionVariant) -> "FusionTrainingConfig":
-        """Return the training of a network of these layers."""
-        return FusionTrainingConfig(
-            MlpConfig(variant, self.hidden), self.method, self.lm, self.adamw, self.batch_size
-        )
+    def __post_init__(self) -> None:
+        """Validate the layers."""
+        MlpConfig(hidden=self.hidden)
 
 
 @dataclass(frozen=True)
-class FusionTrainingConfig:
-    """Network of the fusion, and how it is fitted.
+class FusionTrainingConfig(FusionFitConfig):
+    """Network of the fusion, how it is fitted, and what its model file states.
 
     Attributes:
-        network: Network and its features.
-        method: Levenberg-Marquardt over all rows at once, lm; or AdamW in batches, adamw.
-        lm: Parameters of Levenberg-Marquardt.
-        adamw: Parameters of AdamW.
-        batch_size: Combinations per batch of AdamW.
+        variant: Features of a combination.
         seed: Seed of the initial weights and of the order of the rows.
         training_data: Names of the training drives, for the model file.
         detectors: Fingerprints of the detectors, for the model file.
@@ -99,11 +95,7 @@ class FusionTrainingConfig:
         revision: Revision of the program, for the model file.
     """
 
-    network: MlpConfig = field(default_factory=MlpConfig)
-    method: FitMethod = "lm"
-    lm: LevenbergMarquardtConfig = field(default_factory=LevenbergMarquardtConfig)
-    adamw: OptimizerConfig = _ADAMW
-    batch_size: int = 512
+    variant: FusionVariant = "default"
     seed: int = 0
     training_data: str = "unknown"
     detectors: str = "unknown"
@@ -111,12 +103,17 @@ class FusionTrainingConfig:
     revision: str = "unknown"
 
     @property
+    def network(self) -> MlpConfig:
+        """Network and its features."""
+        return MlpConfig(self.variant, self.hidden)
+
+    @property
     def hyper_parameters(self) -> dict[str, Any]:
         """Hyperparameters that a checkpoint stores."""
         return {
             "model": MODEL,
-            "variant": self.network.variant,
-            "hidden": list(self.network.hidden),
+            "variant": self.variant,
+            "hidden": list(self.hidden),
             "optimiser": self.method,
             "seed": self.seed,
             "training_data": self.training_data,
@@ -124,6 +121,27 @@ class FusionTrainingConfig:
             "classes": ",".join(self.class_names),
             "revision": self.revision,
         }
+
+
+@dataclass(frozen=True)
+class FusionExperiment:
+    """All settings of the training of the fusion, which `config.yaml` records.
+
+    Attributes:
+        drives: Labelled drives that no detector was trained on.
+        training: Network, and how it is fitted.
+        models: Model files of the detectors.
+        data: Split and cache.
+        sweep: Numbers of neurons of one hidden layer to try; the best of all sizes is taken.
+        sweep_two: Numbers of neurons of two hidden layers, of which all falling pairs are tried.
+    """
+
+    drives: TrainingDrives
+    training: FusionTrainingConfig
+    models: DetectorModelPaths
+    data: FusionDataConfig
+    sweep: tuple[int, ...] = ()
+    sweep_two: tuple[int, ...] = ()
 
 
 # The thesis: 41 neurons on scores, 23 on all features, by Levenberg-Marquardt (7.2.2).

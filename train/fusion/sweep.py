@@ -42,7 +42,6 @@ def sweep(
     """Fit a network of each size by Levenberg-Marquardt, all from the same seed."""
     swept = []
     for hidden in tqdm(sizes, "sizes", unit="network", file=sys.stderr, delay=2):
-        sized = replace(config, network=replace(config.network, hidden=hidden))
-        best = fit_levenberg_marquardt(sets, sized)
+        best = fit_levenberg_marquardt(sets, replace(config, hidden=hidden))
         swept.append(SweptSize(hidden, best.training, best.validation))
     return swept

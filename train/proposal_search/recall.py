@@ -1,8 +1,9 @@
 """Recall of a few settings on all drives, object by object, for curves; the search itself only counts."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from tqdm import tqdm
@@ -32,25 +33,6 @@ class ProposalSetting:
 
     parameters: ProposalConfig = field(default_factory=ProposalConfig)
     method: Method = "default"
-
-
-@dataclass(frozen=True)
-class RecallTask:
-    """Frames whose proposals one process collects at a time.
-
-    Attributes:
-        chunk: Number of the chunk.
-        frames: Frames of the chunk.
-        settings: All settings.
-        order: Order by which proposals are scored.
-        on_bad_frame: Raise at a damaged frame, or skip it.
-    """
-
-    chunk: int
-    frames: FrameSet
-    settings: tuple[ProposalSetting, ...]
-    order: ProposalOrder
-    on_bad_frame: OnBadFrame
 
 
 @dataclass(frozen=True)
@@ -88,14 +70,17 @@ def measure_recall(
     Raises:
         PerceptionError: a frame cannot be read.
     """
-    tasks = [
-        RecallTask(chunk, frames, tuple(settings.values()), order, config.on_bad_frame)
-        for chunk, frames in enumerate(config.survey.chunks(config.chunk_frames))
-    ]
-    collected = run_parts(collect_proposals, tasks, workers)
-    bar = tqdm(collected, "recall", len(tasks), unit="part", file=sys.stderr, delay=2)
-    by_chunk = {task.chunk: frames for task, frames in bar}
-    frames = [frame for chunk in sorted(by_chunk) for frame in by_chunk[chunk]]
+    chunks = config.survey.chunks(config.chunk_frames)
+    collect = partial(
+        collect_proposals,
+        settings=tuple(settings.values()),
+        order=order,
+        on_bad_frame=config.on_bad_frame,
+    )
+    collected = run_parts(collect, chunks, workers)
+    bar = tqdm(collected, "recall", len(chunks), unit="part", file=sys.stderr, delay=2)
+    by_chunk = dict(bar)
+    frames = [frame for chunk in chunks for frame in by_chunk[chunk]]
     truths = TrueBoxes.of_frames([frame.labels for frame in frames])
     recalls = {}
     for number, name in enumerate(settings):
@@ -105,14 +90,19 @@ def measure_recall(
     return recalls
 
 
-def collect_proposals(task: RecallTask) -> list[FrameProposals]:
+def collect_proposals(
+    chunk: FrameSet,
+    settings: Sequence[ProposalSetting],
+    order: ProposalOrder,
+    on_bad_frame: OnBadFrame = "stop",
+) -> list[FrameProposals]:
     """Return the labels and the proposals of each frame that can be read."""
-    drive, frames = task.frames.open(), task.frames.frames
-    read = ((index, read_or_skip(drive, index, task.on_bad_frame)) for index in frames)
+    drive = chunk.open()
+    read = ((index, read_or_skip(drive, index, on_bad_frame)) for index in chunk.frames)
     return [
         FrameProposals(
             drive.labels(index),
-            tuple(_propose(frame, setting, task.order) for setting in task.settings),
+            tuple(_propose(frame, setting, order) for setting in settings),
         )
         for index, frame in read
         if frame is not None

@@ -1,7 +1,7 @@
 """Settings of the training of DepthCN's network (7.2.1)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from data.samples.config import TrainingDrives
 from data.samples.crops.config import CropDataConfig
@@ -47,12 +47,10 @@ class VerifierExperiment:
 
     Attributes:
         drives: Labelled drives.
-        method: Network: default, or thesis for that of Fig. 6.5.
+        network: Network, and how it is trained.
         data: Split, batches, sampling and augmentation.
-        optimizer: Optimizer and learning rate; None for the method's own.
     """
 
     drives: TrainingDrives
-    method: Method = "default"
-    data: CropDataConfig = field(default_factory=CropDataConfig)
-    optimizer: OptimizerConfig | None = None
+    network: VerifierTrainingConfig
+    data: CropDataConfig

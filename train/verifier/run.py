@@ -1,7 +1,7 @@
 """Training of DepthCN's network from labelled drives to the checkpoint of its best epoch."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -18,7 +18,7 @@ from train.config import TrainingRun
 from train.folder import TrainingFolder
 from train.networks.depthcn import VERIFIER_INPUTS, VehicleVerifier, load_verifier
 from train.trainer import fit
-from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment, VerifierTrainingConfig
+from train.verifier.config import VerifierExperiment
 from train.verifier.images import VerifierImages
 from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VerifierTraining
@@ -69,15 +69,11 @@ def run_experiment(
     Raises:
         PerceptionError: settings, drives or a checkpoint cannot be used.
     """
-    preset, network = VERIFIER_CONFIGS[experiment.method], VERIFIER_INPUTS[experiment.method]
-    config = VerifierTrainingConfig(
-        experiment.method,
-        experiment.optimizer or preset.optimizer,
-        preset.box_weight,
-        training_data=experiment.drives.names,
-        revision=program_revision(),
+    config = replace(
+        experiment.network, training_data=experiment.drives.names, revision=program_revision()
     )
-    crop = CropConfig(experiment.method, window=network.window, channels=network.channels)
+    inputs = VERIFIER_INPUTS[config.method]
+    crop = CropConfig(config.method, window=inputs.window, channels=inputs.channels)
     data = CropDataModule(experiment.drives, experiment.data, crop, run.seed, progress)
     torch.manual_seed(run.seed)
     images = VerifierImages(lambda: _augmentations(data))

@@ -8,7 +8,7 @@ from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
 from train.config import TrainingRun
 from train.folder import TrainingFolder
-from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig, MlpConfig
+from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig
 from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import fit_fusion
 
@@ -21,9 +21,7 @@ def fitted(tmp_path_factory):
         fusion_rows(simulated_frames(50, 1), "default"),
         fusion_rows(simulated_frames(25, 2), "default"),
     )
-    config = FusionTrainingConfig(
-        MlpConfig("default", (8,)), method="lm", lm=LevenbergMarquardtConfig(max_steps=20)
-    )
+    config = FusionTrainingConfig((8,), "lm", lm=LevenbergMarquardtConfig(max_steps=20))
     found = fit_fusion(sets, config, TrainingRun(), TrainingFolder(out))
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(ExportConfig(found.checkpoint)).models["fp32"])

@@ -19,7 +19,7 @@ from tests.train.fusion.test_mlp_least_squares import toy_rows
 from train.config import TrainingRun
 from train.folder import TrainingFolder
 from train.fusion.calibration import fit_calibration
-from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig, MlpConfig
+from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig
 from train.fusion.fit_adamw import FusionTraining
 from train.fusion.fit_lm import fit_levenberg_marquardt
 from train.fusion.mlp import load_fusion
@@ -32,7 +32,9 @@ SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
 
 
 def config_of(**changes) -> FusionTrainingConfig:
-    return FusionTrainingConfig(MlpConfig("scores", (4,)), training_data="toys", **changes)
+    return FusionTrainingConfig(
+        (4,), **{"method": "lm"} | changes, variant="scores", training_data="toys"
+    )
 
 
 @pytest.mark.parametrize("method", ["lm", "adamw"])
@@ -99,7 +101,7 @@ def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
     config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
     fit_fusion(SETS, config, TrainingRun(), TrainingFolder(tmp_path))
     last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
-    wider = FusionTrainingConfig(MlpConfig("scores", (5,)))
+    wider = FusionTrainingConfig((5,), "lm", variant="scores")
     for other, checkpoint, found in (
         (wider, last, "that of another network"),
         (config_of(method="adamw"), last, "one without the state of this optimizer"),
