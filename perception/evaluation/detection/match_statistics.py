@@ -16,7 +16,6 @@ import numpy as np
 from perception.evaluation.detection.evaluation_boxes import (
     EvaluationBoxes,
     EvaluationMask,
-    OverlapPairs,
     evaluation_mask,
 )
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
@@ -75,60 +74,84 @@ class MatchStatistics:
     increments: CountIncrements
 
 
+@dataclass(frozen=True)
+class CandidatePairs(ArrayTable):
+    """P pairs of a label and a detection that may be matched, and what their match counts for.
+
+    Attributes:
+        truths: (P,) row of the label.
+        detections: (P,) row of the detection.
+        scores: (P,) score of the detection.
+        worth: (P,) preference of the label: the IoU, 0 of ignored detections, among which the first is taken.
+        is_true_positive: (P,) whether both are valid.
+        is_found: (P,) whether the label is valid and so no false negative.
+        is_cleared: (P,) whether the detection would be a false positive if unmatched.
+        similarity: (P,) similarity of the headings of a true positive, 0 to 1.
+    """
+
+    truths: Int
+    detections: Int
+    scores: Float64
+    worth: Float64
+    is_true_positive: Bool
+    is_found: Bool
+    is_cleared: Bool
+    similarity: Float64
+
+
 def match_statistics(
     boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
 ) -> MatchStatistics:
     """Match the boxes of all frames for all thresholds."""
     mask = evaluation_mask(boxes, detection_class, difficulty)
+    pairs = _candidate_pairs(boxes, mask, detection_class.iou)
+    valid_frames = boxes.truths.frames[mask.is_valid_truth]
+    # Each label is matched with the detection of the highest score, not of the largest IoU.
+    by_score = pairs[np.lexsort((pairs.detections, -pairs.scores, pairs.truths))]
+    groups = connected_groups(by_score.truths, by_score.detections)
+    rounds = _rounds_in_groups(by_score.truths, groups)
+    matched = by_score[_assign_greedily(by_score.truths, by_score.detections, rounds)]
+    right = matched[matched.is_true_positive]
+    matches = MatchedScores(right.scores, boxes.detections.frames[right.detections])
+    # Every detection counts as a false positive, until the matches correct it.
+    gains = _gains_of_detections(pairs, len(boxes.detections))
+    increments = CountIncrements(
+        scores=boxes.detections.scores,
+        frames=boxes.detections.frames,
+        true_positives=gains.true_positives,
+        false_positives=mask.is_false_positive_if_unmatched - gains.cleared,
+        found_truths=gains.found_truths,
+        similarity=gains.similarity,
+    )[mask.is_matchable_detection]
+    return MatchStatistics(
+        truths_of_frames=np.bincount(valid_frames, minlength=boxes.frames),
+        matches=matches[np.argsort(-matches.scores)],
+        increments=increments[np.argsort(-increments.scores, kind="stable")],
+    )
+
+
+def _candidate_pairs(
+    boxes: EvaluationBoxes, mask: EvaluationMask, min_iou: float
+) -> CandidatePairs:
     overlaps = boxes.overlaps
-    pairs_to_match = overlaps[
-        (overlaps.iou > detection_class.iou)
+    overlaps = overlaps[
+        (overlaps.iou > min_iou)
         & mask.is_matchable_truth[overlaps.truths]
         & mask.is_matchable_detection[overlaps.detections]
     ]
-    valid_frames = boxes.truths.frames[mask.is_valid_truth]
-    return MatchStatistics(
-        truths_of_frames=np.bincount(valid_frames, minlength=boxes.frames),
-        matches=_match_by_score(boxes, mask, pairs_to_match),
-        increments=_count_increments(boxes, mask, pairs_to_match),
+    truths, detections = overlaps.truths, overlaps.detections
+    is_found, is_valid = mask.is_valid_truth[truths], mask.is_valid_detection[detections]
+    turns_rad = boxes.truths.alphas_rad[truths] - boxes.detections.alphas_rad[detections]
+    return CandidatePairs(
+        truths,
+        detections,
+        scores=boxes.detections.scores[detections],
+        worth=np.where(is_valid, overlaps.iou, 0.0),
+        is_true_positive=is_found & is_valid,
+        is_found=is_found,
+        is_cleared=mask.is_false_positive_if_unmatched[detections],
+        similarity=np.where(is_found & is_valid, (1 + np.cos(turns_rad)) / 2, 0.0),
     )
-
-
-def _match_by_score(
-    boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
-) -> MatchedScores:
-    """Match each label with the detection of the highest score, not of the largest IoU."""
-    scores = boxes.detections.scores[pairs_to_match.detections]
-    pairs = pairs_to_match[np.lexsort((pairs_to_match.detections, -scores, pairs_to_match.truths))]
-    rounds = rounds_in_groups(pairs.truths, connected_groups(pairs.truths, pairs.detections))
-    matched = pairs[assign_greedily(pairs.truths, pairs.detections, rounds)]
-    both = mask.is_valid_truth[matched.truths] & mask.is_valid_detection[matched.detections]
-    detections = matched.detections[both]
-    matches = MatchedScores(
-        boxes.detections.scores[detections],
-        boxes.detections.frames[detections],
-    )
-    return matches[np.argsort(-matches.scores)]
-
-
-def _count_increments(
-    boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
-) -> CountIncrements:
-    """Count every detection as a false positive, then correct the counts by the matches."""
-    sweep = plan_sweep(boxes, mask, pairs_to_match)
-    gains = count_at_steps(boxes, mask, sweep).gains(sweep.step_groups)
-    detections, count = boxes.detections, len(boxes.detections)
-    zeros = np.zeros(count, np.int64)
-    gained = StepCounts(zeros, zeros, zeros, np.zeros(count)).replaced(sweep.steps, gains)
-    increments = CountIncrements(
-        scores=detections.scores,
-        frames=detections.frames,
-        true_positives=gained.true_positives,
-        false_positives=mask.is_false_positive_if_unmatched - gained.cleared,
-        found_truths=gained.found_truths,
-        similarity=gained.similarity,
-    )[mask.is_matchable_detection]
-    return increments[np.argsort(-increments.scores, kind="stable")]
 
 
 @dataclass(frozen=True)
@@ -164,48 +187,39 @@ class ThresholdSweep:
         rounds: (P,) round of the greedy assignment in which the label of each pair is assigned.
         steps: (S,) detection to whose score the threshold falls, by group, then by falling score.
         step_groups: (S,) group of each step.
-        places: (D,) place of each detection within its group, from 0.
+        step_scores: (S,) score of each step.
+        places: (P,) place of each pair's detection within its group, from 0.
     """
 
-    pairs: OverlapPairs
+    pairs: CandidatePairs
     groups: Int
     rounds: Int
     steps: Int
     step_groups: Int
+    step_scores: Float64
     places: Int
 
 
-def plan_sweep(
-    boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
-) -> ThresholdSweep:
-    """Order the pairs by preference: largest IoU first, ignored detections last."""
-    groups = connected_groups(pairs_to_match.truths, pairs_to_match.detections)
-    is_valid_detection = mask.is_valid_detection[pairs_to_match.detections]
-    # Among ignored detections the order does not matter to the official tool: it takes the first.
-    worth = np.where(is_valid_detection, pairs_to_match.iou, 0.0)
-    order = np.lexsort((pairs_to_match.detections, -worth, pairs_to_match.truths, groups))
-    pairs, groups = pairs_to_match[order], groups[order]
-    detections, firsts = np.unique(pairs.detections, return_index=True)
-    detection_groups = groups[firsts]
-    fall = np.lexsort((-boxes.detections.scores[detections], detection_groups))
-    places = np.zeros(len(boxes.detections), np.int64)
-    places[detections] = ranks_in_groups(detection_groups)
-    return ThresholdSweep(
+def _gains_of_detections(pairs: CandidatePairs, detections: int) -> StepCounts:
+    """Return (D) the change of the counts when the threshold falls to the score of each detection."""
+    groups = connected_groups(pairs.truths, pairs.detections)
+    order = np.lexsort((pairs.detections, -pairs.worth, pairs.truths, groups))
+    pairs, groups = pairs[order], groups[order]
+    steps, firsts, of_pairs = np.unique(pairs.detections, return_index=True, return_inverse=True)
+    fall = np.lexsort((-pairs.scores[firsts], groups[firsts]))
+    sweep = ThresholdSweep(
         pairs=pairs,
         groups=groups,
-        rounds=rounds_in_groups(pairs.truths, groups),
-        steps=np.asarray(detections[fall], np.int64),
-        step_groups=detection_groups[fall],
-        places=places,
+        rounds=_rounds_in_groups(pairs.truths, groups),
+        steps=np.asarray(steps[fall], np.int64),
+        step_groups=groups[firsts][fall],
+        step_scores=pairs.scores[firsts][fall],
+        places=ranks_in_groups(groups[firsts])[of_pairs],
     )
-
-
-def count_at_steps(
-    boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep
-) -> StepCounts:
-    """Match each group at each of its steps, with the detections above the threshold."""
-    blocks = (_count_block(boxes, mask, sweep, block) for block in _blocks(sweep))
-    return StepCounts.concatenate(blocks)
+    counts = StepCounts.concatenate(_count_block(sweep, block) for block in _blocks(sweep))
+    zeros = np.zeros(detections, np.int64)
+    nothing = StepCounts(zeros, zeros, zeros, np.zeros(detections))
+    return nothing.replaced(sweep.steps, counts.gains(sweep.step_groups))
 
 
 def _blocks(sweep: ThresholdSweep) -> Iterator[slice]:
@@ -216,65 +230,45 @@ def _blocks(sweep: ThresholdSweep) -> Iterator[slice]:
     return (slice(start, end) for start, end in zip([0, *ends], ends, strict=False))
 
 
-def _count_block(
-    boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep, block: slice
-) -> StepCounts:
-    scores = boxes.detections.scores
+def _count_block(sweep: ThresholdSweep, block: slice) -> StepCounts:
+    """Match each group at each of its steps, with the detections above the threshold."""
     steps, groups = sweep.steps[block], sweep.step_groups[block]
     # Each step has its own copy of its group's pairs, without those below the threshold.
     of_steps, of_pairs = pairs_in_groups(groups, sweep.groups)
-    is_reached = scores[sweep.pairs.detections[of_pairs]] >= scores[steps][of_steps]
+    is_reached = sweep.pairs.scores[of_pairs] >= sweep.step_scores[block][of_steps]
     of_steps, of_pairs = of_steps[is_reached], of_pairs[is_reached]
     pairs = sweep.pairs[of_pairs]
     sizes = np.bincount(sweep.step_groups)[groups]
-    is_matched = assign_greedily(
-        truths=of_steps * len(boxes.truths) + pairs.truths,
-        detections=(np.cumsum(sizes) - sizes)[of_steps] + sweep.places[pairs.detections],
-        rounds=sweep.rounds[of_pairs],
+    is_matched = _assign_greedily(
+        of_steps * (int(pairs.truths.max(initial=0)) + 1) + pairs.truths,
+        (np.cumsum(sizes) - sizes)[of_steps] + sweep.places[of_pairs],
+        sweep.rounds[of_pairs],
     )
-    return _count(boxes, mask, pairs[is_matched], of_steps[is_matched], len(steps))
+    matched, of_steps = pairs[is_matched], of_steps[is_matched]
 
+    def count(is_counted: Bool) -> Int:
+        return np.bincount(of_steps[is_counted], minlength=len(steps))
 
-def _count(
-    boxes: EvaluationBoxes,
-    mask: EvaluationMask,
-    matched: OverlapPairs,
-    of_steps: Int,
-    steps: int,
-) -> StepCounts:
-    is_found = mask.is_valid_truth[matched.truths]
-    is_correct = is_found & mask.is_valid_detection[matched.detections]
-    is_cleared = mask.is_false_positive_if_unmatched[matched.detections]
-    heading_errors_rad = (
-        boxes.truths.alphas_rad[matched.truths] - boxes.detections.alphas_rad[matched.detections]
-    )
-    similarity = np.where(is_correct, (1 + np.cos(heading_errors_rad)) / 2, 0.0)
+    similarity = np.bincount(of_steps, matched.similarity, minlength=len(steps))
     return StepCounts(
-        true_positives=np.bincount(of_steps[is_correct], minlength=steps),
-        found_truths=np.bincount(of_steps[is_found], minlength=steps),
-        cleared=np.bincount(of_steps[is_cleared], minlength=steps),
-        similarity=np.asarray(np.bincount(of_steps, similarity, minlength=steps), np.float64),
+        true_positives=count(matched.is_true_positive),
+        found_truths=count(matched.is_found),
+        cleared=count(matched.is_cleared),
+        similarity=np.asarray(similarity, np.float64),
     )
 
 
-def rounds_in_groups(truths: Int, groups: Int) -> Int:
+def _rounds_in_groups(truths: Int, groups: Int) -> Int:
     """Return (P,) the number of labels of a pair's group that are assigned before that pair's own."""
     _, firsts, of_pairs = np.unique(truths, return_index=True, return_inverse=True)
     return ranks_in_groups(groups[firsts])[of_pairs]
 
 
-def assign_greedily(truths: Int, detections: Int, rounds: Int) -> Bool:
+def _assign_greedily(truths: Int, detections: Int, rounds: Int) -> Bool:
     """Assign to one label after the other its preferred detection among those that are still free.
 
-    Labels of the same round must not share a detection, since they are assigned together.
-
-    Args:
-        truths: (P,) label of each pair; the pairs of one label are adjacent, the preferred one first.
-        detections: (P,) detection of each pair, numbered from 0.
-        rounds: (P,) round in which the label is assigned, from 0.
-
-    Returns:
-        (P,) mask of the matched pairs.
+    Pairs of one label are adjacent, the preferred one first. Labels of the same round must not share a detection,
+    since they are assigned together. Returns the mask of the matched pairs.
     """
     is_taken = np.zeros(detections.max(initial=-1) + 1, bool)
     is_matched = np.zeros(len(truths), bool)
