@@ -71,8 +71,8 @@ SUMMARIES: Mapping[str, str] = {
     "train depthcn": "network that verifies DepthCN's proposals",
     "train proposals": "search of the proposals' parameters",
     "export": "write a trained network as an ONNX file with a parity report",
-    "study": "repeat a study of the thesis: a figure and a table",
-    "bench": "time every stage beside its reference implementation and the best library",
+    "study": "repeat a study of the thesis: a figure and a table; in the source tree",
+    "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "train", "study")
 # Functions of a module that several commands share.

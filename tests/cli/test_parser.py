@@ -6,7 +6,16 @@ from typing import Literal
 
 import pytest
 
-from perception.cli.parser import FlagGroup, call, flag_types, help_text, read_words
+from data.results.command_config import CommandConfig
+from perception.cli.parser import (
+    FlagGroup,
+    call,
+    defaults_by,
+    flag_types,
+    help_text,
+    parse,
+    read_words,
+)
 from perception.errors import UsageError
 from tests.faults import fault
 
@@ -49,7 +58,7 @@ class Pipeline:
 
 
 CALLS = []
-_PIPELINE = Pipeline()
+_PIPELINE, _MOTION = Pipeline(), Motion()
 
 
 def command(  # noqa: D417 - a FlagGroup documents itself
@@ -85,6 +94,26 @@ def several(drives: list[Path], *, out: Path = Path("out")) -> None:
         out: Folder for the results.
     """
     CALLS.append((drives, out))
+
+
+@defaults_by("preset", {"fine": {"motion": Motion(0.05, parallel=False)}})
+def chosen(*, preset: Literal["coarse", "fine"] = "coarse", motion: Motion = _MOTION) -> None:
+    """Do something by a preset.
+
+    Args:
+        preset: Defaults of the motion.
+        motion: Motion of points.
+    """
+
+
+def writing(drive: Path, *, config: CommandConfig, out: Path | None = None) -> None:  # noqa: D417 - no flag
+    """Do something and write it.
+
+    Args:
+        drive: Drive to read.
+        out: Folder for the results.
+    """
+    CALLS.append((out, config))
 
 
 def called(*words: str, function=command):
@@ -133,6 +162,28 @@ def test_what_is_typed_wins_over_a_file_wherever_it_stands(tmp_path):
     file = tmp_path / "flags.yaml"
     file.write_text("frames: 5\n")
     assert called("a", "--frames", "7", "--config", str(file))[1].frames == 7
+
+
+@pytest.mark.parametrize("words", [["--preset", "fine"], ["--config", "flags.yaml"]])
+def test_a_preset_gives_the_defaults_of_a_section(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("flags.yaml").write_text("preset: fine\n")
+    arguments, _ = parse("do", chosen, [*words, "--motion.voxel-size", "0.07"])
+    assert arguments == {"preset": "fine", "motion": Motion(0.07, parallel=False)}
+
+
+def test_a_file_of_a_section_gives_its_values(tmp_path):
+    file = tmp_path / "motion.yaml"
+    file.write_text("voxel_size_m: 0.3\n")
+    words = ["--pipeline.motion", str(file), "--pipeline.motion.no-parallel"]
+    assert called("a", *words)[-1] == Pipeline(Motion(0.3, parallel=False))
+
+
+def test_a_command_gets_its_configuration_without_its_outputs():
+    assert called("a", "--out", "o", function=writing) == (
+        Path("o"),
+        CommandConfig("do", {"drive": Path("a")}),
+    )
 
 
 @pytest.mark.parametrize(
