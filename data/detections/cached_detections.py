@@ -21,10 +21,9 @@ from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
-from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
     Detections,
@@ -32,7 +31,6 @@ from perception.types import (
     Frame,
     Labels,
     Modality,
-    ModalityDetections,
     OnBadFrame,
     Progress,
 )
@@ -44,13 +42,8 @@ class DetectorOutput(Protocol):
     """Output of detectors for one frame."""
 
     @property
-    def modality_detections(self) -> ModalityDetections:
-        """Detections of each modality."""
-        ...
-
-    @property
-    def dense(self) -> DenseMaps | None:
-        """Dense maps that were detected in, or None."""
+    def scene(self) -> DetectedScene:
+        """Detections of each modality, with the depths of their boxes."""
         ...
 
 
@@ -173,10 +166,8 @@ def require_no_training_drives(
 
 
 def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
-    output = detector.detect(frame)
-    size_px = _size_px(frame, output.dense)
-    scene = scene_of(output.modality_detections, size_px, output.dense, frame.calibration)
-    arrays: dict[str, np.ndarray] = {"size_px": np.array(size_px)}
+    scene = detector.detect(frame).scene
+    arrays: dict[str, np.ndarray] = {"size_px": np.array(scene.size_px)}
     for name, found in scene.modality_detections.items():
         arrays[f"{name}_boxes_px"] = found.boxes_px
         arrays[f"{name}_scores"] = found.scores
@@ -186,12 +177,6 @@ def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
     if scene.known_focal_px is not None:
         arrays["focal_px"] = np.array(scene.known_focal_px)
     return arrays
-
-
-def _size_px(frame: Frame, dense: DenseMaps | None) -> tuple[int, int]:
-    """Return the (width, height) of the images that were detected in."""
-    height, width = (frame.image if dense is None else dense.depth_m).shape[:2]  # type: ignore[union-attr]
-    return width, height
 
 
 def _to_scene(arrays: Arrays) -> DetectedScene:

@@ -99,7 +99,7 @@ def measured_network(network: ModalityDetector, options: DetectorOptions) -> Mea
     def detect(frame: Frame) -> FrameDetections:
         output = detector.detect(frame)
         timings_s = {name: output.timings_s[name] for name in ("maps", modality)}
-        return FrameDetections(output.modality_detections[modality], timings_s)
+        return FrameDetections(output.scene.modality_detections[modality], timings_s)
 
     return MeasuredDetector(
         f"{network.model.name}: {modality}, {size.height_px}x{size.width_px}",

@@ -21,7 +21,7 @@ from data.samples.labelled_classes import warn_of_few
 from data.samples.splits import validation_frames
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.detector_fingerprints import detector_fingerprints
+from perception.detection.fusion.class_fusion import detector_fingerprints
 from perception.errors import UsageError
 from perception.types import Modality, Progress
 

@@ -7,12 +7,9 @@ from dataclasses import replace
 from perception.detection.config import DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.multimodal import (
-    DetectionFusion,
-    MultimodalDetector,
-    MultimodalOutput,
-)
-from perception.detection.detectors.nms_fusion import NmsFusion
+from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
+from perception.detection.fusion.class_fusion import DetectionFusion
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
 from perception.detection.vehicles.config import VehicleConfig
@@ -73,7 +70,7 @@ class CameraStages:
         if detections is not None and vehicles is not None:
             result = replace(
                 result,
-                modality_detections=detections.modality_detections,
+                modality_detections=detections.scene.modality_detections,
                 map_images=detections.map_images,
                 vehicles=vehicles.vehicles,
                 tracks=vehicles.tracks,

@@ -16,8 +16,8 @@ from perception.cli.main import main
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.errors import DriveError, ModelError, ScanError, UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.types import MODALITIES, Detections
@@ -267,8 +267,8 @@ class KeepScores:
     def rescore(self, scene):
         return SimpleNamespace(detections=scene.merged.detections)
 
-    def fuse_scene(self, scene):
-        return NmsFusion().fuse(scene.modality_detections, scene.size_px)
+    def fuse(self, scene):
+        return NmsFusion().fuse(scene)
 
 
 @pytest.fixture

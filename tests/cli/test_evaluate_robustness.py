@@ -11,7 +11,7 @@ from data.detections import measured_detectors
 from data.open_drive import open_drive
 from perception.cli.main import main
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.nms_fusion import NmsFusion
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.errors import UsageError
 from perception.evaluation.detection.config import CorruptionLevels
 from perception.types import MODALITIES, Detections
@@ -37,8 +37,8 @@ class BrightPlaces:
 
 
 class BestPlace:
-    def fuse_scene(self, scene):
-        return NmsFusion().fuse(scene.modality_detections, scene.size_px)
+    def fuse(self, scene):
+        return NmsFusion().fuse(scene)
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from perception.detection.detectors.modalities import (
     MapFilling,
@@ -23,8 +23,9 @@ from perception.detection.detectors.modalities import (
     map_image,
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.nms_fusion import NmsFusion
-from perception.detection.fusion.class_fusion import fusion_of
+from perception.detection.fusion.class_fusion import DetectionFusion, fusion_of
+from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.maps.densify import DenseMaps
@@ -38,7 +39,6 @@ from perception.types import (
     FusedDetections,
     MapModality,
     Modality,
-    ModalityDetections,
     StageSpan,
     UInt8,
 )
@@ -46,33 +46,12 @@ from perception.types import (
 Value = TypeVar("Value")
 
 
-class DetectionFusion(Protocol):
-    """Fuses the detections of several modalities."""
-
-    def fuse(
-        self,
-        modality_detections: ModalityDetections,
-        size_px: tuple[int, int],
-        dense: DenseMaps | None = None,
-        camera: Calibration | None = None,
-    ) -> FusedDetections:
-        """Return the fused detections, best first.
-
-        Args:
-            modality_detections: Detections by modality.
-            size_px: (width, height) of the image.
-            dense: Dense maps of the frame.
-            camera: Calibration of the camera.
-        """
-        ...
-
-
 @dataclass(frozen=True)
 class MultimodalOutput:
     """Detections in one frame.
 
     Attributes:
-        modality_detections: Detections by modality; a detector that had no input has no entry.
+        scene: Detections by modality, with the depths of their boxes; a detector that had no input has no entry.
         fused: Fused detections.
         dense: Dense maps that were used, or None.
         map_images: (H, W) map image of each modality that was used, 0 where unknown.
@@ -81,7 +60,7 @@ class MultimodalOutput:
             caller's thread and names no worker.
     """
 
-    modality_detections: ModalityDetections
+    scene: DetectedScene
     fused: FusedDetections
     dense: DenseMaps | None
     map_images: Mapping[Modality, UInt8]
@@ -141,7 +120,8 @@ class MultimodalDetector:
         detections = {name: one.value.detections for name, one in outputs.items()}
         used = next(iter(maps.value.values()), dense)
         camera, size_px = self._camera(frame)
-        fused = _time(lambda: self._fusion.fuse(detections, size_px, used, camera))
+        scene = scene_of(detections, size_px, used, camera)
+        fused = _time(lambda: self._fusion.fuse(scene))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in outputs.items()}
         images: dict[Modality, UInt8] = {
@@ -149,7 +129,7 @@ class MultimodalDetector:
         }
         spans = [one.span(f"{name} detector", start_s) for name, one in outputs.items()]
         spans.append(replace(fused.span("fusion", start_s), worker=""))
-        return MultimodalOutput(detections, fused.value, used, images, timings_s, tuple(spans))
+        return MultimodalOutput(scene, fused.value, used, images, timings_s, tuple(spans))
 
     def _uses_image(self, frame: Frame) -> bool:
         if self._needs_no_maps:

@@ -10,24 +10,25 @@ A network for cars fuses the cars of all three; the cyclists of rgb keep their s
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.nms_fusion import NmsFusion
-from perception.detection.fusion.detected_scene import DetectedScene, rows_of_classes, scene_of
-from perception.detection.fusion.detector_fingerprints import unfitted_detectors
+from perception.detection.fusion.detected_scene import DetectedScene, rows_of_classes
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
-from perception.maps.densify import DenseMaps
-from perception.types import (
-    MODALITIES,
-    Calibration,
-    FusedDetections,
-    Modality,
-    ModalityDetections,
-)
+from perception.types import MODALITIES, FusedDetections, Modality
 
 log = logging.getLogger(__name__)
+
+
+class DetectionFusion(Protocol):
+    """Fuses the detections of several modalities."""
+
+    def fuse(self, scene: DetectedScene) -> FusedDetections:
+        """Return the fused detections, best first."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class ClassGroup:
 
 
 class ClassFusion:
-    """Fuses each class by the detectors that know it; implements `DetectionFusion`.
+    """Fuses each class by the detectors that know it; a `DetectionFusion`.
 
     Classes that the fusion network does not know keep the scores of their detectors, by non-maximum suppression.
     """
@@ -56,15 +57,8 @@ class ClassFusion:
         self._network, self._groups = network, groups
         self._suppression = NmsFusion(network.max_iou)
 
-    def fuse(
-        self,
-        modality_detections: ModalityDetections,
-        size_px: tuple[int, int],
-        dense: DenseMaps | None = None,
-        camera: Calibration | None = None,
-    ) -> FusedDetections:
-        """Return the fused detections of all classes, best first; arguments as of `Fusion.fuse`."""
-        scene = scene_of(modality_detections, size_px, dense, camera)
+    def fuse(self, scene: DetectedScene) -> FusedDetections:
+        """Return the fused detections of all classes, best first."""
         fused = FusedDetections.concatenate(self._fuse_group(scene, one) for one in self._groups)
         return fused[np.argsort(-fused.detections.scores, kind="stable")]
 
@@ -72,10 +66,7 @@ class ClassFusion:
         """Return the fused detections of some classes, with the rows that they come from in the whole scene."""
         others = set(MODALITIES) - set(group.modalities)
         part = scene.without(*others).of_classes(group.class_names)
-        if group.is_fused:
-            fused = self._network.fuse_scene(part)
-        else:
-            fused = self._suppression.fuse(part.modality_detections, part.size_px)
+        fused = (self._network if group.is_fused else self._suppression).fuse(part)
         source_indices = fused.source_indices.copy()
         for column, modality in enumerate(MODALITIES):
             if modality in part.modality_detections:
@@ -85,14 +76,20 @@ class ClassFusion:
         return replace(fused, source_indices=source_indices)
 
 
-def fusion_of(
-    network: Fusion, detectors: Mapping[Modality, ModalityDetector]
-) -> Fusion | NmsFusion | ClassFusion:
+def fusion_of(network: Fusion, detectors: Mapping[Modality, ModalityDetector]) -> DetectionFusion:
     """Return the fusion of some detectors by a network, and log where it does not fit to them.
 
     A single detector that the network was not trained with keeps its scores: there is nothing to fuse.
     """
-    unfitted = unfitted_detectors(network, detectors)
+    # Scores of other detectors mean something else; a network without fingerprints fits to all.
+    fitted = dict(
+        pair.split(" ") for pair in network.metadata.get("detectors", "").split(", ") if " " in pair
+    )
+    unfitted = [
+        one.model.name
+        for name, one in detectors.items()
+        if fitted.get(name, one.model.fingerprint) != one.model.fingerprint
+    ]
     if len(detectors) == 1 and unfitted:
         (alone,) = detectors.values()
         names = ", ".join(alone.class_names)
@@ -135,3 +132,8 @@ def _in_words(groups: tuple[ClassGroup, ...]) -> str:
 
 def _group_in_words(group: ClassGroup) -> str:
     return f"{', '.join(group.class_names)} of {', '.join(group.modalities)}"
+
+
+def detector_fingerprints(detectors: Mapping[Modality, ModalityDetector]) -> str:
+    """Return the fingerprints of detectors as in the metadata of a fusion: `rgb 0f3a..., dm ...`."""
+    return ", ".join(f"{name} {one.model.fingerprint}" for name, one in sorted(detectors.items()))

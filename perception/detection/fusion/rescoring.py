@@ -10,7 +10,7 @@ from importlib.abc import Traversable
 import numpy as np
 
 from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant, NmsConfig, TriBoxOverrides
-from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.detection.fusion.tri_boxes import tri_boxes
@@ -18,7 +18,6 @@ from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
 from perception.geometry.box_overlap_px import paired_iou_px
-from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
     Bool,
@@ -26,9 +25,7 @@ from perception.types import (
     Float64,
     FusedDetections,
     Int,
-    ModalityDetections,
 )
-from perception.types import Calibration as CameraCalibration
 
 KIND = "fusion"
 CONTRACT = ModelContract(
@@ -61,7 +58,7 @@ _NO_OVERRIDES = TriBoxOverrides()
 
 
 class Fusion:
-    """Fusion network: rescores the detections of up to three modalities and joins them; implements `DetectionFusion`."""
+    """Fusion network: rescores the detections of up to three modalities and joins them; a `DetectionFusion`."""
 
     def __init__(
         self,
@@ -97,26 +94,8 @@ class Fusion:
         self.calibrations = _calibrations(self._model)
         """Calibration from scores to probabilities."""
 
-    def fuse(
-        self,
-        modality_detections: ModalityDetections,
-        size_px: tuple[int, int],
-        dense: DenseMaps | None = None,
-        camera: CameraCalibration | None = None,
-    ) -> FusedDetections:
-        """Return the fused detections, best first.
-
-        Args:
-            modality_detections: Detections by modality; any modality may be missing.
-            size_px: (width, height) of the image.
-            dense: Dense maps of the frame, for depths; not used by the thesis' variants.
-            camera: Calibration of the camera, for metric heights; not used by the thesis' variants.
-        """
-        needed = dense if self.variant == "default" else None
-        return self.fuse_scene(scene_of(modality_detections, size_px, needed, camera))
-
-    def fuse_scene(self, scene: DetectedScene) -> FusedDetections:
-        """Return the fused detections of a scene, best first."""
+    def fuse(self, scene: DetectedScene) -> FusedDetections:
+        """Return the fused detections, best first; any modality may be missing."""
         if not len(scene.merged.detections):
             return FusedDetections.empty()
         return self.join(scene, self.rescore(scene))

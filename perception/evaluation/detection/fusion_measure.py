@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from perception.detection.config import FusionVariant
-from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.average_precision import (
     NO_INTERVAL,
@@ -314,11 +314,11 @@ def _single_modality(name: Modality, scene: DetectedScene) -> Detections:
 
 
 def _merge(scene: DetectedScene) -> Detections:
-    return NmsFusion().fuse(scene.modality_detections, scene.size_px).detections
+    return NmsFusion().fuse(scene).detections
 
 
 def _fuse(fusion: Fusion, scene: DetectedScene) -> Detections:
-    return fusion.fuse_scene(scene).detections
+    return fusion.fuse(scene).detections
 
 
 def _rescore(fusion: Fusion, scene: DetectedScene) -> Detections:

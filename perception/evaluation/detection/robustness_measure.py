@@ -61,13 +61,16 @@ def corrupted_detector(
     def detect(frame: Frame) -> CorruptedScenes:
         camera, size_px = camera_of(frame)
         clean = detector.detect(frame)
-        scenes = {CLEAN: scene_of(clean.modality_detections, size_px, clean.dense, camera)}
+        scenes = {CLEAN: clean.scene}
         for number, one in enumerate(corruptions):
             for level in one.levels:
                 rng = np.random.default_rng((seed, frame.index, number))
                 output = affected[number].detect(one.corrupt(frame, level, rng))
                 dense = clean.dense if output.dense is None else output.dense
-                found = {**clean.modality_detections, **output.modality_detections}
+                found = {
+                    **clean.scene.modality_detections,
+                    **output.scene.modality_detections,
+                }
                 scenes[one.name, level] = scene_of(found, size_px, dense, camera)
         return scenes
 

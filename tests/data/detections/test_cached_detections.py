@@ -13,6 +13,7 @@ from data.detections.cached_detections import (
 )
 from data.detections.detected_frames import DetectedFrames
 from data.open_drive import open_drive
+from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.errors import DriveError, PerceptionError, ScanError
 from perception.maps.densify import DenseMaps
 from perception.types import Detections
@@ -28,8 +29,7 @@ def car_frames(tmp_path):
 
 @dataclass(frozen=True)
 class ToyOutput:
-    modality_detections: dict
-    dense: DenseMaps | None
+    scene: DetectedScene
 
 
 class ToyDetector:
@@ -45,7 +45,7 @@ class ToyDetector:
         depth_m = np.full((190, 620), 12, np.float32)
         dense = DenseMaps(depth_m, depth_m * 0, depth_m > 0, depth_m < 0)
         box = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.7]), np.array(["Car"]))
-        return ToyOutput({"rgb": Detections.empty(), "dm": box}, dense)
+        return ToyOutput(scene_of({"rgb": Detections.empty(), "dm": box}, (620, 190), dense))
 
 
 def test_detectors_run_once_on_each_frame(car_frames, tmp_path):

@@ -8,8 +8,8 @@ import pytest
 from perception.detection.detectors.modalities import fill_maps, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.nms_fusion import NmsFusion
-from perception.detection.fusion.detector_fingerprints import detector_fingerprints
+from perception.detection.fusion.class_fusion import detector_fingerprints
+from perception.detection.fusion.detected_scene import box_depths_m
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ImageError, ModelError, UsageError
 from perception.maps.densify import densify
@@ -51,10 +51,10 @@ def test_each_detector_sees_what_it_sees_alone(detectors, frame):
     output = MultimodalDetector(detectors).detect(frame)
     dense = densify(project_frame(frame))
     pictures = {"rgb": frame.image} | {name: map_image(dense, name) for name in ("dm", "rm")}
-    assert list(output.modality_detections) == list(MODALITIES)
+    assert list(output.scene.modality_detections) == list(MODALITIES)
     for modality, picture in pictures.items():
-        assert_same(output.modality_detections[modality], detectors[modality].detect(picture))
-        assert len(output.modality_detections[modality])
+        assert_same(output.scene.modality_detections[modality], detectors[modality].detect(picture))
+        assert len(output.scene.modality_detections[modality])
     np.testing.assert_array_equal(output.dense.depth_m, dense.depth_m)
     assert sorted(output.timings_s) == ["dm", "fusion", "maps", "rgb", "rm"]
 
@@ -70,7 +70,7 @@ def test_output_does_not_depend_on_the_number_of_workers(detectors, frame, worke
 @pytest.mark.parametrize("names", [("rgb",), ("dm",), ("rgb", "rm"), ("dm", "rm")])
 def test_any_of_the_modalities(detectors, frame, names):
     output = MultimodalDetector({name: detectors[name] for name in names}).detect(frame)
-    assert tuple(output.modality_detections) == names
+    assert tuple(output.scene.modality_detections) == names
     assert (output.dense is None) == (names == ("rgb",))
     columns = [MODALITIES.index(name) for name in names]
     assert set(output.fused.dominant_modality) <= set(columns)
@@ -78,7 +78,10 @@ def test_any_of_the_modalities(detectors, frame, names):
 
 def test_frame_without_an_image(detectors, frame):
     blind = replace(frame, image=None)
-    assert list(MultimodalDetector(detectors).detect(blind).modality_detections) == ["dm", "rm"]
+    assert list(MultimodalDetector(detectors).detect(blind).scene.modality_detections) == [
+        "dm",
+        "rm",
+    ]
     with pytest.raises(ImageError) as error:
         MultimodalDetector({"rgb": detectors["rgb"]}).detect(blind)
     assert (error.value.expected, error.value.found) == ("a camera image", "none")
@@ -86,15 +89,15 @@ def test_frame_without_an_image(detectors, frame):
 
 def test_image_alone_needs_no_calibration(detectors, frame):
     bare = replace(frame, calibration=None)
-    assert list(MultimodalDetector({"rgb": detectors["rgb"]}).detect(bare).modality_detections) == [
-        "rgb"
-    ]
+    assert list(
+        MultimodalDetector({"rgb": detectors["rgb"]}).detect(bare).scene.modality_detections
+    ) == ["rgb"]
 
 
 def test_without_a_calibration_the_map_detectors_use_the_virtual_camera(detectors, frame):
     bare = replace(frame, calibration=None)
     output = MultimodalDetector(detectors).detect(bare)
-    assert list(output.modality_detections) == ["dm", "rm"]
+    assert list(output.scene.modality_detections) == ["dm", "rm"]
     assert output.dense.depth_m.shape == VIRTUAL_CAMERA.image_size_px[::-1]
     seen = replace(frame, image=None, calibration=VIRTUAL_CAMERA)
     assert_same(
@@ -107,7 +110,7 @@ def test_maps_that_are_made_already_are_used(detectors, frame):
     dark = replace(dense, reflectance=np.zeros_like(dense.reflectance))
     output = MultimodalDetector(detectors).detect(frame, dark)
     assert output.dense is dark
-    assert len(output.modality_detections["rm"]) == 0
+    assert len(output.scene.modality_detections["rm"]) == 0
 
 
 def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
@@ -116,29 +119,30 @@ def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
     sparse = ModalityDetector(path, 1)
     output = MultimodalDetector({"dm": detectors["dm"], "rm": sparse}).detect(frame)
     maps = fill_maps(project_frame(frame), "sparse")
-    assert_same(output.modality_detections["rm"], sparse.detect(map_image(maps, "rm")))
+    assert_same(output.scene.modality_detections["rm"], sparse.detect(map_image(maps, "rm")))
     dense = densify(project_frame(frame))
-    assert_same(output.modality_detections["dm"], detectors["dm"].detect(map_image(dense, "dm")))
+    assert_same(
+        output.scene.modality_detections["dm"], detectors["dm"].detect(map_image(dense, "dm"))
+    )
 
 
 def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
     asked = {}
 
     class Silent:
-        def fuse(self, modality_detections, size_px, dense=None, camera=None):
-            asked.update(
-                modality_detections=modality_detections, size_px=size_px, dense=dense, camera=camera
-            )
+        def fuse(self, scene):
+            asked["scene"] = scene
             return FusedDetections.empty()
 
     output = MultimodalDetector(detectors, Silent()).detect(frame)
     assert len(output.fused) == 0
-    assert asked == {
-        "modality_detections": output.modality_detections,
-        "size_px": SIZE_PX,
-        "dense": output.dense,
-        "camera": frame.calibration,
-    }
+    scene = asked["scene"]
+    assert scene is output.scene
+    assert scene.size_px == SIZE_PX
+    assert scene.known_focal_px == frame.calibration.image_P_cam[1, 1]
+    for name, found in scene.modality_detections.items():
+        expected_m = box_depths_m(found.boxes_px, output.dense)
+        np.testing.assert_array_equal(scene.depths_m[name], expected_m)
 
 
 def test_detectors_that_a_fusion_was_not_fitted_to_are_named_once(detectors, tmp_path, caplog):
@@ -168,39 +172,3 @@ def test_no_detector_or_one_of_another_modality(detectors):
         MultimodalDetector({"rm": detectors["dm"]})
     assert error.value.where == "dm.onnx"
     assert (error.value.expected, error.value.found) == ("a detector of modality rm", "one of dm")
-
-
-def detections(*rows, types=None):
-    boxes_px = np.array([row[:4] for row in rows], float).reshape(-1, 4)
-    return Detections(
-        boxes_px,
-        np.array([row[4] for row in rows]),
-        np.array(types or ["Car"] * len(rows), np.str_),
-    )
-
-
-def test_union_keeps_the_best_of_each_place_and_says_who_else_saw_it():
-    modality_detections = {
-        "rgb": detections((0, 0, 10, 10, 0.6), (50, 0, 60, 10, 0.5)),
-        "dm": detections((0, 0, 10, 12, 0.9)),
-        "rm": detections((100, 0, 110, 10, 0.7), (0, 0, 10, 11, 0.1)),
-    }
-    fused = NmsFusion().fuse(modality_detections, (200, 100))
-    np.testing.assert_array_equal(fused.detections.scores, [0.9, 0.7, 0.5])
-    np.testing.assert_array_equal(fused.source_indices, [[0, 0, 1], [-1, -1, 0], [1, -1, -1]])
-    np.testing.assert_array_equal(fused.dominant_modality, [1, 2, 0])
-
-
-def test_union_keeps_classes_apart():
-    modality_detections = {
-        "rgb": detections((0, 0, 10, 10, 0.6), types=["Van"]),
-        "rm": detections((0, 0, 10, 10, 0.9)),
-    }
-    fused = NmsFusion().fuse(modality_detections, (200, 100))
-    assert fused.detections.types.tolist() == ["Car", "Van"]
-    np.testing.assert_array_equal(fused.source_indices, [[-1, -1, 0], [0, -1, -1]])
-
-
-def test_union_of_nothing():
-    assert len(NmsFusion().fuse({}, (200, 100))) == 0
-    assert len(NmsFusion().fuse({"rgb": Detections.empty()}, (200, 100))) == 0

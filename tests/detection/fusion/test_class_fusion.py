@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.class_fusion import (
     ClassFusion,
     ClassGroup,
     class_groups,
+    detector_fingerprints,
     fusion_of,
 )
-from perception.detection.fusion.detector_fingerprints import detector_fingerprints
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.types import MODALITIES, Detections
 from tests.detection.bright_cells import bright_cells
@@ -74,7 +75,7 @@ def test_other_classes_keep_the_scores_of_their_detectors(open_detectors, doubli
         "dm": detections((52, 0.3, "Car")),
         "rm": detections((52, 0.1, "Car"), (2, 0.5, "Cyclist")),
     }
-    fused = fusion.fuse(found, SIZE_PX)
+    fused = fusion.fuse(DetectedScene(found, SIZE_PX))
     assert fused.detections.types.tolist() == ["Car", "Cyclist"]
     np.testing.assert_allclose(fused.detections.scores, [0.6, 0.5], rtol=1e-6)
     # Rows of the detections as they were given, not of one class.
@@ -90,7 +91,10 @@ def test_each_class_is_fused_as_without_the_others(open_detectors, doubling):
         "rm": detections(),
     }
     mixed = cars | {"rgb": cars["rgb"].joined(detections((0, 0.05, "Cyclist")))}
-    alone, together = doubling.fuse(cars, SIZE_PX), fusion.fuse(mixed, SIZE_PX)
+    alone, together = (
+        doubling.fuse(DetectedScene(cars, SIZE_PX)),
+        fusion.fuse(DetectedScene(mixed, SIZE_PX)),
+    )
     np.testing.assert_array_equal(together.detections.boxes_px[:-1], alone.detections.boxes_px)
     np.testing.assert_array_equal(together.detections.scores[:-1], alone.detections.scores)
     np.testing.assert_array_equal(together.source_indices[:-1], alone.source_indices)
@@ -98,9 +102,9 @@ def test_each_class_is_fused_as_without_the_others(open_detectors, doubling):
 
 def test_a_detector_that_had_no_input_is_left_out(open_detectors, doubling):
     fusion = fusion_of(doubling, open_detectors(rgb="Car,Cyclist", dm="Car", rm="Car"))
-    fused = fusion.fuse({"dm": detections((52, 0.3, "Car"))}, SIZE_PX)
+    fused = fusion.fuse(DetectedScene({"dm": detections((52, 0.3, "Car"))}, SIZE_PX))
     np.testing.assert_array_equal(fused.source_indices, [[-1, 0, -1]])
-    assert len(fusion.fuse({}, SIZE_PX)) == 0
+    assert len(fusion.fuse(DetectedScene({}, SIZE_PX))) == 0
 
 
 def test_a_single_detector_of_ones_own_is_not_rescored(open_detectors, fusion_file, caplog):
@@ -113,7 +117,6 @@ def test_a_single_detector_of_ones_own_is_not_rescored(open_detectors, fusion_fi
 
 
 def test_scene_of_some_classes_keeps_their_depths(open_detectors):
-    from perception.detection.fusion.detected_scene import DetectedScene
 
     found = detections((0, 0.4, "Cyclist"), (50, 0.2, "Car"))
     scene = DetectedScene({"dm": found}, SIZE_PX, {"dm": np.array([[5.0, 6], [7, 8]])})

@@ -34,7 +34,7 @@ def test_one_detection_stays_of_each_neighbourhood(fusion_file):
         "dm": detections([[110, 100, 210, 200]], [0.9]),
         "rm": detections([[900, 100, 950, 150]], [0.5]),
     }
-    fused = Fusion(fusion_file()).fuse(modality_detections, SIZE_PX)
+    fused = Fusion(fusion_file()).fuse(DetectedScene(modality_detections, SIZE_PX))
     np.testing.assert_allclose(fused.detections.scores, [0.9, 0.5, 0.3], atol=1e-6)
     assert fused.detections.boxes_px[:, 0].tolist() == [110, 900, 600]
     assert fused.source_indices.tolist() == [[0, 0, -1], [-1, -1, 0], [1, -1, -1]]
@@ -48,7 +48,7 @@ def test_the_default_blends_boxes_by_what_they_are_expected_to_overlap(fusion_fi
         "dm": detections([[110, 100, 210, 200]], [0.6]),
         "rm": detections([[155, 100, 255, 200]], [0.3]),  # overlaps by 0.29: not the same
     }
-    fused = Fusion(fusion_file("default")).fuse(modality_detections, SIZE_PX)
+    fused = Fusion(fusion_file("default")).fuse(DetectedScene(modality_detections, SIZE_PX))
     # Weights 1 / 0.2² and 1 / 0.4².
     left = (25 * 100 + 6.25 * 110) / 31.25
     np.testing.assert_allclose(fused.detections.boxes_px[0], [left, 100, left + 100, 200])
@@ -61,14 +61,14 @@ def test_the_thesis_keeps_the_best_box_as_it_is(fusion_file):
         "rgb": detections([[100, 100, 200, 200]], [0.8]),
         "dm": detections([[110, 100, 210, 200]], [0.6]),
     }
-    fused = Fusion(fusion_file("features")).fuse(modality_detections, SIZE_PX)
+    fused = Fusion(fusion_file("features")).fuse(DetectedScene(modality_detections, SIZE_PX))
     assert fused.detections.boxes_px.tolist() == [[100, 100, 200, 200]]
 
 
 def test_scores_become_probabilities_in_their_order(fusion_file):
     scene = clumped_scene(0)
-    plain = Fusion(fusion_file()).fuse_scene(scene).detections
-    curved = Fusion(fusion_file(calibration="2.0,0.5,-1.0")).fuse_scene(scene).detections
+    plain = Fusion(fusion_file()).fuse(scene).detections
+    curved = Fusion(fusion_file(calibration="2.0,0.5,-1.0")).fuse(scene).detections
     np.testing.assert_array_equal(curved.boxes_px, plain.boxes_px)
     assert (np.diff(curved.scores) <= 0).all()
     logit = 2 * np.log(plain.scores) - 0.5 * np.log(1 - plain.scores) - 1
@@ -82,7 +82,7 @@ def test_a_view_alone_keeps_its_boxes_and_their_order(fusion_file, left):
     found = found[suppress(found, 0.5)]
     alone = replace(scene, modality_detections={left: found}, depths_m={})
     curves = f"1.0,1.0,0.0 {left}=1.0,1.0,-1.0"
-    fused = Fusion(fusion_file("default", HALF_OF_ALL, calibration=curves)).fuse_scene(alone)
+    fused = Fusion(fusion_file("default", HALF_OF_ALL, calibration=curves)).fuse(alone)
     np.testing.assert_array_equal(fused.detections.boxes_px, found.boxes_px)
     odds = found.scores / (1 - found.scores) / np.e
     np.testing.assert_allclose(fused.detections.scores, odds / (1 + odds), atol=1e-9)
@@ -107,7 +107,7 @@ def test_curves_are_written_and_read_as_they_are():
 @pytest.mark.parametrize("lost", [(), ("rgb",), ("dm", "rm"), ("rgb", "dm"), ("rgb", "dm", "rm")])
 def test_any_modality_may_be_missing(fusion_file, variant, lost):
     scene = clumped_scene(2).without(*lost)
-    fused = Fusion(fusion_file(variant)).fuse_scene(scene)
+    fused = Fusion(fusion_file(variant)).fuse(scene)
     assert bool(len(fused)) == (len(lost) < 3)
     for column, name in enumerate(("rgb", "dm", "rm")):
         assert name in scene.modality_detections or (fused.source_indices[:, column] == -1).all()
@@ -116,13 +116,15 @@ def test_any_modality_may_be_missing(fusion_file, variant, lost):
 
 
 def test_detectors_that_see_nothing_make_nothing(fusion_file):
-    fused = Fusion(fusion_file()).fuse({"rgb": detections([]), "dm": detections([])}, SIZE_PX)
+    fused = Fusion(fusion_file()).fuse(
+        DetectedScene({"rgb": detections([]), "dm": detections([])}, SIZE_PX)
+    )
     assert len(fused) == 0
 
 
 def test_boxes_without_area_do_no_harm(fusion_file):
     modality_detections = {"rgb": detections([[5, 5, 5, 9]]), "dm": detections([[5, 5, 5, 9]])}
-    fused = Fusion(fusion_file("default")).fuse(modality_detections, SIZE_PX)
+    fused = Fusion(fusion_file("default")).fuse(DetectedScene(modality_detections, SIZE_PX))
     assert np.isfinite(fused.detections.boxes_px).all()
 
 
