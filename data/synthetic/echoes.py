@@ -92,12 +92,12 @@ class EchoModel:
         angle = grazing + (1 - grazing) * shots.cosine
         full_m = self.full_power * sensor.max_range_m
         weakening = np.minimum(1, angle * (full_m / np.maximum(shots.distance_m, 1.0)) ** 2)
-        strength = np.exp(self.speckle * rng.standard_normal(len(slots), np.float32))
-        strength *= weakening * np.tile(self.gains(sensor, unit), sensor.columns)
-        strength *= np.minimum(1, shots.distance_m / np.tile(self._focus_m(sensor), sensor.columns))
-        echo = shots.albedo * angle * strength
+        gain = np.exp(self.speckle * rng.standard_normal(len(slots), np.float32))
+        gain *= weakening * np.tile(self.gains(sensor, unit), sensor.columns)
+        gain *= np.minimum(1, shots.distance_m / np.tile(self._focus_m(sensor), sensor.columns))
+        echo = shots.albedo * angle * gain
         # A retroreflector's echo fills the receiver, whatever its angle, until it is far away.
-        bright = np.minimum(shots.albedo, shots.albedo * self.retro * strength)
+        bright = np.minimum(shots.albedo, shots.albedo * self.retro * gain)
         echo = np.where(np.isin(slots, _RETRO), bright, echo)
         reported = np.where(echo < self.min_echo, 0, np.minimum(echo, 0.99))
         return np.round(reported, 2).astype(np.float32)

@@ -12,7 +12,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from data.synthetic import meshes
-from data.synthetic.materials import MOVING_CLASS, Slot, column
+from data.synthetic.materials import column
 from data.synthetic.meshes import Mesh
 from data.synthetic.street import Part
 from perception.types import Bool, Float32, Float64, Int
@@ -205,8 +205,6 @@ class SurfaceTables:
 
 
 _SEMANTIC_OF_SLOT = column("semantic").astype(np.int32)
-STATIC_CLASS = {moving: int(still) for still, moving in MOVING_CLASS.items()}
-SLOT_COUNT = len(Slot)
 
 
 def _embree(mesh: Mesh) -> EmbreeScene:

@@ -289,8 +289,8 @@ class TrafficGenerator:
 
 def _apart(place_m: Float64, length_m: Float64, fixed: int) -> Float64:
     """Move the vehicles of a lane apart where they would touch, but for one that stays."""
-    least = (length_m[:-1] + length_m[1:]) / 2 + _MIN_GAP_M
-    if (-np.diff(place_m) >= least).all():
+    min_gaps_m = (length_m[:-1] + length_m[1:]) / 2 + _MIN_GAP_M
+    if (-np.diff(place_m) >= min_gaps_m).all():
         return place_m
-    behind = np.concatenate([[0.0], np.cumsum(np.maximum(-np.diff(place_m), least))])
+    behind = np.concatenate([[0.0], np.cumsum(np.maximum(-np.diff(place_m), min_gaps_m))])
     return np.asarray(place_m[fixed] + behind[fixed] - behind)

@@ -63,8 +63,8 @@ def _section(design: VehicleDesign, x: Float64) -> tuple[Float64, Float64]:
     top = _outline(design, x)
     belt = np.minimum(design.belt_m + 0.015 * (half - x) / design.length_m, top - 0.025)
     ends = np.clip((0.65 - (half - np.abs(x))) / 0.65, 0, 1)
-    strength = 0.10 if design.is_tall else 0.17
-    half_width = width * (1 - strength * ends**2.5)
+    taper = 0.10 if design.is_tall else 0.17
+    half_width = width * (1 - taper * ends**2.5)
     bottom = design.clearance_m + 0.10 * np.clip((0.3 - (half - np.abs(x))) / 0.3, 0, 1) ** 2
     arch = np.zeros_like(x)
     for axle in design.axles_m:
@@ -76,7 +76,7 @@ def _section(design: VehicleDesign, x: Float64) -> tuple[Float64, Float64]:
     waist = np.maximum(bottom + 0.45 * (belt - bottom), arch + 0.03)
     shoulder = np.maximum(belt - 0.10, waist + 0.01)
     cabin = top - belt
-    roof = design.roof_width * width * (1 - 0.5 * strength * ends**2)
+    roof = design.roof_width * width * (1 - 0.5 * taper * ends**2)
     lean = half_width * 0.93 - roof
     crown = 0.02 + 0.02 * (cabin > 0.2)
     flat = np.ones_like(x)

@@ -11,7 +11,7 @@ of the INS packets; `truth_labels.txt` the boxes of everyone around, in the came
 tracking labels. `.label` files hold SemanticKITTI's words: class below, track id plus one above.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -54,12 +54,12 @@ class EncodedFrame:
 
 
 @dataclass(frozen=True)
-class FramePaths:
-    """Paths of the files of one frame."""
+class FrameFolders:
+    """Folders of the files of all frames."""
 
-    scan: Path
+    scans: Path
     truth: Path
-    image: Path
+    images: Path
 
 
 def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], object]) -> Path:
@@ -76,19 +76,14 @@ def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], 
         write_atomically(folder.parent / name, text.encode())
     write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
 
-    def places(index: int) -> FramePaths:
-        stem = f"{index:010d}"
-        return FramePaths(
-            folder / "velodyne_points" / "data" / f"{stem}.bin",
-            folder / "labels" / f"{stem}.label",
-            folder / "image_02" / "data" / f"{stem}.png",
-        )
-
+    folders = FrameFolders(
+        folder / "velodyne_points" / "data", folder / "labels", folder / "image_02" / "data"
+    )
+    stems = {index: f"{index:010d}" for index in range(len(drive))}
     labels = []
-    for index, frame in _write_frames(drive, range(len(drive)), places, is_tracking=True):
-        write_atomically(
-            folder / "oxts" / "data" / f"{index:010d}.txt", f"{frame.packet}\n".encode()
-        )
+    for index, frame in _write_frames(drive, stems, folders, is_tracking=True):
+        packet = f"{frame.packet}\n".encode()
+        write_atomically(folder / "oxts" / "data" / f"{stems[index]}.txt", packet)
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
     write_atomically(folder / "label_02.txt", "".join(labels).encode())
@@ -114,15 +109,12 @@ def write_tracking(
     calibration = format_benchmark_calibration(drive.rig).encode()
     write_atomically(folder / "calib" / f"{name}.txt", calibration)
 
-    def places(index: int) -> FramePaths:
-        return FramePaths(
-            folder / "velodyne" / name / f"{index:06d}.bin",
-            folder / "labels" / name / f"{index:06d}.label",
-            folder / "image_02" / name / f"{index:06d}.png",
-        )
-
+    folders = FrameFolders(
+        folder / "velodyne" / name, folder / "labels" / name, folder / "image_02" / name
+    )
+    stems = {index: f"{index:06d}" for index in range(len(drive))}
     labels, packets = [], []
-    for index, frame in _write_frames(drive, range(len(drive)), places, is_tracking=True):
+    for index, frame in _write_frames(drive, stems, folders, is_tracking=True):
         packets.append(f"{frame.packet}\n")
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
@@ -151,22 +143,13 @@ def write_objects(
     """
     folder = out / "training"
     write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
-    number_of = {index: first_number + row for row, index in enumerate(frames)}
-
-    def places(index: int) -> FramePaths:
-        stem = f"{number_of[index]:06d}"
-        return FramePaths(
-            folder / "velodyne" / f"{stem}.bin",
-            folder / "labels" / f"{stem}.label",
-            folder / "image_2" / f"{stem}.png",
-        )
-
+    folders = FrameFolders(folder / "velodyne", folder / "labels", folder / "image_2")
+    stems = {index: f"{first_number + row:06d}" for row, index in enumerate(frames)}
     calibration = format_benchmark_calibration(drive.rig).encode()
-    for index, frame in _write_frames(drive, frames, places, is_tracking=False):
-        stem = f"{number_of[index]:06d}"
+    for index, frame in _write_frames(drive, stems, folders, is_tracking=False):
         text = format_object_labels(frame.labels, drive.calibration)
-        write_atomically(folder / "calib" / f"{stem}.txt", calibration)
-        write_atomically(folder / "label_2" / f"{stem}.txt", text.encode())
+        write_atomically(folder / "calib" / f"{stems[index]}.txt", calibration)
+        write_atomically(folder / "label_2" / f"{stems[index]}.txt", text.encode())
         done()
     return folder
 
@@ -180,26 +163,21 @@ def semantic_kitti_labels(truth: PointTruth) -> np.ndarray:
 
 
 def _write_frames(
-    drive: SyntheticDrive,
-    frames: Sequence[int],
-    places: Callable[[int], FramePaths],
-    *,
-    is_tracking: bool,
+    drive: SyntheticDrive, stems: Mapping[int, str], folders: FrameFolders, *, is_tracking: bool
 ) -> Iterator[tuple[int, EncodedFrame]]:
-    """Write scans, truth and images of some frames; yield the frames in order."""
+    """Write scans, truth and images of the frames that have a file name; yield them in order."""
 
     def write(index: int) -> EncodedFrame:
-        files = encode_frame(drive, index, is_tracking=is_tracking)
-        place = places(index)
-        if files.image is not None:
-            write_atomically(place.image, files.image)
-        write_atomically(place.truth, files.truth)
-        write_atomically(place.scan, files.scan)
-        return files
+        frame, stem = encode_frame(drive, index, is_tracking=is_tracking), stems[index]
+        if frame.image is not None:
+            write_atomically(folders.images / f"{stem}.png", frame.image)
+        write_atomically(folders.truth / f"{stem}.label", frame.truth)
+        write_atomically(folders.scans / f"{stem}.bin", frame.scan)
+        return frame
 
     with ThreadPoolExecutor(_THREADS, thread_name_prefix="synth") as pool:
         try:
-            yield from zip(frames, pool.map(write, frames), strict=True)
+            yield from zip(stems, pool.map(write, stems), strict=True)
         finally:
             pool.shutdown(cancel_futures=True)
 

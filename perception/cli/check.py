@@ -65,7 +65,10 @@ def format_report(report: "DriveReport") -> str:
         ("fault" if one.is_fault else "note", one.what, str(one.count), one.first_example)
         for one in report.findings
     ]
-    kinds, wide, most = (max((len(row[at]) for row in rows), default=0) for at in range(3))
-    table = [f"  {row[0]:{kinds}}  {row[1]:{wide}}  {row[2]:>{most}}  {row[3]}" for row in rows]
-    verdict = f"  {report.faults or 'no'} faults"
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
+    table = [
+        f"  {kind:{widths[0]}}  {what:{widths[1]}}  {count:>{widths[2]}}  {example}"
+        for kind, what, count, example in rows
+    ]
+    verdict = f"  {report.faults or 'no'} {'fault' if report.faults == 1 else 'faults'}"
     return "\n".join([f"{drive.name}: {', '.join(words)}", *table, verdict, ""])

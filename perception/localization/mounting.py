@@ -85,9 +85,9 @@ def _spin_axis(points: Float) -> int:
     if len(rays) < _MIN_RAYS:
         return 2
     spread = np.square(rays).mean(axis=0)
-    least = int(spread.argmin())
+    axis = int(spread.argmin())
     # KITTI's frames have 0.04 along z and over 0.4 along x and y, measured.
-    return least if spread[least] < spread[2] / 2 else 2
+    return axis if spread[axis] < spread[2] / 2 else 2
 
 
 def _swapped_axes(points: Float, up: int, source: str) -> MountingError:
