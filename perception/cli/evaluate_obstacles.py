@@ -45,7 +45,7 @@ def evaluate_obstacles(
     motion = None
     if isinstance(labelled, KittiSequence) and labelled.has_labels and labelled.has_poses:
         motion = label_drive_motion(labelled, protocol.motion)
-    measure = ObstacleMeasure(pipeline.area, protocol, motion)
+    measure = ObstacleMeasure(pipeline.area, protocol.objects, motion)
     data = evaluate_drive(labelled, drive, pipeline, measure)
     words = {**PROTOCOL_WORDS, "values": protocol}
     document = EvaluationDocument("obstacles", data, words)

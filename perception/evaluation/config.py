@@ -81,20 +81,10 @@ class ObstacleProtocol:
     Attributes:
         objects: Labelled objects.
         motion: Motion of labelled objects.
-        cluster_points: Number of points of the smallest cluster that counts; the thesis' T_d.
-        warm_up: Number of first frames that are also counted apart, since motion needs a history.
-        other_min_points: Values of `objects.min_points` that are counted beside it.
-        other_moving_shares: Values of `objects.moving_share` that are counted beside it; 0 asks for any point.
-        other_cluster_points: Values of `cluster_points` that are counted beside it.
     """
 
     objects: ObjectMatchConfig = field(default_factory=ObjectMatchConfig)
     motion: MotionLabelConfig = field(default_factory=MotionLabelConfig)
-    cluster_points: int = 5
-    warm_up: int = 1
-    other_min_points: tuple[int, ...] = (1, 5, 50)
-    other_moving_shares: tuple[float, ...] = (0.0, 0.1, 0.5)
-    other_cluster_points: tuple[int, ...] = (1, 20)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 
 from perception.evaluation import false_obstacles, obstacles
-from perception.evaluation.config import ObjectMatchConfig, ObstacleProtocol
+from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.false_obstacles import (
     MovingClusters,
@@ -27,6 +27,11 @@ from perception.evaluation.obstacles import (
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table
 from perception.geometry.grids import LocalArea
 from perception.types import Int, Labels, PointTruth, Result
+
+# Thresholds that are counted beside those of the protocol; a share of 0 asks for any point.
+_OTHER_MIN_POINTS, _OTHER_MOVING_SHARES = (1, 5, 50), (0.0, 0.1, 0.5)
+_CLUSTER_POINTS = (1, 5, 20)  # of the smallest cluster that counts; 5 is the thesis' T_d
+_WARM_UP = 1  # first frames, which are also counted apart, since motion needs a history
 
 PROTOCOL_WORDS = {"objects": obstacles.__doc__, "false_obstacles": false_obstacles.__doc__}
 
@@ -139,17 +144,17 @@ class ObstacleMeasure:
     def __init__(
         self,
         area: LocalArea,
-        protocol: ObstacleProtocol | None = None,
+        config: ObjectMatchConfig | None = None,
         motion: MotionTruth | None = None,
     ) -> None:
         """Start without a frame.
 
         Args:
             area: Area over which objects and points count.
-            protocol: Protocol of the evaluation.
+            config: Thresholds at which an object counts and is found.
             motion: Motion of the labelled objects, or None where it is unknown.
         """
-        self._area, self._protocol, self._motion = area, protocol or ObstacleProtocol(), motion
+        self._area, self._config, self._motion = area, config or ObjectMatchConfig(), motion
         self._shadow_detector = ShadowDetector()
         self._observed: list[ObjectObservations] = []
         self._clusters: list[MovingClusters] = []
@@ -174,7 +179,7 @@ class ObstacleMeasure:
         motions = unknown if self._motion is None else self._motion.of(index, labels.track_ids)
         objects = LabelledObjects(labels.boxes_velo, motions, labels.track_ids)
         self._observed.append(
-            observe_objects(index, scan, states, objects, self._area, self._protocol.objects)
+            observe_objects(index, scan, states, objects, self._area, self._config)
         )
         view = LabelledView.of(result.frame, labels.dont_care_px)
         if self._motion is not None and view is not None:
@@ -184,7 +189,7 @@ class ObstacleMeasure:
     def compute(self) -> ObstacleReport:
         """Return the metrics of all frames so far."""
         return ObstacleReport(
-            self._protocol.objects,
+            self._config,
             self._missing(),
             points_moving=self._points.get("moving"),
             points_static=self._points.get("static"),
@@ -204,10 +209,10 @@ class ObstacleMeasure:
     def _object_counts(self) -> dict[str, Any]:
         """Count objects by number of points, by required share of moving points, and by frames."""
         observed = ObjectObservations.concatenate(self._observed)
-        protocol, config = self._protocol, self._protocol.objects
-        sizes = sorted({config.min_points, *protocol.other_min_points})
-        shares = sorted({config.moving_share, *protocol.other_moving_shares})
-        warms_up = np.asarray(observed.frames < protocol.warm_up)
+        config = self._config
+        sizes = sorted({config.min_points, *_OTHER_MIN_POINTS})
+        shares = sorted({config.moving_share, *_OTHER_MOVING_SHARES})
+        warms_up = np.asarray(observed.frames < _WARM_UP)
         return {
             "objects": count_objects(observed, config),
             "objects_by_min_points": {
@@ -221,7 +226,7 @@ class ObstacleMeasure:
                 for share in shares
             },
             "objects_by_frames": {
-                f"first {protocol.warm_up}": count_objects(observed[warms_up], config),
+                f"first {_WARM_UP}": count_objects(observed[warms_up], config),
                 "all others": count_objects(observed[~warms_up], config),
             },
             "missed_moving": missed_moving(observed, config),
@@ -232,12 +237,11 @@ class ObstacleMeasure:
             MovingClusters.concatenate(self._clusters),
             Shadows.concatenate(self._shadows),
         )
-        protocol = self._protocol
-        sizes = sorted({protocol.cluster_points, *protocol.other_cluster_points})
-        is_false = clusters.is_false(protocol.cluster_points, ignore_dont_care=True)
+        is_false = clusters.is_false(_CLUSTER_POINTS[1], ignore_dont_care=True)
         return {
             "false_clusters": {
-                f"{size} points and more": self._count_clusters(clusters, size) for size in sizes
+                f"{size} points and more": self._count_clusters(clusters, size)
+                for size in _CLUSTER_POINTS
             },
             "false_cluster_positions": clusters[is_false],
             "shadows": {
@@ -254,6 +258,6 @@ class ObstacleMeasure:
             clusters=len(false),
             per_frame=len(false) / self._frames,
             on_static_objects=int(np.count_nonzero(is_static)),
-            in_warm_up=int(np.count_nonzero(false.frames < self._protocol.warm_up)),
+            in_warm_up=int(np.count_nonzero(false.frames < _WARM_UP)),
             with_dont_care=int(np.count_nonzero(everywhere)),
         )

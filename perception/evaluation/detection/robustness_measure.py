@@ -13,7 +13,7 @@ from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import ClassPrecision, PrecisionMeasure
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.fusion_measure import row_functions
-from perception.evaluation.report import Column, Report, Table
+from perception.evaluation.report import Report, Table, value_table
 from perception.maps.projection import camera_of
 from perception.render.curve_plots import Curve, CurvePanel
 from perception.types import Frame, Modality
@@ -91,15 +91,11 @@ class RobustnessReport(Report):
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return a table for each corruption: a row for each level, a column for each detector and fusion."""
-
-        def column(name: str) -> Column[Mapping[str, ClassPrecision]]:
-            return Column(name, lambda row: self._ap(row[name]), ".2f")
-
         return [
-            Table(
+            value_table(
                 f"{corruption}: {self._label}",
-                [column(name) for name in levels[0.0]],
-                {f"{level:g}": row for level, row in levels.items()},
+                {f"{x:g}": {n: self._ap(p) for n, p in row.items()} for x, row in levels.items()},
+                ".2f",
                 "level",
             )
             for corruption, levels in self.rows.items()

@@ -66,11 +66,11 @@ class Clear(SummedMetrics):
     @property
     def motp(self) -> float:
         """Mean similarity of the matched boxes: 1 is best."""
-        return _ratio(self.similarity_sum, self.true_positives)
+        return ratio(self.similarity_sum, self.true_positives)
 
     def _accuracy(self, earned: float) -> float:
         true_boxes = self.true_positives + self.false_negatives
-        return _ratio(earned - self.false_positives, true_boxes)
+        return ratio(earned - self.false_positives, true_boxes)
 
 
 def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
@@ -127,5 +127,6 @@ def _pair_before(pairs: BoxPairs) -> Int:
     return before
 
 
-def _ratio(part: float, whole: int) -> float:
+def ratio(part: float, whole: int) -> float:
+    """Return a ratio of counts, 0 of nothing."""
     return part / whole if whole else 0.0

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from perception.evaluation.multi_object.clear import Clear, clear
+from perception.evaluation.multi_object.clear import Clear, clear, ratio
 from perception.evaluation.multi_object.hota import Hota, hota
 from perception.evaluation.multi_object.matching import max_weight_matching
 from perception.evaluation.multi_object.sequence import TrackedSequence, group_by_track, pair_boxes
@@ -36,17 +36,17 @@ class Identity(SummedMetrics):
     def idf1(self) -> float:
         """Harmonic mean of identity precision and recall."""
         wrong = self.false_positives + self.false_negatives
-        return _ratio(2 * self.true_positives, 2 * self.true_positives + wrong)
+        return ratio(2 * self.true_positives, 2 * self.true_positives + wrong)
 
     @property
     def idp(self) -> float:
         """Identity precision: share of the predicted boxes."""
-        return _ratio(self.true_positives, self.true_positives + self.false_positives)
+        return ratio(self.true_positives, self.true_positives + self.false_positives)
 
     @property
     def idr(self) -> float:
         """Identity recall: share of the true boxes."""
-        return _ratio(self.true_positives, self.true_positives + self.false_negatives)
+        return ratio(self.true_positives, self.true_positives + self.false_negatives)
 
 
 def identity(sequence: TrackedSequence, threshold: float = 0.5) -> Identity:
@@ -68,10 +68,6 @@ def identity(sequence: TrackedSequence, threshold: float = 0.5) -> Identity:
         false_positives=int(paired.track_lengths.sum()) - true_positives,
         false_negatives=int(paired.truth_lengths.sum()) - true_positives,
     )
-
-
-def _ratio(part: int, whole: int) -> float:
-    return part / whole if whole else 0.0
 
 
 @dataclass(frozen=True)
