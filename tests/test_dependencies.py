@@ -69,3 +69,11 @@ def test_tests_import_no_package_that_only_the_benchmark_needs():
     groups = declared()
     needed = groups[""] | groups["train"] | groups["dev"]
     assert imported("tests").keys() - needed == set()
+
+
+def test_documents_of_the_wheel_keep_their_places():
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    places = build["targets"]["wheel"]["shared-data"]
+    assert all((ROOT / source).exists() for source in places)
+    # Links between them hold as in the source tree.
+    assert {place: f"share/doc/trifuse/{place}" for place in places} == places
