@@ -8,10 +8,8 @@ A parameter whose type is `CommandConfig` is no flag: it gets the effective valu
 
 import argparse
 import dataclasses
-import difflib
 import inspect
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -21,8 +19,8 @@ from typing import Any, TypeVar, get_args, get_type_hints
 from jsonargparse import ArgumentParser, Namespace
 
 from data.results.command_config import CommandConfig, read_config
-from perception.cli.help import help_formatter, item_type, place_words, type_words
-from perception.errors import UsageError
+from perception.cli.help import help_formatter, place_words
+from perception.cli.words import flag_words, read_words, usage_error
 
 CommandFunction = Callable[..., None]
 Function = TypeVar("Function", bound=CommandFunction)
@@ -89,7 +87,7 @@ def parse(
         files = [f"--config={json.dumps(config)}" for config in configs]
         parsed = parser.parse_args([*files, *(f"--{name}={value}" for name, value in flags)])
     except argparse.ArgumentError as error:
-        raise _usage_error(prog, str(error), types, places) from error
+        raise usage_error(prog, str(error), types, places) from error
     arguments = _arguments(function, parser.instantiate(parsed))
     values = dict(_config_values(function, arguments))
     return arguments, CommandConfig(prog.removeprefix("trifuse "), values)
@@ -106,7 +104,7 @@ def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
     _, nested = _sections(function)
     parser = build_parser(prog, function, skip=() if everything else tuple(nested))
     if nested and not everything:
-        names = ", ".join(f"{_flag(name)}.*" for name in nested)
+        names = ", ".join(f"{flag_words(name)}.*" for name in nested)
         note = f"{names}: parameters of the method, listed by --help-all."
         parser.epilog = "\n".join(filter(None, [note, parser.epilog]))
     return parser.format_help().rstrip()
@@ -149,54 +147,6 @@ def flag_types(function: CommandFunction) -> dict[str, Any]:
     """Return the type of each flag by its full name, nested ones with dots."""
     hints = _hints(function)
     return dict(_walk(hints, iter(hints)))
-
-
-def read_words(
-    prog: str, words: Sequence[str], types: Mapping[str, Any], places: Sequence[str]
-) -> list[tuple[str, str]]:
-    """Return the full name and the value of each argument and flag, as jsonargparse reads them.
-
-    `--on-bad-frame` is `on_bad_frame`; `--no-video` and `--video` are false and true; `a,b` is a list; the end of a long name may be
-    left out: `--pipeline.motion.voxel-size` stands for `pipeline.motion.voxel_size_m`.
-
-    Args:
-        prog: Words that call the command.
-        words: Words of the command line behind them.
-        types: Type of each flag by its full name.
-        places: Names of the positional arguments.
-
-    Raises:
-        UsageError: A flag is unknown or lacks its value, or there are too many positional arguments.
-    """
-    pending, bare, flags = list(words), [], []
-    while pending:
-        word = pending.pop(0)
-        if not word.startswith("--"):
-            bare.append(word)
-            continue
-        typed, equals, value = word[2:].partition("=")
-        name, is_negated = _full_name(typed.replace("-", "_"), types)
-        kind = types.get(name)
-        if name not in types and name != "config" and not _is_section(name, types):
-            raise _refused(prog, "command line", _near(word, types), word)
-        if kind is bool and not equals:
-            is_typed = not is_negated and pending[:1] in (["true"], ["false"])
-            value = pending.pop(0) if is_typed else str(not is_negated).lower()
-        elif not equals:
-            if not pending or pending[0].startswith("--"):
-                raise _refused(prog, _flag(name), type_words(kind), "no value")
-            value = pending.pop(0)
-        item = item_type(kind)
-        flags.append((name, value if item is None else _as_list(value, item)))
-    # A list takes all words that are left.
-    arguments = []
-    for name in places[: len(bare)]:
-        is_list = item_type(types[name]) is not None
-        arguments.append((name, json.dumps(bare) if is_list else bare[0]))
-        bare = [] if is_list else bare[1:]
-    if bare:
-        raise _refused(prog, "command line", "a flag", bare[0])
-    return arguments + flags
 
 
 def _preset_defaults(
@@ -277,29 +227,6 @@ def _without_none(kind: Any) -> Any:  # noqa: ANN401 - any annotation
     return members[0] if is_optional else kind
 
 
-def _as_list(value: str, item: Any) -> str:  # noqa: ANN401 - any annotation
-    if value.startswith("["):
-        return value
-    items = [part.strip() for part in value.split(",") if part.strip()]
-    return f"[{','.join(items)}]" if item in (int, float) else json.dumps(items)
-
-
-def _full_name(name: str, types: Mapping[str, Any]) -> tuple[str, bool]:
-    """Return the whole name of a flag, and whether it is negated: --no-video, --pipeline.no-overlap."""
-    head, dot, last = name.rpartition(".")
-    positive = f"{head}{dot}{last.removeprefix('no_')}".removeprefix("no_")
-    if positive != name and types.get(positive) is bool:
-        return positive, True
-    if name in types or _is_section(name, types):
-        return name, False
-    begun = [known for known in types if known.startswith(name)]
-    return (begun[0] if len(begun) == 1 else name), False
-
-
-def _is_section(name: str, types: Mapping[str, Any]) -> bool:
-    return any(known.startswith(f"{name}.") for known in types)
-
-
 def _arguments(function: CommandFunction, parsed: Namespace) -> dict[str, Any]:
     """Return what the function is called with: flat flags are gathered into their groups."""
     values = {name: value for name, value in vars(parsed).items() if name != "config"}
@@ -307,54 +234,6 @@ def _arguments(function: CommandFunction, parsed: Namespace) -> dict[str, Any]:
         fields = [field.name for field in dataclasses.fields(kind)]
         values[name] = kind(**{field: values.pop(field) for field in fields})
     return values
-
-
-def _refused(prog: str, where: str, expected: str, found: str) -> UsageError:
-    return UsageError(where, expected=expected, found=found, advice=f"see {prog} --help")
-
-
-def _usage_error(
-    prog: str, message: str, types: Mapping[str, Any], places: Sequence[str]
-) -> UsageError:
-    """Return a parser's message as where, expected and found."""
-    if match := re.search(r"arguments are required: (\w+)", message):
-        missing = match[1].upper() if match[1] in places else _flag(match[1])
-        return _refused(prog, "command line", missing, "nothing")
-    for pattern, explain in _EXPLANATIONS:
-        if match := re.search(pattern, message, re.IGNORECASE):
-            return _refused(prog, *explain(match, types))
-    return _refused(prog, "command line", "flags and values", " ".join(message.split()))
-
-
-# Messages of argparse and jsonargparse, the first that fits counts: where, expected, found.
-_EXPLANATIONS: Sequence[
-    tuple[str, Callable[[re.Match[str], Mapping[str, Any]], tuple[str, str, str]]]
-] = (
-    (
-        r"group '(.+?)' does not accept option '(.+?)'",
-        lambda m, types: ("--config", _near(f"{m[1]}.{m[2]}", types), f"{m[1]}.{m[2]}"),
-    ),
-    (r"key '(.+?)' is not expected", lambda m, types: ("--config", _near(m[1], types), m[1])),
-    (
-        r'parser key "([^"]+)".*?(?:does not exist|unable to load config).*?[\'"](.+?)[\'"]',
-        lambda m, _: (_flag(m[1]), "a YAML file that can be read", m[2]),
-    ),
-    (
-        r'parser key "([^"]+)"(?s:.*(?:Given value|Value|Got value): |.*\n[ -]*)(.+)',
-        lambda m, types: (_flag(m[1]), type_words(types.get(m[1])), m[2]),
-    ),
-)
-
-
-def _near(word: str, types: Mapping[str, Any]) -> str:
-    """Return what is expected in the place of an unknown flag: the one with the nearest name."""
-    name = word.partition("=")[0].lstrip("-").replace("-", "_")
-    near = difflib.get_close_matches(name, list(types), n=1)
-    return f"a flag such as {_flag(near[0])}" if near else "a flag"
-
-
-def _flag(name: str) -> str:
-    return f"--{name}".replace("_", "-")
 
 
 def _summary_and_example(function: CommandFunction) -> tuple[str, str | None]:

@@ -11,10 +11,8 @@ from perception.cli.parser import (
     FlagGroup,
     call,
     defaults_by,
-    flag_types,
     help_text,
     parse,
-    read_words,
 )
 from perception.errors import UsageError
 from tests.faults import fault
@@ -184,25 +182,6 @@ def test_a_command_gets_its_configuration_without_its_outputs():
         Path("o"),
         CommandConfig("do", {"drive": Path("a")}),
     )
-
-
-@pytest.mark.parametrize(
-    ("words", "values"),
-    [
-        (["--on-bad-frame", "skip"], [("on_bad_frame", "skip")]),
-        (["--video"], [("video", "true")]),
-        (["--video", "false"], [("video", "false")]),
-        (["--no-video", "a"], [("drive", "a"), ("video", "false")]),
-        (["--iou=0.7,0.5"], [("iou", "[0.7,0.5]")]),
-        (["--iou", "[0.7]"], [("iou", "[0.7]")]),
-        (["--names", ""], [("names", "[]")]),
-        (["--frames", "-3", "a"], [("drive", "a"), ("frames", "-3")]),
-        (["--pipeline.motion.voxel", "1"], [("pipeline.motion.voxel_size_m", "1")]),
-    ],
-)
-def test_words_become_names_and_values(words, values):
-    types = {**flag_types(command), "on_bad_frame": str}
-    assert read_words("trifuse do", words, types, ["drive"]) == values
 
 
 @pytest.mark.parametrize(
