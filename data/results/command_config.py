@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from perception import __version__
 from perception.errors import UsageError
 
 # Section of a JSON report that holds the configuration.
@@ -31,10 +32,11 @@ class CommandConfig:
         return yaml_text(self.values)
 
     def write(self, folder: Path) -> None:
-        """Write `config.yaml` into a folder of results."""
-        from data.results.documents import write_config
+        """Write `config.yaml` into a folder of results; its first line names the command."""
+        from perception.atomic_file import write_atomically
 
-        write_config(folder, self.command, self.values)
+        text = f"# trifuse {__version__}: {self.command}\n{self.text()}"
+        write_atomically(folder / "config.yaml", text.encode())
 
 
 def read_config(path: Path) -> dict[str, Any]:

@@ -5,14 +5,12 @@ import json
 import math
 import os
 import platform
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from perception import __version__
 from perception.atomic_file import write_atomically
 
 
@@ -25,18 +23,6 @@ def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_ser
 def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_serializable`
     """Write a YAML document atomically, with its fields in their order."""
     write_atomically(path, yaml_text(document).encode())
-
-
-def write_config(out: Path, command: str, values: Mapping[str, object]) -> None:
-    """Write `config.yaml` into a folder of results; `--config` takes the file back.
-
-    Args:
-        out: Folder of the results.
-        command: Words that call the command, named in a comment at the top.
-        values: Effective value of each flag; dataclasses become sections.
-    """
-    text = f"# trifuse {__version__}: {command}\n{yaml_text(values)}"
-    write_atomically(out / "config.yaml", text.encode())
 
 
 def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks any configuration or report

@@ -6,6 +6,7 @@ import numpy as np
 
 from data.kitti.labels import alphas_rad, boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
+from data.results.objects import as_tracks
 from perception.geometry.camera import box_outlines_px
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Bool, Boxes3D, Calibration, Detections, Float64, Int, Tracks, Vehicles
@@ -17,7 +18,6 @@ _CYCLIST_M3 = 4.0
 _OBSERVED_SCORE, _PREDICTED_SCORE = 1.0, 0.5
 # Values of unknown columns: levels and sizes, positions, angles.
 _UNKNOWN, _UNKNOWN_POSITION_M, _UNKNOWN_ANGLE_RAD = -1.0, -1000.0, -10.0
-_UNKNOWN_BOX = Boxes3D(np.full((1, 3), np.nan), np.full((1, 3), np.nan), np.full(1, np.nan))
 
 
 def track_rows(frame: int, tracks: Tracks, calibration: Calibration) -> TrackingRows:
@@ -54,18 +54,15 @@ def trajectory_rows(
         kind: KITTI type of the row; None to classify by the size of the box.
         calibration: Camera calibration with the size of the image.
     """
+    track, rows = as_tracks(tracked, object_id), TrackingRows.empty()
     if tracked.status is TrackStatus.LOST:
-        return TrackingRows.empty()
-    ids, is_seen = np.array([object_id]), np.array([tracked.status is TrackStatus.SEEN])
+        return rows
     if tracked.box_velo is not None:
-        velocities_m_s = tracked.velocity_m_s[None]
-        tracks = Tracks.unclassified(ids, tracked.box_velo, velocities_m_s, is_seen)
-        rows = track_rows(frame, tracks, calibration)
+        rows = track_rows(frame, track, calibration)
     elif tracked.box_px is not None:
-        detections = Detections(tracked.box_px[None], _scores(is_seen), np.array(["Misc"]))
-        rows = _rows(frame, ids, _UNKNOWN_BOX, detections, calibration)
-    else:
-        return TrackingRows.empty()
+        scores = _scores(track.is_observed)
+        detections = Detections(tracked.box_px[None], scores, np.array(["Misc"]))
+        rows = _rows(frame, track.ids, track.boxes, detections, calibration)
     return rows if kind is None else replace(rows, types=np.full(len(rows), kind))
 
 

@@ -188,15 +188,19 @@ class TrajectoryRecord(ObjectRecord, FrameLine):
             object_id: Track id of the object.
             kind: KITTI type of the object, or None where it is not known.
         """
-        velocity_m_s, box_velo = tracked.velocity_m_s, tracked.box_velo
-        if box_velo is None:
-            velocity_m_s, box_velo = np.full(2, np.nan), _UNKNOWN_BOX
-        is_seen = np.array([tracked.status is TrackStatus.SEEN])
-        track = Tracks.unclassified(np.array([object_id]), box_velo, velocity_m_s[None], is_seen)
-        (fields,) = _fields(result, track)
+        (fields,) = _fields(result, as_tracks(tracked, object_id))
         fields["type"] = kind
         box_px = None if tracked.box_px is None else numbers(tracked.box_px, 2)
         return cls(*frame_of(result), **fields, status=str(tracked.status), box_px=box_px)
+
+
+def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
+    """Return one tracked object as a track; NaN of a tracker in the image alone."""
+    velocity_m_s, box_velo = tracked.velocity_m_s, tracked.box_velo
+    if box_velo is None:
+        velocity_m_s, box_velo = np.full(2, np.nan), _UNKNOWN_BOX
+    is_seen = np.array([tracked.status is TrackStatus.SEEN])
+    return Tracks.unclassified(np.array([object_id]), box_velo, velocity_m_s[None], is_seen)
 
 
 def frame_of(result: Result) -> tuple[int, float]:

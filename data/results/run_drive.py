@@ -22,7 +22,7 @@ from perception.render.composition import Composition
 from perception.render.scene import SelectedObject
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import single_object_tracker
-from perception.types import Drive, OnBadFrame, Result
+from perception.types import Drive, Result
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +37,6 @@ class RunConfig:
         frames: Number of frames from the start; None for all.
         video: Whether the video is drawn.
         video_views: Whether the video shows the boxes of each modality's detector.
-        on_bad_frame: Stop at a damaged frame, or skip it.
         pipeline: Pipeline configuration.
         track: Id of the track or vehicle that a one-object tracker takes over, or None.
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl, 0 to 1.
@@ -46,7 +45,6 @@ class RunConfig:
     frames: int | None = None
     video: bool = True
     video_views: bool = False
-    on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     track: int | None = None
     min_vehicle_score: float = 0.05

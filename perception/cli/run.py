@@ -45,7 +45,6 @@ def run(  # noqa: PLR0913 - flags of a command
         frames=frames.frames,
         video=video,
         video_views=video_views,
-        on_bad_frame=frames.on_bad_frame,
         pipeline=pipeline,
         track=track,
         min_vehicle_score=min_vehicle_score,
