@@ -24,8 +24,8 @@ class TrainingStatistics(Callback):
     """Log, for each epoch, what the training costs.
 
     speed/samples_per_s    images, crops or combinations per second, of all processes, without validation
-    memory/process_gb      most memory that the first process has held so far, in GB of 10^9 bytes
-    memory/gpu_gb          most memory of tensors on its GPU so far
+    memory/process_gb      most memory that the process has held so far, in GB of 10^9 bytes
+    memory/gpu_gb          most memory of tensors on the GPU so far
     train/gradient_norm    mean norm of the gradient over all steps, before it is clipped
     """
 
@@ -42,7 +42,9 @@ class TrainingStatistics(Callback):
         """Log the norm of the gradient of a step."""
         gradients = [one.grad for one in pl_module.parameters() if one.grad is not None]
         norm = get_total_norm(gradients)
-        pl_module.log("train/gradient_norm", norm, on_step=False, on_epoch=True, batch_size=1)
+        pl_module.log(
+            "train/gradient_norm", norm, on_step=False, on_epoch=True, batch_size=1, sync_dist=True
+        )
 
     def on_train_batch_end(
         self,
@@ -64,7 +66,8 @@ class TrainingStatistics(Callback):
         }
         if pl_module.device.type == "cuda":
             found["memory/gpu_gb"] = torch.cuda.max_memory_allocated(pl_module.device) / 1e9
-        pl_module.log_dict(found, rank_zero_only=True)
+        for logger in trainer.loggers:
+            logger.log_metrics(found, trainer.global_step)
 
 
 def event_logger(folder: Path) -> TensorBoardLogger:
