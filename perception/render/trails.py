@@ -28,7 +28,7 @@ class _Memory:
     Attributes:
         color: Number of its colour.
         path: Times and positions, the oldest first, the newest at most a step away.
-        newest_s: Time of the newest observation.
+        newest_s: Time of the last frame with the object.
         heading_rad: Heading of its front, NaN before the object has moved.
     """
 
@@ -39,7 +39,6 @@ class _Memory:
 
     def add(self, stamp_s: float, bottom_world: Float64, since_s: float) -> None:
         """Add a position, and forget those before a time."""
-        self.newest_s = stamp_s
         self.path = [point for point in self.path if point[0] >= since_s]
         steps_m = np.diff([*(point for _, point in self.path[-2:]), bottom_world], axis=0)
         if len(steps_m) and np.linalg.norm(steps_m[-1]) < _STEP_M:
@@ -137,6 +136,7 @@ class SceneHistory:
             colors = [memory.color for memory in self._memories.values()]
             color = min(range(len(palette.TRACKS)), key=colors.count)
             self._memories[track] = _Memory(color)
+        self._memories[track].newest_s = self._now_s
         return self._memories[track]
 
     def _observe(self, memory: _Memory, bottom_world: Float64, velocity_rad: float | None) -> bool:

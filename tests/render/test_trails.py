@@ -178,6 +178,17 @@ def test_objects_have_different_colours_as_long_as_there_are_some(moment):
     assert later.objects.colors.tolist() == [scene.objects.colors[1]]
 
 
+def test_an_object_without_a_3d_box_keeps_its_colour(moment):
+    history = SceneHistory()
+    nowhere = (np.nan, np.nan, np.nan)
+    for step, others in enumerate(([1.0, 2.0, 3.0], [], [4.0])):
+        bottoms = [*((9, y, 0) for y in others), nowhere]
+        result = moment(0.1 * step, bottoms, first_id=8 - len(others))
+        scene = seen(history, result)
+        assert scene.objects.colors[-1] == 3
+        assert not scene.objects.is_moving[-1]
+
+
 def test_the_speed_of_the_vehicle_is_measured_over_some_frames(moment):
     history = SceneHistory()
     assert np.isnan(seen(history, moment(0.0, [])).ego_speed_m_s)
