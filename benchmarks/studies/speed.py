@@ -1,14 +1,13 @@
 """Frames per second over the number of merged scans m and the voxel size υ (Fig. 7.3)."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
+from benchmarks.studies.chain_times import chain_config, frames_per_s, stage_times
 from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.flags import require_positive
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
-from perception.types import Float64
 
 
 @dataclass(frozen=True)
@@ -40,31 +39,27 @@ def speed(drive: str, *, config: SpeedConfig, out: Path = RESULTS / "speed.png")
         drive: Folder of a drive with INS, or the word synthetic.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    from benchmarks.studies.chain_times import ThesisCase, frames_per_s, time_default, time_thesis
-
-    opened, frames = config.open(drive), config.frames
-    scans, sizes_m = config.previous_scans, config.voxel_sizes_m
-    cases = [ThesisCase(m, size) for size in sizes_m for m in scans]
-    measured = time_thesis(opened, cases, frames)
-    thesis = np.array([frames_per_s(measured[case]) for case in cases]).reshape(-1, len(scans))
-    names = [f"thesis, υ = {100 * size:g} cm" for size in sizes_m]
-    speeds: dict[str, Float64] = dict(zip(names, thesis, strict=True))
-    default = [frames_per_s(time_default(opened, m, max(scans), frames)) for m in scans]
-    speeds["default, υ = 10 cm"] = np.array(default)
+    opened, scans, frames = config.open(drive), config.previous_scans, config.frames
+    methods = {
+        f"thesis, υ = {100 * size_m:g} cm": partial(chain_config, "thesis", voxel_size_m=size_m)
+        for size_m in config.voxel_sizes_m
+    }
+    methods["default, υ = 10 cm"] = partial(chain_config, "default")
+    speeds = {
+        name: [frames_per_s(stage_times(opened, make(m), max(scans), frames)) for m in scans]
+        for name, make in methods.items()
+    }
     title = f"Speed over merged scans and voxel size, {opened.name}, {frames} frames"
     curves = [
         Curve(name, scans, values, is_emphasised=name.startswith("default"))
         for name, values in speeds.items()
     ]
+    columns = [f"m = {m}" for m in scans]
     panel = CurvePanel("", "merged scans before the newest, m", "frames/s", curves)
     plot_curves(out, title, [panel])
     publish(
         out,
         "Fig. 7.3",
-        {
-            "frames_per_s": value_table(
-                title, "frames/s", [f"m = {m}" for m in scans], speeds, ".2f"
-            )
-        },
+        {"frames_per_s": value_table(title, "frames/s", columns, speeds, ".2f")},
         {"drive": opened.name, "config": config, "timing": "stages alone, reading left out"},
     )

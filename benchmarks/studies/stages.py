@@ -2,9 +2,17 @@
 
 from pathlib import Path
 
+from benchmarks.studies.chain_times import (
+    PUBLISHED_PERCENT,
+    chain_config,
+    mean_times_s,
+    stage_times,
+)
 from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
 from perception.cli.flags import require_positive
 from perception.render.bar_plots import plot_shares
+
+_PREVIOUS_SCANS = 6  # m of Table 7.1
 
 
 def stages(
@@ -23,19 +31,15 @@ def stages(
         frames: Number of measured frames, after those that fill the window.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    from benchmarks.studies.chain_times import (
-        PUBLISHED_PERCENT,
-        ThesisCase,
-        mean_times_s,
-        time_default,
-        time_thesis,
-    )
-
     require_positive("--frames", frames)
-    opened, case = source.open(drive), ThesisCase()
-    thesis = mean_times_s(time_thesis(opened, [case], frames)[case])
-    default = mean_times_s(time_default(opened, 6, case.previous_scans, frames))
-    title = f"Share of time by stage, {opened.name}, {frames} frames, m = {case.previous_scans}"
+    opened = source.open(drive)
+    thesis, default = (
+        mean_times_s(
+            stage_times(opened, chain_config(method, _PREVIOUS_SCANS), _PREVIOUS_SCANS, frames)
+        )
+        for method in ("thesis", "default")
+    )
+    title = f"Share of time by stage, {opened.name}, {frames} frames, m = {_PREVIOUS_SCANS}"
     bars = {
         "thesis, published\n(MATLAB, 0.3 frames/s)": PUBLISHED_PERCENT,
         f"thesis' method here\n{_total(thesis)}": thesis,
@@ -53,7 +57,7 @@ def stages(
         out,
         "Table 7.3",
         {"stages": value_table(title, "stage", ("mean [ms]", "share [%]"), rows)},
-        {"drive": opened.name, "frames": frames, "case": case},
+        {"drive": opened.name, "frames": frames, "previous_scans": _PREVIOUS_SCANS},
     )
 
 

@@ -7,16 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import chain_times, speed, stages
-from benchmarks.studies.chain_times import (
-    DENSE_CLOUD,
-    GROUND,
-    MOTION,
-    VOXELS,
-    ThesisCase,
-    frames_per_s,
-    mean_times_s,
-    time_thesis,
-)
+from benchmarks.studies.chain_times import chain_config, frames_per_s, mean_times_s, stage_times
 from benchmarks.studies.dense_cloud import cut_out, dense_cloud, disagreement_m, find_pole
 from benchmarks.studies.gates import gates, passes_gate
 from benchmarks.studies.ground_error import GroundErrorConfig, ground_error
@@ -176,14 +167,18 @@ def test_ground_error_needs_labels(tmp_path):
         ground_error("memory", config=blind, out=tmp_path / "x.png")
 
 
-def test_every_stage_of_the_thesis_is_timed(drive):
-    cases = [ThesisCase(2, 0.1), ThesisCase(2, 0.4), ThesisCase(1, 0.1)]
-    measured = time_thesis(drive, cases, 2)
-    assert set(measured) == set(cases)
-    for times in measured.values():
+def test_the_stages_of_either_method_are_timed_on_the_same_frames(drive):
+    for method in ("thesis", "default"):
+        times = stage_times(drive, chain_config(method, 2, voxel_size_m=0.4), 4, 2)
         assert len(times) == 2
-        assert list(times[0]) == [DENSE_CLOUD, GROUND, VOXELS, MOTION]
+        assert list(times[0]) == list(chain_times.PUBLISHED_PERCENT)
         assert min(times[0].values()) > 0
+
+
+def test_the_chain_has_the_parameters_of_the_study():
+    config = chain_config("thesis", 4, voxel_size_m=0.2)
+    assert (config.method, config.datmo.method) == ("thesis", "none")
+    assert (config.motion.previous_scans, config.motion.voxel_size_m) == (4, 0.2)
 
 
 def test_times_are_averaged_over_frames():
@@ -192,11 +187,11 @@ def test_times_are_averaged_over_frames():
     assert frames_per_s(times) == pytest.approx(1 / 0.3)
 
 
-DEFAULT_TIMES = [{"registration": 0.010, "ground": 0.006, "motion": 0.004}]
+TIMES = [{"registration": 0.010, "ground": 0.006, "static and moving": 0.004}]
 
 
 def test_stages(drive, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(chain_times, "time_default", lambda *_: DEFAULT_TIMES)
+    monkeypatch.setattr(stages, "stage_times", lambda *_: TIMES)
     plot_path = tmp_path / "stages.png"
     stages.stages("memory", source=in_memory(DriveOfStudy, drive), frames=1, out=plot_path)
     assert cv2.imread(str(plot_path)) is not None
@@ -209,7 +204,7 @@ def test_stages(drive, tmp_path, monkeypatch, capsys):
 
 
 def test_speed(drive, tmp_path, monkeypatch):
-    monkeypatch.setattr(chain_times, "time_default", lambda *_: DEFAULT_TIMES)
+    monkeypatch.setattr(speed, "stage_times", lambda *_: TIMES)
     config = in_memory(
         speed.SpeedConfig, drive, previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1
     )
@@ -223,7 +218,7 @@ def test_speed(drive, tmp_path, monkeypatch):
 
 def test_a_drive_too_short_to_be_timed_is_refused(drive):
     with fault(UsageError, where="--frames 5", expected="at most 2", found="5"):
-        time_thesis(drive, [ThesisCase(6)], 5)
+        stage_times(drive, chain_config("thesis", 6), 6, 5)
 
 
 @pytest.mark.parametrize("frame", [0, 8, -3])
