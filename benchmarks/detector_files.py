@@ -1,7 +1,6 @@
 """Detectors with random weights, as model files: they are as fast as trained ones."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -18,26 +17,15 @@ from train.networks.yolo_detector import YoloDetector
 from train.networks.yolo_head import OBJECTNESS
 
 Precision = Literal["fp32", "int8"]
+ModelFiles = Mapping[Precision, Path]
 _SHOWN = 8
 # Number of boxes at the score threshold, as after training on a busy road.
 _LIKELY = 100
 
 
-@dataclass(frozen=True)
-class ModelPair:
-    """One network in both forms."""
-
-    fp32: Path
-    int8: Path
-
-    def of(self, variant: Precision) -> Path:
-        """Return the file of a form."""
-        return self.int8 if variant == "int8" else self.fp32
-
-
 def write_detector(
     folder: Path, network: str, modality: Modality, size: InputSize, images: Sequence[UInt8]
-) -> ModelPair:
+) -> ModelFiles:
     """Write a network with random weights in full precision and in 8 bits.
 
     Args:
@@ -58,11 +46,15 @@ def write_detector(
         outputs=("boxes_px", "scores"),
         metadata=variant.metadata,
     )
-    files = ModelPair(*(folder / f"{network}_{modality}_{name}.onnx" for name in ("fp32", "int8")))
     model = to_onnx(exportable)
-    files.fp32.write_bytes(model)
     batches = [{"pictures": np.ascontiguousarray(one)} for one in inputs]
-    files.int8.write_bytes(to_int8(model, batches, QUANTIZATION))
+    contents: dict[Precision, bytes] = {
+        "fp32": model,
+        "int8": to_int8(model, batches, QUANTIZATION),
+    }
+    files = {name: folder / f"{network}_{modality}_{name}.onnx" for name in contents}
+    for name, file in files.items():
+        file.write_bytes(contents[name])
     return files
 
 

@@ -7,7 +7,7 @@ from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.detector_files import ModelPair, Precision, write_detector
+from benchmarks.detector_files import ModelFiles, Precision, write_detector
 from benchmarks.measure import Comparison, Contender, add_peer, compare
 from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import PreparedDrive
@@ -41,8 +41,8 @@ class Workload:
         squares: Inputs of YOLOv2, by frame.
     """
 
-    compact: Mapping[Modality, ModelPair]
-    yolov2: ModelPair
+    compact: Mapping[Modality, ModelFiles]
+    yolov2: ModelFiles
     dense: list[DenseMaps]
     inputs: list[dict[Modality, Arrays]]
     squares: list[Arrays]
@@ -65,8 +65,8 @@ class Workload:
             for name in MODALITIES
         }
         yolov2 = write_detector(folder, "yolov2", "dm", THESIS, images["dm"])
-        detectors = {name: ModalityDetector(files.fp32) for name, files in compact.items()}
-        square = ModalityDetector(yolov2.fp32)
+        detectors = {name: ModalityDetector(files["fp32"]) for name, files in compact.items()}
+        square = ModalityDetector(yolov2["fp32"])
         inputs: list[dict[Modality, Arrays]] = [
             {
                 name: {"pictures": detector.preprocess(images[name][i])}
@@ -108,15 +108,13 @@ def compare_detectors(prepared: PreparedDrive) -> Comparison:
 
 
 def _open(work: Workload, variant: Precision, threads: int) -> dict[Modality, ModalityDetector]:
-    return {
-        name: ModalityDetector(files.of(variant), threads) for name, files in work.compact.items()
-    }
+    return {name: ModalityDetector(files[variant], threads) for name, files in work.compact.items()}
 
 
 def _three_networks(work: Workload, variant: Precision, library: str) -> Contender:
     """Run the networks alone, each on one thread, two at once."""
     networks = {
-        name: _LIBRARIES[library](files.of(variant), 1) for name, files in work.compact.items()
+        name: _LIBRARIES[library](files[variant], 1) for name, files in work.compact.items()
     }
     workers = ThreadPoolExecutor(2)
 
@@ -127,6 +125,6 @@ def _three_networks(work: Workload, variant: Precision, library: str) -> Contend
 
 
 def _yolov2(work: Workload, variant: Precision, library: str) -> Contender:
-    network = _LIBRARIES[library](work.yolov2.of(variant), 2)
+    network = _LIBRARIES[library](work.yolov2[variant], 2)
     size = f"{THESIS.height_px}x{THESIS.width_px}"
     return Contender(f"one YOLOv2 {size}, {variant}, {library}", lambda i: network(work.squares[i]))

@@ -1,39 +1,12 @@
 """Ground by other libraries behind `GroundModel`, so that all are measured alike."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import KDTree
 
 from perception.errors import MissingDependencyError
+from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import LidarModel
 from perception.types import Float, Float64
-
-
-@dataclass(frozen=True)
-class Plane:
-    """One plane a x + b y + c z + d = 0, its unit normal up.
-
-    Attributes:
-        coefficients: (4,) coefficients a, b, c, d.
-    """
-
-    coefficients: Float64
-
-    def height_m(self, xy_m: Float) -> Float64:
-        """Return (N,) the z of the ground at (N, 2) positions."""
-        a, b, c, d = self.coefficients
-        return np.asarray(-(a * xy_m[:, 0] + b * xy_m[:, 1] + d) / c, np.float64)
-
-    def distance_m(self, points_velo: Float) -> Float:
-        """Return (N,) signed distances of (N, 3+) points, up positive."""
-        return np.asarray(points_velo[:, :3] @ self.coefficients[:3] + self.coefficients[3])
-
-
-def upward_plane(coefficients: Float64) -> Plane:
-    """Scale a plane to a unit normal that points up."""
-    scale = np.linalg.norm(coefficients[:3]) * np.sign(coefficients[2])
-    return Plane(np.asarray(coefficients, np.float64) / scale)
 
 
 class LocalPlanes:
@@ -103,12 +76,14 @@ class RansacPlane:
             ) from error
         self._open3d, self._distance_m, self._iterations = open3d, distance_m, iterations
 
-    def estimate(self, points_velo: Float) -> Plane:
-        """Fit one plane to the points."""
+    def estimate(self, points_velo: Float) -> PiecewisePlanes:
+        """Fit one plane to the points, its unit normal up."""
         cloud = self._open3d.geometry.PointCloud()
         cloud.points = self._open3d.utility.Vector3dVector(
             np.asarray(points_velo[:, :3], np.float64)
         )
         self._open3d.utility.random.seed(0)
         coefficients, _ = cloud.segment_plane(self._distance_m, 3, self._iterations)
-        return upward_plane(np.asarray(coefficients))
+        scale = np.linalg.norm(coefficients[:3]) * np.sign(coefficients[2])
+        plane = np.array([coefficients]) / scale
+        return PiecewisePlanes(np.zeros(0), plane, plane, np.full((1, 2), np.nan), np.ones(1, bool))

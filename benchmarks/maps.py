@@ -13,7 +13,7 @@ from perception.maps.densify import FILL_METHODS, Fill, dense_maps
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps, project_frame
-from perception.types import Bool, Float64, UInt8
+from perception.types import ArrayTable, Bool, Float64, UInt8
 
 _LEFT_OUT = 0.1
 _RELATIVE, _ABSOLUTE_M = 0.05, 0.5
@@ -29,7 +29,7 @@ _CONTENDERS: Mapping[str, Fill] = {
 
 
 @dataclass(frozen=True)
-class HeldOutErrors:
+class HeldOutErrors(ArrayTable):
     """Errors at K returns that a method was not shown.
 
     Attributes:
@@ -81,7 +81,7 @@ def held_out_errors(
         known = np.all([f.depth_m[row, column] > 0 for f in fillings.values()], axis=0)
         for name, filling in fillings.items():
             parts[name].append(_errors(filling, out[known]))
-    return {name: _joined(of_scans) for name, of_scans in parts.items()}
+    return {name: HeldOutErrors.concatenate(of_scans) for name, of_scans in parts.items()}
 
 
 def _errors(filling: FilledMaps, out: SparseMaps) -> HeldOutErrors:
@@ -91,12 +91,4 @@ def _errors(filling: FilledMaps, out: SparseMaps) -> HeldOutErrors:
         depth_m=depth_m,
         is_close=np.asarray((depth_m < _RELATIVE * out.depth_m) | (depth_m < _ABSOLUTE_M)),
         reflectance=np.abs(filling.reflectance[row, column] - out.reflectance).astype(np.float64),
-    )
-
-
-def _joined(parts: list[HeldOutErrors]) -> HeldOutErrors:
-    return HeldOutErrors(
-        np.concatenate([part.depth_m for part in parts]),
-        np.concatenate([part.is_close for part in parts]),
-        np.concatenate([part.reflectance for part in parts]),
     )

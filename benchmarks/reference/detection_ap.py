@@ -10,24 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.reference.overlap import area, iou, shared_area
+from perception.evaluation.detection.average_precision import PrecisionCurve
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
 
 _OUT, _IGNORED, _COUNTED = range(3)
-
-
-@dataclass(frozen=True)
-class ReferenceCurve:
-    """What `PrecisionCurve` says, as lists."""
-
-    truths: int
-    matches: int
-    thresholds: list[float]
-    true_positives: list[int]
-    false_positives: list[int]
-    false_negatives: list[int]
-    precision: list[float]
-    orientation_similarity: list[float]
 
 
 @dataclass(frozen=True)
@@ -51,7 +38,7 @@ def reference_curve(
     frames: int,
     of_class: DetectionClass,
     difficulty: Difficulty,
-) -> ReferenceCurve:
+) -> PrecisionCurve:
     """Draw the precision curve of one class at one difficulty."""
     scene = [
         _Frame(
@@ -77,15 +64,15 @@ def reference_curve(
         for frame in scene:
             counts[row] += _count(frame, of_class.iou, threshold)
     right, wrong, missed, similarity = counts.T.tolist() if thresholds else ([], [], [], [])
-    return ReferenceCurve(
+    return PrecisionCurve(
         truths=valid,
         matches=len(scores),
-        thresholds=thresholds,
-        true_positives=[int(count) for count in right],
-        false_positives=[int(count) for count in wrong],
-        false_negatives=[int(count) for count in missed],
-        precision=_envelope(right, right, wrong),
-        orientation_similarity=_envelope(similarity, right, wrong),
+        thresholds=np.array(thresholds),
+        true_positives=np.array(right),
+        false_positives=np.array(wrong),
+        false_negatives=np.array(missed),
+        precision=np.array(_envelope(right, right, wrong)),
+        orientation_similarity=np.array(_envelope(similarity, right, wrong)),
     )
 
 

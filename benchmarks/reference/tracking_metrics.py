@@ -1,6 +1,6 @@
 """Reference implementation of HOTA, CLEAR and identity metrics: frame by frame, pair by pair, as in their papers."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -120,15 +120,10 @@ def identity(sequence: TrackedSequence, threshold: float = 0.5) -> Identity:
     )
 
 
-def _lengths(sequence: TrackedSequence) -> tuple[dict[int, int], dict[int, int]]:
-    """Return in how many frames each true object is, and each track."""
-    lengths: tuple[dict[int, int], dict[int, int]] = (defaultdict(int), defaultdict(int))
-    for frame in sequence:
-        for truth in frame.truth_ids:
-            lengths[0][truth] += 1
-        for track in frame.track_ids:
-            lengths[1][track] += 1
-    return lengths
+def _lengths(sequence: TrackedSequence) -> tuple[Counter[int], Counter[int]]:
+    """Return the number of frames of each true object and of each track."""
+    truths = Counter(truth for frame in sequence for truth in frame.truth_ids)
+    return truths, Counter(track for frame in sequence for track in frame.track_ids)
 
 
 def _matches(frame: TrackedFrame, weights: Float64) -> list[tuple[_Couple, float]]:

@@ -28,7 +28,7 @@ def chain_config(method: Method, previous_scans: int, voxel_size_m: float = 0.1)
     return replace(config, motion=replace(config.motion, voxel_size_m=voxel_size_m))
 
 
-def stage_times(drive: Drive, config: PipelineConfig, first: int, frames: int) -> list[Times]:
+def stage_times(drive: Drive, config: PipelineConfig, first: int, frames: int) -> Sequence[Times]:
     """Return the seconds by stage of a number of frames; the scans before them fill the window, unmeasured.
 
     Args:

@@ -22,7 +22,6 @@ class GroundErrorConfig(DriveOfStudy):
     """Drive and measured settings.
 
     Attributes:
-        sequence: Sequence of a tracking folder, such as 0000.
         previous_scans: Values of m, the number of merged scans before the newest.
         steps_per_slice: Values of η, the number of elevation steps of a slice.
         every: Distance between measured frames; all frames are registered.

@@ -21,7 +21,6 @@ class MergedFrameFlags(DriveOfStudy):
     """Drive and merged scans.
 
     Attributes:
-        sequence: Sequence of a tracking folder, such as 0000.
         frame: Number of the newest scan; else the middle of the drive.
         previous_scans: Number m of scans before it that are merged.
         seed: Seed of RANSAC.

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from perception import __version__
-from perception.cli.flags import require_positive
+from perception.cli.flags import SourceFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.evaluation.report import Column, Table, Value
+from perception.sensor import load_sensor
 from perception.types import Drive, Float64
 
 RESULTS = Path("results") / "study"
@@ -19,24 +20,19 @@ _SYNTHETIC_FRAMES = 40
 
 
 @dataclass(frozen=True)
-class DriveOfStudy(FlagGroup):
-    """Drive.
-
-    Attributes:
-        sequence: Sequence of a tracking folder, such as 0000.
-    """
-
-    sequence: str | None = None
+class DriveOfStudy(SourceFlags):
+    """Drive of a study."""
 
     def open(self, drive: str, *, images: bool = False) -> Drive:
         """Open a path, or return a synthetic street for the word `synthetic`."""
         if drive == "synthetic":
             from data.synthetic.drive import SyntheticDrive
 
-            return SyntheticDrive(_SYNTHETIC_FRAMES, images=images)
+            sensor = load_sensor(self.sensor or "HDL-64E")
+            return SyntheticDrive(_SYNTHETIC_FRAMES, sensor=sensor, images=images)
         from data.open_drive import open_drive
 
-        return open_drive(Path(drive), sequence=self.sequence, images=images)
+        return open_drive(Path(drive), sequence=self.sequence, sensor=self.sensor, images=images)
 
 
 @dataclass(frozen=True)

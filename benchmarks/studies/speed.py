@@ -15,7 +15,6 @@ class SpeedConfig(DriveOfStudy):
     """Drive and measured settings.
 
     Attributes:
-        sequence: Sequence of a tracking folder, such as 0000.
         previous_scans: Values of m, the number of merged scans before the newest.
         voxel_sizes_m: Values of υ in metres, for the thesis' method.
         frames: Number of measured frames, after those that fill the longest window.

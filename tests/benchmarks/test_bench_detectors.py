@@ -28,7 +28,7 @@ def images(count):
 
 def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
     files = write_detector(tmp_path, "compact", "dm", SIZE, images(2))
-    full, short = (ModalityDetector(files.of(form)) for form in ("fp32", "int8"))
+    full, short = (ModalityDetector(files[form]) for form in ("fp32", "int8"))
     inputs = {"pictures": full.preprocess(images(1)[0])}
     assert np.count_nonzero(full.model(inputs)["scores"] >= 0.01) == pytest.approx(100, abs=2)
     assert short.metadata["form"] == "int8 minmax"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.detection_ap import ReferenceCurve, reference_curve, reference_thresholds
+from benchmarks.reference.detection_ap import reference_curve, reference_thresholds
 from perception.evaluation.detection import match_statistics
 from perception.evaluation.detection.average_precision import (
     PrecisionCurve,
@@ -55,12 +55,10 @@ def boxes_around(
     return np.concatenate([np.minimum(boxes[:, :2], boxes[:, 2:]), boxes[:, 2:]], axis=1)
 
 
-def assert_same(curve: PrecisionCurve, naive: ReferenceCurve) -> None:
+def assert_same(curve: PrecisionCurve, naive: PrecisionCurve) -> None:
     assert (curve.truths, curve.matches) == (naive.truths, naive.matches)
-    assert curve.thresholds.tolist() == naive.thresholds
-    assert curve.true_positives.tolist() == naive.true_positives
-    assert curve.false_positives.tolist() == naive.false_positives
-    assert curve.false_negatives.tolist() == naive.false_negatives
+    for name in ("thresholds", "true_positives", "false_positives", "false_negatives"):
+        np.testing.assert_array_equal(getattr(curve, name), getattr(naive, name))
     np.testing.assert_allclose(curve.precision, naive.precision, atol=1e-12)
     np.testing.assert_allclose(
         curve.orientation_similarity, naive.orientation_similarity, atol=1e-12
