@@ -4,7 +4,6 @@ An entry is of one frame: boxes, scores and types of each modality, and depths o
 determines it: the frame's files, the model files, and the code.
 """
 
-import hashlib
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -66,12 +65,6 @@ class FingerprintedDetector:
 
     detector: FrameDetector
     fingerprint: str
-
-
-def models_fingerprint(models: Mapping[Modality, bytes]) -> str:
-    """Return a hash of model files."""
-    hashes = {name: hashlib.blake2b(data).hexdigest() for name, data in sorted(models.items())}
-    return entry_key(models=hashes)
 
 
 def detect_drives(

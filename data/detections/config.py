@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.samples.config import DriveDataConfig
-from perception.detection.config import DEFAULT_NMS, NmsConfig
+from perception.detection.config import DetectionConfig
 from perception.types import MODALITIES, Modality
 
 if TYPE_CHECKING:
@@ -26,29 +26,15 @@ class DetectorModelPaths:
     dm: Path | None = None
     rm: Path | None = None
 
-    def open(self, nms: NmsConfig = DEFAULT_NMS) -> "dict[Modality, ModalityDetector]":
+    def open(self) -> "dict[Modality, ModalityDetector]":
         """Open all three.
-
-        Args:
-            nms: Score threshold and suppression.
 
         Raises:
             ModelError: there is no such file, or it holds no detector.
         """
-        from perception.detection.detectors.modality_detector import ModalityDetector
+        from perception.detection.networks import open_detectors
 
-        files = {name: getattr(self, name) or name for name in MODALITIES}
-        return {name: ModalityDetector(file, threads=1, nms=nms) for name, file in files.items()}
-
-    def fingerprint(self) -> str:
-        """Return a hash of the three files."""
-        from data.detections.cached_detections import models_fingerprint
-        from perception.detection.onnx_model import shipped_model
-
-        files = {
-            name: getattr(self, name) or shipped_model(f"{name}_compact") for name in MODALITIES
-        }
-        return models_fingerprint({name: file.read_bytes() for name, file in files.items()})
+        return open_detectors(DetectionConfig(MODALITIES, self.rgb, self.dm, self.rm))
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ from typing import Any
 
 from data.array_store import ArrayStore
 from data.detections.cached_detections import FingerprintedDetector, detected_scene
-from data.detections.config import DetectorModelPaths
 from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.class_fusion import fusion_of
+from perception.detection.fusion.class_fusion import detector_fingerprints, fusion_of
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
+from perception.detection.networks import open_depthcn, open_detectors, open_fusion
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
@@ -24,7 +24,7 @@ from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
-from perception.sensor import HDL_64E, LidarModel
+from perception.sensor import HDL_64E
 from perception.types import MODALITIES, Drive, Frame, Progress, UInt8
 
 _THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
@@ -141,7 +141,7 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
     name = classes[0].name.lower()
     blind = [key for key, one in networks.items() if name not in map(str.lower, one.class_names)]
     # Everything besides the frames that the cached detections depend on.
-    fingerprint = f"{_model_paths(options.config).fingerprint()} {options.config.nms}"
+    fingerprint = f"{detector_fingerprints(networks)} {options.config.nms}"
     cached = FingerprintedDetector(detector, fingerprint)
     store = ArrayStore(options.cache)
 
@@ -160,14 +160,12 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
 
 
 def open_modalities(config: DetectionConfig) -> MultimodalDetector:
-    """Open the detectors of all modalities.
+    """Open the detectors of the configured modalities, else of all.
 
     Raises:
-        ModelError: a file holds no detector, or one of another modality or other classes.
+        ModelError: a file holds no detector, or one of another modality.
     """
-    opened = _model_paths(config).open(config.nms)
-    chosen = config.modalities or MODALITIES
-    return MultimodalDetector({name: one for name, one in opened.items() if name in chosen})
+    return MultimodalDetector(open_detectors(config))
 
 
 def open_fusions(
@@ -178,25 +176,12 @@ def open_fusions(
     Raises:
         ModelError: a file holds no fusion network.
     """
-    overlap, fusion = config.nms.max_iou, config.fusion
-    opened = [Fusion(file, max_iou=overlap) for file in further]
+    opened = [Fusion(file, max_iou=config.nms.max_iou) for file in further]
     fusions: dict[FusionVariant, Fusion] = {one.variant: one for one in opened}
-    fusions["default"] = Fusion(
-        fusion.model or "default", max_iou=overlap, tri_boxes=fusion.tri_boxes
-    )
+    fusions["default"] = open_fusion(config)
     for one in fusions.values():
         fusion_of(one, detector.detectors)  # logs where it does not fit
     return fusions
-
-
-def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
-    """Open DepthCN.
-
-    Raises:
-        ModelError: the file holds no network of DepthCN.
-    """
-    proposals = config.depthcn.proposals
-    return DepthCn(config.depthcn.model or "default", sensor, proposals=proposals, nms=config.nms)
 
 
 def run_depthcn(detector: DepthCn, frame: Frame) -> tuple[FrameDetections, DenseMaps]:
@@ -224,10 +209,6 @@ def _measure(
 def _camera_image(frame: Frame) -> UInt8:
     """Return the camera image, or the depth map of a frame without one."""
     return modality_image(frame, "dm" if frame.image is None else "rgb")
-
-
-def _model_paths(config: DetectionConfig) -> DetectorModelPaths:
-    return DetectorModelPaths(config.rgb_model, config.dm_model, config.rm_model)
 
 
 def _parse_classes(names: Sequence[str], known: Sequence[str]) -> tuple[DetectionClass, ...]:

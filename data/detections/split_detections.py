@@ -71,7 +71,8 @@ def split_detections(
     """
     detectors = models.open()
     class_names = shared_classes(detectors)
-    fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), models.fingerprint())
+    fingerprints = detector_fingerprints(detectors)
+    fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), fingerprints)
     store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
     parts = []
     for paths in drives.parts:
@@ -89,7 +90,6 @@ def split_detections(
     for part, frames in (("validation", validation), ("test", test)):
         types = Counter(frames.truth.types.astype(str).tolist())
         warn_of_few(class_names, types, f"{len(frames)} frames of the {part} of the fusion")
-    fingerprints = detector_fingerprints(detectors)
     return SplitDetections(training, validation, test, class_names, fingerprints)
 
 

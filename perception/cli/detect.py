@@ -45,13 +45,14 @@ def detect(  # noqa: PLR0913 - flags of a command
     """
     import time
 
-    from data.detections.measured_detectors import open_depthcn, run_depthcn
+    from data.detections.measured_detectors import run_depthcn
     from data.detections.result_folder import DetectionFolder
     from data.frames import frame_count, read_frames
     from data.open_drive import open_drive
     from data.results.documents import write_json
     from data.results.folder import started
     from perception.cli.progress import progress_bar
+    from perception.detection.networks import open_depthcn
     from perception.detection.vehicles.locate import locate
     from perception.geometry.threads import limit_blas_threads
     from perception.types import FusedDetections

@@ -36,7 +36,7 @@ def run(  # noqa: PLR0913 - flags of a command
     from data.open_drive import open_drive
     from data.results.run_drive import RunConfig, run_drive
     from perception.cli.drive_results import drive_results
-    from perception.pipeline.camera_stages import enabled_modalities
+    from perception.detection.networks import enabled_modalities
 
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)

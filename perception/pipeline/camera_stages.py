@@ -5,12 +5,9 @@ from concurrent.futures import Future
 from dataclasses import replace
 
 from perception.detection.config import DetectionConfig
-from perception.detection.depthcn.detector import DepthCn
-from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
-from perception.detection.fusion.class_fusion import DetectionFusion
 from perception.detection.fusion.nms_fusion import NmsFusion
-from perception.detection.fusion.rescoring import Fusion
+from perception.detection.networks import open_depthcn, open_detectors, open_fusion
 from perception.detection.onnx_model import shipped_model
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
@@ -20,7 +17,7 @@ from perception.pipeline.lidar_stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
-from perception.types import MODALITIES, Detections, Frame, Modality, Result
+from perception.types import Detections, Frame, Result
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +39,7 @@ class CameraStages:
             ModelError: a file is missing, or does not hold the network that it is given for.
         """
         self._detectors = _open_detectors(detection)
-        self._depthcn = _open_depthcn(detection, sensor) if detection.depthcn.enabled else None
+        self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
         self._noted: set[str] = set()
         self.reset()
@@ -150,45 +147,9 @@ def _make_maps(frame: Frame) -> DenseMaps:
     return densify(project_frame(frame))
 
 
-def is_detection_enabled(config: DetectionConfig) -> bool:
-    """Tell whether any detector is configured to run."""
-    return config.depthcn.enabled or len(enabled_modalities(config)) > 0
-
-
-def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
-    """Return the configured modalities; where none are given, all whose network is there."""
-    if config.modalities is not None:
-        return config.modalities
-    return tuple(
-        modality
-        for modality in MODALITIES
-        if config.models[modality] or shipped_model(f"{modality}_compact").is_file()
-    )
-
-
 def _open_detectors(config: DetectionConfig) -> MultimodalDetector | None:
-    detectors = {
-        modality: ModalityDetector(config.models[modality] or modality, threads=1, nms=config.nms)
-        for modality in enabled_modalities(config)
-    }
-    return MultimodalDetector(detectors, _open_fusion(config)) if detectors else None
-
-
-def _open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
-    return DepthCn(
-        config.depthcn.model or "default",
-        sensor,
-        proposals=config.depthcn.proposals,
-        nms=config.nms,
-    )
-
-
-def _open_fusion(config: DetectionConfig) -> DetectionFusion:
-    """Open the fusion network; without one, non-maximum suppression over all modalities."""
-    if config.fusion.model is None and not shipped_model("fusion_default").is_file():
-        return NmsFusion(config.nms.max_iou)
-    return Fusion(
-        config.fusion.model or "default",
-        max_iou=config.nms.max_iou,
-        tri_boxes=config.fusion.tri_boxes,
-    )
+    """Open the detectors and their fusion; without its network, non-maximum suppression over all modalities."""
+    detectors = open_detectors(config)
+    has_fusion = config.fusion.model or shipped_model("fusion_default").is_file()
+    fusion = open_fusion(config) if has_fusion else NmsFusion(config.nms.max_iou)
+    return MultimodalDetector(detectors, fusion) if detectors else None

@@ -14,8 +14,9 @@ from concurrent.futures import Future
 from contextlib import ExitStack
 from typing import Self
 
+from perception.detection.networks import is_detection_enabled
 from perception.geometry.threads import limit_opencv_threads
-from perception.pipeline.camera_stages import CameraStages, is_detection_enabled
+from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_process import LidarProcess
 from perception.pipeline.lidar_stages import LidarResult, LidarStages

@@ -9,6 +9,7 @@ import pytest
 
 from data.detections import measured_detectors
 from data.open_drive import open_drive
+from perception.detection import networks
 from perception.evaluation.detection.detector_measure import FrameDetections
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_scan
@@ -43,7 +44,8 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
         model = SimpleNamespace(metadata=METADATA)
         network = SimpleNamespace(verifier=SimpleNamespace(model=model))
-        monkeypatch.setattr(measured_detectors, "open_depthcn", lambda config, sensor: network)
+        for module in (measured_detectors, networks):
+            monkeypatch.setattr(module, "open_depthcn", lambda config, sensor: network)
         monkeypatch.setattr(measured_detectors, "run_depthcn", run)
 
     return install

@@ -297,7 +297,7 @@ def known_scenes(monkeypatch, tmp_path):
         return DetectedScene(modality_detections, (620, 190))
 
     def network(name):
-        model = SimpleNamespace(name=f"{name}.onnx")
+        model = SimpleNamespace(name=f"{name}.onnx", fingerprint="0123456789abcdef")
         return SimpleNamespace(metadata={"training_data": "a"}, class_names=("Car",), model=model)
 
     networks = {name: network(name) for name in MODALITIES}

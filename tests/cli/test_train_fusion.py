@@ -14,7 +14,7 @@ from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.split_detections import split_detections
 from data.samples.config import TrainingDrives
 from perception.cli.main import main
-from perception.detection.fusion.detector_fingerprints import detector_fingerprints
+from perception.detection.fusion.class_fusion import detector_fingerprints
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import UsageError

@@ -9,7 +9,6 @@ from data.array_store import ArrayStore
 from data.detections.cached_detections import (
     FingerprintedDetector,
     detect_drives,
-    models_fingerprint,
 )
 from data.detections.detected_frames import DetectedFrames
 from data.open_drive import open_drive
@@ -66,11 +65,7 @@ def test_detectors_run_once_on_each_frame(car_frames, tmp_path):
 
 def test_other_models_run_again(car_frames, tmp_path):
     drive, detector, store = open_drive(car_frames), ToyDetector(), ArrayStore(tmp_path / "kept")
-    fingerprints = [
-        models_fingerprint({"rgb": b"1", "dm": b"2"}),
-        models_fingerprint({"rgb": b"2", "dm": b"1"}),
-    ]
-    for fingerprint in fingerprints:
+    for fingerprint in ("dm 1, rgb 2", "dm 2, rgb 1"):
         detect_drives([drive], FingerprintedDetector(detector, fingerprint), store)
     assert detector.looks == 2 * len(drive)
 

@@ -1,0 +1,57 @@
+"""The networks that a configuration names, opened."""
+
+from perception.detection.config import DetectionConfig
+from perception.detection.depthcn.detector import DepthCn
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.fusion.rescoring import Fusion
+from perception.detection.onnx_model import shipped_model
+from perception.sensor import LidarModel
+from perception.types import MODALITIES, Modality
+
+
+def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
+    """Return the configured modalities; where none are given, all whose network is there."""
+    if config.modalities is not None:
+        return config.modalities
+    return tuple(
+        modality
+        for modality in MODALITIES
+        if config.models[modality] or shipped_model(f"{modality}_compact").is_file()
+    )
+
+
+def is_detection_enabled(config: DetectionConfig) -> bool:
+    """Tell whether any detector is configured to run."""
+    return config.depthcn.enabled or len(enabled_modalities(config)) > 0
+
+
+def open_detectors(config: DetectionConfig) -> dict[Modality, ModalityDetector]:
+    """Open the detectors of the configured modalities, for one thread each.
+
+    Raises:
+        ModelError: there is no such file, or it holds no detector.
+    """
+    return {
+        modality: ModalityDetector(config.models[modality] or modality, threads=1, nms=config.nms)
+        for modality in enabled_modalities(config)
+    }
+
+
+def open_fusion(config: DetectionConfig) -> Fusion:
+    """Open the fusion network.
+
+    Raises:
+        ModelError: there is no such file, or it holds no fusion network.
+    """
+    fusion = config.fusion
+    return Fusion(fusion.model or "default", max_iou=config.nms.max_iou, tri_boxes=fusion.tri_boxes)
+
+
+def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
+    """Open DepthCN.
+
+    Raises:
+        ModelError: there is no such file, or it holds no network of DepthCN.
+    """
+    proposals = config.depthcn.proposals
+    return DepthCn(config.depthcn.model or "default", sensor, proposals=proposals, nms=config.nms)
