@@ -26,6 +26,7 @@ _SLOW = (
     "tests/cli/test_run",
     "tests/cli/test_track.py",
     "tests/cli/test_bench.py",
+    "tests/cli/test_damaged_drive.py",
     "tests/test_readme.py",
     "tests/export/",
 )
