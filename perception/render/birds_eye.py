@@ -103,13 +103,14 @@ def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
     )
     light = np.tensordot(_TO_LIGHT, normal / np.linalg.norm(normal, axis=0), axes=1)
     brightness = np.clip(0.42 * light / _TO_LIGHT[2], 0.15, 0.9)[..., None]
-    relief = (brightness * palette.GROUND).astype(np.float32)
+    relief = (brightness * palette.GROUND).astype(np.uint8)
     # The relief's axes run ahead and to the left, those of the canvas back and to the right.
     corners = view.to_pixels(
         np.array([(surface.x_m[-1], surface.y_m[-1]), (surface.x_m[0], surface.y_m[0])])
     )
     (left, top), (right, bottom) = np.rint(corners).astype(int)
-    resized = cv2.resize(relief[::-1, ::-1], (right - left, bottom - top))
+    turned = np.ascontiguousarray(relief[::-1, ::-1])
+    resized = cv2.resize(turned, (right - left, bottom - top))
     height, width = canvas.shape[:2]
     rows = slice(max(top, 0), min(bottom, height))
     columns = slice(max(left, 0), min(right, width))

@@ -26,6 +26,7 @@ _CAMERA_SHARE = 0.5
 _CHART_SHARES = (0.33, 0.80)
 _GUTTER_PX = 4
 _TICK_KM_H = 10.0
+_BEHIND = "3D, over the vehicle towards the object"
 
 
 @dataclass(frozen=True)
@@ -52,27 +53,16 @@ class TrackedObjectComposition:
         frame = scene.result.frame
         image = None if frame.calibration is None else frame.image
         left_px, camera_px = left_column_px((width, body_px), image, _CAMERA_SHARE)
-        right_px, below_px = left_px + _GUTTER_PX, camera_px + _GUTTER_PX if camera_px else 0
         # Above: the camera image and the object in it; below: the scene from behind and from above.
-        panels = (
-            (view.camera((left_px, camera_px)), (0, 0), "Camera"),
-            (
-                view.close_up((width - right_px, camera_px)),
-                (right_px, 0),
-                f"Close-up of {self.name}",
-            ),
-            (
-                view.from_behind((left_px, body_px - below_px)),
-                (0, below_px),
-                "3D, over the vehicle towards the object",
-            ),
-            (
-                view.from_above((width - right_px, body_px - below_px)),
-                (right_px, below_px),
-                "From above",
-            ),
-        )
-        for panel, corner_px, title in panels:
+        right_px, below_px = left_px + _GUTTER_PX, camera_px + _GUTTER_PX if camera_px else 0
+        rest_px, low_px = width - right_px, body_px - below_px
+        panels = {
+            "Camera": ((0, 0), view.camera((left_px, camera_px))),
+            f"Close-up of {self.name}": ((right_px, 0), view.close_up((rest_px, camera_px))),
+            _BEHIND: ((0, below_px), view.from_behind((left_px, low_px))),
+            "From above": ((right_px, below_px), view.from_above((rest_px, low_px))),
+        }
+        for title, (corner_px, panel) in panels.items():
             place_panel(canvas, panel, corner_px, title, style.text_px)
         self._draw_footer(canvas[body_px:], scene)
         return canvas
