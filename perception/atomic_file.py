@@ -43,6 +43,22 @@ def write_error(path: str | Path, error: OSError) -> WriteError:
     )
 
 
+def require_writable(path: Path) -> None:
+    """Validate, before the work, that a file can be written after it.
+
+    Raises:
+        WriteError: It cannot, or there is a folder of that name.
+    """
+    parent = next(one for one in path.absolute().parents if one.exists())
+    number = errno.EISDIR if path.is_dir() else 0
+    if not parent.is_dir():
+        number = errno.ENOTDIR
+    elif not os.access(parent, os.W_OK):
+        number = errno.EACCES
+    if number:
+        raise write_error(path, OSError(number, os.strerror(number)))
+
+
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
     """Yield the path of a partial file, which takes the place of the whole one at the end; make its folder.

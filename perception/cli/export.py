@@ -1,6 +1,5 @@
 """`trifuse export`."""
 
-import os
 from pathlib import Path
 from types import ModuleType
 
@@ -36,14 +35,14 @@ def export(  # noqa: PLR0913 - flags of a command
     """
     from data.open_drive import open_drive
     from data.results.documents import describe_machine, write_json
-    from perception.atomic_file import write_atomically
+    from perception.atomic_file import require_writable, write_atomically
     from perception.cli.progress import progress_bar
     from perception.detection.detectors.input_size import InputSize
 
     if int8 and data is None:
         raise UsageError("--int8", expected="--data, for calibration", found="none")
     input_size = None if size is None else InputSize.parse(size)
-    _require_writable(out)
+    require_writable(out)
     exporters = _import_exporters()
     drive = None if data is None else open_drive(data, sequence=sequence)
     exported = exporters.export_network(
@@ -84,16 +83,3 @@ def _import_exporters() -> ModuleType:
             "torch, onnx and onnxscript", needed_for="trifuse export", extra="train", reason=error
         ) from error
     return exporters
-
-
-def _require_writable(out: Path) -> None:
-    """Validate, before the work, that the file can be written after it."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        found = "no permission to write" if not os.access(out.parent, os.W_OK) else None
-    except OSError as error:
-        found = str(error.strerror)
-    if out.is_dir():
-        found = "a folder of that name"
-    if found is not None:
-        raise UsageError(f"--out {out}", expected="a file that can be written", found=found)

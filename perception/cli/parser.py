@@ -19,15 +19,17 @@ from typing import Any, TypeVar, get_args, get_type_hints
 from jsonargparse import ArgumentParser, Namespace
 
 from data.results.command_config import CommandConfig, read_config
+from perception.atomic_file import require_writable
 from perception.cli.help import help_formatter, place_words
 from perception.cli.words import flag_words, read_words, usage_error
 
 CommandFunction = Callable[..., None]
 Function = TypeVar("Function", bound=CommandFunction)
 
+_OUTPUT_FILES = {"json", "plot", "reliability_plot"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
 _OUTPUTS = {
-    "json", "out", "overwrite", "plot", "plots", "reliability_plot", "resume", "worst_frames",
+    *_OUTPUT_FILES, "out", "overwrite", "plots", "resume", "worst_frames",
 }  # fmt: skip
 _PRINT_CONFIG = {"--print-config", "--print_config"}
 _PRESETS: dict[CommandFunction, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
@@ -59,12 +61,16 @@ def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
 
     Raises:
         UsageError: A flag is unknown, or its value is not of its type.
+        WriteError: A file that is asked for could not be written.
     """
     asked = [word for word in words if word not in _PRINT_CONFIG]
     arguments, config = parse(prog, function, asked)
     if len(asked) < len(words):
         print(config.text(), end="")
         return
+    for flag, value in _flat_values(function, arguments):
+        if flag in _OUTPUT_FILES and value is not None:
+            require_writable(value)
     hints = get_type_hints(function)
     function(**arguments, **{name: config for name, kind in hints.items() if kind is CommandConfig})
 
@@ -89,7 +95,9 @@ def parse(
     except argparse.ArgumentError as error:
         raise usage_error(prog, str(error), types, places) from error
     arguments = _arguments(function, parser.instantiate(parsed))
-    values = dict(_config_values(function, arguments))
+    values = {
+        name: value for name, value in _flat_values(function, arguments) if name not in _OUTPUTS
+    }
     return arguments, CommandConfig(prog.removeprefix("trifuse "), values)
 
 
@@ -161,15 +169,13 @@ def _preset_defaults(
     return defaults
 
 
-def _config_values(
+def _flat_values(
     function: CommandFunction, arguments: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any]]:
-    """Yield the value of each argument and flag that does not name an output."""
+    """Yield the value of each argument and flag."""
     flat = _sections(function)[0]
     for name, value in arguments.items():
-        for flag, one in vars(value).items() if name in flat else [(name, value)]:
-            if flag not in _OUTPUTS:
-                yield flag, one
+        yield from vars(value).items() if name in flat else [(name, value)]
 
 
 def _leaves(name: str, value: object) -> Iterator[tuple[str, object]]:

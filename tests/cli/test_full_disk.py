@@ -45,3 +45,14 @@ def test_a_report_without_room_leaves_no_part(frames, tmp_path):
     words = ["evaluate", "ground", str(frames), "--json", str(tmp_path / "ground.json")]
     fill_disk(words, 3_000, tmp_path / "ground.json")
     assert files_in(tmp_path) == set()
+
+
+@pytest.mark.parametrize("words", [["ground"], ["obstacles"], ["results", "--labels", "nowhere"]])
+def test_a_report_that_could_not_be_written_is_named_before_any_work(words, tmp_path):
+    (tmp_path / "file").touch()
+    for path, found in (
+        (tmp_path, "Is a directory"),
+        (tmp_path / "file" / "new" / "x.json", "Not a directory"),
+    ):
+        with fault(WriteError, str(path), found=found):
+            run_command_line(["evaluate", words[0], "nowhere", *words[1:], "--json", str(path)])

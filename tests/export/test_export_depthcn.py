@@ -163,16 +163,14 @@ def test_checkpoint_runs_nothing(tmp_path, capsys):
     assert not (tmp_path / "made").exists()
 
 
-def test_place_that_cannot_be_written_is_named_before_any_work(tmp_path, capsys):
+def test_place_that_cannot_be_written_is_named_before_any_work(tmp_path):
     (tmp_path / "file").touch()
     for out, found in (
-        (tmp_path / "file" / "model.onnx", "file"),
-        (tmp_path, "a folder of that name"),
+        (tmp_path / "file" / "model.onnx", "Not a directory"),
+        (tmp_path, "Is a directory"),
     ):
-        assert main(["export", str(tmp_path / "gone.ckpt"), "--out", str(out)]) == 2
-        printed = capsys.readouterr().err
-        assert "expected a file that can be written, found" in printed
-        assert found in printed
+        with fault(WriteError, str(out), found=found):
+            run_command_line(["export", str(tmp_path / "gone.ckpt"), "--out", str(out)])
 
 
 def test_8_bits_need_a_drive(tmp_path, capsys):
