@@ -50,7 +50,9 @@ def read_config(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text()
         document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except OSError as error:
+        raise _unreadable(path, str(error.strerror)) from error
+    except (ValueError, yaml.YAMLError) as error:
         raise _unreadable(path, " ".join(str(error).split())) from error
     if document is None:
         return {}

@@ -106,7 +106,10 @@ _EXPLANATIONS: Sequence[
         r"group '(.+?)' does not accept option '(.+?)'",
         lambda m, types: ("--config", _near(f"{m[1]}.{m[2]}", types), f"{m[1]}.{m[2]}"),
     ),
-    (r"key '(.+?)' is not expected", lambda m, types: ("--config", _near(m[1], types), m[1])),
+    (
+        r"(?:key|option) '(.+?)' is not (?:expected|accepted)",
+        lambda m, types: ("--config", _near(m[1], types), m[1]),
+    ),
     (
         r'parser key "([^"]+)".*?(?:does not exist|unable to load config).*?[\'"](.+?)[\'"]',
         lambda m, _: (flag_words(m[1]), "a YAML file that can be read", m[2]),

@@ -212,6 +212,8 @@ def test_files_that_cannot_be_used_are_named(tmp_path):
     file = tmp_path / "flags.yaml"
     with fault(UsageError, f"--config {file}", "a YAML file", "No such file"):
         called("a", "--config", str(file))
+    file.write_text("framez: 3\n")
+    assert refused("a", "--config", str(file)) == ("--config", "a flag such as --frames", "framez")
     file.write_text("pipeline:\n  motion:\n    voxel_siz_m: 0.3\n")
     assert refused("a", "--config", str(file)) == (
         "--config",
