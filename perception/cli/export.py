@@ -3,12 +3,14 @@
 from pathlib import Path
 from types import ModuleType
 
+from data.results.command_config import SECTION, CommandConfig
 from perception.errors import MissingDependencyError, UsageError
 
 
 def export(  # noqa: PLR0913 - flags of a command
     checkpoint: Path,
     *,
+    config: CommandConfig,
     out: Path,
     data: Path | None = None,
     sequence: str | None = None,
@@ -55,7 +57,7 @@ def export(  # noqa: PLR0913 - flags of a command
     write_json(
         out.with_suffix(".json"),
         {
-            "checkpoint": checkpoint,
+            SECTION: config.values,
             "data": drive.name if drive else None,
             "frames": min(frames, len(drive)) if drive else 0,
             "machine": describe_machine(),
