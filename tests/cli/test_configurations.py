@@ -1,11 +1,12 @@
 """What a command writes as its configuration is what `--config` reads."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import yaml
 
-from perception.cli.main import COMMANDS
+from perception.cli.main import COMMANDS, run_command_line
 from perception.cli.parser import call, flag_types, parse
 
 # Words that a command demands: of inputs, and of outputs, which are no part of a configuration.
@@ -53,3 +54,23 @@ def test_a_configuration_is_printed(capsys):
     printed = yaml.safe_load(capsys.readouterr().out)
     assert (printed["frames"], printed["layout"]) == (3, "raw")
     assert "out" not in printed
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in folder.rglob("*")
+        if file.is_file()
+    }
+
+
+def test_a_configuration_repeats_every_byte(tmp_path):
+    first, second, config = tmp_path / "first", tmp_path / "second", "config.yaml"
+    words = ["--frames", "2", "--layout", "tracking", "--seed", "3", "--sensor", "VLP-16"]
+    run_command_line(["synth", str(first), *words])
+    run_command_line(["synth", str(second), "--config", str(first / config)])
+    assert files(second) == files(first)
+    maps, again = tmp_path / "maps", tmp_path / "again"
+    run_command_line(["maps", str(first), "--method", "thesis", "--all", "--out", str(maps)])
+    run_command_line(["maps", "--config", str(maps / config), "--out", str(again)])
+    assert files(again) == files(maps)
