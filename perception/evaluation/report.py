@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from operator import methodcaller
 from typing import Any, Final, Generic, Protocol, Self, TypeVar, get_type_hints
 
 from perception.types import Labels, PointTruth, Result
@@ -173,11 +174,8 @@ def value_table(
 ) -> Table[Mapping[str, Value]]:
     """Return a table of values of one format by row, then by column; a column that a row lacks has a dash."""
     names = dict.fromkeys(name for row in rows.values() for name in row)
-    return Table(title, [Column(n, partial(_item, n), spec, n) for n in names], rows, heading)
-
-
-def _item(name: str, row: Mapping[str, Value]) -> Value:
-    return row.get(name)
+    columns = [Column[Any](name, methodcaller("get", name), spec, name) for name in names]
+    return Table(title, columns, rows, heading)
 
 
 def _attribute(name: str, row: object) -> Any:  # noqa: ANN401 - any metric

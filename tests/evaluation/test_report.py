@@ -4,7 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from perception.evaluation.report import CONTEXT, Column, Metric, Metrics, Report, Table
+from perception.evaluation.report import (
+    CONTEXT,
+    Column,
+    Metric,
+    Metrics,
+    Report,
+    SummedMetrics,
+    Table,
+    value_table,
+)
 
 COLUMNS = (
     Column("mDE [m]", lambda row: row[0], ".3f", "mde_m"),
@@ -57,3 +66,23 @@ def test_declared_metrics_are_columns_and_a_share_is_printed_in_percent():
 def test_a_document_has_fields_and_declared_properties_but_no_context_and_nothing_unknown():
     report = Shares("Title", {"all": Share(0.75, 0.5)})
     assert report.to_json() == {"rows": {"all": {"found": 0.75, "threshold": 0.5, "missed": 0.25}}}
+
+
+def test_columns_of_values_are_those_of_any_row():
+    table = value_table("", {"easy": {"color": 0.5}, "hard": {"color": 0.25, "depth": 1.0}}, ".0%")
+    assert table.text().splitlines()[1:] == [
+        "      color  depth",
+        "------------------",
+        "easy     50      -",
+        "hard     25    100",
+    ]
+
+
+@dataclass(frozen=True)
+class Counts(SummedMetrics):
+    found: int = 0
+    shares: float = 0.0
+
+
+def test_counts_of_several_frames_are_added_by_field():
+    assert sum([Counts(1, 0.5), Counts(2, 0.25)], Counts()) == Counts(3, 0.75)
