@@ -5,9 +5,12 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from perception.errors import WriteError
-from perception.types import UInt8
+
+if TYPE_CHECKING:  # the command line checks its outputs before NumPy is loaded
+    from perception.types import UInt8
 
 _NO_ROOM = "make room and run it again; the files that were complete are kept"
 _NOT_ALLOWED = "choose a folder that you may write to; the files that were complete are kept"
@@ -108,7 +111,7 @@ def append_atomically(path: Path, data: bytes) -> None:
             raise
 
 
-def write_jpeg(path: Path, image: UInt8, quality: int = 90) -> None:
+def write_jpeg(path: Path, image: "UInt8", quality: int = 90) -> None:
     """Write an (H, W, 3) RGB image atomically as JPEG."""
     import cv2
 
