@@ -11,7 +11,6 @@ from perception.render.palette import TEXT, Color
 from perception.types import Bool, Float64, Int, UInt8
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-_TAG_GAP_PX = 6
 FIXED_POINT_BITS = 4  # of OpenCV's sub-pixel drawing
 
 # Red, green, blue and a spare byte as one number; ten times as fast to write as three bytes.

@@ -50,7 +50,6 @@ TEXT: Color = (226, 230, 238)
 FAINT_TEXT: Color = (136, 144, 160)
 VEHICLE: Color = (206, 212, 224)
 GLASS: Color = (58, 68, 86)
-LIMIT: Color = (255, 196, 64)
 
 # Colours of the pipeline's stages, and of curves and bars by number.
 STAGES: tuple[Color, ...] = (

@@ -76,14 +76,14 @@ def title_area_px(title: str, text_px: int) -> Int:
 
 def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> int:
     """Draw samples with their names in a row from the left; return the column of the end."""
-    column, baseline, swatch_px = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px), 1.5 * text_px
+    column, baseline = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px)
     for entry in legend:
+        swatch_px = (1.5 if entry.pattern is None else 3.0) * text_px
         if entry.pattern is None:
             _draw_areas(canvas, entry.colors, (column, baseline - 1.25 * text_px), swatch_px)
         else:
-            swatch_px = 3.0 * text_px
-            ends_px = np.array([[(column, baseline - 0.5 * text_px)] * 2])
-            ends_px[0, 1, 0] += swatch_px
+            row = baseline - 0.5 * text_px
+            ends_px = np.array([[(column, row), (column + swatch_px, row)]])
             line = Strokes(np.zeros(1, np.int64), ends_px).dashed(entry.pattern)
             draw_strokes(canvas, line, entry.colors, np.array([2]))
         column += swatch_px + 0.7 * text_px
