@@ -4,6 +4,7 @@ import logging
 from pathlib import Path
 from typing import Literal
 
+from data.results.command_config import SECTION, CommandConfig
 from perception.cli.flags import ReportFlags, SourceFlags
 from perception.detection.config import DetectionConfig
 from perception.errors import ModelError
@@ -25,6 +26,7 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
     *,
     source: SourceFlags,
     report: ReportFlags,
+    config: CommandConfig,
     drive: Path | None = None,
     part: BenchmarkPart = "all",
     frames: int = 30,
@@ -51,11 +53,15 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
     from perception.geometry.threads import limit_blas_threads
 
     opened = _open(drive, source, frames, part)
-    config, machine = PipelineConfig(detection=detection), describe_machine()
+    machine = describe_machine()
     print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
-    document: dict[str, object] = {"drive": opened.name, "machine": machine, "config": config}
+    document: dict[str, object] = {
+        "drive": opened.name,
+        "machine": machine,
+        SECTION: config.values,
+    }
     if part in ("all", "pipeline"):
-        modes = pipeline.measure_pipeline(opened, chain_frames, config)
+        modes = pipeline.measure_pipeline(opened, chain_frames, PipelineConfig(detection=detection))
         _print(pipeline.run_tables("whole pipeline", modes, "parallel"))
         document["pipeline"] = modes
     if part in ("all", "chain"):

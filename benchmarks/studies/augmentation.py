@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.studies.report import RESULTS, publish, value_table
+from benchmarks.studies.report import RESULTS, formatted_table, publish
 from data.samples.crops.config import CropDataConfig
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
@@ -114,7 +114,7 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[An
         )
         for name, one in trained.items()
     }
-    return value_table(title, "", ("best epoch", *percents), rows, ("d", *[".2f"] * 5))
+    return formatted_table(title, "", {"best epoch": "d", **dict.fromkeys(percents, ".2f")}, rows)
 
 
 def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifier"]) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import RESULTS, publish, value_table
+from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
 from perception.types import Bool, Float64, GroundModel, Int, UInt8
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from perception.localization.scan_window import DenseCloud
     from perception.render.obstacle_plots import AgedPoints
 
+_SPECS = {"points": "d", "scans apart [cm]": ".1f"}
 _CELL_M = 0.1
 _LOW_M, _HIGH_M = 0.3, 2.0
 _LEVEL_M = 0.1
@@ -69,7 +70,7 @@ def dense_cloud(
     publish(
         out,
         "Fig. 5.2",
-        {"clouds": value_table(place, "", ("points", "scans apart [cm]"), rows, ("d", ".1f"))},
+        {"clouds": formatted_table(place, "", _SPECS, rows)},
         {
             **merged.conditions,
             "place_m": place_m,

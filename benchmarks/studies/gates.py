@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrame, MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import RESULTS, publish, value_table
+from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.evaluation.report import Value
 from perception.obstacles.ground_planes import PiecewisePlanes, PlaneStep, plane_step
 from perception.types import Bool, Float
@@ -44,7 +44,7 @@ def gates(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "gates.
     publish(
         out,
         "Figs 5.4, 5.5",
-        {"slices": value_table(title, "slice", list(_SPECS), rows, list(_SPECS.values()))},
+        {"slices": formatted_table(title, "slice", _SPECS, rows)},
         merged.conditions,
         planes=planes.planes,
     )

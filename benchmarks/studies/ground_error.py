@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError
@@ -68,11 +68,12 @@ def ground_error(
         digits=1,
     )
     plot_grid(out, title, grid, is_low_good=True)
+    specs = {f"η = {eta}": ".1f" for eta in steps}
     rows = {f"m = {m}": values for m, values in zip(scans, mde_mm, strict=True)}
     publish(
         out,
         "Fig. 7.1",
-        {"mde_mm": value_table(title, "mDE [mm]", [f"η = {eta}" for eta in steps], rows)},
+        {"mde_mm": formatted_table(title, "mDE [mm]", specs, rows)},
         {"drive": opened.name, "config": config, "area": LocalArea()},
         frames=one.frames,
         objects=one.objects,

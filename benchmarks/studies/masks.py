@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
-from benchmarks.studies.report import RESULTS, publish, value_table
+from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.types import PointState
 
 if TYPE_CHECKING:
@@ -31,11 +31,11 @@ def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.
     states = segmenter.update(merged.window, merged.planes).point_states
     title = f"From counters to masks, {merged.title}"
     plot_masks(out, title, counters, merged.frame.points_velo[states >= PointState.STATIC])
-    columns = ("columns", "points in them")
+    specs = {"columns": "d", "points in them": "d"}
     publish(
         out,
         "Fig. 5.6",
-        {"steps": value_table(title, "", columns, _counts(counters), "d")},
+        {"steps": formatted_table(title, "", specs, _counts(counters))},
         merged.conditions,
     )
 

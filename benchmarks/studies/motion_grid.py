@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from benchmarks.studies.merged_frame import existing_frame
-from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from perception.cli.progress import progress_bar
 from perception.datmo.config import AUTHOR, THESIS
 from perception.pipeline import PipelineConfig
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 Preset = Literal["thesis", "author"]
 PRESETS = {"thesis": THESIS, "author": AUTHOR}
-_COLUMNS = ("ahead [m]", "left [m]", "length [m]", "width [m]", "height [m]", "points")
+_SPECS = {
+    **dict.fromkeys(("ahead [m]", "left [m]", "length [m]", "width [m]", "height [m]"), ".3f"),
+    "points": ".0f",
+}
 _SOURCES = {"thesis": "Table 7.4", "author": "the author's code"}
 
 
@@ -67,8 +70,8 @@ def motion_grid(
         out,
         "Fig. 5.10",
         {
-            "cells": value_table(title, "", ("cells",), counts, "d"),
-            "objects": value_table("Objects", "object", _COLUMNS, objects, (*[".3f"] * 5, ".0f")),
+            "cells": formatted_table(title, "", {"cells": "d"}, counts),
+            "objects": formatted_table("Objects", "object", _SPECS, objects),
         },
         {"drive": opened.name, "frame": newest, "preset": preset, "config": config},
     )

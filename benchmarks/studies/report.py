@@ -96,25 +96,22 @@ def publish(
     print(f"{text}\n\n{out}\n{out.with_suffix('.json')}")
 
 
-def value_table(
+def formatted_table(
     title: str,
     heading: str,
-    columns: Sequence[str],
+    specs: Mapping[str, str],
     rows: Mapping[str, Sequence[Value] | Float64],
-    specs: str | Sequence[str] = ".1f",
 ) -> Table[Any]:
-    """Return a table of values.
+    """Return a table of rows of values.
 
     Args:
         title: Title of the table.
         heading: Heading of the names of the rows.
-        columns: (C,) names of the columns, with units; their names in the JSON document too.
+        specs: (C,) format specification of each column by its name with unit, its name in the JSON document too.
         rows: (C,) values by the name of the row.
-        specs: Format specification of all columns, or of each.
     """
-    each = [specs] * len(columns) if isinstance(specs, str) else specs
-    cells: list[Column[Any]] = [
+    columns: list[Column[Any]] = [
         Column(name, itemgetter(place), spec, name)
-        for place, (name, spec) in enumerate(zip(columns, each, strict=True))
+        for place, (name, spec) in enumerate(specs.items())
     ]
-    return Table(title, cells, rows, heading)
+    return Table(title, columns, rows, heading)

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.studies.chain_times import chain_config, frames_per_s, stage_times
-from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from perception.cli.flags import require_positive
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 
@@ -53,12 +53,12 @@ def speed(drive: str, *, config: SpeedConfig, out: Path = RESULTS / "speed.png")
         Curve(name, scans, values, is_emphasised=name.startswith("default"))
         for name, values in speeds.items()
     ]
-    columns = [f"m = {m}" for m in scans]
+    specs = {f"m = {m}": ".2f" for m in scans}
     panel = CurvePanel("", "merged scans before the newest, m", "frames/s", curves)
     plot_curves(out, title, [panel])
     publish(
         out,
         "Fig. 7.3",
-        {"frames_per_s": value_table(title, "frames/s", columns, speeds, ".2f")},
+        {"frames_per_s": formatted_table(title, "frames/s", specs, speeds)},
         {"drive": opened.name, "config": config, "timing": "stages alone, reading left out"},
     )

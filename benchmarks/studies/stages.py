@@ -8,10 +8,11 @@ from benchmarks.studies.chain_times import (
     mean_times_s,
     stage_times,
 )
-from benchmarks.studies.report import RESULTS, DriveOfStudy, publish, value_table
+from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from perception.cli.flags import require_positive
 from perception.render.bar_plots import plot_shares
 
+_SPECS = {"mean [ms]": ".1f", "share [%]": ".1f"}
 _PREVIOUS_SCANS = 6  # m of Table 7.1
 
 
@@ -56,7 +57,7 @@ def stages(
     publish(
         out,
         "Table 7.3",
-        {"stages": value_table(title, "stage", ("mean [ms]", "share [%]"), rows)},
+        {"stages": formatted_table(title, "stage", _SPECS, rows)},
         {"drive": opened.name, "frames": frames, "previous_scans": _PREVIOUS_SCANS},
     )
 

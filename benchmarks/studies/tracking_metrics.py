@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.studies.report import value_table
+from benchmarks.studies.report import formatted_table
 from perception.cli.evaluate_datmo import Method, compare_methods
 from perception.cli.flags import DriveFlags
 from perception.evaluation.config import DatmoProtocol
@@ -62,5 +62,5 @@ def tracking_table(title: str, heading: str, cases: Mapping[str, MethodMetrics])
     rows = {
         f"{case}: {m}": [*values.values()] for case in cases for m, values in cases[case].items()
     }
-    columns = list(next(iter(cases.values()))[METHODS[0]])
-    return value_table(title, heading, columns, rows)
+    specs = dict.fromkeys(next(iter(cases.values()))[METHODS[0]], ".1f")
+    return formatted_table(title, heading, specs, rows)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.studies.detector_variants import VariantMetrics
-from benchmarks.studies.report import value_table
+from benchmarks.studies.report import formatted_table
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves, precision_panel
@@ -51,7 +51,8 @@ def times_table(
 ) -> Table[Any]:
     """Return the times of maps and networks, and those of the thesis."""
     rows = {name: (one.maps_ms, one.network_ms) for name, one in metrics.items()}
-    return value_table(title, "", ("map [ms]", "network [ms]"), {**rows, "thesis": thesis_ms})
+    specs = {"map [ms]": ".1f", "network [ms]": ".1f"}
+    return formatted_table(title, "", specs, {**rows, "thesis": thesis_ms})
 
 
 def plot_variant_curves(

@@ -20,3 +20,4 @@ def test_every_part_prints_a_table_and_its_ratios(tmp_path, capsys):
     assert detections["reference: one proposal at a time"] == detections["Trifuse"]
     assert document["ground"]["Trifuse"]["mDE [mm]"] < 30.0
     assert document["chain"]["default"]["memory_end_mib"] > 0
+    assert document["configuration"]["chain_frames"] == 3
