@@ -98,5 +98,5 @@ def beam_anomalies(frame: Frame, sensor: LidarModel) -> Iterator[Anomaly]:
     yield Anomaly(
         "beams of another sensor",
         f"{frame.source}: expected {sensor.beams} beams from {low_deg:.1f} to {high_deg:.1f} degrees, "
-        f"{spacing_deg:.2f} apart, as {sensor.name} has them, found {pattern}; {advice}.",
+        f"{spacing_deg:.2f} apart, as {sensor.name} has them, found {pattern}; {advice}",
     )

@@ -184,7 +184,7 @@ def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> 
         collected.add_error(error)
     collected.add_anomalies(beam_anomalies(frame, drive.sensor))
     if frame.calibration is None and drive.has_images:
-        sentence = f"{frame.source}: its image is not used, as the drive has no camera calibration."
+        sentence = f"{frame.source}: its image is not used, as the drive has no camera calibration"
         collected.add("images without calibration", sentence, is_fault=False)
     if frame.calibration is not None:
         collected.add_anomalies(calibration_anomalies(frame.calibration))
@@ -246,7 +246,7 @@ def _add_notes(drive: KittiDrive, collected: _FindingList) -> None:
     for note in drive.notes:
         collected.add("files joined otherwise, or not used", note, is_fault=False)
     for before, after in drive.scans.gaps if drive.is_sequence else ():
-        sentence = f"{before}: expected the next number after it, found {after.name}."
+        sentence = f"{before}: expected the next number after it, found {after.name}"
         collected.add("gaps in the numbering", sentence, is_fault=False)
     consequences = {
         "images": (drive.has_images, "stages that need a camera cannot run"),
@@ -255,4 +255,4 @@ def _add_notes(drive: KittiDrive, collected: _FindingList) -> None:
     }
     for part, (is_present, consequence) in consequences.items():
         if not is_present:
-            collected.add(f"no {part}", f"{drive.root}: {consequence}.", is_fault=False)
+            collected.add(f"no {part}", f"{drive.root}: {consequence}", is_fault=False)

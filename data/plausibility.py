@@ -40,7 +40,7 @@ def describe_invalid_points(frame: Frame) -> str:
     """Return a sentence on the points of a scan that were no measurement."""
     return (
         f"{frame.source}: {frame.invalid_points} of {len(frame.points_velo)} points are NaN, infinite "
-        "or beyond 10 km; they keep their rows, without a return."
+        "or beyond 10 km; they keep their rows, without a return"
     )
 
 
@@ -53,11 +53,11 @@ def time_anomalies(stamps_s: Mapping[int, float]) -> Iterator[Anomaly]:
     for index, step_s in steps.items():
         where = f"frame {index}"
         if step_s <= 0:
-            yield Anomaly("time runs backwards", f"{where}: {step_s:.3f} s after the frame before.")
+            yield Anomaly("time runs backwards", f"{where}: {step_s:.3f} s after the frame before")
         elif step_s > _MAX_PERIODS * usual_s:
             yield Anomaly(
                 "gaps in time",
-                f"{where}: expected {usual_s:.3f} s after the frame before, found {step_s:.3f} s.",
+                f"{where}: expected {usual_s:.3f} s after the frame before, found {step_s:.3f} s",
             )
 
 
@@ -89,7 +89,7 @@ def _step_anomalies(
         yield Anomaly(
             "INS jumps",
             f"{where}: expected {np.linalg.norm(expected_m):.2f} m moved as its velocity says, "
-            f"found {np.linalg.norm(moved_m):.2f} m, {off_m:.2f} m off.",
+            f"found {np.linalg.norm(moved_m):.2f} m, {off_m:.2f} m off",
         )
     turn_rad_s = rotation_angle_rad(inverse(pose_before) @ pose_after) / step_s
     limits = (
@@ -106,7 +106,7 @@ def _step_anomalies(
         if value > limit:
             yield Anomaly(
                 f"{what} implausible",
-                f"{where}: expected at most {limit:g} {unit}, found {value:.1f}.",
+                f"{where}: expected at most {limit:g} {unit}, found {value:.1f}",
             )
 
 
@@ -116,7 +116,7 @@ def rotation_anomalies(dst_SE3_src: Float64, where: str) -> Iterator[Anomaly]:
     error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if error > _ORTHONORMAL or np.linalg.det(rotation) < 0:
         found = "a mirror" if error <= _ORTHONORMAL else f"R R' off the identity by {error:.3g}"
-        yield Anomaly("invalid rotations", f"{where}: expected a rotation matrix, found {found}.")
+        yield Anomaly("invalid rotations", f"{where}: expected a rotation matrix, found {found}")
 
 
 def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
@@ -128,7 +128,7 @@ def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
         yield Anomaly(
             "principal points outside the image",
             f"{calibration.source}: expected it within {size[0]}x{size[1]} pixels, "
-            f"found {center_px[0]:.1f}, {center_px[1]:.1f}.",
+            f"found {center_px[0]:.1f}, {center_px[1]:.1f}",
         )
 
 
@@ -145,7 +145,7 @@ def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
         yield Anomaly(
             "LiDAR and camera calibration that contradict each other",
             f"{frame.source}: expected the camera to see at least {_MIN_SHARE_IN_VIEW:.0%} of "
-            f"the points ahead as {calibration.source} has it, found {share:.1%}.",
+            f"the points ahead as {calibration.source} has it, found {share:.1%}",
         )
 
 
@@ -160,7 +160,7 @@ def label_anomalies(
             yield Anomaly(
                 "label boxes implausible",
                 f"{where}: expected a {kind} with a size within {_MAX_DISTANCE_M:g} m, "
-                f"found {size_m.round(2)} m at {distance_m:.0f} m.",
+                f"found {size_m.round(2)} m at {distance_m:.0f} m",
             )
     edges = labels.boxes_px
     is_inverted = (edges[:, 2:] <= edges[:, :2]).any(axis=1)
@@ -170,5 +170,5 @@ def label_anomalies(
         yield Anomaly(
             "label boxes outside the image",
             f"{where}: expected x1 y1 x2 y2 of a {labels.types[row]} within "
-            f"{image_size_px or 'the image'}, found {edges[row].round(1)}.",
+            f"{image_size_px or 'the image'}, found {edges[row].round(1)}",
         )

@@ -129,11 +129,11 @@ def join_notes(scans: FrameFiles, files_of: Mapping[str, FrameFiles]) -> tuple[s
     for what, files in files_of.items():
         found = f"{files.folder}: {len(files)} {what}"
         if len(files) and files.is_joined_by_position(scans):
-            notes.append(f"{found} are joined to the scans in order, as their names differ.")
+            notes.append(f"{found} are joined to the scans in order, as their names differ")
         elif len(files) and files.joined(scans) is None:
             sample = scans.paths[0].stem
             notes.append(
-                f"{found} are not used, as none is named as one of the {len(scans)} scans is, such as {sample}."
+                f"{found} are not used, as none is named as one of the {len(scans)} scans is, such as {sample}"
             )
     return tuple(notes)
 

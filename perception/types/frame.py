@@ -96,10 +96,13 @@ class Frame:
 
     def _zero_invalid_points(self) -> None:
         points = self.points_velo
-        magnitudes: Float32 = np.abs(points)
-        if len(points) == 0 or magnitudes.max() < _MAX_COORDINATE_M:  # False with NaN
+        # The two comparisons are false with NaN.
+        if len(points) == 0 or (
+            points.max() < _MAX_COORDINATE_M and points.min() > -_MAX_COORDINATE_M
+        ):
             return
-        is_invalid = np.asarray(~(magnitudes < _MAX_COORDINATE_M).all(axis=1))
+        x, y, z, reflectance = (np.abs(points) < _MAX_COORDINATE_M).T
+        is_invalid = ~(x & y & z & reflectance)
         invalid = int(is_invalid.sum())
         if invalid > _MAX_INVALID_SHARE * len(points):
             raise ScanError(
@@ -108,20 +111,17 @@ class Frame:
                 found=f"{invalid} of {len(points)} points with NaN, infinity or beyond 10 km",
                 advice="write each point as four float32 numbers: x, y, z, reflectance",
             )
-        object.__setattr__(
-            self, "points_velo", np.where(is_invalid[:, None], points.dtype.type(0), points)
-        )
+        valid_points = points.copy()
+        valid_points[is_invalid] = 0
+        object.__setattr__(self, "points_velo", valid_points)
         object.__setattr__(self, "invalid_points", self.invalid_points + invalid)
 
     def _check_scan(self) -> None:
-        if not self.points_velo[:, :3].any():
-            raise ScanError(
-                self.source,
-                expected="at least one return",
-                found=f"{len(self.points_velo)} points, all of them zero"
-                if len(self.points_velo)
-                else "an empty scan",
-            )
+        xyz_m = self.points_velo[:, :3]
+        if not (xyz_m[:1].any() or xyz_m.any()):  # the first point is a return of most scans
+            count = len(xyz_m)
+            found = f"{count} points, all of them zero" if count else "an empty scan"
+            raise ScanError(self.source, expected="at least one return", found=found)
         low, high = self.points_velo[:, 3].min(), self.points_velo[:, 3].max()
         if low < 0 or high > 1:
             raise ScanError(

@@ -39,7 +39,7 @@ def test_all_faults_are_found_in_one_reading(raw_drive):
     found = _findings(raw_drive)
 
     assert found["scans missing or damaged"].count == 1
-    assert found["gaps in the numbering"].first_example.endswith("found 0000000003.bin.")
+    assert found["gaps in the numbering"].first_example.endswith("found 0000000003.bin")
     assert not found["gaps in the numbering"].is_fault
     assert found["images missing, damaged or of another size"].count == 1
     assert found["INS packets missing or malformed"].count == 1
@@ -87,7 +87,7 @@ def test_a_leap_of_the_heading(raw_drive):
     _replace_number(raw_drive / "oxts/data/0000000005.txt", 5, 1.5)
     found = _findings(raw_drive)
     assert found["INS turning implausible"].first_example == (
-        "frame 5: expected at most 3 rad/s, found 15.0."
+        "frame 5: expected at most 3 rad/s, found 15.0"
     )
 
 
@@ -95,7 +95,7 @@ def test_a_gap_in_time(raw_drive):
     path = raw_drive / "velodyne_points/timestamps.txt"
     path.write_text(path.read_text().replace("32.5", "33.5"))
     gap = _findings(raw_drive)["gaps in time"]
-    expected = "frame 5: expected 0.100 s after the frame before, found 1.100 s."
+    expected = "frame 5: expected 0.100 s after the frame before, found 1.100 s"
     assert gap.first_example == expected
 
 
