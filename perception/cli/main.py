@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from perception import __version__
 from perception.cli.parser import CommandFunction, call, flag_types, help_text
@@ -101,11 +102,11 @@ Help:        trifuse COMMAND --help
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return 0, 2 where the user has to act, or 130 after an interrupt."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments is None:
-        # Processes that libraries start for a command import nothing from the working folder.
-        os.environ["PYTHONSAFEPATH"] = "1"
     logging.basicConfig(handlers=[_LogHandler()], format="%(message)s", level=logging.INFO)
     try:
+        if arguments is None and not {"", str(Path.cwd())} & set(sys.path):
+            # Processes that libraries start find no modules in the working folder either.
+            os.environ["PYTHONSAFEPATH"] = "1"
         run_command_line(words)
         sys.stdout.flush()
         return 0
