@@ -8,7 +8,6 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
@@ -37,23 +37,6 @@ from perception.types import (
 log = logging.getLogger(__name__)
 
 
-class DetectorOutput(Protocol):
-    """Output of detectors for one frame."""
-
-    @property
-    def scene(self) -> DetectedScene:
-        """Detections of each modality, with the depths of their boxes."""
-        ...
-
-
-class FrameDetector(Protocol):
-    """Detectors of one or more modalities."""
-
-    def detect(self, frame: Frame) -> DetectorOutput:
-        """Detect in one frame."""
-        ...
-
-
 @dataclass(frozen=True)
 class FingerprintedDetector:
     """Detectors with the fingerprint of their model files.
@@ -63,7 +46,7 @@ class FingerprintedDetector:
         fingerprint: Hash of the model files.
     """
 
-    detector: FrameDetector
+    detector: MultimodalDetector
     fingerprint: str
 
 
@@ -158,7 +141,7 @@ def require_no_training_drives(
                 )
 
 
-def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
+def _detect(frame: Frame, detector: MultimodalDetector) -> Arrays:
     scene = detector.detect(frame).scene
     arrays: dict[str, np.ndarray] = {"size_px": np.array(scene.size_px)}
     for name, found in scene.modality_detections.items():

@@ -23,7 +23,7 @@ from perception.evaluation.detection.fusion_measure import FusionMeasure
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
-from perception.pipeline import StageClock
+from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E
 from perception.types import MODALITIES, Drive, Frame, Progress, UInt8
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any, ParamSpec, Protocol, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from perception.geometry.threads import limit_blas_threads
 from perception.types import StageSpan
@@ -72,25 +72,6 @@ class StageClock:
         )
 
 
-class Worker(Protocol):
-    """Runs one task after another, in the order in which they are submitted."""
-
-    @property
-    def name(self) -> str:
-        """Name of the worker."""
-        ...
-
-    def submit(
-        self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
-    ) -> "Future[Returned]":
-        """Take a task; the future gives its result or its error."""
-        ...
-
-    def close(self) -> None:
-        """Take no more tasks, and return when the running one has finished."""
-        ...
-
-
 class ThreadWorker:
     """A worker with a thread of its own. NumPy, OpenCV and the networks let other threads run meanwhile."""
 
@@ -128,6 +109,10 @@ class InlineWorker:
 
     def close(self) -> None:
         """Do nothing: there is no thread to end."""
+
+
+# Runs one task after another, in the order in which they are submitted.
+Worker = ThreadWorker | InlineWorker
 
 
 def _with_limited_blas(task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - any task

@@ -54,11 +54,17 @@ def update(
 def mahalanobis_squared(
     states: Gaussians, measured: Float64, observation: Float64, measurement_noise: Float64
 ) -> Float64:
-    """Return (T, D) the squared distance of each of (D, k) measurements from the prediction of each filter.
+    """Return (T, D) the squared distances of measurements from the prediction of each filter.
 
-    For a correct filter it is chi-squared with k degrees of freedom.
+    For a correct filter they are chi-squared with k degrees of freedom.
+
+    Args:
+        states: T filters.
+        measured: (D, k) measurements, or (T, D, k) where each filter has its own.
+        observation: (k, n) observation.
+        measurement_noise: (k, k) noise, or (T, D, k, k).
     """
-    away = measured[None] - (states.mean @ observation.T)[:, None]
-    spread = observation @ states.covariance @ observation.T + measurement_noise
-    weighted = np.linalg.solve(spread, away.transpose(0, 2, 1)).transpose(0, 2, 1)
-    return np.asarray((away * weighted).sum(axis=2))
+    away = measured - (states.mean @ observation.T)[:, None]
+    spread = (observation @ states.covariance @ observation.T)[:, None] + measurement_noise
+    weighted = np.linalg.solve(spread, away[..., None])[..., 0]
+    return np.asarray((away * weighted).sum(axis=-1))

@@ -87,10 +87,7 @@ def position_noise(
 
 def squared_distances(states: Gaussians, centers_m: Float64, noise: Float64) -> Float64:
     """Return (T, F) squared Mahalanobis distances of centres (T, F, 2) with noise (T, F, 2, 2)."""
-    away = centers_m - states.mean[:, None, :2]
-    seen = states.covariance[:, None, :2, :2] + noise
-    weighted = np.linalg.solve(seen, away[..., None])[..., 0]
-    return np.asarray((away * weighted).sum(axis=-1))
+    return kalman.mahalanobis_squared(states, centers_m, _OBSERVATION, noise)
 
 
 def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from perception.errors import PerceptionError, PoseError
-from perception.pipeline import PipelineConfig, StageClock
+from perception.pipeline import PipelineConfig
 from perception.pipeline.lidar_process import LidarProcess
 from perception.pipeline.lidar_stages import LidarStages
+from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E
 
 CONFIG = PipelineConfig.for_motion()

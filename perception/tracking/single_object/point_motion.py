@@ -5,7 +5,7 @@ measured  position, once or several times, stacked as in (5.16)
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -16,33 +16,6 @@ from perception.types import Float64
 
 # The author's process noise belongs to one step at the rate of KITTI's LiDAR.
 _NOMINAL_STEP_S = 0.1
-
-
-class PointFilter(Protocol):
-    """State of a point's motion."""
-
-    @property
-    def position(self) -> Float64:
-        """(A,) position."""
-        ...
-
-    @property
-    def velocity(self) -> Float64:
-        """(A,) velocity."""
-        ...
-
-    def predicted(self, elapsed_s: float, process: float) -> Self:
-        """Predict the state.
-
-        Args:
-            elapsed_s: Time to predict over.
-            process: Factor of Q, added every 0.1 s.
-        """
-        ...
-
-    def corrected(self, positions: Float64, variances: Float64) -> Self:
-        """Correct the state by (K, A) measured positions with (K,) variances."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -98,7 +71,7 @@ class ConstantAcceleration:
         return self._third(1)
 
     def predicted(self, elapsed_s: float, process: float) -> Self:
-        """Predict the state; Q is `process` times the identity matrix every 0.1 s."""
+        """Predict the state over a time; Q is `process` times the identity matrix every 0.1 s."""
         axes = self.states.mean.shape[1] // 3
         steps = np.array([[1, elapsed_s, elapsed_s**2 / 2], [0, 1, elapsed_s], [0, 0, 1]])
         added = process * elapsed_s / _NOMINAL_STEP_S * np.eye(3 * axes)
@@ -113,6 +86,9 @@ class ConstantAcceleration:
 
     def _third(self, number: int) -> Float64:
         return np.asarray(self.states.mean[0].reshape(3, -1)[number])
+
+
+PointFilter = LastPosition | ConstantAcceleration
 
 
 def heading_from_course(

@@ -14,11 +14,12 @@ from perception.tracking.single_object.baselines.image_trackers import (
     opencv_tracker,
 )
 from perception.tracking.single_object.baselines.point_baselines import (
-    colored_points_tracker,
-    kalman_tracker,
-    mean_shift_tracker,
+    ColoredPointsLocalizer,
+    GateLocalizer,
+    MeanShiftLocalizer,
 )
 from perception.tracking.single_object.box.box_fit_tracker import BoxFitTracker
+from perception.tracking.single_object.centroid_tracker import CentroidTracker
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.tracker import SingleObjectTracker
@@ -50,11 +51,13 @@ def single_object_tracker(  # noqa: PLR0911  (one return for each tracker)
         case "h-fus":
             return FusionTracker(sensor, config.fusion, config.point)
         case "l-fus":
-            return colored_points_tracker(sensor, baselines.colored_points, config.point)
+            colored = ColoredPointsLocalizer(baselines.colored_points)
+            return CentroidTracker(colored, sensor, config.point)
         case "3d-ms":
-            return mean_shift_tracker(sensor, baselines.mean_shift, config.point)
+            shifted = MeanShiftLocalizer(baselines.mean_shift)
+            return CentroidTracker(shifted, sensor, config.point, has_filter=False)
         case "3d-kf":
-            return kalman_tracker(sensor, config.point)
+            return CentroidTracker(GateLocalizer(), sensor, config.point)
         case "ms-i":
             finder = BackProjectionFinder(baselines.histogram)
             return ImageOnlyTracker(name, finder, baselines.max_missed)

@@ -11,7 +11,6 @@ from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
-from perception.tracking.single_object.baselines.point_baselines import kalman_tracker
 from perception.tracking.single_object.config import CentroidTrackerConfig
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
@@ -345,7 +344,7 @@ def test_colours_are_those_of_the_car():
 
 def test_what_lies_beyond_the_gate_is_not_the_object():
     scene = Scene()
-    tracker = kalman_tracker(HDL_64E)
+    tracker = single_object_tracker("3d-kf", HDL_64E)
     tracker.init(scene.tracker_input(0), scene.box(0))
     aside = Scene(start_xy_m=(14.0, 2.0 + 2 * SIZE_M[1] + 0.2))
     assert tracker.update(aside.tracker_input(1)).status is TrackStatus.PREDICTED

@@ -4,14 +4,8 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.geometry.camera import project
-from perception.sensor import LidarModel
-from perception.tracking.single_object.centroid_tracker import CentroidTracker
 from perception.tracking.single_object.color_model import color_bins
-from perception.tracking.single_object.config import (
-    CentroidTrackerConfig,
-    ColorModelConfig,
-    PointMeanShiftConfig,
-)
+from perception.tracking.single_object.config import ColorModelConfig, PointMeanShiftConfig
 from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
 from perception.tracking.single_object.window import Window, mean_shift_3d
 from perception.types import Bool, Float64, Int
@@ -123,28 +117,3 @@ def colors_of_points(localizer_input: LocalizerInput) -> tuple[Int, Bool]:
     )
     columns, rows = columns_rows[is_observed].T
     return color_bins(image[rows, columns]), is_observed
-
-
-def kalman_tracker(
-    sensor: LidarModel, config: CentroidTrackerConfig | None = None
-) -> CentroidTracker:
-    """Return the tracker 3D-KF: a filter with constant acceleration, and a gate."""
-    return CentroidTracker(GateLocalizer(), sensor, config)
-
-
-def mean_shift_tracker(
-    sensor: LidarModel,
-    mean_shift: PointMeanShiftConfig,
-    config: CentroidTrackerConfig | None = None,
-) -> CentroidTracker:
-    """Return the tracker 3D-MS: a mean shift without a filter."""
-    return CentroidTracker(MeanShiftLocalizer(mean_shift), sensor, config, has_filter=False)
-
-
-def colored_points_tracker(
-    sensor: LidarModel,
-    mean_shift: PointMeanShiftConfig,
-    config: CentroidTrackerConfig | None = None,
-) -> CentroidTracker:
-    """Return the tracker L-Fus: a mean shift over coloured points, and a filter."""
-    return CentroidTracker(ColoredPointsLocalizer(mean_shift), sensor, config)

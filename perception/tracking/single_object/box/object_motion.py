@@ -7,7 +7,6 @@ velocity   x  y  yaw  vx     vy        it turns. A pedestrian faces along the co
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -51,30 +50,6 @@ class KinematicState:
         return KinematicState(mean, (covariance + covariance.T) / 2)
 
 
-class ObjectMotionModel(Protocol):
-    """Motion of one kind of object."""
-
-    def init(self, pose: Float64, deviations: Float64) -> KinematicState:
-        """Return the initial state at (3,) a pose with (3,) standard deviations."""
-        ...
-
-    def predict(self, state: KinematicState, elapsed_s: float) -> KinematicState:
-        """Return the state after a time."""
-        ...
-
-    def correct_heading(self, state: KinematicState) -> KinematicState:
-        """Return a corrected state with the heading that its velocity implies."""
-        ...
-
-    def velocity_m_s(self, state: KinematicState) -> Float64:
-        """Return (2,) the velocity over the ground, in the world."""
-        ...
-
-    def may_be_static(self, state: KinematicState) -> bool:
-        """Return whether the velocity may be zero."""
-        ...
-
-
 class ConstantTurnRateMotion:
     """Motion along a heading that turns at a decaying rate."""
 
@@ -92,7 +67,7 @@ class ConstantTurnRateMotion:
         self._axle_m = config.axle_share * length_m
 
     def init(self, pose: Float64, deviations: Float64) -> KinematicState:
-        """Return the initial state, of any speed."""
+        """Return the initial state at (3,) a pose with (3,) standard deviations, of any speed."""
         config = self._config
         spread = np.array([*deviations, config.initial_speed_m_s, config.initial_turn_rate_rad_s])
         return KinematicState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
@@ -150,7 +125,7 @@ class ConstantTurnRateMotion:
         return KinematicState(turned, flip @ state.covariance @ flip)
 
     def velocity_m_s(self, state: KinematicState) -> Float64:
-        """Return the velocity along the heading."""
+        """Return (2,) the velocity over the ground, along the heading."""
         yaw, speed = state.mean[2:4]
         return np.array([speed * np.cos(yaw), speed * np.sin(yaw)])
 
@@ -166,7 +141,7 @@ class ConstantVelocityMotion:
         self._config = config or WalkerMotionConfig()
 
     def init(self, pose: Float64, deviations: Float64) -> KinematicState:
-        """Return the initial state, of any velocity."""
+        """Return the initial state at (3,) a pose with (3,) standard deviations, of any velocity."""
         speed_m_s = self._config.initial_speed_m_s
         spread = np.array([*deviations, speed_m_s, speed_m_s])
         return KinematicState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
@@ -210,13 +185,16 @@ class ConstantVelocityMotion:
         return KinematicState(mean, covariance)
 
     def velocity_m_s(self, state: KinematicState) -> Float64:
-        """Return the velocity of the state."""
+        """Return (2,) the velocity over the ground."""
         return state.mean[3:]
 
     def may_be_static(self, state: KinematicState) -> bool:
         """Return whether the velocity is within its gate around zero."""
         velocity, spread = state.mean[3:], state.covariance[3:, 3:]
         return bool(velocity @ np.linalg.solve(spread, velocity) <= _STATIC_GATE)
+
+
+ObjectMotionModel = ConstantTurnRateMotion | ConstantVelocityMotion
 
 
 def motion_model_for(
