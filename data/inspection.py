@@ -101,13 +101,17 @@ class _FindingList:
     """Findings so far, by kind."""
 
     findings: dict[str, Finding] = field(default_factory=dict)
+    sentences: set[str] = field(default_factory=set)
 
     def add(self, what: str, example: str, *, is_fault: bool = True, count: int = 1) -> None:
         known = self.findings.get(what, Finding(what, 0, example, is_fault))
         self.findings[what] = replace(known, count=known.count + count)
 
     def add_error(self, error: PerceptionError) -> None:
-        self.add(_WHAT.get(type(error), "other"), str(error))
+        # A fault of the whole drive is met again in every frame.
+        if str(error) not in self.sentences:
+            self.sentences.add(str(error))
+            self.add(_WHAT.get(type(error), "other"), str(error))
 
     def add_anomalies(self, anomalies: Iterable[Anomaly]) -> None:
         for anomaly in anomalies:

@@ -158,6 +158,7 @@ class KittiSequence(KittiDrive):
                 self.root,
                 expected=f"a camera calibration, to place the labels of {self.label_file}",
                 found="none",
+                advice="add the drive's calibration files",
             )
         return read_tracking_labels(self.label_file, self.calibration)
 

@@ -74,6 +74,14 @@ def test_a_damaged_scan_ends_no_check(raw_drive, damage):
     assert ("scans missing or damaged" in found) == (damage in REFUSED)
 
 
+def test_a_fault_of_the_whole_drive_counts_once(tracking_root):
+    for folder in ("calib", "oxts"):
+        (tracking_root / f"training/{folder}/0001.txt").unlink()
+    fault = _findings(tracking_root, "0001")["unusable calibration"]
+    assert (fault.count, fault.is_fault) == (1, True)
+    assert "label_02/0001.txt" in fault.first_example
+
+
 def test_an_ins_jump_of_metres(raw_drive):
     for index in range(3, 6):  # two metres to the north
         _replace_number(raw_drive / f"oxts/data/{index:010d}.txt", 0, 2 / 111_194)
