@@ -30,6 +30,7 @@ from perception.types import (
 
 # KITTI's moderate: visible or partly occluded, truncated by less than a third.
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
+_MIN_IOU_PX = 0.5  # overlap in the image of a detection and a true vehicle
 _SAME_PLACE_IOU = 0.15
 _RANGES_M = ((0.0, 25.0), (25.0, 50.0), (50.0, np.inf))
 # KITTI's labels are tight: points on a side of the box may lie outside.
@@ -108,7 +109,6 @@ def location_errors(
     true_px: Float64,
     true_boxes: Boxes3D,
     points_velo: Float,
-    min_iou: float = 0.5,
 ) -> LocationErrors:
     """Measure the vehicles of one frame that match a true vehicle in the image.
 
@@ -117,10 +117,9 @@ def location_errors(
         true_px: (T, 4) True boxes x1 y1 x2 y2 in the image.
         true_boxes: (T) True boxes in the LiDAR frame.
         points_velo: (N, 3+) Points of the scan in the LiDAR frame.
-        min_iou: Overlap (IoU) in the image of a matched pair, 0 to 1.
     """
     iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
-    pairs = assign_hungarian(1.0 - iou, iou >= min_iou)
+    pairs = assign_hungarian(1.0 - iou, iou >= _MIN_IOU_PX)
     true, found = true_boxes[pairs.tracks], vehicles.boxes[pairs.detections]
     center_offsets_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
     turn_rad = found.yaw_rad - true.yaw_rad

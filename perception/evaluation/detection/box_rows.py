@@ -64,18 +64,19 @@ class TrueBoxes(_BoxRows):
         level 0 are truncated by no more than 0.15 and all by no more than 0.5, all but four of 1,050 of level 1
         by more than 0.5; of level 2, half of 633 are whole.
         """
-        counts = [len(one) + len(one.dont_care_px) for one in labels]
-        regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]
-        types = [[*one.types.tolist(), *["DontCare"] * len(one.dont_care_px)] for one in labels]
+        return cls.concatenate(cls._of_frame(number, one) for number, one in enumerate(labels))
+
+    @classmethod
+    def _of_frame(cls, number: int, labels: Labels) -> Self:
+        regions = np.full(len(labels.dont_care_px), -1.0)
+        types = [*labels.types.tolist(), *["DontCare"] * len(regions)]
         return cls(
-            frames=np.repeat(np.arange(len(labels)), counts),
-            types=np.array([name for of_frame in types for name in of_frame], np.str_),
-            alphas_rad=np.full(sum(counts), NO_ALPHA_RAD),
-            boxes_px=_interleave(
-                [one.boxes_px for one in labels], [one.dont_care_px for one in labels], (0, 4)
-            ),
-            truncation=_interleave([one.truncation for one in labels], regions, (0,)),
-            occlusion=_interleave([one.occlusion for one in labels], regions, (0,)),
+            frames=np.full(len(types), number),
+            types=np.array(types, np.str_),
+            alphas_rad=np.full(len(types), NO_ALPHA_RAD),
+            boxes_px=np.concatenate([labels.boxes_px, labels.dont_care_px], dtype=np.float64),
+            truncation=np.append(labels.truncation, regions),
+            occlusion=np.append(labels.occlusion, regions),
         )
 
 
@@ -92,22 +93,12 @@ class DetectedBoxes(_BoxRows):
     @classmethod
     def of_frames(cls, detections: Sequence[Detections]) -> Self:
         """Return the detections of one frame after the other, without headings."""
-        counts = np.array([len(found) for found in detections], np.int64)
-        frames = np.repeat(np.arange(len(counts)), counts)
-        parts = [Detections.empty(), *detections]
+        whole = Detections.concatenate(detections)
+        counts = [len(found) for found in detections]
         return cls(
-            frames=frames,
-            types=np.concatenate([found.types for found in parts]),
-            alphas_rad=np.full(len(frames), NO_ALPHA_RAD),
-            boxes_px=np.concatenate([found.boxes_px for found in parts]).astype(np.float64),
-            scores=np.concatenate([found.scores for found in parts]).astype(np.float64),
+            frames=np.repeat(np.arange(len(counts)), counts),
+            types=whole.types,
+            alphas_rad=np.full(len(whole), NO_ALPHA_RAD),
+            boxes_px=whole.boxes_px.astype(np.float64),
+            scores=whole.scores.astype(np.float64),
         )
-
-
-def _interleave(
-    objects: Sequence[np.ndarray], regions: Sequence[np.ndarray], empty_shape: tuple[int, ...]
-) -> Float64:
-    """Return the rows of the objects and then of the regions of each frame in turn."""
-    pairs = zip(objects, regions, strict=True)
-    columns = [np.zeros(empty_shape), *(column for pair in pairs for column in pair)]
-    return np.concatenate(columns, dtype=np.float64)
