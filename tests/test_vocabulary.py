@@ -15,7 +15,7 @@ Definition = ast.ClassDef | ast.FunctionDef
 # Words for which the field has another one: detect, observation, image, min_, confirmed, required, cluster, similarity ...
 OTHER_WORDS = re.compile(
     r"(?:^|_)(?:sights?|looks?(?!_up)|looked|looker|pictures?|plain|least(?!_squares)|most|anew|told|believed|wanted|judged?|judges"
-    r"|answers?|answered|things?|candidates?|likeness|strengths?|disturbances?|carriers?|descent|begun|shaken|accuses)(?:_|$)"
+    r"|answers?|answered|things?|candidates?(?!_pairs)|likeness|strengths?|disturbances?|carriers?|descent|begun|shaken|accuses)(?:_|$)"
 )
 # An entry that is a noun phrase or a sentence: it begins with a capital, a number, a symbol or a shape.
 WHOLE_ENTRY = re.compile(r"[A-Z0-9(`'\"\[\u0370-\u03ff].*", re.DOTALL)
