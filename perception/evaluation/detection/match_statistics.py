@@ -75,7 +75,7 @@ class MatchStatistics:
 
 
 @dataclass(frozen=True)
-class CandidatePairs(ArrayTable):
+class MatchablePairs(ArrayTable):
     """P pairs of a label and a detection that may be matched, and what their match counts for.
 
     Attributes:
@@ -104,7 +104,7 @@ def match_statistics(
 ) -> MatchStatistics:
     """Match the boxes of all frames for all thresholds."""
     mask = evaluation_mask(boxes, detection_class, difficulty)
-    pairs = _candidate_pairs(boxes, mask, detection_class.iou)
+    pairs = _matchable_pairs(boxes, mask, detection_class.iou)
     valid_frames = boxes.truths.frames[mask.is_valid_truth]
     # Each label is matched with the detection of the highest score, not of the largest IoU.
     by_score = pairs[np.lexsort((pairs.detections, -pairs.scores, pairs.truths))]
@@ -130,9 +130,9 @@ def match_statistics(
     )
 
 
-def _candidate_pairs(
+def _matchable_pairs(
     boxes: EvaluationBoxes, mask: EvaluationMask, min_iou: float
-) -> CandidatePairs:
+) -> MatchablePairs:
     overlaps = boxes.overlaps
     overlaps = overlaps[
         (overlaps.iou > min_iou)
@@ -142,7 +142,7 @@ def _candidate_pairs(
     truths, detections = overlaps.truths, overlaps.detections
     is_found, is_valid = mask.is_valid_truth[truths], mask.is_valid_detection[detections]
     turns_rad = boxes.truths.alphas_rad[truths] - boxes.detections.alphas_rad[detections]
-    return CandidatePairs(
+    return MatchablePairs(
         truths,
         detections,
         scores=boxes.detections.scores[detections],
@@ -191,7 +191,7 @@ class ThresholdSweep:
         places: (P,) place of each pair's detection within its group, from 0.
     """
 
-    pairs: CandidatePairs
+    pairs: MatchablePairs
     groups: Int
     rounds: Int
     steps: Int
@@ -200,7 +200,7 @@ class ThresholdSweep:
     places: Int
 
 
-def _gains_of_detections(pairs: CandidatePairs, detections: int) -> StepCounts:
+def _gains_of_detections(pairs: MatchablePairs, detections: int) -> StepCounts:
     """Return (D) the change of the counts when the threshold falls to the score of each detection."""
     groups = connected_groups(pairs.truths, pairs.detections)
     order = np.lexsort((pairs.detections, -pairs.worth, pairs.truths, groups))
