@@ -6,11 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
+from typing import Annotated
 
 import numpy as np
 
 from benchmarks.measure import resident_mib
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Column, Metric, Metrics, Table
 from perception.evaluation.stage_times import StageTime, StageTimes
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, Frame, Result
@@ -21,7 +22,7 @@ _KEPT = 160
 
 
 @dataclass(frozen=True)
-class RunTiming:
+class RunTiming(Metrics):
     """Time and memory of one run.
 
     Attributes:
@@ -35,14 +36,14 @@ class RunTiming:
         memory_end_mib: Memory after the last frame in MiB.
     """
 
-    frames: int
-    dropped: int
-    frames_per_s: float
-    median_ms: float
-    p99_ms: float
+    frames: Annotated[int, Metric("frames")]
+    dropped: Annotated[int, Metric("dropped")]
+    frames_per_s: Annotated[float, Metric("frames/s", ".1f")]
+    median_ms: Annotated[float, Metric("p50 [ms]", ".1f")]
+    p99_ms: Annotated[float, Metric("p99 [ms]", ".1f")]
     stages: Mapping[str, StageTime]
-    memory_start_mib: float
-    memory_end_mib: float
+    memory_start_mib: Annotated[float, Metric("start [MiB]", ".0f")]
+    memory_end_mib: Annotated[float, Metric("end [MiB]", ".0f")]
 
 
 def measure_chain(drive: Drive, frames: int) -> dict[str, RunTiming]:
@@ -84,24 +85,15 @@ def run_tables(title: str, runs: Mapping[str, RunTiming], first: str) -> str:
         runs: Runs by name.
         first: Name of the run to which the times are relative.
     """
-    columns = (
-        Column[RunTiming]("frames", lambda run: run.frames),
-        Column[RunTiming]("dropped", lambda run: run.dropped),
-        Column[RunTiming]("frames/s", lambda run: run.frames_per_s, ".1f"),
-        Column[RunTiming]("p50 [ms]", lambda run: run.median_ms, ".1f"),
-        Column[RunTiming]("p99 [ms]", lambda run: run.p99_ms, ".1f"),
-        Column[RunTiming](
-            "relative time", lambda run: run.median_ms / runs[first].median_ms, ".1f"
-        ),
-        Column[RunTiming]("start [MiB]", lambda run: run.memory_start_mib, ".0f"),
-        Column[RunTiming]("end [MiB]", lambda run: run.memory_end_mib, ".0f"),
-    )
+    first_ms = runs[first].median_ms
+    relative = Column[RunTiming]("relative time", lambda run: run.median_ms / first_ms, ".1f")
     stages = {stage: stage for run in runs.values() for stage in run.stages}
     times = [
         Column[str](f"{name} {heading} [ms]", partial(_stage_ms, run, heading), ".1f")
         for name, run in runs.items()
         for heading in ("p50", "p99")
     ]
+    columns = [*RunTiming.columns(), relative]
     tables = Table(title, columns, runs), Table("stages", times, stages, "stage")
     return "\n\n".join(table.text() for table in tables)
 
