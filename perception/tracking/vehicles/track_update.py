@@ -258,11 +258,7 @@ def _nearer_end(yaw_rad: Float64, reference_rad: Float64) -> Float64:
     return wrap(reference_rad + wrap(yaw_rad - reference_rad, np.pi))
 
 
-def known_velocities_velo(
-    tracks: VehicleTable, frame: FrameGeometry, config: VehicleTrackerConfig
-) -> Float64:
-    """Return (T, 2) velocities over the ground in the LiDAR frame; NaN while they are too uncertain."""
-    is_known = tracks.is_located & (
-        tracks.speed_deviations_m_s <= config.max_reported_speed_deviation_m_s
-    )
-    return np.where(is_known[:, None], tracks.velocities_velo(frame.world_SE3_velo), np.nan)
+def is_velocity_known(tracks: VehicleTable, config: VehicleTrackerConfig) -> Bool:
+    """Return whether the velocity of each track is certain enough to be reported."""
+    limit_m_s = config.max_reported_speed_deviation_m_s
+    return np.asarray(tracks.is_located & (tracks.speed_deviations_m_s <= limit_m_s))

@@ -20,7 +20,7 @@ from perception.tracking.vehicles.track_update import (
     VehicleObservations,
     expected_boxes_px,
     init_tracks,
-    known_velocities_velo,
+    is_velocity_known,
     position_distances,
     predict,
     update_tracks,
@@ -152,7 +152,10 @@ class VehicleTracker:
         tracks = self._tracks[self._row_of[seen]]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
-        velocities_m_s[seen] = known_velocities_velo(tracks, frame_geometry, self._config)
+        is_known = is_velocity_known(tracks, self._config)
+        velocities_m_s[seen[is_known]] = tracks[is_known].velocities_velo(
+            frame_geometry.world_SE3_velo
+        )
         covariances, is_located = vehicles.covariances.copy(), tracks.is_located
         covariances[seen[is_located]] = covariances_velo(
             tracks.covariance[is_located], frame_geometry.world_SE3_velo
@@ -204,10 +207,11 @@ def _tracked_boxes(
 ) -> Boxes3D:
     """Replace the boxes of single detections by those of their tracks.
 
-    A detection that is located elsewhere than its track a moment ago has other points than those of the vehicle.
+    A detection that is located elsewhere than a well-known track was a moment ago has the points of another object.
     """
     unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
-    is_found = tracks.is_located & (unlocated_s <= config.relocate_after_s)
+    is_held = (unlocated_s <= config.relocate_after_s) & is_velocity_known(tracks, config)
+    is_found = tracks.is_located & ((unlocated_s == 0) | is_held)
     is_found &= np.isfinite(boxes.yaw_rad[seen])
     found = tracks[is_found]
     return boxes.replaced(

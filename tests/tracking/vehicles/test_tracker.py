@@ -118,6 +118,13 @@ def test_a_detection_with_the_points_of_another_object_does_not_move_its_vehicle
     np.testing.assert_allclose(reported.boxes.yaw_rad, expected.yaw_rad, atol=0.05)
 
 
+def test_a_new_track_does_not_outweigh_the_next_detection():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
+    drive.observe(world, returns_of=cars((12.0, 2.4, np.pi / 2)))
+    reported = drive.observe(world).vehicles
+    np.testing.assert_allclose(reported.boxes.bottom_m, world.bottom_m, atol=0.3)
+
+
 def test_covariances_shrink_and_belong_to_the_axes_of_the_lidar():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     reported = [drive.observe(world).vehicles for _ in range(20)]
