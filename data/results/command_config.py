@@ -47,9 +47,17 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     import yaml
 
+    def read_int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | str:
+        # 0000 is the name of a sequence, and not an octal number.
+        is_name = node.value[0] == "0" and node.value.isdigit() and len(node.value) > 1
+        value: int | str = node.value if is_name else loader.construct_yaml_int(node)
+        return value
+
+    loader = type("ConfigLoader", (yaml.SafeLoader,), {})
+    yaml.add_constructor("tag:yaml.org,2002:int", read_int, loader)
     try:
         text = path.read_text()
-        document = json.loads(text) if path.suffix == ".json" else yaml.safe_load(text)
+        document = json.loads(text) if path.suffix == ".json" else yaml.load(text, loader)
     except OSError as error:
         raise _unreadable(path, str(error.strerror)) from error
     except (ValueError, yaml.YAMLError) as error:

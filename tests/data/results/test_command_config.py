@@ -23,6 +23,12 @@ def test_a_report_holds_the_configuration_that_it_was_made_with(tmp_path):
     assert read_config(file) == {"frames": 3}
 
 
+def test_zeros_of_a_name_are_kept(tmp_path):
+    file = tmp_path / "config.yaml"
+    file.write_text("sequence: 0001\nframes: 10\ntrack: 0\nscore: 0.5\n")
+    assert read_config(file) == {"sequence": "0001", "frames": 10, "track": 0, "score": 0.5}
+
+
 def test_an_empty_file_sets_nothing(tmp_path):
     (tmp_path / "config.yaml").touch()
     assert read_config(tmp_path / "config.yaml") == {}
