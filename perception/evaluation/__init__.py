@@ -1,1 +1,1 @@
-"""Arrays in, named figures out."""
+"""Arrays in, named metrics out."""

@@ -188,14 +188,13 @@ class ObstacleMeasure:
 
     def compute(self) -> ObstacleReport:
         """Return the metrics of all frames so far."""
-        return ObstacleReport(
-            self._config,
-            self._missing(),
-            points_moving=self._points.get("moving"),
-            points_static=self._points.get("static"),
-            **(self._object_counts() if self._observed else {}),
-            **(self._false_obstacles() if self._clusters else {}),
+        moving, static = self._points.get("moving"), self._points.get("static")
+        report = ObstacleReport(
+            self._config, self._missing(), points_moving=moving, points_static=static
         )
+        if self._observed:
+            report = self._add_object_counts(report)
+        return self._add_false_obstacles(report) if self._clusters else report
 
     def _missing(self) -> str | None:
         if not self._observed:
@@ -206,49 +205,48 @@ class ObstacleMeasure:
             return "No false moving clusters: it takes images to know the camera's view."
         return None
 
-    def _object_counts(self) -> dict[str, Any]:
+    def _add_object_counts(self, report: ObstacleReport) -> ObstacleReport:
         """Count objects by number of points, by required share of moving points, and by frames."""
-        observed = ObjectObservations.concatenate(self._observed)
-        config = self._config
-        sizes = sorted({config.min_points, *_OTHER_MIN_POINTS})
-        shares = sorted({config.moving_share, *_OTHER_MOVING_SHARES})
+        observed, config = ObjectObservations.concatenate(self._observed), self._config
+        by_points = {
+            f"{size} points and more": count_objects(observed, replace(config, min_points=size))
+            for size in sorted({config.min_points, *_OTHER_MIN_POINTS})
+        }
+        by_share = {
+            f"{100 * share:g} %" if share else "any": count_objects(
+                observed, replace(config, moving_share=share)
+            )
+            for share in sorted({config.moving_share, *_OTHER_MOVING_SHARES})
+        }
         warms_up = np.asarray(observed.frames < _WARM_UP)
-        return {
-            "objects": count_objects(observed, config),
-            "objects_by_min_points": {
-                f"{size} points and more": count_objects(observed, replace(config, min_points=size))
-                for size in sizes
-            },
-            "objects_by_moving_share": {
-                f"{100 * share:g} %" if share else "any": count_objects(
-                    observed, replace(config, moving_share=share)
-                )
-                for share in shares
-            },
-            "objects_by_frames": {
+        return replace(
+            report,
+            objects=count_objects(observed, config),
+            objects_by_min_points=by_points,
+            objects_by_moving_share=by_share,
+            objects_by_frames={
                 f"first {_WARM_UP}": count_objects(observed[warms_up], config),
                 "all others": count_objects(observed[~warms_up], config),
             },
-            "missed_moving": missed_moving(observed, config),
-        }
-
-    def _false_obstacles(self) -> dict[str, Any]:
-        clusters, shadows = (
-            MovingClusters.concatenate(self._clusters),
-            Shadows.concatenate(self._shadows),
+            missed_moving=missed_moving(observed, config),
         )
+
+    def _add_false_obstacles(self, report: ObstacleReport) -> ObstacleReport:
+        clusters = MovingClusters.concatenate(self._clusters)
+        shadows = Shadows.concatenate(self._shadows)
         is_false = clusters.is_false(_CLUSTER_POINTS[1], ignore_dont_care=True)
-        return {
-            "false_clusters": {
+        return replace(
+            report,
+            false_clusters={
                 f"{size} points and more": self._count_clusters(clusters, size)
                 for size in _CLUSTER_POINTS
             },
-            "false_cluster_positions": clusters[is_false],
-            "shadows": {
+            false_cluster_positions=clusters[is_false],
+            shadows={
                 "shadows": ShadowCounts.of(shadows.clusters),
                 "voxels in them": ShadowCounts.of(shadows.voxels),
             },
-        }
+        )
 
     def _count_clusters(self, clusters: MovingClusters, min_points: int) -> FalseClusterCounts:
         everywhere = clusters.is_false(min_points, ignore_dont_care=False)

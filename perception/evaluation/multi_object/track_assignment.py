@@ -143,8 +143,8 @@ def assign_tracks(
     is_parked = (scene.objects.motions == MotionState.STATIC) & ~scene.moves_in_drive
     ignorable = ~targets & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
-    is_candidate = (similarity >= config.min_similarity) | lies_on
-    ignorable_similarity = np.where(is_candidate[ignorable], similarity[ignorable], 0.0).max(
+    may_match = (similarity >= config.min_similarity) | lies_on
+    ignorable_similarity = np.where(may_match[ignorable], similarity[ignorable], 0.0).max(
         axis=0, initial=0.0
     )
     ignored = ignorable_similarity > own_similarity
@@ -158,7 +158,7 @@ def assign_tracks(
         matched_tracks=pairs[1][kept],
         ignored=np.flatnonzero(ignored),
         on_parked=np.flatnonzero(
-            evaluated & (own_similarity == 0) & is_candidate[is_parked].any(axis=0)
+            evaluated & (own_similarity == 0) & may_match[is_parked].any(axis=0)
         ),
     )
 
