@@ -10,6 +10,7 @@ OUT/NAME/settings.json   settings of the training; a folder with other settings 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,11 +45,11 @@ class DetectorVariant:
 
     Attributes:
         experiment: Settings of the training.
-        epochs: Number of epochs.
+        run: Epochs, device and seed of the training.
     """
 
     experiment: DetectorExperiment
-    epochs: int
+    run: TrainingRun
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,10 @@ class VariantFlags(FlagGroup):
         experiment = DetectorExperiment(
             sources, modality, model, data, chosen.optimizer, chosen.loss
         )
-        return DetectorVariant(experiment, self.epochs)
+        run = TrainingRun(
+            epochs=self.epochs, accelerator=self.accelerator, precision="auto", seed=self.seed
+        )
+        return DetectorVariant(experiment, run)
 
 
 @dataclass(frozen=True)
@@ -157,20 +161,17 @@ def study_variants(
     drives = (*flags.validation, *others)
     folders = {name: out / name.replace(" ", "-").replace("/", "-") for name in variants}
     return {
-        name: _measured(_trained(variants[name], flags, folder), flags, drives, folder)
+        name: _measured(_trained(variants[name], folder), flags, drives, folder)
         for name, folder in folders.items()
     }
 
 
-def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Mapping[str, Any]:
+def _trained(variant: DetectorVariant, folder: Path) -> Mapping[str, Any]:
     """Train, resume, or read what is done."""
     from data.results.documents import to_serializable, write_json
 
-    run = TrainingRun(
-        epochs=variant.epochs, accelerator=flags.accelerator, precision="auto", seed=flags.seed
-    )
-    settings = to_serializable({"experiment": asdict(variant.experiment), "run": asdict(run)})
-    known = _read(folder / "settings.json")
+    settings, file = to_serializable(variant), folder / "settings.json"
+    known = _read(file)
     if known is not None and known != settings:
         raise UsageError(
             folder,
@@ -178,13 +179,14 @@ def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Map
             found="other settings in settings.json",
             advice="choose another --out",
         )
-    write_json(folder / "settings.json", settings)
     if not (folder / "trained.json").exists():
         from train.detector.run import run_experiment
 
         last = folder / LAST
-        training = TrainingFolder(folder, last if last.exists() else None)
-        trained = run_experiment(variant.experiment, run, training, frame_progress_bar("images"))
+        resume = last if last.exists() else None
+        training = TrainingFolder(folder, resume, partial(write_json, file, settings))
+        progress = frame_progress_bar("images")
+        trained = run_experiment(variant.experiment, variant.run, training, progress)
         write_json(folder / "trained.json", trained)
     done: Mapping[str, Any] = _read(folder / "trained.json")
     return done

@@ -69,7 +69,7 @@ def share_variants(base: DetectorVariant, shares: Sequence[float]) -> dict[str, 
     variants = {
         f"{share:g} of all": DetectorVariant(
             replace(experiment, data=replace(data, training_fraction=share)),
-            round(base.epochs / share),
+            replace(base.run, epochs=round(base.run.epochs / share)),
         )
         for share in shares
     }

@@ -25,6 +25,7 @@ from perception.errors import UsageError
 from tests.detection.bright_cells import bright_cells
 from tests.faults import fault
 from tests.train.toy_images import tiny_network
+from train.config import TrainingRun
 from train.detector import networks
 from train.detector.config import DetectorExperiment, DetectorModelConfig
 
@@ -32,7 +33,7 @@ BASE = DetectorVariant(
     DetectorExperiment(
         TrainingDrives((Path("streets"),)), "rm", DetectorModelConfig("tiny", size="64x96")
     ),
-    epochs=4,
+    TrainingRun(epochs=4),
 )
 
 
@@ -49,6 +50,7 @@ def trainings(monkeypatch):
 
     def train(experiment, run, folder, progress):
         asked.append((experiment, run.epochs, folder.resume and folder.resume.name))
+        folder.on_start()
         folder.last.touch()
         return Trained(3, {"training_frames": 7})
 
@@ -103,9 +105,20 @@ def test_a_stopped_training_is_resumed(car_frames, trainings, tmp_path):
 def test_a_folder_of_other_settings_is_an_error(car_frames, trainings, tmp_path):
     study_variants({"base": BASE}, flags_of(car_frames), tmp_path)
     with fault(UsageError, where="base", expected="a training with the same settings"):
-        study_variants({"base": BASE}, flags_of(car_frames, seed=1), tmp_path)
+        other = replace(BASE, run=replace(BASE.run, seed=1))
+        study_variants({"base": other}, flags_of(car_frames), tmp_path)
     with fault(UsageError, where="--validation", expected="at least one drive", found="none"):
         flags_of()
+
+
+def test_a_training_that_is_refused_leaves_no_settings(car_frames, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise UsageError("network", expected="a known one", found="tiny")
+
+    monkeypatch.setattr("train.detector.run.run_experiment", refuse)
+    with fault(UsageError, where="network"):
+        study_variants({"base": BASE}, flags_of(car_frames), tmp_path)
+    assert not (tmp_path / "base/settings.json").exists()
 
 
 def test_maps_differ_in_filling_and_size_alone():
@@ -139,7 +152,7 @@ def test_losses_are_all_four():
 def test_shares_are_trained_for_as_many_steps():
     variants = share_variants(BASE, (0.25, 1.0))
     settings = [
-        (one.experiment.data.training_fraction, one.epochs, one.experiment.data.augment)
+        (one.experiment.data.training_fraction, one.run.epochs, one.experiment.data.augment)
         for one in variants.values()
     ]
     assert settings == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
@@ -204,8 +217,8 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
         drives=TrainingDrives((car_frames,), (car_frames,)),
         data=ImageDataConfig(batch_size=2, cache=tmp_path / "cache"),
     )
-    variant = replace(BASE, experiment=experiment, epochs=1)
-    flags = flags_of(car_frames, accelerator="cpu")
+    variant = replace(BASE, experiment=experiment, run=TrainingRun(epochs=1, accelerator="cpu"))
+    flags = flags_of(car_frames)
     found = study_variants({"base": variant}, flags, tmp_path / "out")
     assert (found["base"].epoch, found["base"].training_frames) == (1, 3)
     assert found["base"].network_ms > 0
