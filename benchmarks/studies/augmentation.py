@@ -1,13 +1,12 @@
 """Accuracy of DepthCN's network without and with augmentation of its training data (Table 7.8)."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
 from data.samples.crops.config import CropDataConfig
-from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
 from perception.cli.train import TrainingFlags, import_trainer
 from perception.evaluation.report import Table
@@ -23,32 +22,16 @@ if TYPE_CHECKING:
 # Accuracy on the training and on the validation set in percent.
 THESIS_PERCENT = {"without": (92.83, 86.69), "with": (96.45, 91.93)}
 _LOGGED = ("train/accuracy", "validation/accuracy")
-
-
-@dataclass(frozen=True)
-class AugmentationStudyConfig(FlagGroup):
-    """Settings of both trainings.
-
-    Attributes:
-        method: Network: that of Fig. 6.5 with its own schedule, thesis, or default.
-        epochs: Number of epochs.
-        batch: Crops per batch.
-        workers: Number of processes that load samples.
-        cache: Folder for cached images and proposals; else the user's cache folder.
-    """
-
-    method: Method = "thesis"
-    epochs: int = 40
-    batch: int = 128
-    workers: int = 0
-    cache: Path | None = None
+_DATA = CropDataConfig()
 
 
 def augmentation(
     drives: list[Path],
     *,
     training: TrainingFlags,
-    config: AugmentationStudyConfig,
+    method: Method = "thesis",
+    epochs: int = 40,
+    data: CropDataConfig = _DATA,
     out: Path = RESULTS / "augmentation.png",
 ) -> None:
     """Train DepthCN's network without and with augmentation; print its accuracies beside Table 7.8.
@@ -57,20 +40,19 @@ def augmentation(
 
     Args:
         drives: Labelled training drives.
+        method: Network: that of Fig. 6.5 with its own schedule, thesis, or default.
+        epochs: Number of epochs of each training.
+        data: Split, batches, sampling and magnitudes of the augmentation.
         out: Figure; the numbers and both trainings are written beside it.
     """
-    experiment = VerifierExperiment(
-        training.drives(drives),
-        VERIFIER_CONFIGS[config.method],
-        CropDataConfig(batch_size=config.batch, workers=config.workers, cache=config.cache),
-    )
-    run = TrainingRun(epochs=config.epochs, seed=training.seed)
+    experiment = VerifierExperiment(training.drives(drives), VERIFIER_CONFIGS[method], data)
+    run = training.run(epochs)
     trained = {name: _train(experiment, run, name, out, training.resume) for name in THESIS_PERCENT}
-    _plot(out, config.method, trained)
+    _plot(out, method, trained)
     publish(
         out,
         "Table 7.8",
-        {"accuracy": _table(config.method, trained)},
+        {"accuracy": _table(method, trained)},
         {"experiment": experiment, "run": run},
         trained={name: asdict(one) for name, one in trained.items()},
     )
@@ -81,12 +63,10 @@ def _train(
 ) -> "TrainedVerifier":
     out = plot_path.with_suffix("") / name
     is_resumed = resume == "last" and (out / LAST).exists()
-    data = replace(experiment.data, augment=name == "with")
+    folder = TrainingFolder.open(out, "last" if is_resumed else None, lambda: None)
+    variant = replace(experiment, data=replace(experiment.data, augment=name == "with"))
     trained: TrainedVerifier = import_trainer("train.verifier.run").run_experiment(
-        replace(experiment, data=data),
-        run,
-        TrainingFolder(out, out / LAST if is_resumed else None),
-        frame_progress_bar("proposals"),
+        variant, run, folder, frame_progress_bar("proposals")
     )
     return trained
 
@@ -97,13 +77,8 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[An
         f"Accuracy in %, {method} network: {counts['training_crops']} training and "
         f"{counts['validation_crops']} validation crops"
     )
-    percents = (
-        "training",
-        "validation",
-        "balanced accuracy",
-        "thesis training",
-        "thesis validation",
-    )
+    percents = ("training", "validation", "balanced accuracy")
+    published = ("thesis training", "thesis validation")
     rows = {
         f"{name} augmentation": (
             one.epoch,
@@ -114,7 +89,8 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[An
         )
         for name, one in trained.items()
     }
-    return formatted_table(title, "", {"best epoch": "d", **dict.fromkeys(percents, ".2f")}, rows)
+    specs = {"best epoch": "d", **dict.fromkeys((*percents, *published), ".2f")}
+    return formatted_table(title, "", specs, rows)
 
 
 def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifier"]) -> None:

@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.studies import detector_variants
@@ -23,11 +24,12 @@ from export import onnx
 from perception.cli.main import main
 from perception.errors import UsageError
 from tests.detection.bright_cells import bright_cells
-from tests.faults import fault
+from tests.faults import command, fault
 from tests.train.toy_images import tiny_network
 from train.config import TrainingRun
 from train.detector import networks
 from train.detector.config import DetectorExperiment, DetectorModelConfig
+from train.verifier.run import TrainedVerifier
 
 BASE = DetectorVariant(
     DetectorExperiment(
@@ -226,3 +228,28 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
     assert {"best.ckpt", "detector.onnx", "settings.json", "trained.json", "metrics.json"} <= {
         file.name for file in folder.iterdir()
     }
+
+
+def test_depthcn_is_trained_without_and_with_augmentation(tmp_path, monkeypatch):
+    asked = []
+
+    def train(experiment, run, folder, progress):
+        asked.append((experiment.data.augment, run.epochs))
+        folder.out.mkdir(parents=True)
+        folder.last.touch()
+        counts = {"training_crops": 8, "validation_crops": 4}
+        metrics = {"accuracy": 0.75, "balanced_accuracy": 0.5}
+        return TrainedVerifier(folder.best, 2, counts, metrics, metrics)
+
+    monkeypatch.setattr("train.verifier.run.run_experiment", train)
+    monkeypatch.setattr(
+        "train.events.read_scalars", lambda _, names: dict.fromkeys(names, np.array([0.5, 0.75]))
+    )
+    out = tmp_path / "augmentation.png"
+    command("study", "augmentation", "streets", "--epochs", 2, "--out", out)
+    assert asked == [(False, 2), (True, 2)]
+    rows = json.loads(out.with_suffix(".json").read_text())["results"]["accuracy"]
+    assert rows["with augmentation"]["validation"] == 75
+    assert rows["without augmentation"]["thesis validation"] == 86.69
+    with fault(UsageError, where="without", found="last.ckpt", advice="--resume last"):
+        command("study", "augmentation", "streets", "--out", out)
