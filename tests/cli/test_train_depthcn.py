@@ -65,12 +65,6 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_a_training_is_not_written_over(drive, cache, tmp_path, capsys):
-    (tmp_path / "last.ckpt").touch()
-    assert train(drive, cache, tmp_path) == 2
-    assert "resume it with --resume last" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("flags", "sentence"),
     [
