@@ -17,9 +17,10 @@ from perception.cli.main import main
 from perception.detection.fusion.class_fusion import detector_fingerprints
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.rescoring import Fusion
-from perception.errors import UsageError
+from perception.errors import ModelError, UsageError
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.detection.bright_cells import bright_cells
+from tests.faults import command, fault
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +49,13 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
-def train(drive, models, cache, out, *more):
+def words_of(drive, models, cache, out, *more):
     words = f"train fusion {drive} --out {out} --data.cache {cache} --data.validation-fraction 0.34".split()
-    return main([*words, *models, *more])
+    return [*words, *models, *more]
+
+
+def train(*arguments):
+    return main(words_of(*arguments))
 
 
 SHORT = {
@@ -107,11 +112,11 @@ def test_its_checkpoint_is_exported_as_it_is_calibrated(trained, tmp_path, capsy
     assert "wrote" in capsys.readouterr().out
 
 
-def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models, cache, capsys):
+def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models, cache):
     variant, out, _ = trained
     before = Fusion(out / "fusion.onnx")
-    assert train(drive, models, cache, out, *SHORT[variant]) == 2
-    assert "resume it with --resume last" in capsys.readouterr().err
+    with fault(UsageError, str(out), found="last.ckpt", advice="--resume last"):
+        command(*words_of(drive, models, cache, out, *SHORT[variant]))
     assert train(drive, models, cache, out, *SHORT[variant], "--resume", "last") == 0
     after = Fusion(out / "fusion.onnx")
     np.testing.assert_array_equal(says(after), says(before))  # it was at its end
@@ -151,15 +156,15 @@ def test_detections_are_cached(drive, models, cache, monkeypatch):
         )
 
 
-def test_what_a_detector_learned_from_is_refused(drive, models, cache, tmp_path, capsys):
+def test_what_a_detector_learned_from_is_refused(drive, models, cache, tmp_path):
     learned = tmp_path / "dm.onnx"
     learned.write_bytes(bright_cells("dm", training_data=f"other/streets, {drive}"))
     words = [*models[:3], str(learned), *models[4:]]
-    assert train(drive, words, cache, tmp_path) == 2
-    assert "found training data of dm (dm.onnx)" in capsys.readouterr().err
+    with fault(UsageError, found="training data of dm (dm.onnx)"):
+        command(*words_of(drive, words, cache, tmp_path))
 
 
-def test_a_model_of_another_modality_is_refused(drive, models, cache, tmp_path, capsys):
+def test_a_model_of_another_modality_is_refused(drive, models, cache, tmp_path):
     words = ["--models.rgb", models[3], *models[2:]]
-    assert train(drive, words, cache, tmp_path) == 2
-    assert "expected a detector of modality rgb" in capsys.readouterr().err
+    with fault(ModelError, expected="a detector of modality rgb"):
+        command(*words_of(drive, words, cache, tmp_path))

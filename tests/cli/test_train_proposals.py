@@ -10,7 +10,9 @@ import yaml
 from perception.cli.main import main
 from perception.cli.parser import call
 from perception.detection.config import ProposalConfig
+from perception.errors import LabelError, PerceptionError, UsageError
 from tests.car_frames import write_car_frames
+from tests.faults import command, fault
 
 DEFAULTS = ProposalConfig(0.3, 0.04, 1, 0.8)
 GRID = (
@@ -25,9 +27,13 @@ def drives(tmp_path: Path) -> list[str]:
     return [str(first), str(write_car_frames(tmp_path / "second", frames=3, cars=3))]
 
 
-def train(drives: list[str], out: Path, *words: str) -> int:
+def words_of(drives: list[str], out: Path, *words: str) -> list[str]:
     flags = [*GRID, "--method", "thesis", "--workers", "1", "--out", str(out), *words]
-    return main(["train", "proposals", *drives, *flags])
+    return ["train", "proposals", *drives, *flags]
+
+
+def train(drives: list[str], out: Path, *words: str) -> int:
+    return main(words_of(drives, out, *words))
 
 
 def test_tables_files_and_plots_agree(drives, tmp_path, capsys):
@@ -80,22 +86,22 @@ def test_the_same_command_again_goes_on_and_other_drives_are_refused(drives, tmp
     assert train(drives, out) == 0
     assert capsys.readouterr().out == first
     assert (out / "counts.jsonl").read_bytes() == counts
-    assert train(drives[:1], out) == 2
-    error = capsys.readouterr().err
-    assert "found those of another, by its drives; choose another --out" in error
+    with fault(UsageError, found="those of another, by its drives", advice="another --out"):
+        command(*words_of(drives[:1], out))
     assert (out / "counts.jsonl").read_bytes() == counts
 
 
 @pytest.mark.parametrize(
-    ("words", "complaint"),
+    ("words", "refusal"),
     [
-        (("--object_class", "Tram"), "nothing to search for, found only car"),
-        (("--iou", "[]"), "--iou: expected one or more"),
-        (("--iou", "1.5"), "above 0, at most 1, found 1.5"),
-        (("--workers", "0"), "--workers: expected at least 1, found 0"),
-        (("--grid.cell-m", "[]"), "--grid.cell_m: expected values, each once, found []"),
+        (("--object_class", "Tram"), (LabelError, "labels of", "at least one Tram", "13 car")),
+        (("--iou", "[]"), (UsageError, "--iou", "one or more", "[]")),
+        (("--iou", "1.5"), (PerceptionError, "", "above 0, at most 1", "1.5")),
+        (("--workers", "0"), (UsageError, "--workers", "at least 1", "0")),
+        (("--grid.cell-m", "[]"), (UsageError, "--grid.cell_m", "values, each once", "[]")),
     ],
 )
-def test_what_cannot_work_is_one_sentence(drives, tmp_path, capsys, words, complaint):
-    assert train(drives, tmp_path / "out", *words) == 2
-    assert complaint in capsys.readouterr().err
+def test_what_cannot_work_is_refused(drives, tmp_path, words, refusal):
+    with fault(*refusal):
+        command(*words_of(drives, tmp_path / "out", *words))
+    assert not (tmp_path / "out").exists()

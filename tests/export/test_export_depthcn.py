@@ -12,8 +12,8 @@ from export.parity import compare, torch_runner
 from export.result import ExportConfig
 from perception.cli.main import main, run_command_line
 from perception.detection.depthcn.verifier import Verifier
-from perception.errors import ModelError, WriteError
-from tests.faults import fault
+from perception.errors import ModelError, UsageError, WriteError
+from tests.faults import command, fault
 from tests.full_disk import file_size_limit
 
 
@@ -96,12 +96,12 @@ def from_file(exported, monkeypatch):
 
 
 def test_difference_beyond_tolerance_leaves_a_report_and_no_file(
-    checkpoint, from_file, tmp_path, monkeypatch, capsys
+    checkpoint, from_file, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("export.depthcn.TOLERANCES", {"scores": -1.0, "boxes_px": 1.0})
     out = tmp_path / "model.onnx"
-    assert main(["export", str(checkpoint), "--out", str(out)]) == 2
-    assert "model.onnx: expected scores within -1 of the checkpoint's" in capsys.readouterr().err
+    with fault(ModelError, "model.onnx", "scores within -1 of the checkpoint's"):
+        command("export", checkpoint, "--out", out)
     assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
 
 
@@ -112,13 +112,13 @@ def test_a_full_disk_leaves_no_file(checkpoint, from_file, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path, capsys):
+def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path):
     content = torch.load(thesis_checkpoint, weights_only=True)
     content["state_dict"]["network.classifier.4.bias"][:] = np.nan
     torch.save(content, tmp_path / "nan.ckpt")
     out = tmp_path / "model.onnx"
-    assert main(["export", str(tmp_path / "nan.ckpt"), "--out", str(out)]) == 2
-    assert "expected finite numbers in output scores" in capsys.readouterr().err
+    with fault(ModelError, expected="finite numbers in output scores"):
+        command("export", tmp_path / "nan.ckpt", "--out", out)
     assert not out.exists()
 
 
@@ -153,13 +153,12 @@ class Malice:
         return (open, (str(self.path), "w"))
 
 
-def test_checkpoint_runs_nothing(tmp_path, capsys):
+def test_checkpoint_runs_nothing(tmp_path):
     torch.save(
         {"state_dict": {}, "hyper_parameters": Malice(tmp_path / "made")}, tmp_path / "evil.ckpt"
     )
-    words = ["export", str(tmp_path / "evil.ckpt"), "--out", str(tmp_path / "model.onnx")]
-    assert main(words) == 2
-    assert "evil.ckpt: expected a checkpoint of depthcn" in capsys.readouterr().err
+    with fault(ModelError, "evil.ckpt", "a checkpoint of depthcn", "cannot be read"):
+        command("export", tmp_path / "evil.ckpt", "--out", tmp_path / "model.onnx")
     assert not (tmp_path / "made").exists()
 
 
@@ -170,10 +169,9 @@ def test_place_that_cannot_be_written_is_named_before_any_work(tmp_path):
         (tmp_path, "Is a directory"),
     ):
         with fault(WriteError, str(out), found=found):
-            run_command_line(["export", str(tmp_path / "gone.ckpt"), "--out", str(out)])
+            command("export", tmp_path / "gone.ckpt", "--out", out)
 
 
-def test_8_bits_need_a_drive(tmp_path, capsys):
-    out = str(tmp_path / "model.onnx")
-    assert main(["export", str(tmp_path / "gone.ckpt"), "--out", out, "--int8", "true"]) == 2
-    assert "--int8: expected --data" in capsys.readouterr().err
+def test_8_bits_need_a_drive(tmp_path):
+    with fault(UsageError, "--int8", "--data", "none"):
+        command("export", tmp_path / "gone.ckpt", "--out", tmp_path / "model.onnx", "--int8")

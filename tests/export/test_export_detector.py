@@ -22,8 +22,10 @@ from export.variants import ModelVariant
 from perception.cli.main import main
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.errors import ImageError, ModelError, UsageError
 from tests.car_frames import write_car_frames
 from tests.detection.bright_cells import bright_cells
+from tests.faults import command, fault
 from train.networks.compact import CompactDetector
 
 SIZE = InputSize(64, 96)
@@ -247,40 +249,37 @@ def test_without_8_bits_one_file_is_written(checkpoint, from_file, tmp_path, cap
 
 
 def test_difference_beyond_tolerance_leaves_a_report_and_no_file(
-    checkpoint, from_file, tmp_path, monkeypatch, capsys
+    checkpoint, from_file, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("export.detector.TOLERANCES", {"scores": -1.0, "boxes_px": 1.0})
-    assert main(["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx")]) == 2
-    assert "dm.onnx: expected scores within -1 of the checkpoint's" in capsys.readouterr().err
+    with fault(ModelError, "dm.onnx", "scores within -1 of the checkpoint's"):
+        command("export", checkpoint, "--out", tmp_path / "dm.onnx")
     assert [path.name for path in tmp_path.iterdir()] == ["dm.json"]
 
 
 @pytest.mark.parametrize("size", ["190x640", "wide"])
-def test_size_that_no_network_takes(checkpoint, tmp_path, capsys, size):
-    words = ["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx"), "--size", size]
-    assert main(words) == 2
-    assert "multiples of 32 pixels" in capsys.readouterr().err
+def test_size_that_no_network_takes(checkpoint, tmp_path, size):
+    with fault(UsageError, expected="multiples of 32 pixels", found=size):
+        command("export", checkpoint, "--out", tmp_path / "dm.onnx", "--size", size)
 
 
-def test_8_bits_need_a_drive(checkpoint, tmp_path, capsys):
-    words = ["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx"), "--int8", "true"]
-    assert main(words) == 2
-    assert "--int8: expected --data" in capsys.readouterr().err
+def test_8_bits_need_a_drive(checkpoint, tmp_path):
+    with fault(UsageError, "--int8", "--data", "none"):
+        command("export", checkpoint, "--out", tmp_path / "dm.onnx", "--int8")
 
 
-def test_camera_detector_needs_a_drive_with_images(drive, tmp_path, monkeypatch, capsys):
+def test_camera_detector_needs_a_drive_with_images(drive, tmp_path, monkeypatch):
     torch.save(checkpoint_of("rgb"), tmp_path / "rgb.ckpt")
     (tmp_path / "stand_in.onnx").write_bytes(bright_cells("rgb", size=SIZE))
     data = (tmp_path / "stand_in.onnx").read_bytes()
     monkeypatch.setattr("export.detector.to_onnx", lambda exportable: data)
-    words = ["export", str(tmp_path / "rgb.ckpt"), "--out", str(tmp_path / "rgb.onnx")]
-    assert main([*words, "--data", str(drive)]) == 2
-    assert "expected a camera image, found none" in capsys.readouterr().err
+    with fault(ImageError, expected="a camera image", found="none"):
+        command("export", tmp_path / "rgb.ckpt", "--out", tmp_path / "rgb.onnx", "--data", drive)
 
 
-def test_network_that_yields_nan_is_not_exported(checkpoint, tmp_path, monkeypatch, capsys):
+def test_network_that_yields_nan_is_not_exported(checkpoint, tmp_path, monkeypatch):
     data = bright_cells("dm", divisor=0.0)
     monkeypatch.setattr("export.detector.to_onnx", lambda exportable: data)
-    assert main(["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx")]) == 2
-    assert "expected finite numbers in output scores" in capsys.readouterr().err
+    with fault(ModelError, expected="finite numbers in output scores"):
+        command("export", checkpoint, "--out", tmp_path / "dm.onnx")
     assert list(tmp_path.iterdir()) == []
