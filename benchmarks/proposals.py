@@ -15,7 +15,7 @@ from perception.detection.depthcn.above_ground import find_above_ground
 from perception.detection.depthcn.proposals import propose
 from perception.detection.height_cells import HeightCells
 from perception.errors import MissingDependencyError
-from perception.geometry.box_overlap_px import iou_px
+from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
 from perception.types import Bool, Float64, Int, Labels, Method
 
@@ -112,9 +112,7 @@ def _cars_px(labels: Labels) -> Float64:
 def _reached_percent(
     cars_px: list[Float64], min_iou: float, boxes_px: list[Float64]
 ) -> float | None:
-    best = [
-        iou_px(cars, boxes).max(axis=1, initial=0)
-        for cars, boxes in zip(cars_px, boxes_px, strict=True)
-    ]
-    every = np.concatenate(best)
-    return 100 * float(np.mean(every >= min_iou)) if len(every) else None
+    cars = sum(map(len, cars_px))
+    pairs = zip(cars_px, boxes_px, strict=True)
+    found = sum(int(count_recalled(truths, boxes, [min_iou])[0]) for truths, boxes in pairs)
+    return 100 * found / cars if cars else None
