@@ -1,5 +1,7 @@
 """From candidates to vehicles, with a network that takes bright for likely."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,9 @@ from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals
 from perception.detection.depthcn.windows import windows_px
-from perception.errors import CalibrationError, ModelError, PerceptionError
+from perception.errors import ModelError, PerceptionError
 from perception.maps.densify import DenseMaps, densify
-from perception.maps.projection import project_frame
+from perception.maps.projection import VIRTUAL_CAMERA, project_frame
 from perception.types import Calibration, Frame
 
 # Camera and LiDAR in one place: x forward is depth, y left is -u, z up is -v; 100 px focal length.
@@ -117,11 +119,14 @@ def test_a_batch_of_proposals_equals_one_by_one(write_model):
     assert verified.kept.tolist() == suppress_by_loop(verified.boxes_px, verified.scores, 0.5)
 
 
-def test_frame_without_camera_is_refused(write_model):
-    frame = Frame(0, 0.0, np.ones((5, 4), np.float32), source="000007.bin")
-    with pytest.raises(CalibrationError) as error:
-        DepthCn(write_model()).detect(frame)
-    assert error.value.where == "000007.bin"
+def test_frame_without_camera_has_the_virtual_one(write_model):
+    scan = np.random.default_rng(0).uniform((5, -4, -1.7, 0), (20, 4, 0.5, 1), (3000, 4))
+    frame = Frame(0, 0.0, scan.astype(np.float32))
+    detector = DepthCn(write_model())
+    found = detector.detect(frame)
+    expected = detector.detect(replace(frame, calibration=VIRTUAL_CAMERA))
+    np.testing.assert_array_equal(found.boxes_px, expected.boxes_px)
+    np.testing.assert_array_equal(found.scores, expected.scores)
 
 
 def test_frame_with_nothing_in_view_has_no_detections(write_model):
