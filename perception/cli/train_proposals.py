@@ -55,7 +55,10 @@ def train_proposals(  # noqa: PLR0913 - flags of a command
     processes = usable_cores() if workers is None else workers
     found = survey(drives, object_class, every=every, progress=frame_progress_bar("labels"))
     config = SearchConfig(found, grid, method, iou, on_bad_frame=on_bad_frame)
-    counts = search(config, out / "counts.jsonl", processes, _search_bar)
+    try:
+        counts = search(config, out / "counts.jsonl", processes, _search_bar)
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt("go on with the same command") from error
     best = counts[0]
     unread = f"; {best.unread} frames could not be read" if best.unread else ""
     frames = f"{len(found.drives)} drives, {best.frames} frames"

@@ -2,9 +2,10 @@
 
 import pytest
 
-from perception.cli.main import main, run_command_line
+from perception.cli.main import main
 from perception.errors import UsageError, WriteError
-from tests.faults import fault
+from tests.car_frames import write_car_frames
+from tests.faults import command, fault
 
 WORDS = "train depthcn drive --out {out} --epochs 3"
 
@@ -26,23 +27,34 @@ def test_a_stopped_training_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
     words = ends_with(KeyboardInterrupt(), monkeypatch, out, "best.ckpt", "last.ckpt")
     assert main(words) == 130
-    command = capsys.readouterr().err.strip().partition("go on with: trifuse ")[2]
+    words = capsys.readouterr().err.strip().partition("go on with: trifuse ")[2]
     flags = ["--config", f"{out}/config.yaml", "--out", str(out), "--resume", "last"]
-    assert command.split() == ["train", "depthcn", *flags]
+    assert words.split() == ["train", "depthcn", *flags]
     taken = []
     monkeypatch.setattr(
         "train.verifier.run.run_experiment",
         lambda experiment, run, folder, progress: taken.append((run.epochs, folder.resume)),
     )
-    run_command_line(command.split())
+    command(*words.split())
     assert taken == [(3, out / "last.ckpt")]
 
 
 def test_a_training_stopped_in_its_first_epoch_is_not_resumed(tmp_path, monkeypatch):
     words = ends_with(KeyboardInterrupt(), monkeypatch, tmp_path)
     with pytest.raises(KeyboardInterrupt) as stopped:
-        run_command_line(words)
+        command(*words)
     assert stopped.value.args == ("start again with the same command, as no epoch is complete",)
+
+
+def test_a_stopped_search_says_how_to_go_on(tmp_path, monkeypatch):
+    def stopped(*settings):
+        raise KeyboardInterrupt
+
+    drive = write_car_frames(tmp_path / "cars", frames=2)
+    monkeypatch.setattr("train.proposal_search.search.search", stopped)
+    with pytest.raises(KeyboardInterrupt) as raised:
+        command("train", "proposals", drive, "--out", tmp_path / "out")
+    assert raised.value.args == ("go on with the same command",)
 
 
 @pytest.mark.parametrize(
@@ -53,11 +65,11 @@ def test_a_full_disk_is_advised_by_what_is_there(tmp_path, monkeypatch, files, a
     full = WriteError("best.ckpt", expected="room", found="No space left on device")
     words = ends_with(full, monkeypatch, tmp_path, *files)
     with fault(WriteError, "best.ckpt", "room", "No space left on device", advice):
-        run_command_line(words)
+        command(*words)
 
 
 def test_a_training_is_not_overwritten(tmp_path):
     (tmp_path / "last.ckpt").touch()
     with fault(UsageError, str(tmp_path), "a folder without a training", "last.ckpt", "--resume"):
-        run_command_line(WORDS.format(out=tmp_path).split())
+        command(*WORDS.format(out=tmp_path).split())
     assert [path.name for path in tmp_path.iterdir()] == ["last.ckpt"]
