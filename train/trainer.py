@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
 
+from data.results.documents import usable_cores
 from perception.errors import UsageError
 from train.best_epoch import BestEpoch, Ranking
 from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
@@ -93,48 +93,38 @@ def make_trainer(
         UsageError: the devices are not there.
     """
     _silence_lightning()
-    if run.accelerator == "gpu" and not torch.cuda.is_available():
-        raise UsageError(
-            "--trainer.accelerator gpu", expected="a GPU that torch sees", found="none"
-        )
+    _require_devices(run)
 
     def start(trainer: Trainer, module: LightningModule) -> None:
         if trainer.is_global_zero and not run.fast_dev_run:
             folder.on_start()
 
-    try:
-        return Trainer(
-            accelerator=run.accelerator,
-            devices=run.devices,
-            num_nodes=run.nodes,
-            strategy="ddp" if run.devices * run.nodes > 1 else "auto",
-            precision=resolve_precision(run),
-            max_epochs=run.epochs,
-            # Data modules distribute their samples themselves.
-            use_distributed_sampler=False,
-            logger=event_logger(folder.out),
-            callbacks=[
-                SeedEachStep(run.seed),
-                LambdaCallback(on_train_start=start),
-                LearningRateMonitor("epoch"),
-                *callbacks,
-                TrainingStatistics(),
-                TrainingBar(),
-                BestEpoch(folder, ranking, run.patience),
-            ],
-            plugins=[AtomicCheckpointIO()],
-            deterministic="warn",
-            fast_dev_run=run.fast_dev_run,
-            num_sanity_val_steps=0,
-            log_every_n_steps=10,
-            enable_model_summary=False,
-        )
-    except MisconfigurationException as error:
-        raise UsageError(
-            f"--trainer.devices {run.devices}",
-            expected="devices and a precision that this machine has",
-            found=" ".join(str(error).split()),
-        ) from error
+    return Trainer(
+        accelerator=run.accelerator,
+        devices=run.devices,
+        num_nodes=run.nodes,
+        strategy="ddp" if run.devices * run.nodes > 1 else "auto",
+        precision=resolve_precision(run),
+        max_epochs=run.epochs,
+        # Data modules distribute their samples themselves.
+        use_distributed_sampler=False,
+        logger=event_logger(folder.out),
+        callbacks=[
+            SeedEachStep(run.seed),
+            LambdaCallback(on_train_start=start),
+            LearningRateMonitor("epoch"),
+            *callbacks,
+            TrainingStatistics(),
+            TrainingBar(),
+            BestEpoch(folder, ranking, run.patience),
+        ],
+        plugins=[AtomicCheckpointIO()],
+        deterministic="warn",
+        fast_dev_run=run.fast_dev_run,
+        num_sanity_val_steps=0,
+        log_every_n_steps=10,
+        enable_model_summary=False,
+    )
 
 
 def resolve_precision(run: TrainingRun) -> DevicePrecision:
@@ -151,6 +141,27 @@ def fastest_precision(accelerator: Accelerator) -> DevicePrecision:
         known = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
         is_fast = bool(known.get("avx512_bf16") or known.get("amx_bf16"))
     return "bf16-mixed" if is_fast else "32-true"
+
+
+def _require_devices(run: TrainingRun) -> None:
+    """Validate that this machine has the devices, before a process is started on each.
+
+    Raises:
+        UsageError: there are fewer GPUs, or on a CPU fewer cores.
+    """
+    gpus = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    if run.accelerator == "gpu" and not gpus:
+        raise UsageError(
+            "--trainer.accelerator gpu", expected="a GPU that torch sees", found="none"
+        )
+    is_on_cpu = run.accelerator == "cpu" or not gpus
+    available, unit = (usable_cores(), "cores") if is_on_cpu else (gpus, "GPUs")
+    if run.devices > available:
+        raise UsageError(
+            "--trainer.devices",
+            expected=f"at most the {available} {unit} of this machine",
+            found=str(run.devices),
+        )
 
 
 def _silence_lightning() -> None:

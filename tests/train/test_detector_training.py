@@ -341,6 +341,22 @@ def test_only_matrices_decay():
     assert decays == {QUICK.weight_decay: {True}, 0.0: {False}}
 
 
+@pytest.mark.parametrize(
+    ("accelerator", "gpus", "expected"),
+    [("cpu", 8, "2 cores"), ("auto", 0, "2 cores"), ("auto", 1, "1 GPUs")],
+)
+def test_more_devices_than_there_are_start_nothing(
+    tmp_path, monkeypatch, accelerator, gpus, expected
+):
+    monkeypatch.setattr("train.trainer.usable_cores", lambda: 2)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: gpus > 0)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: gpus)
+    monkeypatch.setattr("train.trainer.Trainer", None)
+    run = TrainingRun(accelerator=accelerator, devices=3)
+    with fault(UsageError, "--trainer.devices", expected, "3"):
+        make_trainer(RANKING, run, TrainingFolder(tmp_path))
+
+
 def test_several_machines(tmp_path):
     trainer = make_trainer(RANKING, run_of(1, nodes=3, devices=2), TrainingFolder(tmp_path))
     assert (trainer.num_nodes, trainer.world_size) == (3, 6)
