@@ -114,14 +114,14 @@ def test_the_written_configuration_can_be_given_back(street, tmp_path):
     assert not (second / "video.mp4").exists()
 
 
-def test_results_are_refused_or_replaced(street, tmp_path, capsys):
+def test_results_are_refused_or_replaced(street, tmp_path):
     out = tmp_path / "out"
     words = ["run", str(street), "--out", str(out), "--no-video"]
     assert main([*words, "--frames", "2"]) == 0
     (out / "labels" / "notes.txt").write_text("mine")
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
-    assert main([*words, "--frames", "1"]) == 2
-    assert "--overwrite" in capsys.readouterr().err
+    with fault(UsageError, where=str(out), advice="--overwrite"):
+        command(*words, "--frames", "1")
     # What cannot work replaces nothing.
     assert main([*words, "--overwrite", "--pipeline.detection.dm-model", "nowhere.onnx"]) == 2
     assert main([*words, "--overwrite", "--track", "-1"]) == 2
