@@ -357,6 +357,7 @@ def test_more_devices_than_there_are_start_nothing(
         make_trainer(RANKING, run, TrainingFolder(tmp_path))
 
 
-def test_several_machines(tmp_path):
+def test_several_machines(tmp_path, monkeypatch):
+    monkeypatch.setattr("train.trainer.usable_cores", lambda: 2)
     trainer = make_trainer(RANKING, run_of(1, nodes=3, devices=2), TrainingFolder(tmp_path))
     assert (trainer.num_nodes, trainer.world_size) == (3, 6)

@@ -111,7 +111,7 @@ def test_an_unreadable_label_stops_even_where_frames_are_skipped(
 ):
     folder = make_street()
     (folder / "training/label_2/000001.txt").write_text("Car nothing\n")
-    with fault(LabelError, "000001.txt row 1", "14 numbers"):
+    with fault(LabelError, "000001.txt row 1", "15 columns", "2"):
         collect_crops(opened(folder, store), CropSamplingConfig(), on_bad_frame="skip")
 
 

@@ -172,7 +172,7 @@ def test_an_image_that_cannot_be_read_is_named(make_images: Make, make_frames: C
 def test_labels_that_cannot_be_read_are_named(make_images: Make, make_frames: Callable[..., Path]):
     root = make_frames(frames=1)
     (root / "training/label_2/000000.txt").write_text("Car 0 0 0 nan 1 2 3 1 1 1 0 0 9 0\n")
-    with fault(LabelError, "000000.txt row 1", "14 finite numbers"):
+    with fault(LabelError, "000000.txt row 1", "finite numbers", "nan"):
         make_images("dm", root).labels(0)
 
 
