@@ -18,7 +18,7 @@ from perception.types import Modality
 UNCHANGED = "all, without augmentation"
 
 
-def sim_to_real(  # noqa: PLR0913 - flags of a command
+def sim_to_real(
     drives: list[Path],
     *,
     training: VariantFlags,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _DEPTHCN, _NMS = DepthCnConfig(), NmsConfig()
 
 
-def detect(  # noqa: PLR0913 - flags of a command
+def detect(
     root: Path,
     *,
     drive: DriveFlags,

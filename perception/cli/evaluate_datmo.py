@@ -26,7 +26,7 @@ Method = Literal["default", "thesis", "author"]
 _PIPELINE, _PROTOCOL = PipelineConfig.for_motion("none"), DatmoProtocol()
 
 
-def evaluate_datmo(  # noqa: PLR0913 - flags of a command
+def evaluate_datmo(
     root: Path,
     *,
     drive: DriveFlags,

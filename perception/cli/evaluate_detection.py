@@ -23,7 +23,7 @@ class PrecisionFlags(PrecisionConfig, FlagGroup):
     """Metric."""
 
 
-def evaluate_detection(  # noqa: PLR0913 - flags of a command
+def evaluate_detection(
     drives: list[Path],
     *,
     drive: DriveFlags,

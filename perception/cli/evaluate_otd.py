@@ -20,7 +20,7 @@ ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 _PIPELINE, _TRACKER = PipelineConfig.for_motion("none"), SingleObjectTrackerConfig()
 
 
-def evaluate_otd(  # noqa: PLR0913 - flags of a command
+def evaluate_otd(
     root: Path,
     *,
     drive: DriveFlags,

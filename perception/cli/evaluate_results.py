@@ -38,7 +38,7 @@ class ResultPrecisionFlags(PrecisionFlags):
     recall_points: tuple[int, ...] = (11, 40)
 
 
-def evaluate_results(  # noqa: PLR0913 - flags of a command
+def evaluate_results(
     results: Path,
     *,
     labels: Path,

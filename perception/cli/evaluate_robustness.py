@@ -28,7 +28,7 @@ class CorruptionPrecisionFlags(PrecisionFlags):
     iou: tuple[float, ...] = (0.7,)
 
 
-def evaluate_robustness(  # noqa: PLR0913 - flags of a command
+def evaluate_robustness(
     root: Path,
     *,
     drive: DriveFlags,

@@ -46,7 +46,7 @@ class LabelNoise:
 _NOISE = LabelNoise()
 
 
-def evaluate_vehicles(  # noqa: PLR0913 - flags of a command
+def evaluate_vehicles(
     root: Path,
     *,
     drive: DriveFlags,

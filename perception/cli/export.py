@@ -7,7 +7,7 @@ from data.results.command_config import SECTION, CommandConfig
 from perception.errors import MissingDependencyError, UsageError
 
 
-def export(  # noqa: PLR0913 - flags of a command
+def export(
     checkpoint: Path,
     *,
     config: CommandConfig,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from perception.maps.densify import DenseMaps
 
 
-def maps(  # noqa: PLR0913 - flags of a command
+def maps(
     root: Path,
     *,
     drive: DriveFlags,

@@ -9,7 +9,7 @@ from perception.pipeline import PipelineConfig
 _PIPELINE = PipelineConfig()
 
 
-def run(  # noqa: PLR0913 - flags of a command
+def run(
     drive: Path,
     *,
     frames: DriveFlags,

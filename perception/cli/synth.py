@@ -6,7 +6,7 @@ from data.results.command_config import CommandConfig
 from perception.types import Layout
 
 
-def synth(  # noqa: PLR0913 - flags of a command
+def synth(
     out: Path,
     *,
     config: CommandConfig,

@@ -11,7 +11,7 @@ _TRACKER_CONFIG = SingleObjectTrackerConfig()
 _PIPELINE = PipelineConfig.for_motion("none")
 
 
-def track(  # noqa: PLR0913 - flags of a command
+def track(
     drive: Path,
     *,
     frames: DriveFlags,

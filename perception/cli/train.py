@@ -81,7 +81,7 @@ class TrainingFlags(FlagGroup):
         for name, one in DETECTOR_PRESETS.items()
     },
 )
-def train_detector(  # noqa: PLR0913 - flags of a command
+def train_detector(
     drives: list[Path],
     *,
     modality: Modality,
@@ -132,7 +132,7 @@ def train_detector(  # noqa: PLR0913 - flags of a command
 @defaults_by(
     "method", {name: {"optimizer": one.optimizer} for name, one in VERIFIER_CONFIGS.items()}
 )
-def train_depthcn(  # noqa: PLR0913 - flags of a command
+def train_depthcn(
     drives: list[Path],
     *,
     training: TrainingFlags,
@@ -181,7 +181,7 @@ def train_depthcn(  # noqa: PLR0913 - flags of a command
 
 
 @defaults_by("variant", {name: {"fit": one} for name, one in FUSION_VARIANTS.items()})
-def train_fusion(  # noqa: PLR0913 - flags of a command
+def train_fusion(
     drives: list[Path],
     *,
     training: TrainingFlags,

@@ -13,7 +13,7 @@ _GRID = SearchGrid()
 _IOUS = (0.7, 0.5)
 
 
-def train_proposals(  # noqa: PLR0913 - flags of a command
+def train_proposals(
     drives: list[Path],
     *,
     grid: SearchGrid = _GRID,
