@@ -86,8 +86,8 @@ def test_what_cannot_work_is_refused(drive, cache, tmp_path, flags, refusal):
 
 def test_the_study_of_augmentation_stands_beside_the_thesis(drive, cache, tmp_path, capsys):
     picture = tmp_path / "augmentation.png"
-    words = f"study augmentation {drive} --method default --epochs 1 --batch 32".split()
-    assert main([*words, "--cache", str(cache), "--out", str(picture)]) == 0
+    words = f"study augmentation {drive} --method default --epochs 1 --data.batch-size 32".split()
+    assert main([*words, "--data.cache", str(cache), "--out", str(picture)]) == 0
     printed = capsys.readouterr().out
     rows = {line.split()[0]: line.split() for line in printed.splitlines() if line}
     assert rows["without"][-2:] == ["92.83", "86.69"]
