@@ -24,7 +24,7 @@ SHORT = {
     "synth": ["--frames", "2"],
     "detect": ["--frames", "3"],
     "train": ["--epochs", "1"],
-    "train detector": ["--model.size", "96x320"],
+    "train detector": ["--model.size", "64x224"],
 }
 
 

@@ -11,6 +11,7 @@ import dataclasses
 import inspect
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from types import NoneType
@@ -87,9 +88,10 @@ def parse(
     given = read_words(prog, words, types, places)
     configs = [read_config(Path(value)) for name, value in given if name == "config"]
     flags = [(name, value) for name, value in given if name != "config"]
-    parser = build_parser(prog, function)
+    parser = build_parser(
+        prog, function, preset=_preset(function, [*map(dict.items, configs), flags])
+    )
     try:
-        parser.set_defaults(_preset_defaults(function, [*map(dict.items, configs), flags]))
         files = [f"--config={json.dumps(config)}" for config in configs]
         parsed = parser.parse_args([*files, *(f"--{name}={value}" for name, value in flags)])
     except argparse.ArgumentError as error:
@@ -111,22 +113,20 @@ def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
     """
     _, nested = _sections(function)
     parser = build_parser(prog, function, skip=() if everything else tuple(nested))
-    if nested and not everything:
-        names = ", ".join(f"{flag_words(name)}.*" for name in nested)
-        note = f"{names}: parameters of the method, listed by --help-all."
-        parser.epilog = "\n".join(filter(None, [note, parser.epilog]))
     return parser.format_help().rstrip()
 
 
+@cache
 def build_parser(
-    prog: str, function: CommandFunction, *, skip: Sequence[str] = ()
+    prog: str, function: CommandFunction, *, skip: tuple[str, ...] = (), preset: str = ""
 ) -> ArgumentParser:
     """Return the parser of a command.
 
     Args:
         prog: Words that call the command.
         function: The command.
-        skip: Parameters that get no flags.
+        skip: Sections that get no flags; the help names them.
+        preset: Value of the flag that chooses defaults.
     """
     summary, example = _summary_and_example(function)
     parser = ArgumentParser(
@@ -147,7 +147,10 @@ def build_parser(
     parser.add_function_arguments(function, skip={*groups, *injected, *skip}, fail_untyped=True)
     for kind in groups.values():
         parser.add_class_arguments(kind, nested_key=None)
-    parser.epilog = example
+    parser.set_defaults(_preset_defaults(function, preset))
+    sections = ", ".join(f"{flag_words(name)}.*" for name in skip)
+    note = f"{sections}: parameters of the method, listed by --help-all." if skip else None
+    parser.epilog = "\n".join(filter(None, [note, example]))
     return parser
 
 
@@ -157,14 +160,17 @@ def flag_types(function: CommandFunction) -> dict[str, Any]:
     return dict(_walk(hints, iter(hints)))
 
 
-def _preset_defaults(
-    function: CommandFunction, given: Iterable[Iterable[tuple[str, Any]]]
-) -> dict[str, object]:
-    """Return the defaults of the preset that files and words choose, by full name."""
-    flag, presets = _PRESETS.get(function, ("", {}))
-    chosen = dict(chain.from_iterable(given)).get(flag)
+def _preset(function: CommandFunction, given: Iterable[Iterable[tuple[str, Any]]]) -> str:
+    """Return the preset that files and words choose, the last one of all."""
+    flag, _ = _PRESETS.get(function, ("", {}))
+    return str(dict(chain.from_iterable(given)).get(flag, ""))
+
+
+def _preset_defaults(function: CommandFunction, preset: str) -> dict[str, object]:
+    """Return the defaults of a preset by full name."""
+    _, presets = _PRESETS.get(function, ("", {}))
     defaults: dict[str, object] = {}
-    for name, section in presets.get(str(chosen), {}).items():
+    for name, section in presets.get(preset, {}).items():
         defaults |= dict(_leaves(name, section))
     return defaults
 
