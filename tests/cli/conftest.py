@@ -1,4 +1,4 @@
-"""A detector whose detections are known: it reads them from the labels."""
+"""Drives of the commands, and a detector whose detections are known: it reads them from the labels."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +9,7 @@ import pytest
 
 from data.detections import measured_detectors
 from data.open_drive import open_drive
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.detection import networks
 from perception.evaluation.detection.detector_measure import FrameDetections
 from perception.maps.densify import DenseMaps, densify
@@ -17,6 +18,14 @@ from perception.types import Detections, Frame
 from tests.car_frames import write_car_frames
 
 METADATA = {"method": "labels", "training_data": "nothing at all"}
+
+
+@pytest.fixture(scope="session")
+def street(make_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Return a synthetic raw drive of four frames with images."""
+    folder = make_once("street", lambda folder: write_drives(folder, SynthConfig(frames=4)))
+    (drive,) = folder.glob("*/*_sync")
+    return drive
 
 
 @pytest.fixture

@@ -13,19 +13,12 @@ import yaml
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.results.run_folder import RunFolder
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.errors import DriveError, ScanError, UsageError
 from tests.faults import command, fault
 
-FRAMES = 4
+FRAMES = 4  # of `street`
 ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(scope="module")
-def street(tmp_path_factory) -> Path:
-    (folder,) = write_drives(tmp_path_factory.mktemp("street"), SynthConfig(frames=FRAMES))
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ from data.kitti.tracking_rows import read_result_rows
 from data.results.documents import to_serializable
 from data.results.objects import FrameVehicles
 from data.results.records import read_records
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.types import MODALITIES
 from tests.detection.bright_cells import bright_cells
@@ -72,10 +71,9 @@ def test_every_vehicle_has_the_scores_of_its_detectors(run_of_cars):
         assert one.scores[one.dominant_modality] is not None
 
 
-def test_a_sequence_has_a_file_of_tracked_vehicles(networks, tmp_path):
-    (street,) = write_drives(tmp_path / "street", SynthConfig(frames=3))
+def test_a_sequence_has_a_file_of_tracked_vehicles(networks, street, tmp_path):
     out = tmp_path / "of_street"
-    assert main(["run", str(street), "--out", str(out), *networks]) == 0
+    assert main(["run", str(street), "--frames", "3", "--out", str(out), *networks]) == 0
     rows = read_result_rows(out / "vehicles" / f"{street.name}.txt", 3)
     lines = [json.loads(line) for line in (out / "vehicles.jsonl").read_text().splitlines()]
     followed = [one for line in lines for one in line["vehicles"] if one["id"] is not None]
@@ -86,10 +84,9 @@ def test_a_sequence_has_a_file_of_tracked_vehicles(networks, tmp_path):
 
 
 @pytest.mark.parametrize("looks", [True, False])
-def test_detectors_read_an_image_that_is_not_drawn(networks, tmp_path, looks):
-    (street,) = write_drives(tmp_path / "street", SynthConfig(frames=2))
+def test_detectors_read_an_image_that_is_not_drawn(networks, street, tmp_path, looks):
     out = tmp_path / "out"
-    words = ["run", str(street), "--out", str(out), "--video", "false", *networks]
+    words = ["run", str(street), "--frames", "2", "--out", str(out), "--no-video", *networks]
     assert (
         main([*words, "--pipeline.detection.modalities", '["rgb","dm"]' if looks else '["dm"]'])
         == 0

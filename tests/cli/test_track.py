@@ -271,7 +271,7 @@ def test_without_a_camera_the_object_is_tracked_in_scans_alone(street, tmp_path,
 
 
 def test_object_frames_are_no_drive_to_track_in(tmp_path):
-    write_drives(tmp_path, SynthConfig(layout="object", frames=1))
+    write_drives(tmp_path, SynthConfig(layout="object", frames=1, images=False))
     with fault(DriveError, expected="a sequence of frames", found="object frames"):
         command("track", tmp_path, "--box", "1,2,3,4,5,6,7")
 
