@@ -210,7 +210,7 @@ def frame_of(result: Result) -> tuple[int, float]:
 
 def numbers(values: Float64, digits: int = 4) -> Any:  # noqa: ANN401 - nested as the array
     """Return rounded numbers as nested lists; None where a number is not known."""
-    return to_serializable(np.round(values, digits))
+    return to_serializable(np.round(values, digits) + 0.0)  # without the sign of -0.0
 
 
 def _fields(result: Result, tracks: Tracks) -> list[dict[str, Any]]:
