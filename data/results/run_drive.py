@@ -86,8 +86,9 @@ def run_drive(
                 video.add(result, selected)
                 append_frame(out, drive, result, pipeline.area, config.min_vehicle_score)
                 if selected is not None:
-                    identity = selected.track_id, None
-                    record = TrajectoryRecord.of(result, selected.tracked, *identity)
+                    record = TrajectoryRecord.of(
+                        result, selected.tracked, selected.track_id, kind=None
+                    )
                     append_record(out / "trajectory.jsonl", record)
                 summary.update(result, drive.point_truth(result.frame.index))
         except PerceptionError:
