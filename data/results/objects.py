@@ -142,15 +142,6 @@ class FrameVehicles(FrameLine):
             return None
         rows = np.flatnonzero(vehicles.fused.detections.scores >= min_score)
         fused, has_camera = vehicles.fused[rows], result.frame.calibration is not None
-        objects = Tracks(
-            ids=vehicles.ids[rows],
-            boxes=vehicles.boxes[rows],
-            velocities_m_s=vehicles.velocities_m_s[rows],
-            is_observed=np.ones(len(rows), bool),
-            covariances=vehicles.covariances[rows],
-            types=fused.detections.types,
-            scores=fused.detections.scores,
-        )
         columns = {
             "box_px": numbers(fused.detections.boxes_px) if has_camera else [None] * len(rows),
             "dominant_modality": [MODALITIES[one] for one in fused.dominant_modality],
@@ -158,7 +149,7 @@ class FrameVehicles(FrameLine):
             "points": vehicles.point_counts[rows].tolist(),
             "distance_m": numbers(vehicles.distances_m[rows]),
         }
-        values = zip(_fields(result, objects), *columns.values(), strict=True)
+        values = zip(_fields(result, vehicles.as_tracks(rows)), *columns.values(), strict=True)
         records = [
             VehicleRecord(**fields, **dict(zip(columns, row, strict=True)))
             for fields, *row in values

@@ -122,16 +122,7 @@ class SceneObjects(ArrayTable):
         found, track = np.nonzero(is_same)
         boxes_px[track] = detections.boxes_px[rows[found]]
         new = rows[~is_same.any(axis=1)]
-        tracks = Tracks(
-            ids=vehicles.ids[new],
-            boxes=vehicles.boxes[new],
-            velocities_m_s=vehicles.velocities_m_s[new],
-            is_observed=np.ones(len(new), bool),
-            covariances=vehicles.covariances[new],
-            types=detections.types[new],
-            scores=detections.scores[new],
-        )
-        others = replace(self.of_tracks(tracks), boxes_px=detections.boxes_px[new])
+        others = replace(self.of_tracks(vehicles.as_tracks(new)), boxes_px=detections.boxes_px[new])
         return replace(self, boxes_px=boxes_px).joined(others)
 
     def _with_selected(self, selected: SelectedObject) -> Self:

@@ -111,3 +111,16 @@ class Vehicles:
     def point_counts(self) -> Int:
         """(M,) number of points of each vehicle."""
         return np.bincount(self.owners[self.owners >= 0], minlength=len(self))
+
+    def as_tracks(self, rows: Int) -> Tracks:
+        """Return the vehicles of some rows as tracks that are observed in this scan."""
+        detections = self.fused.detections
+        return Tracks(
+            ids=self.ids[rows],
+            boxes=self.boxes[rows],
+            velocities_m_s=self.velocities_m_s[rows],
+            is_observed=np.ones(len(rows), bool),
+            covariances=self.covariances[rows],
+            types=detections.types[rows],
+            scores=detections.scores[rows],
+        )
