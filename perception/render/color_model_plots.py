@@ -14,7 +14,7 @@ from perception.tracking.single_object.color_model import (
     bins_per_channel_of,
     color_bins,
 )
-from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.types import Float64, UInt8
 
 if TYPE_CHECKING:

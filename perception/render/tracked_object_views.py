@@ -22,7 +22,7 @@ from perception.render.scan_points import ScanPoints
 from perception.render.scene import SceneObjects
 from perception.render.strokes import draw_seam, draw_strokes, project_strokes
 from perception.render.trails import KM_H
-from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration, Float64, Int, Result, UInt8
 

@@ -5,7 +5,7 @@ from perception.render.color_model_plots import ColorModelScene, plot_color_mode
 from perception.tracking.single_object.color_model import color_ratios
 from perception.tracking.single_object.config import ColorModelConfig, ImageMeanShiftConfig
 from perception.tracking.single_object.fusion.color_localizer import image_mean_shift
-from perception.tracking.single_object.fusion.image_region import region_of
+from perception.tracking.single_object.image_region import region_of
 
 SQUARE_PX = np.array([[40.0, 30], [60, 30], [60, 50], [40, 50]])
 

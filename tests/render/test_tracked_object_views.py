@@ -23,7 +23,7 @@ from perception.render.tracked_object_views import (
     label_text,
 )
 from perception.render.trails import TrackedObjectTrail
-from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
 

@@ -136,7 +136,7 @@ class CentroidTracker:
         heights_m = (config.min_height_m, float(box.size_m[2]) + config.headroom_m)
         ground = self._ground(tracker_input, elapsed_s)
         obstacles = obstacles_near(tracker_input, ground, box.position_m, reach_m, heights_m)
-        return LocalizerInput(tracker_input, obstacles, window, gate, elapsed_s)
+        return LocalizerInput(tracker_input, ground, obstacles, window, gate, elapsed_s)
 
     def _ground(self, tracker_input: TrackerInput, elapsed_s: float) -> GroundModel:
         if self._config.ground == "pitch":

@@ -11,7 +11,7 @@ import numpy as np
 from perception.tracking import kalman
 from perception.tracking.kalman import Gaussians
 from perception.tracking.single_object.config import ColorModelConfig
-from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.types import Float64, Int, UInt8
 
 # One update a scan, every 0.1 s.

@@ -6,8 +6,9 @@ from typing import Protocol
 import numpy as np
 
 from perception.geometry import se3
+from perception.tracking.single_object.config import PointMeanShiftConfig
 from perception.tracking.single_object.tracker import TrackerInput
-from perception.tracking.single_object.window import Window
+from perception.tracking.single_object.window import Window, mean_shift_3d
 from perception.types import Float32, Float64, GroundModel
 
 
@@ -23,6 +24,14 @@ class NearObstacles:
     points_velo: Float32
     points_world: Float64
 
+    def centroid(self, window: Window) -> Float64 | None:
+        """Return (3,) the mean of the points over a window, in the world; None without a point.
+
+        It is the point model of the object (5.3.2), which needs few points.
+        """
+        inside = self.points_world[window.contains(self.points_world)]
+        return np.asarray(inside.mean(axis=0)) if len(inside) else None
+
 
 @dataclass(frozen=True)
 class LocalizerInput:
@@ -30,6 +39,7 @@ class LocalizerInput:
 
     Attributes:
         tracker_input: Scan, pose and image.
+        ground: Ground of the scan, below which no point is an obstacle.
         obstacles: Obstacle points near the predicted object.
         window: Box at its predicted position, in the world.
         gate: Window that holds the object, in the world.
@@ -37,6 +47,7 @@ class LocalizerInput:
     """
 
     tracker_input: TrackerInput
+    ground: GroundModel
     obstacles: NearObstacles
     window: Window
     gate: Window
@@ -44,7 +55,14 @@ class LocalizerInput:
 
 
 class ObjectLocalizer(Protocol):
-    """Finds the point that stands for an object."""
+    """Finds the point that stands for an object.
+
+    Attributes:
+        windows: Windows of the last mean shift in the scan, from the predicted to the converged one; none of a
+            localizer without a mean shift.
+    """
+
+    windows: tuple[Window, ...] = ()
 
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its initial box; return its (3,) position in the world, None of an empty box.
@@ -64,6 +82,17 @@ class ObjectLocalizer(Protocol):
         A localizer without a motion filter does nothing.
         """
         del position_m
+
+    def shift(
+        self,
+        localizer_input: LocalizerInput,
+        config: PointMeanShiftConfig,
+        weights: Float64 | None = None,
+    ) -> Float64 | None:
+        """Return (3,) where a mean shift from the predicted position converges; None of an empty window."""
+        points_world, window = localizer_input.obstacles.points_world, localizer_input.window
+        self.windows = mean_shift_3d(points_world, window, config, weights)
+        return self.windows[-1].position_m if len(self.windows) > 1 else None
 
 
 def obstacles_near(

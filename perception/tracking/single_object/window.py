@@ -47,7 +47,7 @@ def mean_shift_3d(
     window: Window,
     config: PointMeanShiftConfig,
     weights: Float64 | None = None,
-) -> Window | None:
+) -> tuple[Window, ...]:
     """Shift a window to the mean of the points within, until it has converged.
 
     (5.11) and (5.12) with the sign that leads to the mean; as printed they lead away from it.
@@ -59,18 +59,18 @@ def mean_shift_3d(
         weights: (N,) weight of each point; None for equal weights.
 
     Returns:
-        The converged window, or None where the initial one is empty.
+        The initial window and that after each shift; the initial one alone where it is empty.
     """
     mass = np.ones(len(points_m)) if weights is None else weights
-    is_found = False
+    windows = [window]
     for _ in range(config.max_iterations):
-        inside = window.contains(points_m)
+        inside = windows[-1].contains(points_m)
         total = mass[inside].sum()
         if not total > 0:
             break
         mean_m = mass[inside] @ points_m[inside] / total
-        shift_m = float(np.linalg.norm(mean_m - window.position_m))
-        window, is_found = window.moved(mean_m), True
+        shift_m = float(np.linalg.norm(mean_m - windows[-1].position_m))
+        windows.append(window.moved(mean_m))
         if shift_m < config.tolerance_m:
             break
-    return window if is_found else None
+    return tuple(windows)

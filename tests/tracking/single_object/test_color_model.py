@@ -9,7 +9,7 @@ from perception.tracking.single_object.color_model import (
     color_ratios,
 )
 from perception.tracking.single_object.config import ColorModelConfig
-from perception.tracking.single_object.fusion.image_region import region_of
+from perception.tracking.single_object.image_region import region_of
 
 RED, GRAY, BLUE = (200, 10, 10), (100, 100, 100), (10, 10, 200)
 SIZE_PX = (100, 80)

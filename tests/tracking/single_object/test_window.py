@@ -22,7 +22,9 @@ def test_one_shift_leads_to_the_mean_not_away_from_it():
     # (5.11), (5.12): the mean of the points in the window, by hand.
     points = np.array([[1.0, 0, 0], [1.5, 0.5, 1], [50, 0, 0]])
     found = mean_shift_3d(points, window_at(0, 0), PointMeanShiftConfig(max_iterations=1))
-    np.testing.assert_allclose(found.position_m, [1.25, 0.25, 0.5])
+    np.testing.assert_allclose(found[-1].position_m, [1.25, 0.25, 0.5])
+    assert len(found) == 2
+    np.testing.assert_array_equal(found[0].position_m, [0, 0, 0])
 
 
 def test_shifts_until_the_object_lies_within(rng):
@@ -30,13 +32,15 @@ def test_shifts_until_the_object_lies_within(rng):
     found = mean_shift_3d(
         car, window_at(0, 0), PointMeanShiftConfig(max_iterations=10, tolerance_m=0.01)
     )
-    np.testing.assert_allclose(found.position_m, car.mean(axis=0), atol=0.05)
+    np.testing.assert_allclose(found[-1].position_m, car.mean(axis=0), atol=0.05)
 
 
 def test_stops_after_as_many_shifts_as_allowed_and_below_the_tolerance(rng):
     car = rng.uniform((0.5, -0.2, 0), (4.5, 1.8, 1.5), (800, 3))
     positions = [
-        mean_shift_3d(car, window_at(0, 0), PointMeanShiftConfig(max_iterations=count)).position_m
+        mean_shift_3d(car, window_at(0, 0), PointMeanShiftConfig(max_iterations=count))[
+            -1
+        ].position_m
         for count in range(1, 12)
     ]
     shifts_m = np.linalg.norm(np.diff(positions, axis=0), axis=1)
@@ -50,7 +54,7 @@ def test_the_mean_is_weighted(rng):
     found = mean_shift_3d(
         points, window_at(0, 0), PointMeanShiftConfig(max_iterations=1), np.array([1.0, 3.0])
     )
-    np.testing.assert_allclose(found.position_m, [0.5, 0, 0])
+    np.testing.assert_allclose(found[-1].position_m, [0.5, 0, 0])
 
 
 @pytest.mark.parametrize(
@@ -58,13 +62,14 @@ def test_the_mean_is_weighted(rng):
     [(np.zeros((0, 3)), None), (np.full((3, 3), 9.0), None), (np.zeros((2, 3)), np.zeros(2))],
 )
 def test_an_empty_window_finds_nothing(points, weights):
-    assert mean_shift_3d(points, window_at(0, 0), PointMeanShiftConfig(), weights) is None
+    initial = window_at(0, 0)
+    assert mean_shift_3d(points, initial, PointMeanShiftConfig(), weights) == (initial,)
 
 
 def test_points_without_a_number_are_left_out():
     points = np.array([[np.nan, 0, 0], [1.0, 0.0, 0.0]])
     np.testing.assert_allclose(
-        mean_shift_3d(points, window_at(0, 0), PointMeanShiftConfig()).position_m, [1, 0, 0]
+        mean_shift_3d(points, window_at(0, 0), PointMeanShiftConfig())[-1].position_m, [1, 0, 0]
     )
 
 

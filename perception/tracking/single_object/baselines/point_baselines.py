@@ -7,7 +7,6 @@ from perception.geometry.camera import project
 from perception.tracking.single_object.color_model import color_bins
 from perception.tracking.single_object.config import ColorModelConfig, PointMeanShiftConfig
 from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
-from perception.tracking.single_object.window import Window, mean_shift_3d
 from perception.types import Bool, Float64, Int
 
 _BINS = ColorModelConfig().bins
@@ -18,11 +17,11 @@ class GateLocalizer(ObjectLocalizer):
 
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return the mean of the points in the initial box."""
-        return mean_over(localizer_input.window, localizer_input)
+        return localizer_input.obstacles.centroid(localizer_input.window)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return the mean of the points in the gate, or None of an empty gate."""
-        return mean_over(localizer_input.gate, localizer_input)
+        return localizer_input.obstacles.centroid(localizer_input.gate)
 
 
 class MeanShiftLocalizer(ObjectLocalizer):
@@ -33,14 +32,11 @@ class MeanShiftLocalizer(ObjectLocalizer):
 
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return the mean of the points in the initial box."""
-        return mean_over(localizer_input.window, localizer_input)
+        return localizer_input.obstacles.centroid(localizer_input.window)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Shift the window from the predicted position."""
-        shifted = mean_shift_3d(
-            localizer_input.obstacles.points_world, localizer_input.window, self._config
-        )
-        return None if shifted is None else shifted.position_m
+        return self.shift(localizer_input, self._config)
 
 
 class ColoredPointsLocalizer(ObjectLocalizer):
@@ -72,19 +68,14 @@ class ColoredPointsLocalizer(ObjectLocalizer):
         inside = localizer_input.window.contains(localizer_input.obstacles.points_world)
         counts = np.bincount(bins[inside[is_observed]], minlength=_BINS)
         self._counts = counts.astype(np.float64)
-        return mean_over(localizer_input.window, localizer_input)
+        return localizer_input.obstacles.centroid(localizer_input.window)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Shift the window from the predicted position; None beyond the gate."""
-        shifted = mean_shift_3d(
-            localizer_input.obstacles.points_world,
-            localizer_input.window,
-            self._config,
-            self._weights(localizer_input),
-        )
-        if shifted is None or not localizer_input.gate.contains(shifted.position_m[None])[0]:
+        found = self.shift(localizer_input, self._config, self._weights(localizer_input))
+        if found is None or not localizer_input.gate.contains(found[None])[0]:
             return None
-        return shifted.position_m
+        return found
 
     def _weights(self, localizer_input: LocalizerInput) -> Float64 | None:
         bins, is_observed = colors_of_points(localizer_input)
@@ -93,13 +84,6 @@ class ColoredPointsLocalizer(ObjectLocalizer):
         weights = np.zeros(len(is_observed))
         weights[is_observed] = self._counts[bins]
         return weights
-
-
-def mean_over(window: Window, localizer_input: LocalizerInput) -> Float64 | None:
-    """Return (3,) the mean of the points over a window, or None where there are none."""
-    points_world = localizer_input.obstacles.points_world
-    points = points_world[window.contains(points_world)]
-    return np.asarray(points.mean(axis=0)) if len(points) else None
 
 
 def colors_of_points(localizer_input: LocalizerInput) -> tuple[Int, Bool]:

@@ -9,10 +9,9 @@ from perception.types import Float, Float64
 def back_project(center_px: Float64, points_velo: Float, image_P_velo: Float64) -> Float64 | None:
     """Return (3,) the position in the LiDAR frame of a pixel.
 
-    The nearest point in each of the four quadrants gives the depth: it is interpolated between the upper two
-    and between the lower two at the pixel's column, then between these at its row. Inverse depths are
-    interpolated, as they are linear in the image over a plane. With fewer quadrants, their points have equal
-    weights.
+    It is the bilinear mean of the nearest point in each of the four quadrants around the pixel: of the upper
+    two and of the lower two at the pixel's column, then of both at its row. With fewer quadrants, their points
+    have equal weights.
 
     Args:
         center_px: (2,) column and row.
@@ -22,16 +21,15 @@ def back_project(center_px: Float64, points_velo: Float, image_P_velo: Float64) 
     Returns:
         None where no point is in front of the camera.
     """
-    pixels, depths_m = project(image_P_velo, points_velo)
+    pixels, _ = project(image_P_velo, points_velo)
     in_front = np.isfinite(pixels).all(axis=1)
-    away_px, depths_m = pixels[in_front] - center_px, depths_m[in_front]
+    away_px = pixels[in_front] - center_px
     corners = [_nearest_of(quadrant, away_px) for quadrant in _quadrants(away_px)]
     found = [corner for corner in corners if corner is not None]
     if not found:
         return None
     weights = _bilinear(away_px[found]) if len(found) == 4 else np.full(len(found), 1 / len(found))
-    depth_m = 1 / float(weights @ (1 / depths_m[found]))
-    return _at_depth(center_px, depth_m, image_P_velo)
+    return np.asarray(weights @ points_velo[in_front][found, :3].astype(np.float64))
 
 
 def _quadrants(away_px: Float64) -> list[np.ndarray]:
@@ -64,9 +62,3 @@ def _at_column(pair_px: Float64) -> tuple[Float64, float]:
     share = -left / (right - left) if right > left else 0.5
     weights = np.array([1 - share, share])
     return weights, float(weights @ pair_px[:, 1])
-
-
-def _at_depth(center_px: Float64, depth_m: float, image_P_velo: Float64) -> Float64:
-    """Return (3,) the position of a pixel at a depth along the optical axis."""
-    homogeneous = depth_m * np.append(center_px, 1.0)
-    return np.asarray(np.linalg.solve(image_P_velo[:, :3], homogeneous - image_P_velo[:, 3]))

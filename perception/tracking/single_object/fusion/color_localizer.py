@@ -13,7 +13,7 @@ from perception.tracking.single_object.color_model import (
     color_ratios,
 )
 from perception.tracking.single_object.config import ColorModelConfig, ImageMeanShiftConfig
-from perception.tracking.single_object.fusion.image_region import ImageRegion, region_of
+from perception.tracking.single_object.image_region import ImageRegion, region_of
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64, UInt8
 

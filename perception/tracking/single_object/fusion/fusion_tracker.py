@@ -9,7 +9,7 @@ from perception.tracking.single_object.fusion.back_projection import back_projec
 from perception.tracking.single_object.fusion.color_localizer import ColorLocalizer
 from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
 from perception.tracking.single_object.point_motion import ConstantAcceleration
-from perception.tracking.single_object.window import Window, mean_shift_3d
+from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
 
@@ -24,7 +24,7 @@ class FusedLocalizer(ObjectLocalizer):
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its initial box."""
         self.colors = ColorLocalizer(self._config.colors, self._config.image)
-        measured = bounding_middle(localizer_input.obstacles.points_world, localizer_input.window)
+        measured = localizer_input.obstacles.centroid(localizer_input.window)
         position = localizer_input.window.position_m if measured is None else measured
         self.reset(position)
         self._learn(localizer_input, localizer_input.window, position)
@@ -35,7 +35,7 @@ class FusedLocalizer(ObjectLocalizer):
         config = self._config
         self._point = self._point.predicted(localizer_input.elapsed_s, config.process)
         measured = (
-            (self._in_scan(localizer_input), config.lidar_variance),
+            (self.shift(localizer_input, config.points), config.lidar_variance),
             (self._in_image(localizer_input), config.image_variance),
         )
         in_gate = [
@@ -55,11 +55,6 @@ class FusedLocalizer(ObjectLocalizer):
         """Put the fused point at rest."""
         self._point = ConstantAcceleration.at_rest(position_m, self._config.initial)
 
-    def _in_scan(self, localizer_input: LocalizerInput) -> Float64 | None:
-        points_world = localizer_input.obstacles.points_world
-        shifted = mean_shift_3d(points_world, localizer_input.window, self._config.points)
-        return None if shifted is None else bounding_middle(points_world, shifted)
-
     def _in_image(self, localizer_input: LocalizerInput) -> Float64 | None:
         tracker_input, obstacles = localizer_input.tracker_input, localizer_input.obstacles
         center_px = self.colors.locate(tracker_input, localizer_input.window.position_m)
@@ -78,18 +73,6 @@ class FusedLocalizer(ObjectLocalizer):
         obstacles = localizer_input.obstacles
         points_velo = obstacles.points_velo[window.contains(obstacles.points_world)]
         self.colors.learn(localizer_input.tracker_input, points_velo, position)
-
-
-def bounding_middle(points_world: Float64, window: Window) -> Float64 | None:
-    """Return (3,) the mean of a window's points, at half the height they span; None without points.
-
-    The mean height would depend on window panes, which return little, and on the removed ground.
-    """
-    inside = points_world[window.contains(points_world)]
-    if len(inside) == 0:
-        return None
-    low_m, high_m = inside[:, 2].min(), inside[:, 2].max()
-    return np.append(inside[:, :2].mean(axis=0), (low_m + high_m) / 2)
 
 
 class FusionTracker(CentroidTracker):

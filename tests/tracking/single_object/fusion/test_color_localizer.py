@@ -8,7 +8,7 @@ from perception.tracking.single_object.fusion.color_localizer import (
     confidence_centroid,
     image_mean_shift,
 )
-from perception.tracking.single_object.fusion.image_region import region_of
+from perception.tracking.single_object.image_region import region_of
 
 SIZE_PX = (160, 120)
 THESIS = ImageMeanShiftConfig()

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.tracking.single_object.fusion.image_region import ImageRegion, region_of
+from perception.tracking.single_object.image_region import ImageRegion, region_of
 
 SIZE_PX = (100, 60)
 SQUARE_PX = np.array([[20.0, 10.0], [40.0, 10.0], [40.0, 30.0], [20.0, 30.0]])
