@@ -151,6 +151,13 @@ def test_report_says_what_was_tried_and_chosen(exported):
     assert written == sorted(["dm.json", "dm.onnx", f"dm.{other}.onnx"])
 
 
+def test_compression_of_the_training_images_reaches_the_file(tmp_path):
+    content = checkpoint_of()
+    content["hyper_parameters"]["jpeg_quality"] = "75"
+    torch.save(content, tmp_path / "compressed.ckpt")
+    assert exportable_detector(tmp_path / "compressed.ckpt").metadata["jpeg_quality"] == "75"
+
+
 def test_file_in_8_bits_says_so(exported):
     assert ModalityDetector(file_of(exported, "int8")).metadata["form"] == "int8 minmax"
 

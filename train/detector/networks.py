@@ -38,7 +38,7 @@ class DetectorNetworkConfig(ImageConfig):
     @property
     def metadata(self) -> dict[str, str]:
         """Texts that model files state."""
-        return {
+        metadata = {
             "kind": MODEL,
             "network": self.network,
             "modality": self.modality,
@@ -47,16 +47,20 @@ class DetectorNetworkConfig(ImageConfig):
             "input_width": str(self.size.width_px),
             "filling": self.filling,
         }
+        compression = {"jpeg_quality": str(self.jpeg_quality)} if self.jpeg_quality else {}
+        return metadata | compression
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
         """Return the configuration that a model file or checkpoint states."""
+        quality = metadata.get("jpeg_quality")
         return cls(
             modality=metadata["modality"],
             network=metadata["network"],
             class_names=tuple(metadata["classes"].split(",")),
             size=InputSize(int(metadata["input_height"]), int(metadata["input_width"])),
             filling=metadata["filling"],
+            jpeg_quality=None if quality is None else int(quality),
         )
 
 

@@ -3,20 +3,20 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 import perception.maps
 from data.array_store import Arrays
 from data.frame_fingerprint import code_fingerprint
-from perception.detection.detectors import input_size, modalities
-from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors import input_size, modalities, network_input
+from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import (
     MapFilling,
     camera_image,
     fill_maps,
     map_image,
 )
+from perception.detection.detectors.network_input import prepare_image
 from perception.errors import UsageError
 from perception.maps.projection import project_frame
 from perception.types import MODALITIES, Frame, Int, Modality, UInt8
@@ -61,7 +61,9 @@ def image_settings(config: ImageConfig) -> dict[str, object]:
         "filling": None if config.modality == "rgb" else config.filling,
         "size": config.size,
         "jpeg_quality": config.jpeg_quality,
-        "code": code_fingerprint(perception.maps, modalities, input_size, Path(__file__)),
+        "code": code_fingerprint(
+            perception.maps, modalities, input_size, network_input, Path(__file__)
+        ),
     }
 
 
@@ -80,17 +82,8 @@ def make_images(frame: Frame, config: ImageConfig) -> Arrays:
         dense = fill_maps(project_frame(frame), config.filling)
         images = {"dm": map_image(dense, "dm"), "rm": map_image(dense, "rm")}
     height, width = next(iter(images.values())).shape[:2]
-    if (quality := config.jpeg_quality) is not None:
-        images = {name: jpeg_compressed(image, quality) for name, image in images.items()}
     arrays: dict[str, UInt8 | Int] = {
-        name: stretch(image, config.size, name) for name, image in images.items()
+        name: prepare_image(image, name, config.size, config.jpeg_quality)
+        for name, image in images.items()
     }
     return {**arrays, "size_px": np.array([width, height])}
-
-
-def jpeg_compressed(image: UInt8, quality: int) -> UInt8:
-    """Return an (H, W, C) image after JPEG compression of a quality, 1 to 100."""
-    # OpenCV takes BGR; the order matters, as JPEG keeps brightness better than colour.
-    _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    return np.asarray(decoded, np.uint8).reshape(image.shape)[..., ::-1]

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from data.samples.images.config import PhotometricConfig
-from data.samples.images.input_images import jpeg_compressed
+from perception.detection.detectors.network_input import jpeg_compressed
 from perception.types import Float32, UInt8
 
 _LUMA = np.array([0.299, 0.587, 0.114])

@@ -1,6 +1,6 @@
-"""A detector of one modality; its file states input, map filling and classes (6.2.3).
+"""A detector of one modality; its file states input, map filling, JPEG quality and classes (6.2.3).
 
-image -- stretch --> network --> boxes and scores -- NMS --> detections
+image -- compress, stretch --> network --> boxes and scores -- NMS --> detections
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 
 from perception.detection.config import DEFAULT_NMS, NmsConfig
-from perception.detection.detectors.input_size import InputSize, boxes_in_image, stretch
+from perception.detection.detectors.input_size import InputSize, boxes_in_image
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
+from perception.detection.detectors.network_input import prepare_image
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.detection.onnx_model import (
     Array,
@@ -71,6 +72,8 @@ class ModalityDetector:
         """Classes that it detects."""
         self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
         """Input size, to which images are stretched."""
+        self.jpeg_quality = self._jpeg_quality()
+        """Quality of the JPEG compression of the images of its training, or None."""
         self._nms = nms
         self._check_input()
         self._check_classes()
@@ -102,7 +105,7 @@ class ModalityDetector:
                 expected=f"shape (H, W, {channels}) of modality {self.modality}",
                 found=f"shape {image.shape}",
             )
-        planes = cv2.split(stretch(image, self.size, self.modality))
+        planes = cv2.split(prepare_image(image, self.modality, self.size, self.jpeg_quality))
         return np.stack(planes).astype(np.uint8, copy=False)[None]
 
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
@@ -122,6 +125,15 @@ class ModalityDetector:
         if not value.isdecimal() or int(value) < 1:
             raise ModelError(self.model.name, expected=f"{key} in pixels", found=value)
         return int(value)
+
+    def _jpeg_quality(self) -> int | None:
+        """Return the quality that the file states; without an entry, images are not compressed."""
+        text = self.metadata.get("jpeg_quality")
+        if text is None:
+            return None
+        if not text.isdecimal() or not 1 <= int(text) <= 100:
+            raise ModelError(self.model.name, expected="jpeg_quality from 1 to 100", found=text)
+        return int(text)
 
     def _check_input(self) -> None:
         required = ModelInput(np.uint8, (None, CHANNELS[self.modality], *self.size))

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize, stretch
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.network_input import jpeg_compressed
 from perception.errors import ImageError, ModelError
 from tests.detection.bright_cells import bright_cells
 
@@ -56,6 +57,24 @@ def test_channels_are_not_mixed_up(write):
     np.testing.assert_array_equal(shown[0, :, 5, 7], [30, 0, 90])
 
 
+def test_a_network_of_compressed_images_runs_on_compressed_images(write):
+    image = np.random.default_rng(0).integers(0, 256, (64, 96, 1), dtype=np.uint8)
+    plain, compressed = ModalityDetector(write()), ModalityDetector(write(jpeg_quality="10"))
+    assert (plain.jpeg_quality, compressed.jpeg_quality) == (None, 10)
+    np.testing.assert_array_equal(plain.preprocess(image)[0, 0], image[..., 0])
+    expected = jpeg_compressed(image, 10)[..., 0]
+    assert np.abs(expected.astype(int) - image[..., 0]).max() > 20
+    np.testing.assert_array_equal(compressed.preprocess(image)[0, 0], expected)
+    assert plain.detect(image).scores.tolist() != compressed.detect(image).scores.tolist()
+
+
+def test_compression_comes_before_the_size(write):
+    image = np.random.default_rng(0).integers(0, 256, (375, 1242, 3), dtype=np.uint8)
+    detector = ModalityDetector(write("a.onnx", "rgb", jpeg_quality="75"))
+    expected = stretch(jpeg_compressed(image, 75), detector.size, "rgb")
+    np.testing.assert_array_equal(detector.preprocess(image)[0], expected.transpose(2, 0, 1))
+
+
 def test_each_class_is_found_by_itself(write):
     detector = ModalityDetector(write("a.onnx", "dm", "Car,Pedestrian"))
     found = detector.detect(image_with_bright_cells())
@@ -89,6 +108,8 @@ def test_output_does_not_depend_on_threads(write):
         ({"input_height": "tall"}, "input_height in pixels", "tall"),
         ({"input_width": "0"}, "input_width in pixels", "0"),
         ({"input_width": "640"}, "input uint8 any x 1 x 64 x 640", "uint8 any x 1 x 64 x 96"),
+        ({"jpeg_quality": "fine"}, "jpeg_quality from 1 to 100", "fine"),
+        ({"jpeg_quality": "0"}, "jpeg_quality from 1 to 100", "0"),
         ({"planes": 3}, "input uint8 any x 1 x 64 x 96", "uint8 any x 3 x 64 x 96"),
         ({"output_classes": 2}, "scores of 1 classes: Car", "scores of 2"),
         ({"divisor": 0.0}, "finite numbers in output scores", "6 that are NaN or infinite"),
