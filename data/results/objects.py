@@ -164,10 +164,20 @@ class TrajectoryRecord(ObjectRecord, FrameLine):
     Attributes:
         status: `seen`, `predicted` or `lost`.
         box_px: Rectangle x1 y1 x2 y2 in the image; null where the object is not in it.
+        next_position_velo_m: Predicted centre of the bottom face one scan later x, y, z, in the LiDAR frame of
+            this scan; null of a lost object.
+        next_position_world_m: The same in the world frame.
+        hull_px: Columns and rows of the corners of the convex hull of the object's pixels, which may lie beyond the
+            image; null of trackers without a colour model, and where the object is not measured in the image.
+        ring_px: The same of the outline of the surrounding ring, the background of the colour model.
     """
 
     status: str
     box_px: list[float] | None
+    next_position_velo_m: list[float] | None
+    next_position_world_m: list[float] | None
+    hull_px: list[list[float]] | None
+    ring_px: list[list[float]] | None
 
     @classmethod
     def of(cls, result: Result, tracked: TrackedObject, object_id: int, kind: str | None) -> Self:
@@ -181,8 +191,20 @@ class TrajectoryRecord(ObjectRecord, FrameLine):
         """
         (fields,) = _fields(result, as_tracks(tracked, object_id))
         fields["type"] = kind
-        box_px = None if tracked.box_px is None else numbers(tracked.box_px, 2)
-        return cls(*frame_of(result), **fields, status=str(tracked.status), box_px=box_px)
+        next_velo, next_world = tracked.next_bottom_velo, None
+        if next_velo is not None:
+            next_world = (result.world_SE3_velo @ np.append(next_velo, 1.0))[:3]
+        region = tracked.region
+        return cls(
+            *frame_of(result),
+            **fields,
+            status=str(tracked.status),
+            box_px=_known(tracked.box_px, 2),
+            next_position_velo_m=_known(next_velo),
+            next_position_world_m=_known(next_world),
+            hull_px=_known(None if region is None else region.hull_px, 2),
+            ring_px=_known(None if region is None else region.outer_px, 2),
+        )
 
 
 def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
@@ -202,6 +224,10 @@ def frame_of(result: Result) -> tuple[int, float]:
 def numbers(values: Float64, digits: int = 4) -> Any:  # noqa: ANN401 - nested as the array
     """Return rounded numbers as nested lists; None where a number is not known."""
     return to_serializable(np.round(values, digits) + 0.0)  # without the sign of -0.0
+
+
+def _known(values: Float64 | None, digits: int = 4) -> Any:  # noqa: ANN401 - nested as the array
+    return None if values is None else numbers(values, digits)
 
 
 def _fields(result: Result, tracks: Tracks) -> list[dict[str, Any]]:

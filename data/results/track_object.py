@@ -112,10 +112,10 @@ def track_object(
                 summary.update(result, tracked, seconds)
                 if config.video:
                     trail.add(result, tracked)
-                    scene = _scene(result, tracked, seconds, trail, tracker, start)
+                    scene = _scene(result, tracked, seconds, trail, start)
                     video.add(composition.draw(scene))
                 if len(summary.frames) == 1 + count // 2:
-                    _plot_colors(out / "color-model.png", start, result, tracker)
+                    _plot_colors(out / "color-model.png", start, result, tracked, tracker)
         finally:
             write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
     return summary
@@ -147,7 +147,6 @@ def _scene(
     tracked: TrackedObject,
     seconds: float,
     trail: TrackedObjectTrail,
-    tracker: SingleObjectTracker,
     start: TrackStart,
 ) -> TrackedObjectScene:
     truth = None
@@ -161,7 +160,6 @@ def _scene(
         speeds_km_h=trail.speeds_km_h,
         states=trail.states,
         seconds=seconds,
-        region=tracker.colors.region if isinstance(tracker, FusionTracker) else None,
         truth=truth if truth is not None and len(truth) else None,
     )
 
@@ -175,13 +173,16 @@ def _points_in(box_velo: Boxes3D, result: Result, config: TrackConfig) -> int:
 
 
 def _plot_colors(
-    path: Path, start: TrackStart, result: Result, tracker: SingleObjectTracker
+    path: Path,
+    start: TrackStart,
+    result: Result,
+    tracked: TrackedObject,
+    tracker: SingleObjectTracker,
 ) -> None:
     """Plot the colour model of the object (Fig. 5.16) where the tracker has one."""
     image = result.frame.image
-    if not isinstance(tracker, FusionTracker) or image is None or tracker.colors.region is None:
+    if not isinstance(tracker, FusionTracker) or image is None or tracked.region is None:
         return
     colors = tracker.colors
-    regions = colors.regions or (tracker.colors.region,)
-    scene = ColorModelScene(image, regions, colors.measured, colors.colors.ratios)
+    scene = ColorModelScene(image, colors.regions, colors.measured, colors.colors.ratios)
     plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)

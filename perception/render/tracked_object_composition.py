@@ -86,7 +86,7 @@ def _legends(scene: TrackedObjectScene) -> list[list[LegendEntry]]:
         LegendEntry("path of the vehicle", (palette.EGO_PATH,)),
     ]
     further: list[LegendEntry] = []
-    if scene.region is not None:
+    if scene.tracked.region is not None:
         further += [
             LegendEntry("its region", (palette.INSIDE,)),
             LegendEntry("ring", (palette.RING,)),

@@ -22,7 +22,6 @@ from perception.render.scan_points import ScanPoints
 from perception.render.scene import SceneObjects
 from perception.render.strokes import draw_seam, draw_strokes, project_strokes
 from perception.render.trails import KM_H
-from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration, Float64, Int, Result, UInt8
 
@@ -51,7 +50,6 @@ class TrackedObjectScene:
         speeds_km_h: (F,) speeds in km/h of the frames up to this one, NaN without a box.
         states: (F,) tracking status of the same frames.
         seconds: Processing time of the tracker in seconds.
-        region: Region of the object in the image, or None of a tracker that does not use the image.
         truth: Labelled box, or None where unknown.
     """
 
@@ -62,7 +60,6 @@ class TrackedObjectScene:
     speeds_km_h: Sequence[float]
     states: Sequence[TrackStatus]
     seconds: float
-    region: ImageRegion | None = None
     truth: Boxes3D | None = None
 
 
@@ -127,9 +124,9 @@ class TrackedObjectViews:
         return np.concatenate([middle_px - half_px, middle_px + half_px])
 
     def _draw_on_image(self, canvas: UInt8, resizing: Resizing, calibration: Calibration) -> None:
-        tracked, region = self._scene.tracked, self._scene.region
+        tracked, region = self._scene.tracked, self._scene.tracked.region
         image_P_velo = resizing.project(calibration.image_P_velo)
-        if region is not None and tracked.status is TrackStatus.SEEN:
+        if region is not None:
             draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
         self._draw_truth(canvas, image_P_velo)
         self._draw_object(canvas, image_P_velo, self._still_figures)

@@ -46,13 +46,12 @@ def tracked_in(state: TrackStatus, box: Boxes3D | None = BOX, **changes) -> Trac
 def follow_scene(scene) -> TrackedObjectScene:
     return TrackedObjectScene(
         result=scene,
-        tracked=tracked_in(TrackStatus.SEEN),
+        tracked=tracked_in(TrackStatus.SEEN, region=rectangle(85, 40, 95, 60, (200, 100))),
         path_velo=np.array([[8.0, 1, -1.73], [10, 1, -1.73], [12, 1, -1.73]]),
         ego_path_velo=np.array([[-8.0, 0, -1.73], [-4, 0, -1.73], [0, 0, -1.73]]),
         speeds_km_h=[17.0, 18.0],
         states=[TrackStatus.SEEN, TrackStatus.SEEN],
         seconds=0.004,
-        region=rectangle(85, 40, 95, 60, (200, 100)),
         truth=BOX,
     )
 
@@ -76,7 +75,8 @@ def test_the_image_has_its_size_and_shows_object_paths_region_and_label(follow_s
 
 def test_without_a_camera_the_scene_takes_the_whole_height(follow_scene):
     frame = replace(follow_scene.result.frame, image=None, calibration=None)
-    bare = replace(follow_scene, result=replace(follow_scene.result, frame=frame), region=None)
+    result = replace(follow_scene.result, frame=frame)
+    bare = replace(follow_scene, result=result, tracked=tracked_in(TrackStatus.SEEN))
     canvas = TrackedObjectComposition((1280, 720)).draw(bare)
     # Where the camera's picture was, the scene's dark panel is.
     assert np.abs(canvas[30:200, 500:800].astype(int) - palette.PANEL).max(axis=2).min() == 0
@@ -86,9 +86,7 @@ def test_without_a_camera_the_scene_takes_the_whole_height(follow_scene):
 
 def test_an_object_in_the_image_alone_is_drawn_as_its_rectangle(follow_scene):
     tracked = tracked_in(TrackStatus.SEEN, None, box_px=np.array([50.0, 30, 120, 70]))
-    views = TrackedObjectViews(
-        replace(follow_scene, tracked=tracked, region=None, truth=None), STYLE
-    )
+    views = TrackedObjectViews(replace(follow_scene, tracked=tracked, truth=None), STYLE)
     image = views.camera((200, 100))
     assert tuple(image[50, 50]) == palette.TRACKED_OBJECT
     assert tuple(image[50, 80]) == (128, 128, 128)
@@ -105,9 +103,7 @@ def test_an_object_out_of_the_image_leaves_the_close_up_blank(follow_scene, box)
 def test_the_close_up_stays_within_the_image(follow_scene):
     near = Boxes3D(np.array([[3.0, 2, -1.73]]), BOX.size_m, BOX.yaw_rad)
     tracked = tracked_in(TrackStatus.SEEN, near)
-    views = TrackedObjectViews(
-        replace(follow_scene, tracked=tracked, region=None, truth=None), STYLE
-    )
+    views = TrackedObjectViews(replace(follow_scene, tracked=tracked, truth=None), STYLE)
     assert count_of(views.close_up((160, 80)), palette.PANEL, 0) == 0
 
 

@@ -68,7 +68,7 @@ class CentroidTracker:
         position = self._localizer.init(self._localizer_input(tracker_input, self._box, 0.0))
         self._status = TrackStatus.PREDICTED if position is None else TrackStatus.SEEN
         self._motion = self._motion_at(self._box.position_m if position is None else position)
-        return self._box.observed_in(tracker_input, self._status)
+        return self._tracked(self._box, tracker_input)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Track the object into the next frame.
@@ -82,7 +82,15 @@ class CentroidTracker:
         # A scan that is given twice is no second measurement.
         if elapsed_s != 0:
             self._box = self._updated(self._box, tracker_input, elapsed_s)
-        return self._box.observed_in(tracker_input, self._status)
+        return self._tracked(self._box, tracker_input)
+
+    def _tracked(self, box: WorldBox, tracker_input: TrackerInput) -> TrackedObject:
+        """Return the object with its prediction of the next scan and its region of the image."""
+        if self._status is not TrackStatus.LOST:
+            period_s = 1 / self._sensor.rate_hz
+            motion = self._motion.predicted(period_s, self._config.motion.process)
+            box = replace(box, next_position_m=motion.position)
+        return replace(box.observed_in(tracker_input, self._status), region=self._localizer.region)
 
     def _updated(self, last: WorldBox, tracker_input: TrackerInput, elapsed_s: float) -> WorldBox:
         if not 0 < elapsed_s <= self._config.max_gap_s:

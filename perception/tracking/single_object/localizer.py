@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.tracking.single_object.config import PointMeanShiftConfig
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.tracking.single_object.window import Window, mean_shift_3d
 from perception.types import Float32, Float64, GroundModel
@@ -60,9 +61,12 @@ class ObjectLocalizer(Protocol):
     Attributes:
         windows: Windows of the last mean shift in the scan, from the predicted to the converged one; none of a
             localizer without a mean shift.
+        region: Region of the object in the last image, or None of a localizer in scans alone, and where the
+            image does not show the object.
     """
 
     windows: tuple[Window, ...] = ()
+    region: ImageRegion | None = None
 
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its initial box; return its (3,) position in the world, None of an empty box.

@@ -10,6 +10,7 @@ from perception.errors import PerceptionError
 from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import box_outlines_px
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.types import Boxes3D, Float32, Float64, GroundModel, UInt8
 
 
@@ -59,12 +60,18 @@ class TrackedObject:
         box_velo: One box in the LiDAR frame of the scan, or None of a tracker in the image alone.
         velocity_m_s: (2,) velocity over the ground along x and y of the LiDAR frame; zero where not estimated.
         box_px: (4,) x1 y1 x2 y2 of the object in the image, or None where it is not in the image.
+        next_bottom_velo: (3,) predicted centre of the bottom face one scan later, in the LiDAR frame of this
+            scan; None of a lost object, and of a tracker in the image alone.
+        region: Object's pixels in the image and the ring around them, or None of a tracker without a colour
+            model, and where the object is not measured in the image.
     """
 
     status: TrackStatus
     box_velo: Boxes3D | None
     velocity_m_s: Float64
     box_px: Float64 | None
+    next_bottom_velo: Float64 | None = None
+    region: ImageRegion | None = None
 
     def __post_init__(self) -> None:
         """Validate that there is at most one box."""
@@ -104,12 +111,14 @@ class WorldBox:
         size_m: (3,) length, width and height.
         yaw_rad: Heading.
         velocity_m_s: (3,) velocity.
+        next_position_m: (3,) predicted middle of the box one scan later, or None.
     """
 
     position_m: Float64
     size_m: Float64
     yaw_rad: float
     velocity_m_s: Float64
+    next_position_m: Float64 | None = None
 
     @classmethod
     def at_rest(cls, box_velo: Boxes3D, world_SE3_velo: Float64) -> Self:
@@ -121,11 +130,17 @@ class WorldBox:
     def observed_in(self, tracker_input: TrackerInput, status: TrackStatus) -> TrackedObject:
         """Return the object in the LiDAR frame and the image of a frame."""
         velo_SE3_world = se3.inverse(tracker_input.world_SE3_velo)
-        bottom_m = self.position_m - (0, 0, self.size_m[2] / 2)
+        half_height_m = np.array([0, 0, self.size_m[2] / 2])
+        bottom_m = self.position_m - half_height_m
         box_world = Boxes3D(bottom_m[None], self.size_m[None], np.array([self.yaw_rad]))
         box_velo = transform_boxes(velo_SE3_world, box_world)
         velocity_m_s = velo_SE3_world[:2, :3] @ self.velocity_m_s
-        return TrackedObject(status, box_velo, velocity_m_s, tracker_input.box_px(box_velo))
+        next_bottom_velo = None
+        if self.next_position_m is not None:
+            next_bottom_m = self.next_position_m - half_height_m
+            next_bottom_velo = (velo_SE3_world @ np.append(next_bottom_m, 1.0))[:3]
+        box_px = tracker_input.box_px(box_velo)
+        return TrackedObject(status, box_velo, velocity_m_s, box_px, next_bottom_velo)
 
 
 def validate_initial_box(box_velo: Boxes3D) -> None:

@@ -9,6 +9,7 @@ from data.results.documents import to_serializable
 from data.results.objects import FrameTracks, FrameVehicles, TrajectoryRecord
 from data.results.records import append_record, read_records
 from perception.geometry import se3
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import (
     Boxes3D,
@@ -148,10 +149,35 @@ def test_one_tracked_object_has_the_fields_of_a_track(result, kind):
     assert (record.frame, record.stamp_s, record.status) == (7, 0.7, "predicted")
     assert (record.id, record.type, record.score, record.box_px) == (4, kind, None, None)
     assert (record.velo, record.world, record.size_m) == (track.velo, track.world, track.size_m)
+    assert (record.next_position_velo_m, record.hull_px, record.ring_px) == (None, None, None)
+
+
+def test_one_tracked_object_has_its_next_position_its_hull_and_the_ring_around_it(result):
+    square = np.array([[300.0, 100], [340, 100], [340, 140], [300, 140]])
+    tracked = TrackedObject(
+        TrackStatus.SEEN,
+        TRACKS.boxes[:1],
+        np.array([3.0, 4.0]),
+        None,
+        next_bottom_velo=np.array([10.3, 2.4, -1.7]),
+        region=ImageRegion(square, (1242, 375), ring_scale=1.5),
+    )
+    record = TrajectoryRecord.of(result, tracked, 4, "Van")
+    assert record.next_position_velo_m == [10.3, 2.4, -1.7]
+    assert record.next_position_world_m == [97.6, 60.3, 1.3]
+    assert record.hull_px == square.tolist()
+    assert record.ring_px == [[290, 90], [350, 90], [350, 150], [290, 150]]
 
 
 def test_what_is_written_is_read_back(result, tmp_path):
-    in_image = TrackedObject(TrackStatus.SEEN, None, np.zeros(2), np.array([1.0, 2, 3, 4]))
+    in_image = TrackedObject(
+        TrackStatus.SEEN,
+        None,
+        np.zeros(2),
+        np.array([1.0, 2, 3, 4]),
+        np.ones(3),
+        ImageRegion(np.array([[1.0, 1], [3, 1], [1, 3]]), (8, 8)),
+    )
     for line in (
         FrameTracks.of(result),
         FrameTracks.of(replace(result, tracks=Tracks.empty())),

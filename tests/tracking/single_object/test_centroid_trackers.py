@@ -137,6 +137,34 @@ def test_follows_the_car(name, scene):
     assert tracked.box_px is not None
 
 
+@pytest.mark.parametrize("name", ["default", "h-fus", "l-fus", "3d-kf"])
+def test_the_next_position_is_predicted_along_the_motion(name):
+    scene = Scene(ego_turn_rad_s=0.1)
+    tracked = started(name, scene, frames=24).update(scene.tracker_input(24))
+    step_m = tracked.next_bottom_velo - tracked.box_velo.bottom_m[0]
+    np.testing.assert_allclose(step_m[:2], tracked.velocity_m_s / 10, atol=0.1)
+    assert np.hypot(*step_m[:2]) == pytest.approx(SPEED_M_S / 10, abs=0.1)
+
+
+def test_a_mean_shift_without_a_filter_predicts_that_the_object_stays():
+    scene = Scene()
+    tracked = started("3d-ms", scene, frames=5).update(scene.tracker_input(5))
+    np.testing.assert_allclose(tracked.next_bottom_velo, tracked.box_velo.bottom_m[0])
+
+
+def test_the_region_holds_the_car_while_the_image_shows_it():
+    scene = Scene()
+    tracker = started("h-fus", scene, frames=5)
+    region = tracker.update(scene.tracker_input(5)).region
+    corners_px = project(IMAGE_P_VELO, car_points() + scene.position(0.5))[0]
+    np.testing.assert_allclose(region.box_px[:2], corners_px.min(axis=0), atol=8)
+    np.testing.assert_allclose(region.box_px[2:], corners_px.max(axis=0), atol=8)
+    assert region.is_ring.sum() == pytest.approx(region.is_inside.sum(), rel=0.1)
+    assert tracker.update(scene.tracker_input(6, has_image=False)).region is None
+    assert tracker.update(scene.tracker_input(7)).region is not None
+    assert tracker.update(scene.tracker_input(8, has_car=False)).region is None
+
+
 @pytest.mark.parametrize("name", ["h-fus", "3d-ms", "3d-kf"])
 def test_without_a_camera_the_scan_is_enough(name):
     scene = Scene()
@@ -196,6 +224,7 @@ def test_hidden_it_is_predicted_then_lost_and_never_nan(name):
     assert states[:9] == [TrackStatus.PREDICTED] * 9
     assert states[10:] == [TrackStatus.LOST] * 30
     np.testing.assert_array_equal(tracked.velocity_m_s, [0, 0])
+    assert tracked.next_bottom_velo is None
 
 
 @pytest.mark.parametrize("name", ["h-fus", "l-fus", "3d-kf"])

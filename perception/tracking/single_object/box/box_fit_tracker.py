@@ -185,6 +185,9 @@ class BoxFitTracker:
             status = TrackStatus.LOST if self._is_lost(track) else TrackStatus.PREDICTED
         middle = track.position_world + np.array([0.0, 0.0, size_m[2] / 2])
         box = WorldBox(middle, size_m, float(track.pose[2]), np.append(velocity, 0.0))
+        if status is not TrackStatus.LOST:
+            ahead = self._motion.predict(track.state, 1 / self._sensor.rate_hz)
+            box = replace(box, next_position_m=np.append(ahead.mean[:2], middle[2]))
         return box.observed_in(tracker_input, status)
 
 

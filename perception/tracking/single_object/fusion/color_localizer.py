@@ -27,7 +27,6 @@ class ColorLocalizer:
         colors: Colour model.
         measured: (b³,) colour ratios of the last image that was learned from.
         regions: Regions of the last mean shift, from the first to the converged one.
-        region: Outline of the object in the last image that was learned from.
     """
 
     def __init__(self, colors: ColorModelConfig, mean_shift: ImageMeanShiftConfig) -> None:
@@ -41,7 +40,7 @@ class ColorLocalizer:
         self.colors = AdaptiveColorModel(colors)
         self.measured: Float64 = np.zeros(colors.bins)
         self.regions: tuple[ImageRegion, ...] = ()
-        self.region: ImageRegion | None = None
+        self._region: ImageRegion | None = None
         self._anchor_px = np.zeros(2)
         self._center_px: Float64 | None = None
 
@@ -56,11 +55,11 @@ class ColorLocalizer:
         """
         self.regions = ()
         anchor_px = _pixel_of(tracker_input, expected_world)
-        if tracker_input.image is None or self.region is None or anchor_px is None:
+        if tracker_input.image is None or self._region is None or anchor_px is None:
             return None
         height, width = tracker_input.image.shape[:2]
         by_px = anchor_px - self._anchor_px
-        region = self.region.shifted(by_px, (width, height))
+        region = self._region.shifted(by_px, (width, height))
         start_px = None if self._center_px is None else self._center_px + by_px
         found = image_mean_shift(
             tracker_input.image, region, self.colors.ratios, self._mean_shift_config, start_px
@@ -70,29 +69,33 @@ class ColorLocalizer:
 
     def learn(
         self, tracker_input: TrackerInput, points_velo: Float, position_world: Float64
-    ) -> None:
-        """Learn the object's outline and colours; nothing where its points span no area in the image.
+    ) -> ImageRegion | None:
+        """Learn the object's outline and colours; return its region of the image.
 
         Args:
             tracker_input: Image.
             points_velo: (N, 3+) points of the object.
             position_world: (3,) position of the object.
+
+        Returns:
+            None, with nothing learned, where the points span no area in the image.
         """
         anchor_px = _pixel_of(tracker_input, position_world)
         if tracker_input.image is None or tracker_input.image_P_velo is None or anchor_px is None:
-            return
+            return None
         height, width = tracker_input.image.shape[:2]
         pixels, _ = project(tracker_input.image_P_velo, points_velo)
         region = region_of(pixels, (width, height), self._color_config.ring_scale)
         if region is None:
-            return
+            return None
         self.measured = color_ratios(
             tracker_input.image, region, self._color_config.bins_per_channel
         )
         self.colors.update(self.measured)
         self.regions = self.regions or (region,)
-        self.region, self._anchor_px = region, anchor_px
+        self._region, self._anchor_px = region, anchor_px
         self._center_px = confidence_centroid(tracker_input.image, region, self.colors.ratios)
+        return region
 
 
 def _pixel_of(tracker_input: TrackerInput, position_world: Float64) -> Float64 | None:

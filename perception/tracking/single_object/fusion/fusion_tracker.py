@@ -32,7 +32,7 @@ class FusedLocalizer(ObjectLocalizer):
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Fuse the positions within the gate; either one is enough."""
-        config = self._config
+        config, self.region = self._config, None
         self._point = self._point.predicted(localizer_input.elapsed_s, config.process)
         measured = (
             (self.shift(localizer_input, config.points), config.lidar_variance),
@@ -53,6 +53,7 @@ class FusedLocalizer(ObjectLocalizer):
 
     def reset(self, position_m: Float64) -> None:
         """Put the fused point at rest."""
+        self.region = None
         self._point = ConstantAcceleration.at_rest(position_m, self._config.initial)
 
     def _in_image(self, localizer_input: LocalizerInput) -> Float64 | None:
@@ -72,7 +73,7 @@ class FusedLocalizer(ObjectLocalizer):
     def _learn(self, localizer_input: LocalizerInput, window: Window, position: Float64) -> None:
         obstacles = localizer_input.obstacles
         points_velo = obstacles.points_velo[window.contains(obstacles.points_world)]
-        self.colors.learn(localizer_input.tracker_input, points_velo, position)
+        self.region = self.colors.learn(localizer_input.tracker_input, points_velo, position)
 
 
 class FusionTracker(CentroidTracker):
