@@ -21,8 +21,7 @@ from perception.detection.depthcn.verifier import CONTRACT
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
-from perception.maps.densify import densify
-from perception.maps.projection import camera_of, project_frame
+from perception.maps.projection import camera_of
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Frame
 from train.networks.depthcn import VehicleVerifier, load_verifier
@@ -128,9 +127,9 @@ def random_inputs(channels: int, rows: int, generator: np.random.Generator) -> I
 
 
 def crop_inputs(detector: DepthCn, frames: Iterable[Frame], sensor: LidarModel) -> Iterator[Inputs]:
-    """Yield the network's inputs of each frame that has proposals."""
+    """Yield the network's inputs of each frame that has proposals, by the maps that it was trained with."""
     for frame in frames:
-        dense = densify(project_frame(frame))
+        dense = detector.densify(frame)
         windows = detector.verify_frame(frame, dense).windows_px
         if len(windows):
             image_P_velo = camera_of(frame)[0].image_P_velo

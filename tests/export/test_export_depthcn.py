@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from export.depthcn import exportable_verifier, random_inputs
+from data.open_drive import open_drive
+from export.depthcn import crop_inputs, exportable_verifier, random_inputs
 from export.exporters import export_network
 from export.parity import compare, torch_runner
 from export.result import ExportConfig
 from perception.cli.main import main, run_command_line
+from perception.detection.depthcn.detector import DepthCn
+from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.verifier import Verifier
 from perception.errors import ModelError, UsageError, WriteError
 from tests.faults import command, fault
@@ -84,6 +87,18 @@ def test_proposals_of_a_drive_are_compared_in_8_bits_too(
     assert report["variants"]["int8"]["size_bytes"] < 0.3 * report["variants"]["fp32"]["size_bytes"]
     assert (tmp_path / "model.int8.onnx").is_file()
     assert "scores, candidates" in capsys.readouterr().out
+
+
+def test_crops_are_of_the_maps_that_the_network_was_trained_with(exported, drive):
+    opened, detector = open_drive(drive), DepthCn(exported)
+    frame = opened[0]
+    (inputs,) = crop_inputs(detector, [frame], opened.sensor)
+    dense = detector.densify(frame)
+    image = encode_channels(dense, frame.calibration.image_P_velo, opened.sensor.height_m)
+    windows = detector.verify_frame(frame).windows_px
+    np.testing.assert_array_equal(
+        inputs["crops"], detector.verifier.inputs(image, windows)["crops"]
+    )
 
 
 @pytest.fixture
