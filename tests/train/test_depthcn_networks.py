@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from perception.errors import ModelError
+from perception.errors import ModelError, UsageError
 from tests.faults import fault
 from train.networks.depthcn import (
     VERIFIER_INPUTS,
@@ -52,6 +52,17 @@ def test_the_thesis_network_drops_half_before_its_last_layer():
     layers = list(ThesisVerifier().classifier)
     assert isinstance(layers[-2], torch.nn.Dropout)
     assert layers[-2].p == 0.5
+
+
+def test_another_dropout_may_be_asked_for():
+    def dropped(network):
+        return [layer.p for layer in network.modules() if isinstance(layer, torch.nn.Dropout)]
+
+    assert dropped(make_verifier("thesis", 0.0)) == [0.0]
+    assert dropped(make_verifier("default", 0.4)) == [0.4]
+    assert dropped(make_verifier("default")) == [0.2]
+    with fault(UsageError, "dropout", "a fraction from 0 to below 1", "1"):
+        make_verifier("thesis", 1.0)
 
 
 def test_one_logit_says_what_the_softmax_of_two_says():

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.verifier import CONTRACT, KIND
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
+from perception.errors import UsageError
 from perception.types import Method
 from train.checkpoints import Content, load_network
 
@@ -48,7 +49,13 @@ class ThesisVerifier(VehicleVerifier):
 
     mean_image: Tensor
 
-    def __init__(self) -> None:
+    def __init__(self, dropout: float = 0.5) -> None:
+        """Build it with the first weights of the author's code.
+
+        Args:
+            dropout: Fraction of the units that are dropped before the last layer in training; half of them in the
+                thesis (7.2.1), none in the author's code.
+        """
         super().__init__()
         # Subtracted first: the mean image of the training set.
         self.register_buffer("mean_image", torch.zeros(1, CROP_HEIGHT_PX, CROP_WIDTH_PX))
@@ -64,7 +71,7 @@ class ThesisVerifier(VehicleVerifier):
             nn.Flatten(),
             nn.Linear(64 * 15 * 27, 64),
             nn.ReLU(),
-            nn.Dropout(0.5),
+            nn.Dropout(dropout),
             nn.Linear(64, 2),
         )
         self._set_first_weights()
@@ -100,7 +107,12 @@ class DefaultVerifier(VehicleVerifier):
     # Initial box: the middle of the window's lower half.
     _FIRST_BOX = (0.3, 0.45, 0.7, 0.85)
 
-    def __init__(self) -> None:
+    def __init__(self, dropout: float = 0.2) -> None:
+        """Build it with random weights.
+
+        Args:
+            dropout: Fraction of the units that are dropped before the last layer in training.
+        """
         super().__init__()
         self.around = RelativeDepthEncoding()
         blocks, before = [], len(CHANNELS)
@@ -118,7 +130,7 @@ class DefaultVerifier(VehicleVerifier):
             nn.Linear(before * 5 * 7 + 1, self._UNITS, bias=False),
             nn.BatchNorm1d(self._UNITS),
             nn.ReLU(),
-            nn.Dropout(0.2),
+            nn.Dropout(dropout),
         )
         self.vehicle = nn.Linear(self._UNITS, 1)
         self.box = nn.Linear(self._UNITS, 4)
@@ -192,9 +204,22 @@ VERIFIER_INPUTS: dict[Method, VerifierInputConfig] = {
 }
 
 
-def make_verifier(method: Method) -> VehicleVerifier:
-    """Return an untrained network."""
-    return {"default": DefaultVerifier, "thesis": ThesisVerifier}[method]()
+def make_verifier(method: Method, dropout: float | None = None) -> VehicleVerifier:
+    """Return an untrained network.
+
+    Args:
+        method: Method of the network.
+        dropout: Fraction of the units that are dropped before the last layer in training; else the network's own.
+
+    Raises:
+        UsageError: it is no such fraction.
+    """
+    network = {"default": DefaultVerifier, "thesis": ThesisVerifier}[method]
+    if dropout is None:
+        return network()
+    if not 0 <= dropout < 1:
+        raise UsageError("dropout", expected="a fraction from 0 to below 1", found=f"{dropout:g}")
+    return network(dropout)
 
 
 def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
