@@ -88,7 +88,8 @@ class NmsConfig:
 
     Attributes:
         min_score: Score below which a detector reports nothing, 0 to 1.
-        max_iou: Overlap (IoU) with a better detection of the same class above which a detection is suppressed.
+        max_iou: Overlap (IoU) with a better detection of the same class above which a detection is suppressed;
+            a DepthCN network of the thesis suppresses none.
         max_candidates: Number of best boxes of the image and map detectors that enter the suppression.
         max_detections: Number of best boxes of the image and map detectors that are kept after it.
     """

@@ -1,6 +1,8 @@
 """DepthCN: vehicle proposals of the LiDAR, verified by a network (6.1).
 
 scan -- propose --> proposals -- windows --> crops of the maps -- network --> scores and boxes -- NMS --> detections
+
+The thesis verifies its proposals and suppresses none.
 """
 
 from dataclasses import dataclass
@@ -55,6 +57,7 @@ class VerifiedProposals:
 
 
 _NO_OVERRIDES = ProposalOverrides()
+_NO_SUPPRESSION = 1.0  # no overlap exceeds it
 
 
 class DepthCn:
@@ -75,7 +78,7 @@ class DepthCn:
             model: Model file, or the method of a model of this package.
             sensor: LiDAR of the scans.
             proposals: Proposal parameters in place of those of the network's method.
-            nms: Score threshold and suppression.
+            nms: Score threshold and suppression; the thesis' network has no suppression.
             threads: Number of threads of the network.
 
         Raises:
@@ -85,7 +88,8 @@ class DepthCn:
         self._sensor = sensor
         self._method = self.verifier.method
         self._proposals = proposals.over(PROPOSAL_CONFIGS[self._method])
-        self._nms = nms
+        self._min_score = nms.min_score
+        self._max_iou = _NO_SUPPRESSION if self._method == "thesis" else nms.max_iou
 
     def detect(self, frame: Frame) -> Detections:
         """Return the vehicles in the camera's view, best first; the image is not used."""
@@ -129,9 +133,9 @@ class DepthCn:
     def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
         """Return the rows of the detections: above the score threshold, in the image, and not suppressed."""
         is_in_image = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-        rows = np.flatnonzero(is_in_image & (scores >= self._nms.min_score))
+        rows = np.flatnonzero(is_in_image & (scores >= self._min_score))
         likely = _vehicles(boxes_px[rows], scores[rows])
-        return np.asarray(rows[suppress(likely, self._nms.max_iou)])
+        return np.asarray(rows[suppress(likely, self._max_iou)])
 
 
 def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:

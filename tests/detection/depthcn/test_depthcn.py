@@ -93,6 +93,14 @@ def test_thresholds_decide_what_is_kept(write_model, three_places):
     assert lenient.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1, 3, 2, 0]
 
 
+def test_the_thesis_suppresses_nothing(write_model, three_places):
+    dense, boxes = three_places
+    model = write_model(channels="reflectance", planes=1, method="thesis")
+    detector = DepthCn(model, nms=NmsConfig(min_score=0.0, max_iou=0.1))
+    kept = detector.verify(proposals_at([*boxes, boxes[1]]), dense, CALIBRATION).kept
+    assert kept.tolist() == [1, 4, 3, 2, 0]
+
+
 def test_no_proposal_needs_no_network(detector, three_places, monkeypatch):
     def refuse(inputs):
         raise AssertionError("called for nothing")
