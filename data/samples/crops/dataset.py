@@ -71,7 +71,7 @@ class CropDataset(Dataset[Sample]):
             PerceptionError: its frame has to be read again and cannot be.
         """
         row, transform = self._transform_of(index)
-        view = crop_view(self.image(row), self.source(row), transform)
+        view = crop_view(self.image(row), self.source(row), transform, self.frames.config.method)
         crop = np.ascontiguousarray(view.crop[..., self._channels].transpose(2, 0, 1))
         return {
             "crops": torch.from_numpy(crop),

@@ -31,7 +31,7 @@ class CropConfig:
     """Input of a verifier network.
 
     Attributes:
-        method: Method of the proposals and of the dense maps.
+        method: Method of the proposals, of the dense maps, and of the crops' interpolation.
         proposals: Parameters of the proposals; else the method's own.
         window: Part of the image around a proposal that is cropped; it also decides which are vehicles.
         channels: Channels of the input image, in the order of the network's input.

@@ -95,7 +95,7 @@ def _grid(
 
 def _render_view(dataset: CropDataset, row: int, transform: CropTransform) -> UInt8:
     source = dataset.source(row)
-    view = crop_view(dataset.image(row), source, transform)
+    view = crop_view(dataset.image(row), source, transform, dataset.frames.config.method)
     gap = ((0, _GAP_PX), (0, _GAP_PX), (0, 0))
     return np.pad(
         render_crop(view.crop, view.normalized_box, source.depth_m * transform.depth),

@@ -13,7 +13,7 @@ from data.samples.crops.config import CropAugmentationConfig
 from perception.detection.depthcn.crops import MIN_EDGE_PX, warp, window_maps
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.maps.encoding import decode_depth, encode_depth
-from perception.types import Float, Float64, UInt8
+from perception.types import Float, Float64, Method, UInt8
 
 _DEPTH, _HEIGHT, _REFLECTANCE = range(3)  # channels of the input image
 _CAMERA_HEIGHT = 136  # of the camera over the road, about 1.65 m, as the image encodes heights
@@ -119,12 +119,14 @@ def draw_transform(magnitudes: CropAugmentationConfig, rng: np.random.Generator)
     )
 
 
-def crop_view(image: UInt8, source: CropSource, transform: CropTransform) -> CropView:
-    """Crop an (H, W, 3) image and augment the crop."""
+def crop_view(
+    image: UInt8, source: CropSource, transform: CropTransform, method: Method = "default"
+) -> CropView:
+    """Crop an (H, W, 3) image by the interpolation of a method, and augment the crop."""
     window = np.asarray(source.window_px, np.float64)
     transformed_A_image = affine_matrix(transform, window)
     transformed_A_crop = window_maps(window[None])[0]
-    crop = warp(image, np.linalg.inv(transformed_A_image) @ transformed_A_crop)
+    crop = warp(image, np.linalg.inv(transformed_A_image) @ transformed_A_crop, method)
     normalized_box = _shares(transform_box(source.box_px, transformed_A_image), window)
     if transform.occlusion is not None:
         crop = occlude_side(crop, transform.occlusion, normalized_box, source.depth_m)

@@ -4,21 +4,32 @@ An affine map takes each point of the crop to a point of the image, so that crop
 scale, position and orientation are one warp of the full image.
 
     crop (u, v) --window_map--> image (x, y)          whole numbers are the centres of pixels
+
+The default takes the nearest pixel: a depth interpolated between a car and its background, or an unknown pixel, would
+be wrong. The thesis' crops are resized as images are, by cubic interpolation (the author's code).
 """
+
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
 
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.errors import PerceptionError
-from perception.types import Float, Float64, UInt8
+from perception.types import Float, Float64, Method, UInt8
 
 # Minimum width of a window: a cluster of one column of points has no width.
 MIN_EDGE_PX = 1.0
+_INTERPOLATIONS: Mapping[Method, int] = {"default": cv2.INTER_NEAREST, "thesis": cv2.INTER_CUBIC}
 
 
-def crop_windows(image: UInt8, windows_px: Float) -> UInt8:
-    """Return the (M, C, 66, 112) crops of (M, 4) windows of an (H, W, C) image; 0 beyond its edges.
+def crop_windows(image: UInt8, windows_px: Float, method: Method = "default") -> UInt8:
+    """Return the (M, C, 66, 112) crops of windows of an image; 0 beyond its edges.
+
+    Args:
+        image: (H, W, C) image.
+        windows_px: (M, 4) x1 y1 x2 y2 of the windows.
+        method: Method of the interpolation.
 
     Raises:
         PerceptionError: a window is not finite.
@@ -29,7 +40,7 @@ def crop_windows(image: UInt8, windows_px: Float) -> UInt8:
     if channels == 3:
         image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2RGBA), np.uint8)
     for crop, image_A_crop in zip(crops, window_maps(windows_px), strict=True):
-        crop[:] = warp(image, image_A_crop)[..., :channels].transpose(2, 0, 1)
+        crop[:] = warp(image, image_A_crop, method)[..., :channels].transpose(2, 0, 1)
     return crops
 
 
@@ -51,17 +62,13 @@ def window_maps(windows_px: Float) -> Float64:
     return maps
 
 
-def warp(image: UInt8, image_A_crop: Float64) -> UInt8:
-    """Return the (66, 112, C) crop of an (H, W, C) image by a (3, 3) affine map.
-
-    Each pixel is the nearest one of the image: a depth interpolated between a car and its background, or an
-    unknown pixel, would be wrong.
-    """
+def warp(image: UInt8, image_A_crop: Float64, method: Method = "default") -> UInt8:
+    """Return the (66, 112, C) crop of an (H, W, C) image by a (3, 3) affine map."""
     crop = cv2.warpAffine(
         image,
         image_A_crop[:2],
         (CROP_WIDTH_PX, CROP_HEIGHT_PX),
-        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+        flags=_INTERPOLATIONS[method] | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_CONSTANT,
     )
     return np.asarray(crop.reshape(CROP_HEIGHT_PX, CROP_WIDTH_PX, image.shape[2]), np.uint8)

@@ -82,14 +82,14 @@ class Verifier:
         self.window: WindowKind = self.model.metadata_choice("window", _WINDOWS)
         """Kind of the window around a proposal."""
         self.method: Method = self.model.metadata_choice("method", _METHODS)
-        """Method of the proposals and maps of its training."""
+        """Method of the proposals, maps and crops of its training."""
 
     def inputs(self, image: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return the network's inputs for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image."""
         planes = cv2.split(image)
         selected = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
         return {
-            "crops": crop_windows(selected.reshape(*image.shape[:2], -1), windows_px),
+            "crops": crop_windows(selected.reshape(*image.shape[:2], -1), windows_px, self.method),
             "windows_px": windows_px.astype(np.float32),
         }
 

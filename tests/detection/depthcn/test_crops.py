@@ -1,5 +1,6 @@
 """What the network sees of a window, against a plain loop over pixels."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -54,6 +55,14 @@ def test_a_window_of_the_crops_size_copies_pixels():
     # Pixel 0 spreads from -0.5 to 0.5.
     crop = crop_windows(image, np.array([[49.5, 19.5, 161.5, 85.5]]))[0]
     np.testing.assert_array_equal(crop, image[20:86, 50:162].transpose(2, 0, 1))
+
+
+def test_crops_of_the_thesis_are_resized_by_cubic_interpolation():
+    image = np.random.default_rng(0).integers(0, 256, (120, 400, 1), np.uint8)
+    crop = crop_windows(image, np.array([[99.5, 29.5, 155.5, 62.5]]), "thesis")[0, 0]
+    expected = cv2.resize(image[30:63, 100:156], (112, 66), interpolation=cv2.INTER_CUBIC)
+    # Beyond the window the image goes on, where the resized part repeats its edge.
+    np.testing.assert_allclose(crop[4:-4, 4:-4], expected[4:-4, 4:-4], atol=8)
 
 
 def test_crops_are_empty_outside_the_image():
