@@ -41,6 +41,14 @@ def write_car_frames(
     return root
 
 
+def write_car_frames_with_a_gap(root: Path) -> Path:
+    """Write frames 0, 2 and 3 in KITTI's object layout, without images; return their root."""
+    write_car_frames(root, frames=4)
+    for file in root.rglob("000001.*"):
+        file.unlink()
+    return root
+
+
 def _road(rng: np.random.Generator) -> np.ndarray:
     xy = rng.uniform((5, -12), (40, 12), (4000, 2))
     return np.column_stack([xy, np.full(4000, ROAD_M), np.full(4000, 0.2)])

@@ -15,7 +15,7 @@ import cv2
 import pytest
 from filelock import FileLock
 
-from tests.car_frames import write_car_frames
+from tests.car_frames import write_car_frames_with_a_gap
 
 cv2.setNumThreads(1)
 
@@ -87,7 +87,4 @@ def kitti_root() -> Path:
 @pytest.fixture
 def car_frames(tmp_path: Path) -> Path:
     """Return object frames 0, 2 and 3, without images, with two cars each."""
-    root = write_car_frames(tmp_path / "cars", frames=4)
-    for file in root.rglob("000001.*"):
-        file.unlink()
-    return root
+    return write_car_frames_with_a_gap(tmp_path / "cars")

@@ -1,23 +1,33 @@
 """The benchmark prints every comparison, and says what it leaves out."""
 
 import json
+from pathlib import Path
 
 from perception.cli.main import main
 
 
+def bench(json_file: Path, *words: str) -> dict:
+    assert main(["bench", "--frames", "2", "--json", str(json_file), *words]) == 0
+    return json.loads(json_file.read_text())
+
+
 def test_every_part_prints_a_table_and_its_ratios(tmp_path, capsys):
-    path = tmp_path / "bench.json"
-    assert main(["bench", "--frames", "2", "--chain-frames", "3", "--json", str(path)]) == 0
+    # Reference implementations loop over points, of which this sensor has the fewest.
+    document = bench(tmp_path / "bench.json", "--chain-frames", "3", "--sensor", "VLP-16")
     printed = capsys.readouterr().out
     for title in ("obstacle chain", "registration", "ground", "voxel counting"):
         assert f"\n{title}" in printed
-    document = json.loads(path.read_text())
     for part in ("registration", "ground", "voxels", "motion"):
         ratios = {name: row["relative_time"] for name, row in document[part].items()}
         assert ratios["Trifuse"] == 1.0
         assert len(ratios) >= 2
     detections = {name: row["detections"] for name, row in document["depthcn"].items()}
-    assert detections["reference: one proposal at a time"] == detections["Trifuse"]
-    assert document["ground"]["Trifuse"]["mDE [mm]"] < 30.0
+    assert detections["reference: one proposal at a time"] == detections["Trifuse"] > 0
     assert document["chain"]["default"]["memory_end_mib"] > 0
     assert document["configuration"]["chain_frames"] == 3
+
+
+def test_one_part_measures_the_ground_of_a_dense_scan(tmp_path):
+    document = bench(tmp_path / "ground.json", "--part", "ground")
+    assert document["ground"]["Trifuse"]["mDE [mm]"] < 30.0
+    assert "voxels" not in document

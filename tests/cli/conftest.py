@@ -15,7 +15,6 @@ from perception.evaluation.detection.detector_measure import FrameDetections
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Frame
-from tests.car_frames import write_car_frames
 
 METADATA = {"method": "labels", "training_data": "nothing at all"}
 
@@ -58,12 +57,3 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
         monkeypatch.setattr(measured_detectors, "run_depthcn", run)
 
     return install
-
-
-@pytest.fixture
-def car_frames(tmp_path: Path) -> Path:
-    """Return object frames 0, 2 and 3, without images, with two cars each."""
-    root = write_car_frames(tmp_path / "cars", frames=4)
-    for file in root.rglob("000001.*"):
-        file.unlink()
-    return root

@@ -13,34 +13,41 @@ from data.results.objects import FrameVehicles
 from data.results.records import read_records
 from perception.cli.main import main
 from perception.types import MODALITIES
+from tests.car_frames import write_car_frames_with_a_gap
 from tests.detection.bright_cells import bright_cells
 
 
-@pytest.fixture
-def networks(tmp_path) -> list[str]:
+@pytest.fixture(scope="module")
+def networks(tmp_path_factory) -> list[str]:
     """Return the flags that name a network for each view."""
-    flags = []
+    folder, flags = tmp_path_factory.mktemp("networks"), []
     for modality in MODALITIES:
-        path = tmp_path / f"{modality}.onnx"
+        path = folder / f"{modality}.onnx"
         path.write_bytes(bright_cells(modality))
         flags += [f"--pipeline.detection.{modality}-model", str(path)]
     return flags
 
 
-@pytest.fixture
-def run_of_cars(car_frames, networks, tmp_path) -> Path:
+@pytest.fixture(scope="module")
+def cars(tmp_path_factory) -> Path:
+    """Return object frames 0, 2 and 3, as `car_frames` does, for all tests of the run."""
+    return write_car_frames_with_a_gap(tmp_path_factory.mktemp("frames") / "cars")
+
+
+@pytest.fixture(scope="module")
+def run_of_cars(cars, networks, tmp_path_factory) -> Path:
     """Run the object frames 0, 2 and 3."""
-    out = tmp_path / "out"
-    words = ["run", str(car_frames), "--out", str(out), "--video", "false"]
+    out = tmp_path_factory.mktemp("out")
+    words = ["run", str(cars), "--out", str(out), "--video", "false"]
     assert main([*words, "--min-vehicle-score", "0", *networks]) == 0
     return out
 
 
-def test_result_files_are_named_as_frames_and_read_by_our_evaluator(run_of_cars, car_frames):
+def test_result_files_are_named_as_frames_and_read_by_our_evaluator(run_of_cars, cars):
     assert sorted(path.name for path in (run_of_cars / "data").iterdir()) == [
         *("000000.txt", "000002.txt", "000003.txt")
     ]
-    found = read_detection_set(run_of_cars, car_frames / "training").detections
+    found = read_detection_set(run_of_cars, cars / "training").detections
     lines = [json.loads(line) for line in (run_of_cars / "vehicles.jsonl").read_text().splitlines()]
     assert [line["frame"] for line in lines] == [0, 1, 2]
     told = [vehicle for line in lines for vehicle in line["vehicles"]]
@@ -87,6 +94,7 @@ def test_a_sequence_has_a_file_of_tracked_vehicles(networks, street, tmp_path):
 def test_detectors_read_an_image_that_is_not_drawn(networks, street, tmp_path, looks):
     out = tmp_path / "out"
     words = ["run", str(street), "--frames", "2", "--out", str(out), "--no-video", *networks]
+    words.append("--pipeline.no-parallel")
     assert (
         main([*words, "--pipeline.detection.modalities", '["rgb","dm"]' if looks else '["dm"]'])
         == 0

@@ -36,3 +36,9 @@ def all_stages(tmp_path_factory) -> PipelineConfig:
         files[f"{modality}_model"] = folder / f"{modality}.onnx"
         files[f"{modality}_model"].write_bytes(bright_cells(modality))
     return PipelineConfig(detection=DetectionConfig(modalities=MODALITIES, **files))
+
+
+@pytest.fixture(scope="session")
+def stages_in_turn(all_stages) -> PipelineConfig:
+    """Return the configuration of all stages without a second process, whose start takes a second."""
+    return replace(all_stages, parallel=False)

@@ -104,7 +104,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
     assert result.depthcn is not None
 
 
-def test_maps_are_made_once_for_all_detectors(street_frames, all_stages, monkeypatch):
+def test_maps_are_made_once_for_all_detectors(street_frames, stages_in_turn, monkeypatch):
     made = []
 
     def count(*given):
@@ -113,32 +113,32 @@ def test_maps_are_made_once_for_all_detectors(street_frames, all_stages, monkeyp
 
     for module in (camera_stages, depthcn_detector, modalities):
         monkeypatch.setattr(module, "densify", count)
-    with Pipeline(config=all_stages) as pipeline:
+    with Pipeline(config=stages_in_turn) as pipeline:
         result = pipeline.step(street_frames[0])
     assert result.depthcn is not None
     assert set(result.modality_detections) == set(MODALITIES)
     assert len(made) == 1
 
 
-def test_result_holds_the_map_images(street_frames, all_stages):
+def test_result_holds_the_map_images(street_frames, stages_in_turn):
     frame = street_frames[0]
-    with Pipeline(config=all_stages) as pipeline:
+    with Pipeline(config=stages_in_turn) as pipeline:
         map_images = pipeline.step(frame).map_images
     assert set(map_images) == {"dm", "rm"}
     for modality, image in map_images.items():
         np.testing.assert_array_equal(image, modality_image(frame, modality)[..., 0])
 
 
-def test_without_an_image_the_lidar_detects_alone(street_frames, all_stages):
-    with Pipeline(config=all_stages) as pipeline:
+def test_without_an_image_the_lidar_detects_alone(street_frames, stages_in_turn):
+    with Pipeline(config=stages_in_turn) as pipeline:
         result = pipeline.step(replace(street_frames[0], image=None))
     assert set(result.modality_detections) == {"dm", "rm"}
     assert result.depthcn is not None
 
 
-def test_without_poses_vehicles_are_located_all_the_same(street_frames, all_stages):
+def test_without_poses_vehicles_are_located_all_the_same(street_frames, stages_in_turn):
     # Where nothing says how the LiDAR moved, its scans are registered to each other.
-    with Pipeline(config=all_stages) as pipeline:
+    with Pipeline(config=stages_in_turn) as pipeline:
         with_poses = pipeline.step(street_frames[0]).vehicles
         pipeline.reset()
         frames = [replace(frame, world_SE3_velo=None) for frame in street_frames]
@@ -161,16 +161,16 @@ def notes_of(caplog) -> list[tuple]:
     ],
 )
 def test_what_is_missing_of_the_camera_is_noted_once(
-    street_frames, all_stages, caplog, missing, named, camera
+    street_frames, stages_in_turn, caplog, missing, named, camera
 ):
     frames = [replace(frame, **dict.fromkeys(missing)) for frame in street_frames]
-    with Pipeline(config=all_stages) as pipeline:
+    with Pipeline(config=stages_in_turn) as pipeline:
         results = [pipeline.step(frame) for frame in frames]
     ((source, what, _),) = notes_of(caplog)
     assert (source, what) == (frames[0].source, named)
     # The maps are those of the camera in its place.
     seen = [replace(one, image=None, calibration=camera or one.calibration) for one in frames]
-    with Pipeline(config=all_stages) as pipeline:
+    with Pipeline(config=stages_in_turn) as pipeline:
         expected = [pipeline.step(frame) for frame in seen]
     for one, other in zip(results, expected, strict=True):
         assert set(one.modality_detections) == {"dm", "rm"}
@@ -178,11 +178,13 @@ def test_what_is_missing_of_the_camera_is_noted_once(
     assert any(np.isfinite(one.vehicles.boxes.bottom_m).any() for one in results)
 
 
-def test_the_image_detector_alone_needs_image_and_calibration(street_frames, all_stages, caplog):
+def test_the_image_detector_alone_needs_image_and_calibration(
+    street_frames, stages_in_turn, caplog
+):
     detection = replace(
-        all_stages.detection, modalities=("rgb",), depthcn=DepthCnConfig(enabled=False)
+        stages_in_turn.detection, modalities=("rgb",), depthcn=DepthCnConfig(enabled=False)
     )
-    alone = replace(all_stages, detection=detection)
+    alone = replace(stages_in_turn, detection=detection)
     for missing in ("image", "calibration"):
         caplog.clear()
         with Pipeline(config=alone) as pipeline:
