@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+import torch
+from torchvision import ops
 
 from benchmarks.reference.depthcn import suppress_by_loop
 from perception.detection.suppression import suppress
@@ -61,3 +63,15 @@ def test_same_as_by_loop(seed):
     found = suppress(detections(boxes, scores), 0.4)
     assert found.tolist() == suppress_by_loop(boxes, scores, 0.4)
     assert 5 < len(found) < 75
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_same_as_by_torchvision(seed):
+    generator = np.random.default_rng(seed)
+    corner = generator.uniform(0, 60, (80, 2))
+    boxes = np.hstack([corner, corner + generator.uniform(5, 40, (80, 2))])
+    scores, classes = generator.permutation(80) / 80, generator.integers(0, 3, 80)
+    found = suppress(detections(boxes, scores, np.array(["Car", "Van", "Tram"])[classes]), 0.4)
+    expected = ops.batched_nms(*(torch.from_numpy(one) for one in (boxes, scores, classes)), 0.4)
+    assert found.tolist() == expected.tolist()
+    assert len(found) < 75

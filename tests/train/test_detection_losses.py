@@ -6,14 +6,9 @@ import torch
 from torchvision import ops
 
 from tests.train.image_labels import ImageLabels, pad_labels
-from train.box_overlap import (
-    paired_complete_iou,
-    paired_iou,
-    pairwise_iou,
-    pairwise_share,
-)
+from train.box_overlap import paired_iou, pairwise_iou
 from train.detector.config import PUBLISHED_LOSS
-from train.detector.losses import detection_loss
+from train.detector.losses import detection_loss, objectness_error
 from train.detector.targets import BatchLabels
 from train.networks.compact import CompactDetector
 from train.networks.yolo_head import YoloHead
@@ -65,7 +60,7 @@ def test_a_prediction_on_a_label_is_free_to_say_so():
     label = labels_of([1, 0, 64, 32])
     loss = loss_of(zeros(), label)
     without = loss_of(zeros(), label, ignore_iou=1.0)
-    shares = pairwise_iou(
+    shares = ops.box_iou(
         torch.tensor([[-16.0, 0, 48, 32], [16.0, 0, 80, 32]]), torch.tensor([[1.0, 0, 64, 32]])
     )
     assert shares[:, 0].tolist() == pytest.approx([47 / 80, 48 / 79])
@@ -121,10 +116,11 @@ def test_no_labels_ask_for_no_objects_alone():
 
 def test_ciou_in_place_of_squares():
     label = labels_of([24, 44, 56, 60])
-    complete = paired_complete_iou(
-        torch.tensor([[40.0, 40, 56, 56]]), torch.tensor([[24.0, 44, 56, 60]])
-    )
-    expected = (2 - 512 / 6144) * (1 - complete.item())
+    # 16 x 16 and 32 x 16: an IoU of 1/3, centres (8, -4) apart within 32 x 20, aspects of 1 and 2.
+    aspect = 4 / math.pi**2 * (math.atan(1) - math.atan(2)) ** 2
+    distance = (8**2 + 4**2) / (32**2 + 20**2)
+    complete = 1 / 3 - distance - aspect**2 / (1 - 1 / 3 + aspect)
+    expected = (2 - 512 / 6144) * (1 - complete)
     assert loss_of(zeros(), label, box="ciou").box.item() == pytest.approx(expected, rel=1e-5)
 
 
@@ -137,25 +133,31 @@ def test_focal_loss_weighs_easy_cells_less():
     assert loss.no_objects.item() == pytest.approx(COUNT * score**2 * entropy, rel=1e-4)
 
 
-def test_complete_iou_by_hand():
-    a, b = torch.tensor([[0.0, 0, 2, 2]]), torch.tensor([[0.0, 0, 4, 2]])
-    aspect = 4 / math.pi**2 * (math.atan(1) - math.atan(2)) ** 2
-    expected = 0.5 - 1 / 20 - aspect**2 / (0.5 + aspect)
-    assert paired_complete_iou(a, b).item() == pytest.approx(expected, rel=1e-5)
+@pytest.mark.parametrize("is_label", [0.0, 1.0])
+def test_focal_loss_of_certain_targets_is_that_of_torchvision(is_label):
+    raw = zeros()
+    raw[:, :, 4] = torch.linspace(-6, 6, COUNT).reshape(1, 2, 2, 3)
+    target = torch.full((1, 2, 2, 3), is_label)
+    expected = ops.sigmoid_focal_loss(raw[:, :, 4], target, alpha=-1, gamma=2)
+    config = replace(PUBLISHED_LOSS, objectness="focal")
+    found = objectness_error(raw[:, :, 4], target, config)
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-6)
 
 
-def test_complete_iou_is_that_of_torchvision():
-    generator = torch.Generator().manual_seed(0)
-    corners = torch.rand(2, 50, 2, generator=generator) * 20
-    a, b = torch.cat([corners, corners + 1 + 20 * torch.rand(2, 50, 2, generator=generator)], dim=2)
-    assert torch.allclose(1 - paired_complete_iou(a, b), ops.complete_box_iou_loss(a, b), atol=1e-5)
-    assert torch.allclose(paired_iou(a, b), ops.box_iou(a, b).diagonal(), atol=1e-6)
+def test_focal_loss_is_least_at_the_overlap_that_is_reached():
+    logits = torch.linspace(-4, 4, 801)
+    config = replace(PUBLISHED_LOSS, objectness="focal")
+    errors = objectness_error(logits, torch.full_like(logits, 0.7), config)
+    assert logits[errors.argmin()].sigmoid().item() == pytest.approx(0.7, abs=0.01)
+    others = ops.sigmoid_focal_loss(logits, torch.full_like(logits, 0.7), alpha=-1, gamma=2)
+    assert abs(logits[others.argmin()].sigmoid().item() - 0.7) > 0.05
 
 
 def test_overlaps_by_hand():
-    a, b = torch.tensor([[0.0, 0, 4, 2]]), torch.tensor([[2.0, 0, 4, 4], [9.0, 9, 9, 9]])
-    assert pairwise_iou(a, b)[0].tolist() == pytest.approx([4 / 12, 0])
-    assert pairwise_share(a, b).tolist() == [[0.5, 0]]
+    a, b = torch.tensor([[[0.0, 0, 4, 2]]]), torch.tensor([[[2.0, 0, 4, 4], [9.0, 9, 9, 9]]])
+    assert pairwise_iou(a, b)[0, 0].tolist() == pytest.approx([4 / 12, 0])
+    assert paired_iou(b[0], b[0]).tolist() == [1, 0]
+    assert paired_iou(a[0, :0], b[0, :0]).tolist() == []
 
 
 @pytest.mark.parametrize("box", ["squared", "ciou"])
@@ -212,5 +214,5 @@ def test_one_batch_is_learned_by_heart(config):
     found = network.decode(network(images))
     best = found.scores[..., 0].topk(2).indices
     for image in range(2):
-        overlaps = pairwise_iou(found.boxes_px[image, best[image]], boxes[image])
+        overlaps = ops.box_iou(found.boxes_px[image, best[image]], boxes[image])
         assert overlaps.max(dim=0).values.min() > 0.85

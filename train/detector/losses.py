@@ -10,8 +10,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 from torch.nn import functional
+from torchvision import ops  # type: ignore[import-untyped]
 
-from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pairwise_share
+from train.box_overlap import paired_iou, pairwise_iou
 from train.detector.config import DetectionLossConfig
 from train.detector.targets import (
     BatchLabels,
@@ -84,7 +85,8 @@ def _box_term(
 ) -> Tensor:
     weight = 2 - targets.area_shares.clamp(max=1)
     if config.box == "ciou":
-        return (weight * (1 - paired_complete_iou(_at(corners, targets), targets.boxes_px))).sum()
+        errors: Tensor = ops.complete_box_iou_loss(_at(corners, targets), targets.boxes_px)
+        return (weight * errors).sum()
     return (weight * _squared(_corrections(_at(raw, targets)), targets.offsets).sum(dim=1)).sum()
 
 
@@ -93,7 +95,7 @@ def _object_term(
 ) -> Tensor:
     """Train objectness towards the IoU that the box reaches."""
     reached = paired_iou(_at(corners, targets), targets.boxes_px).detach()
-    return _objectness_error(_at(raw, targets)[:, OBJECTNESS], reached, config).sum()
+    return objectness_error(_at(raw, targets)[:, OBJECTNESS], reached, config).sum()
 
 
 def _no_object_term(
@@ -108,7 +110,7 @@ def _no_object_term(
         raw, targets
     )
     logits = raw[:, :, OBJECTNESS]
-    errors = _objectness_error(logits, torch.zeros_like(logits), config)
+    errors = objectness_error(logits, torch.zeros_like(logits), config)
     return errors.masked_fill(is_free, 0).sum()
 
 
@@ -127,12 +129,14 @@ def _prior_term(
     return config.prior_weight * errors.masked_fill(_is_responsible(raw, targets), 0).sum()
 
 
-def _objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfig) -> Tensor:
+def objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfig) -> Tensor:
+    """Return the loss of each prediction's objectness for a target of 0 to 1."""
     scores = logits.sigmoid()
     if config.objectness == "squared":
         return _squared(scores, target)
-    # The continuous form of the focal loss, for targets between 0 and 1 (Li et al.,
-    # "Generalized focal loss", NeurIPS 2020, eq. 3).
+    # The continuous form of the focal loss (Li et al., "Generalized focal loss", NeurIPS 2020, eq. 3), equal to
+    # torchvision's at targets of 0 and 1. Between them, where the reached IoU lies, torchvision's is not least at
+    # the target itself.
     entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
     return (target - scores).abs() ** config.focal_gamma * entropy
 
@@ -143,10 +147,18 @@ def _lies_on_label(corners: Tensor, labels: BatchLabels, ignore_iou: float) -> T
     boxes_px = corners.permute(0, 1, 3, 4, 2).reshape(batch, -1, 4)
     is_real = has_area(labels.boxes_px)[:, None]
     is_ignored = labels.is_ignored[:, None]
-    on_label = (pairwise_iou(boxes_px, labels.boxes_px) > ignore_iou) & ~is_ignored
-    in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > _MIN_IGNORED_SHARE) & is_ignored
+    iou = pairwise_iou(boxes_px, labels.boxes_px)
+    # With an intersection I of areas A and B: IoU = I / (A + B - I), hence I / A = IoU / (1 + IoU) (1 + B / A).
+    area_ratios = _areas(labels.boxes_px)[:, None] / _areas(boxes_px)[..., None]
+    shares = iou / (1 + iou) * (1 + area_ratios)
+    on_label = (iou > ignore_iou) & ~is_ignored
+    in_ignored = (shares > _MIN_IGNORED_SHARE) & is_ignored
     lies = ((on_label | in_ignored) & is_real).any(dim=2)
     return lies.reshape(batch, anchors, rows, columns)
+
+
+def _areas(boxes_px: Tensor) -> Tensor:
+    return (boxes_px[..., 2:] - boxes_px[..., :2]).prod(dim=-1)
 
 
 def _is_responsible(raw: Tensor, targets: GridTargets) -> Tensor:

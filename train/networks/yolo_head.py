@@ -18,8 +18,9 @@ from perception.errors import UsageError
 BOX = slice(0, 4)
 OBJECTNESS = 4
 CLASSES = slice(5, None)
-# exp of more would only be reached by a network that diverges, and then overflow half precision.
-_LARGEST_LOG_SCALE = 8.0
+# exp of more would only be reached by a network that diverges, and then overflow half precision; of less, boxes
+# would have no area, and their CIoU no gradient.
+_MAX_LOG_SCALE = 8.0
 
 
 class DecodedBoxes(NamedTuple):
@@ -98,7 +99,7 @@ class YoloHead(nn.Module):
         corner_y = torch.arange(rows, device=raw.device, dtype=raw.dtype)[None, None, :, None]
         x = (raw[:, :, 0].sigmoid() + corner_x) * self.stride_px
         y = (raw[:, :, 1].sigmoid() + corner_y) * self.stride_px
-        scale = raw[:, :, 2:4].clamp(max=_LARGEST_LOG_SCALE).exp()
+        scale = raw[:, :, 2:4].clamp(-_MAX_LOG_SCALE, _MAX_LOG_SCALE).exp()
         sizes = scale * self.anchors_px[None, :, :, None, None]
         return torch.cat([x[:, :, None], y[:, :, None], sizes], dim=2)
 
