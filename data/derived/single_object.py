@@ -12,12 +12,11 @@ from the track lists of the author's released code. Frames are numbered from 0 a
 The author's ground offsets, tuned by hand for each sequence, are left out: no tracker here wants them.
 """
 
-import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.resources import files
 
+from data.derived.tables import table_rows
 from perception.evaluation.single_object.track import ObjectSequence
 
 
@@ -50,8 +49,7 @@ def unique_sequences(sequences: Sequence[ObjectSequence]) -> list[ObjectSequence
 
 
 def _read(name: str, title: str) -> tuple[ObjectSequence, ...]:
-    text = (files("data.derived") / name).read_text(encoding="utf-8")
-    return tuple(_parse(row, title) for row in csv.DictReader(text.splitlines()))
+    return tuple(_parse(row, title) for row in table_rows(name))
 
 
 def _parse(row: dict[str, str], title: str) -> ObjectSequence:

@@ -1,0 +1,41 @@
+"""Sequences on which the thesis evaluates ground and obstacles: Table 3.1, with the counts that Table 7.2 prints.
+
+The thesis prints numbers of frames; each of them is that of one whole sequence of KITTI's tracking benchmark. Which
+objects it flagged as static and as moving was never published, only how many.
+"""
+
+from functools import cache
+from typing import Literal
+
+from data.derived.tables import table_rows
+from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
+
+SequenceSet = Literal["table-3.1"]
+
+PRINTED_MDE_M = 0.086  # mean displacement error over all sequences, with m = 6 and eta = 6 (7.1.1)
+_PRINTED = "printed_"
+
+
+@cache
+def table_3_1() -> tuple[ObstacleSequence, ...]:
+    """Return the 8 sequences on which the thesis evaluates ground and obstacles."""
+    return tuple(_parse(row) for row in table_rows("table_3_1.csv"))
+
+
+def _parse(row: dict[str, str]) -> ObstacleSequence:
+    printed = {
+        name.removeprefix(_PRINTED): int(value)
+        for name, value in row.items()
+        if name.startswith(_PRINTED)
+    }
+    return ObstacleSequence(
+        number=int(row["number"]),
+        sequence=row["sequence"],
+        frames=int(row["frames"]),
+        ego_status=row["ego_status"],
+        scene=row["scene"],
+        types=tuple(row["types"].split()),
+        static_objects=int(row["static_objects"]),
+        moving_objects=int(row["moving_objects"]),
+        printed=ObstacleCounts(**printed),
+    )
