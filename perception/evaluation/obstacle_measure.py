@@ -6,9 +6,10 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from perception.evaluation import false_obstacles, obstacles
+from perception.evaluation import exact_obstacles, false_obstacles, obstacles
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, add_confusions
+from perception.evaluation.exact_obstacles import count_exactly
 from perception.evaluation.false_obstacles import (
     MovingClusters,
     ShadowDetector,
@@ -16,12 +17,15 @@ from perception.evaluation.false_obstacles import (
     moving_clusters,
 )
 from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
+from perception.evaluation.obstacle_counts import ObstacleCounts
 from perception.evaluation.obstacles import (
+    FrameObstacles,
     ObjectCounts,
     ObjectObservations,
     count_objects,
     missed_moving,
     motion_confusions,
+    object_motions,
     observe_objects,
 )
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table
@@ -33,7 +37,16 @@ _OTHER_MIN_POINTS, _OTHER_MOVING_SHARES = (1, 5, 50), (0.0, 0.1, 0.5)
 _CLUSTER_POINTS = (1, 5, 20)  # of the smallest cluster that counts; 5 is the thesis' T_d
 _WARM_UP = 1  # first frames, which are also counted apart, since motion needs a history
 
-PROTOCOL_WORDS = {"objects": obstacles.__doc__, "false_obstacles": false_obstacles.__doc__}
+PROTOCOL_WORDS = {
+    "objects": obstacles.__doc__,
+    "false_obstacles": false_obstacles.__doc__,
+    "exact_truth": exact_obstacles.__doc__,
+    "counts": (
+        "the columns of Table 7.2 over the scans evaluated: by exact truth of points where there is any, else of "
+        "labelled objects; false obstacles are shadows of moving objects, with exact truth also "
+        "clusters of ground points; false moving are false moving clusters"
+    ),
+}
 
 
 class MotionTruth(Protocol):
@@ -88,6 +101,9 @@ class ObstacleReport(Report):
     Attributes:
         config: Thresholds at which an object counts and is found.
         missing: Metrics that the drive does not allow, in words.
+        counts: Obstacles in the columns of Table 7.2, by frame.
+        is_exact: Whether these are counted by exact truth of points, rather than by labels.
+        object_motions: Motion of each labelled object that enters the area: moving where it moves in any frame.
         objects: Labelled objects under the protocol's thresholds.
         objects_by_min_points: Labelled objects by the number of points that they must hold.
         objects_by_moving_share: Labelled objects by the required share of moving points.
@@ -102,6 +118,9 @@ class ObstacleReport(Report):
 
     config: Annotated[ObjectMatchConfig, CONTEXT]
     missing: str | None
+    counts: Annotated[Mapping[int, ObstacleCounts], CONTEXT] = field(default_factory=dict)
+    is_exact: bool = False
+    object_motions: Mapping[str, str] = field(default_factory=dict)
     objects: ObjectCounts | None = None
     objects_by_min_points: Mapping[str, ObjectCounts] = field(default_factory=dict)
     objects_by_moving_share: Mapping[str, ObjectCounts] = field(default_factory=dict)
@@ -113,8 +132,24 @@ class ObstacleReport(Report):
     points_moving: Confusion | None = None
     points_static: Confusion | None = None
 
+    @property
+    def title(self) -> str:
+        """Title of the counts of Table 7.2."""
+        truth = "by exact truth of points" if self.is_exact else "of labelled objects"
+        return f"Obstacles in the columns of Table 7.2, {truth}"
+
+    @property
+    def total(self) -> ObstacleCounts:
+        """Obstacles of all frames in the columns of Table 7.2."""
+        return sum(self.counts.values(), ObstacleCounts())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the metrics by name, without those that the data do not allow."""
+        counts = {"counts": self.total.to_json()} if self.counts else {}
+        return {**counts, **super().to_json()}
+
     def tables(self) -> list[Table[Any]]:
-        """Return objects by three criteria, false clusters, shadows, and points against exact truth."""
+        """Return the columns of Table 7.2, objects by three criteria, false clusters, shadows, and exact points."""
         config, points = self.config, {"moving": self.points_moving, "static": self.points_static}
         found = f"found moving at {100 * config.moving_share:g} % moving points"
         over = f"Labelled objects of {config.min_points} points and more"
@@ -124,6 +159,7 @@ class ObstacleReport(Report):
         objects = ObjectCounts.columns()
         # fmt: off
         tables: list[Table[Any]] = [
+            Table(self.title, ObstacleCounts.columns(), {"all frames": self.total} if self.counts else {}),
             Table(f"Labelled objects, once per frame; {found}", objects, self.objects_by_min_points),
             Table(f"{over}, by required share of moving points", objects, self.objects_by_moving_share),
             Table(f"{over}, by frames", objects, self.objects_by_frames),
@@ -160,37 +196,60 @@ class ObstacleMeasure:
         self._clusters: list[MovingClusters] = []
         self._shadows: list[Shadows] = []
         self._points: dict[str, Confusion] = {}
+        self._counted: dict[int, FrameObstacles] = {}
+        self._is_exact = False
         self._frames = 0
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame."""
         self._frames += 1
-        states = result.obstacles.point_states
-        if labels is not None:
-            self._add_objects(result, labels)
+        counted = None if labels is None else self._add_objects(result, labels)
         if truth is not None:
+            states = result.obstacles.point_states
             added = motion_confusions(states, truth.classes, truth.is_moving)
             self._points = add_confusions(self._points, added)
+            shadows = 0 if counted is None else counted.false_obstacles
+            exact = count_exactly(result, truth, self._area, self._config)
+            counted = replace(exact, false_obstacles=exact.false_obstacles + shadows)
+            self._is_exact = True
+        if counted is not None:
+            self._counted[result.frame.index] = counted
 
-    def _add_objects(self, result: Result, labels: Labels) -> None:
+    def obstacles_of(self, frame: int) -> FrameObstacles | None:
+        """Return the obstacles of a frame in the columns of Table 7.2, or None where their motion is not known."""
+        return self._counted.get(frame)
+
+    def _add_objects(self, result: Result, labels: Labels) -> FrameObstacles | None:
+        """Add the labelled objects of a frame, and return its obstacles where motion and view are known."""
         index, scan = result.frame.index, result.frame.points_velo
         states = result.obstacles.point_states
         unknown = np.full(len(labels), MotionState.UNKNOWN, np.int64)
         motions = unknown if self._motion is None else self._motion.of(index, labels.track_ids)
         objects = LabelledObjects(labels.boxes_velo, motions, labels.track_ids)
-        self._observed.append(
-            observe_objects(index, scan, states, objects, self._area, self._config)
-        )
+        observed = observe_objects(index, scan, states, objects, self._area, self._config)
+        self._observed.append(observed)
         view = LabelledView.of(result.frame, labels.dont_care_px)
-        if self._motion is not None and view is not None:
-            self._clusters.append(moving_clusters(index, scan, states, objects, view))
-            self._shadows.append(self._shadow_detector.update(result, objects, view))
+        if self._motion is None or view is None:
+            return None
+        clusters = moving_clusters(index, scan, states, objects, view)
+        shadows = self._shadow_detector.update(result, objects, view)
+        self._clusters.append(clusters)
+        self._shadows.append(shadows)
+        is_false = clusters.is_false(_CLUSTER_POINTS[1], ignore_dont_care=True)
+        return FrameObstacles(
+            observed, self._config, int(shadows.clusters.sum()), int(np.count_nonzero(is_false))
+        )
 
     def compute(self) -> ObstacleReport:
         """Return the metrics of all frames so far."""
         moving, static = self._points.get("moving"), self._points.get("static")
         report = ObstacleReport(
-            self._config, self._missing(), points_moving=moving, points_static=static
+            self._config,
+            self._missing(),
+            counts={frame: counted.counts for frame, counted in self._counted.items()},
+            is_exact=self._is_exact,
+            points_moving=moving,
+            points_static=static,
         )
         if self._observed:
             report = self._add_object_counts(report)
@@ -221,6 +280,7 @@ class ObstacleMeasure:
         warms_up = np.asarray(observed.frames < _WARM_UP)
         return replace(
             report,
+            object_motions=object_motions(observed),
             objects=count_objects(observed, config),
             objects_by_min_points=by_points,
             objects_by_moving_share=by_share,

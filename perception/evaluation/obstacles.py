@@ -22,10 +22,11 @@ from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
 from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.obstacle_counts import ObstacleCounts
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
-from perception.types import ArrayTable, Bool, Float, Float64, Int, PointState, UInt8
+from perception.types import ArrayTable, Bool, Boxes3D, Float, Int, PointState, UInt8
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class ObjectObservations(ArrayTable):
         frames: (K,) Number of the frame.
         track_ids: (K,) Track id, -1 where the labels have no tracks.
         motions: (K,) `MotionState` by the labels.
-        ranges_m: (K,) Horizontal distance of the box's bottom centre from the LiDAR.
+        boxes_velo: (K) 3D boxes in the LiDAR frame.
         points: (K,) Number of scan points in the box above the clearance.
         obstacle_points: (K,) Number of these points classified as STATIC or MOVING.
         moving_points: (K,) Number of these points classified as MOVING.
@@ -45,7 +46,7 @@ class ObjectObservations(ArrayTable):
     frames: Int
     track_ids: Int
     motions: Int
-    ranges_m: Float64
+    boxes_velo: Boxes3D
     points: Int
     obstacle_points: Int
     moving_points: Int
@@ -81,7 +82,7 @@ def observe_objects(
         frames=np.full(len(boxes), frame, np.int64),
         track_ids=objects.track_ids[present],
         motions=objects.motions[present],
-        ranges_m=np.hypot(bottom_m[:, 0], bottom_m[:, 1]),
+        boxes_velo=boxes,
         points=np.count_nonzero(holds, axis=1),
         obstacle_points=np.count_nonzero(holds & is_obstacle, axis=1),
         moving_points=np.count_nonzero(holds & (states == PointState.MOVING), axis=1),
@@ -143,6 +144,55 @@ def missed_moving(observed: ObjectObservations, config: ObjectMatchConfig) -> Ob
     """Return the moving objects that were not found to move."""
     counts = (observed.points >= config.min_points) & (observed.motions == MotionState.MOVING)
     return observed[counts & ~observed.is_moving(config.moving_share)]
+
+
+@dataclass(frozen=True)
+class FrameObstacles:
+    """Obstacles of one frame, found and missed, and the numbers of false ones.
+
+    Attributes:
+        observed: Obstacles of any number of points.
+        config: Thresholds at which an obstacle counts and is found.
+        false_obstacles: Number of detected obstacles where there is none.
+        false_moving: Number of detected moving obstacles where nothing moves.
+    """
+
+    observed: ObjectObservations
+    config: ObjectMatchConfig
+    false_obstacles: int
+    false_moving: int
+
+    @property
+    def counted(self) -> ObjectObservations:
+        """Obstacles of enough points to count."""
+        return self.observed[self.observed.points >= self.config.min_points]
+
+    @property
+    def is_missed(self) -> Bool:
+        """(K,) whether each counted obstacle is not found."""
+        return np.asarray(~self.counted.is_obstacle(self.config.found_share))
+
+    @property
+    def counts(self) -> ObstacleCounts:
+        """Counts of the frame."""
+        objects = count_objects(self.observed, self.config)
+        return ObstacleCounts(
+            obstacles=objects.objects,
+            moving=objects.moving,
+            missed_obstacles=objects.missed_objects,
+            missed_moving=objects.missed_moving,
+            false_obstacles=self.false_obstacles,
+            false_moving=self.false_moving,
+        )
+
+
+def object_motions(observed: ObjectObservations) -> dict[str, str]:
+    """Return the motion of each track in the area by its id: moving where it moves in any frame, else static."""
+    motion_of: dict[str, str] = {}
+    for state in (MotionState.UNKNOWN, MotionState.STATIC, MotionState.MOVING):
+        ids = np.unique(observed.track_ids[observed.motions == state]).tolist()
+        motion_of |= {str(number): state.name.lower() for number in ids if number >= 0}
+    return dict(sorted(motion_of.items(), key=lambda item: int(item[0])))
 
 
 def motion_confusions(states: UInt8, classes: Int, is_moving: Bool) -> dict[str, Confusion]:

@@ -67,7 +67,7 @@ def test_an_object_is_found_or_missed_by_its_own_points():
     assert observed.points.tolist() == [4, 4, 4]
     assert observed.obstacle_points.tolist() == [4, 4, 1]
     assert observed.moving_points.tolist() == [0, 1, 1]
-    np.testing.assert_allclose(observed.ranges_m, [5, 10, 15])
+    np.testing.assert_allclose(observed.boxes_velo.bottom_m[:, 0], [5, 10, 15])
     counts = count_objects(observed, FOUR_POINTS)
     assert (counts.objects, counts.missed_objects) == (3, 1)
     assert (counts.moving, counts.missed_moving) == (2, 0)
@@ -102,7 +102,7 @@ def test_a_track_is_found_where_one_of_its_frames_is():
         frames=rows,
         track_ids=np.array([7, 7, 8]),
         motions=np.full(3, MotionState.MOVING),
-        ranges_m=np.full(3, 9.0),
+        boxes_velo=Boxes3D(np.zeros((3, 3)), np.ones((3, 3)), np.zeros(3)),
         points=np.full(3, 50),
         obstacle_points=np.full(3, 50),
         moving_points=np.array([0, 40, 0]),
