@@ -5,14 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
+from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
     EvaluatedDrive,
     EvaluationDocument,
-    open_labelled_drive,
     publish_report,
 )
 from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.sequence_sets import evaluate_drives
 from perception.errors import UsageError
 from perception.evaluation.config import DatmoProtocol
 from perception.pipeline import PipelineConfig
@@ -32,6 +33,7 @@ def evaluate_datmo(
     drive: DriveFlags,
     report: ReportFlags,
     config: CommandConfig,
+    set: SequenceSet | None = None,
     methods: tuple[Method, ...] = ("default", "thesis", "author"),
     pipeline: PipelineConfig = _PIPELINE,
     protocol: DatmoProtocol = _PROTOCOL,
@@ -44,24 +46,31 @@ def evaluate_datmo(
 
     Args:
         root: Tracking sequences, or a synthetic drive in raw or tracking layout.
+        set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
         methods: Methods that are compared; all of them get the segmented scans of one pipeline.
         pipeline: Configuration of the pipeline up to the segmented scan.
         protocol: Protocol of the evaluation; `view: all` takes the exact truth of synthetic drives.
     """
-    from perception.evaluation.datmo_measure import PROTOCOL_WORDS
+    from perception.evaluation.datmo_measure import PROTOCOL_WORDS, DatmoSetReport
 
-    if not methods or len(set(methods)) < len(methods):
+    if not methods or len({*methods}) < len(methods):
         known = ", ".join(get_args(Method))
         raise UsageError(
             "--methods", expected=f"some of {known}, each once", found=repr(",".join(methods))
         )
-    labelled = open_labelled_drive(root, drive)
-    comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
-    data = EvaluatedDrive.of(labelled, drive.frames, next(iter(comparison.reports.values())).frames)
+
+    def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, DatmoComparison]":
+        comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
+        frames = next(iter(comparison.reports.values())).frames
+        return EvaluatedDrive.of(labelled, drive.frames, frames), comparison
+
+    data, metrics = evaluate_drives(
+        root, set, drive, evaluate, lambda reports: DatmoSetReport(reports, table_3_1())
+    )
     words = {**PROTOCOL_WORDS, "values": protocol}
     document = EvaluationDocument("datmo", data, words)
     heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"
-    publish_report(heading, comparison, document, config, report.json)
+    publish_report(heading, metrics, document, config, report.json)
 
 
 def compare_methods(

@@ -1,16 +1,23 @@
 """`trifuse evaluate ground`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from data.derived.obstacle_sequences import PRINTED_MDE_M, SequenceSet
 from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
+    EvaluatedDrive,
     EvaluationDocument,
     evaluate_drive,
-    open_labelled_drive,
     publish_report,
 )
 from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.sequence_sets import evaluate_drives
 from perception.pipeline import PipelineConfig
+from perception.types import Drive
+
+if TYPE_CHECKING:
+    from perception.evaluation.ground import GroundReport
 
 _PIPELINE = PipelineConfig.for_obstacles()
 
@@ -21,6 +28,7 @@ def evaluate_ground(
     drive: DriveFlags,
     report: ReportFlags,
     config: CommandConfig,
+    set: SequenceSet | None = None,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
     """Measure how far the estimated ground is from the bottom centres of labelled objects, in metres.
@@ -31,15 +39,24 @@ def evaluate_ground(
 
     Args:
         root: Tracking sequences, object frames, or a synthetic drive of any layout.
+        set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
         pipeline: Pipeline configuration.
     """
-    from perception.evaluation.ground import PROTOCOL, GroundMeasure, thesis_slice_edges_m
-
-    labelled = open_labelled_drive(root, drive)
-    area = pipeline.area
-    measure = GroundMeasure(area, thesis_slice_edges_m(labelled.sensor, area))
-    data = evaluate_drive(labelled, drive, pipeline, measure)
-    document = EvaluationDocument("ground", data, PROTOCOL)
-    publish_report(
-        f"{data}, method {pipeline.method}", measure.compute(), document, config, report.json
+    from perception.evaluation.ground import (
+        PROTOCOL,
+        GroundMeasure,
+        GroundSetReport,
+        thesis_slice_edges_m,
     )
+
+    def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, GroundReport]":
+        edges_m = thesis_slice_edges_m(labelled.sensor, pipeline.area)
+        measure = GroundMeasure(pipeline.area, edges_m)
+        data = evaluate_drive(labelled, drive, pipeline, measure)
+        return data, measure.compute()
+
+    data, metrics = evaluate_drives(
+        root, set, drive, evaluate, lambda reports: GroundSetReport(reports, PRINTED_MDE_M)
+    )
+    document = EvaluationDocument("ground", data, PROTOCOL)
+    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report.json)

@@ -1,17 +1,24 @@
 """`trifuse evaluate obstacles`."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
 from perception.cli.evaluation import (
+    EvaluatedDrive,
     EvaluationDocument,
     evaluate_drive,
-    open_labelled_drive,
     publish_report,
 )
 from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.sequence_sets import evaluate_drives
 from perception.evaluation.config import ObstacleProtocol
 from perception.pipeline import PipelineConfig
+from perception.types import Drive
+
+if TYPE_CHECKING:
+    from perception.evaluation.obstacle_measure import ObstacleMeasure, ObstacleReport
 
 _PIPELINE, _PROTOCOL = PipelineConfig.for_obstacles(), ObstacleProtocol()
 
@@ -22,6 +29,7 @@ def evaluate_obstacles(
     drive: DriveFlags,
     report: ReportFlags,
     config: CommandConfig,
+    set: SequenceSet | None = None,
     pipeline: PipelineConfig = _PIPELINE,
     protocol: ObstacleProtocol = _PROTOCOL,
 ) -> None:
@@ -34,21 +42,35 @@ def evaluate_obstacles(
 
     Args:
         root: Tracking sequences, object frames, or a synthetic drive of any layout.
+        set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
         pipeline: Pipeline configuration.
         protocol: Protocol of the evaluation.
     """
-    from data.derived.motion_labels import label_drive_motion
-    from data.kitti.sequence import KittiSequence
-    from perception.evaluation.obstacle_measure import PROTOCOL_WORDS, ObstacleMeasure
+    from perception.evaluation.obstacle_measure import PROTOCOL_WORDS
+    from perception.evaluation.obstacle_sets import ObstacleSetReport
 
-    labelled = open_labelled_drive(root, drive)
-    motion = None
-    if isinstance(labelled, KittiSequence) and labelled.has_labels and labelled.has_poses:
-        motion = label_drive_motion(labelled, protocol.motion)
-    measure = ObstacleMeasure(pipeline.area, protocol.objects, motion)
-    data = evaluate_drive(labelled, drive, pipeline, measure)
+    def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, ObstacleReport]":
+        measure = obstacle_measure(labelled, pipeline, protocol)
+        data = evaluate_drive(labelled, drive, pipeline, measure)
+        return data, measure.compute()
+
+    data, metrics = evaluate_drives(
+        root, set, drive, evaluate, lambda reports: ObstacleSetReport(reports, table_3_1())
+    )
     words = {**PROTOCOL_WORDS, "values": protocol}
     document = EvaluationDocument("obstacles", data, words)
-    publish_report(
-        f"{data}, method {pipeline.method}", measure.compute(), document, config, report.json
-    )
+    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report.json)
+
+
+def obstacle_measure(
+    drive: Drive, pipeline: PipelineConfig, protocol: ObstacleProtocol
+) -> "ObstacleMeasure":
+    """Return the measure of the obstacles of a drive, which knows what moves where the drive has labels and poses."""
+    from data.derived.motion_labels import label_drive_motion
+    from data.kitti.sequence import KittiSequence
+    from perception.evaluation.obstacle_measure import ObstacleMeasure
+
+    motion = None
+    if isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses:
+        motion = label_drive_motion(drive, protocol.motion)
+    return ObstacleMeasure(pipeline.area, protocol.objects, motion)

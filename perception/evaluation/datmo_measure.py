@@ -35,7 +35,8 @@ from perception.evaluation.multi_object.track_errors import (
     target_errors,
     track_outcomes,
 )
-from perception.evaluation.report import CONTEXT, Metric, Report, Table
+from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
+from perception.evaluation.report import CONTEXT, Metric, Report, Table, with_total
 from perception.geometry.box_overlap import iou_bev
 from perception.types import Frame, Labels, PointTruth, Result
 
@@ -137,6 +138,51 @@ class DatmoComparison(Report):
     def to_json(self) -> dict[str, Any]:
         """Return all metrics by method."""
         return {method: report.to_json() for method, report in self.reports.items()}
+
+
+@dataclass(frozen=True)
+class DatmoSetReport(Report):
+    """Reports of several methods on several sequences.
+
+    Attributes:
+        sequences: Reports of the methods on each sequence, by its name.
+        printed: Sequences of the set as the thesis prints them.
+    """
+
+    sequences: Mapping[str, DatmoComparison]
+    printed: Sequence[ObstacleSequence]
+
+    def tables(self) -> list[Table[Any]]:
+        """Return the metrics of each method by sequence, and the moving obstacles of Table 7.2."""
+        by_method = {
+            method: {name: one.reports[method].by_distance for name, one in self.sequences.items()}
+            for method in next(iter(self.sequences.values())).reports
+        }
+        moving = [column for column in ObstacleCounts.columns() if "moving" in column.name]
+        tables: list[Table[Any]] = []
+        for method, rows in by_method.items():
+            counts = {name: moving_counts(metrics) for name, metrics in rows.items()}
+            title = f"{method}: by distance of the centres on the ground plane; ratios in percent"
+            tables.append(mot_table(title, with_total(rows)))
+            title = f"{method}: moving objects once per frame, in the columns of Table 7.2"
+            tables.append(Table(title, moving, with_total(counts), heading="sequence"))
+        printed = {row.name: row.printed for row in self.printed}
+        title = "Thesis, Table 7.2: moving obstacles in 25 scans of each sequence, by a person"
+        return [*tables, Table(title, moving, with_total(printed), heading="sequence")]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all metrics by sequence, then by method."""
+        return {name: comparison.to_json() for name, comparison in self.sequences.items()}
+
+
+def moving_counts(metrics: MotMetrics) -> ObstacleCounts:
+    """Return the moving objects that must be tracked, those without a track, and the tracks without an object."""
+    clear = metrics.clear
+    return ObstacleCounts(
+        moving=clear.true_positives + clear.false_negatives,
+        missed_moving=clear.false_negatives,
+        false_moving=clear.false_positives,
+    )
 
 
 class DatmoMeasure:

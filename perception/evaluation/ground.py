@@ -5,7 +5,7 @@ estimated surface is an error (Fig. 3.3); this takes any `GroundModel`. Where ev
 the points classified as ground are counted against the true ones.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from perception.evaluation.confusion import Confusion, add_confusions, confusion
-from perception.evaluation.report import Metric, Metrics, Report, Table
+from perception.evaluation.report import TOTAL, Metric, Metrics, Report, Table, with_total
 from perception.geometry.grids import LocalArea
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import slice_edges_m, slice_starts_m
@@ -119,6 +119,20 @@ def mean_displacement_error(errors: GroundErrors) -> MeanDisplacementError:
     )
 
 
+def pooled_displacement_error(parts: Iterable[MeanDisplacementError]) -> MeanDisplacementError:
+    """Average over the frames of all parts, such as the sequences of Table 3.1 (7.2)."""
+    known = [part for part in parts if part.frames]
+    frames = sum(part.frames for part in known)
+    if not frames:
+        return MeanDisplacementError(float("nan"), float("nan"), 0, 0)
+    return MeanDisplacementError(
+        mde_m=sum(part.mde_m * part.frames for part in known) / frames,
+        bias_m=sum(part.bias_m * part.frames for part in known) / frames,
+        frames=frames,
+        objects=sum(part.objects for part in known),
+    )
+
+
 def displacement_by_interval(
     errors: GroundErrors, positions_m: Float64, edges_m: Sequence[float]
 ) -> dict[str, MeanDisplacementError]:
@@ -199,6 +213,50 @@ class GroundReport(Report):
             title = "Ground points against exact truth"
             tables.append(Table(title, Confusion.columns(), points))
         return tables
+
+
+@dataclass(frozen=True)
+class GroundSetReport(Report):
+    """Metrics of the ground of several sequences.
+
+    Attributes:
+        sequences: Metrics of each sequence, by its name.
+        printed_mde_m: Mean displacement error over all sequences of the set that the thesis prints.
+    """
+
+    sequences: Mapping[str, GroundReport]
+    printed_mde_m: float
+
+    @property
+    def total(self) -> MeanDisplacementError:
+        """Error over the frames of all sequences (7.2)."""
+        return pooled_displacement_error(self._errors.values())
+
+    def tables(self) -> list[Table[Any]]:
+        """Return the errors by sequence, and the confusions of points where truth is exact."""
+        printed = f"Thesis (Fig. 7.1): mDE {self.printed_mde_m:g} m over all sequences of the set."
+        errors = Table(
+            "Ground at labelled bottom centres, by sequence",
+            MeanDisplacementError.columns(),
+            {**self._errors, TOTAL: self.total},
+            heading="sequence",
+            notes=("", printed),
+        )
+        points = {n: one.points for n, one in self.sequences.items() if one.points is not None}
+        if not points:
+            return [errors]
+        title = "Ground points against exact truth, by sequence"
+        return [errors, Table(title, Confusion.columns(), with_total(points), heading="sequence")]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the metrics by sequence, their total, and the printed error."""
+        sequences = {name: report.to_json() for name, report in self.sequences.items()}
+        thesis = {"mde_m": self.printed_mde_m}
+        return {"sequences": sequences, "total": self.total.to_json(), "thesis": thesis}
+
+    @property
+    def _errors(self) -> dict[str, MeanDisplacementError]:
+        return {n: one.mde for n, one in self.sequences.items() if one.mde is not None}
 
 
 class GroundMeasure:

@@ -3,18 +3,21 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
-from operator import methodcaller
+from functools import partial, reduce
+from operator import add, methodcaller
 from typing import Any, Final, Generic, Protocol, Self, TypeVar, get_type_hints
 
 from perception.types import Labels, PointTruth, Result
 
 Row = TypeVar("Row")
+Summed = TypeVar("Summed", bound="SummedMetrics")
 Report_co = TypeVar("Report_co", bound="Report", covariant=True)
 Value = str | int | float | None
 
 # Annotation of a field that the tables need and the JSON document states elsewhere, such as a protocol.
 CONTEXT: Final = "context"
+# Name of the row that holds all sequences of a set together.
+TOTAL = "Total"
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,11 @@ class SummedMetrics(Metrics):
         """Return the sums of both."""
         names = (field.name for field in fields(self))  # type: ignore[arg-type]
         return type(self)(*(getattr(self, name) + getattr(other, name) for name in names))
+
+
+def with_total(rows: Mapping[str, Summed]) -> dict[str, Summed]:
+    """Return rows, such as those of several sequences, and behind them their sum."""
+    return {**rows, TOTAL: reduce(add, rows.values())} if rows else {}
 
 
 class Report(Metrics):

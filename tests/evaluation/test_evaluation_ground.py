@@ -10,6 +10,7 @@ from perception.evaluation.ground import (
     ground_confusion,
     ground_errors,
     mean_displacement_error,
+    pooled_displacement_error,
 )
 from perception.geometry.grids import LocalArea
 from perception.types import Float, Float64, PointState
@@ -125,3 +126,19 @@ def test_ground_points_by_hand():
     # From 0, 5, 10, 15, 20 and 25 m on.
     expected = [Confusion(1, 1, 1), Confusion(1, 0, 1), *[Confusion()] * 4]
     assert list(by_range.values()) == expected
+
+
+def test_the_error_of_several_sequences_is_the_mean_over_all_their_frames():
+    errors = made_up_errors()
+    other = GroundErrors(errors.frames[:1], errors.bottom_centers_m[:1], np.array([0.5]))
+    parts = [mean_displacement_error(part) for part in (errors, other, errors[:0])]
+    numbered_on = GroundErrors(
+        np.append(errors.frames, errors.frames.max() + 1),
+        np.concatenate([errors.bottom_centers_m, other.bottom_centers_m]),
+        np.append(errors.errors_m, 0.5),
+    )
+    pooled, whole = pooled_displacement_error(parts), mean_displacement_error(numbered_on)
+    assert pooled.mde_m == pytest.approx(whole.mde_m)
+    assert pooled.bias_m == pytest.approx(whole.bias_m)
+    assert (pooled.frames, pooled.objects) == (whole.frames, whole.objects)
+    assert np.isnan(pooled_displacement_error([]).mde_m)

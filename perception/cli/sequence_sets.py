@@ -1,0 +1,105 @@
+"""Evaluation of one drive, or of every sequence of a set that a folder holds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from data.derived.obstacle_sequences import SequenceSet
+from perception.cli.evaluation import EvaluatedDrive, open_labelled_drive
+from perception.cli.flags import DriveFlags
+from perception.errors import DriveError
+from perception.evaluation.obstacle_counts import ObstacleSequence
+from perception.evaluation.report import Report
+from perception.types import Drive
+
+OneReport = TypeVar("OneReport", bound=Report)
+
+
+@dataclass(frozen=True)
+class EvaluatedSet:
+    """Sequences of a set that the metrics rest on.
+
+    Attributes:
+        root: Folder of the sequences.
+        set: Name of the set.
+        drives: Frames of each evaluated sequence, by its name in the set.
+        absent: Names of the sequences that the folder does not hold.
+    """
+
+    root: Path
+    set: SequenceSet
+    drives: Mapping[str, EvaluatedDrive]
+    absent: Sequence[str]
+
+    def __str__(self) -> str:
+        """Return the numbers of sequences and frames, and the absent sequences, in one line."""
+        total = len(self.drives) + len(self.absent)
+        frames = sum(drive.frames_evaluated for drive in self.drives.values())
+        absent = f", absent: {', '.join(self.absent)}" if self.absent else ""
+        return f"{self.set}: {len(self.drives)} of {total} sequences{absent}; {frames} frames"
+
+
+def evaluate_drives(
+    root: Path,
+    set: SequenceSet | None,
+    flags: DriveFlags,
+    evaluate: Callable[[Drive], tuple[EvaluatedDrive, OneReport]],
+    combine: Callable[[Mapping[str, OneReport]], Report],
+) -> tuple[EvaluatedDrive | EvaluatedSet, Report]:
+    """Evaluate one drive, or every sequence of a set that a folder holds.
+
+    Args:
+        root: Folder of a drive, or of tracking sequences.
+        set: Name of the set, or None for one drive.
+        flags: Sensor, and the only sequence, where one is named.
+        evaluate: Function that returns the frames and the metrics of a drive.
+        combine: Function that returns the metrics of a set, of those of its sequences by name.
+
+    Returns:
+        Evaluated frames, and the metrics.
+
+    Raises:
+        DriveError: The folder holds no sequence of the set.
+        PerceptionError: A frame cannot be read or used.
+    """
+    if set is None:
+        return evaluate(open_labelled_drive(root, flags))
+    present, absent = find_sequences(root, set, flags.sequence)
+    drives: dict[str, EvaluatedDrive] = {}
+    reports: dict[str, OneReport] = {}
+    for one in present:
+        drive = open_labelled_drive(root, replace(flags, sequence=one.sequence))
+        drives[one.name], reports[one.name] = evaluate(drive)
+    names = [one.name for one in absent]
+    return EvaluatedSet(root.resolve(), set, drives, names), combine(reports)
+
+
+def find_sequences(
+    root: Path, set: SequenceSet, sequence: str | None
+) -> tuple[list[ObstacleSequence], list[ObstacleSequence]]:
+    """Return the sequences of a set that a folder holds, and those that it does not.
+
+    Args:
+        root: Folder of tracking sequences.
+        set: Name of the set.
+        sequence: Name of the only sequence, or None for all.
+
+    Raises:
+        DriveError: The folder holds none of them.
+    """
+    from data.derived.obstacle_sequences import table_3_1
+    from data.open_drive import sequences_in
+
+    asked = [one for one in table_3_1() if sequence is None or one.sequence == sequence.zfill(4)]
+    here = sequences_in(root)
+    present = [one for one in asked if one.sequence in here]
+    if not present:
+        names = ", ".join(one.sequence for one in table_3_1())
+        raise DriveError(
+            root,
+            expected=f"KITTI tracking sequences of the set {set}: {names}",
+            found=", ".join(name for name in here if name) or "one drive",
+            advice=f"name a tracking folder, or evaluate one drive without --set {set}",
+        )
+    return present, [one for one in asked if one not in present]

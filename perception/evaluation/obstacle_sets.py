@@ -1,0 +1,87 @@
+"""Metrics of the obstacles of several sequences: Table 7.2, and the objects of Table 3.1."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
+from perception.evaluation.obstacle_measure import ObstacleReport
+from perception.evaluation.report import Metric, Report, SummedMetrics, Table, with_total
+
+
+@dataclass(frozen=True)
+class ObjectMotions(SummedMetrics):
+    """Numbers of labelled objects that enter the local area, beside those that the thesis prints.
+
+    Attributes:
+        static: Number of static objects.
+        moving: Number of objects that move in some frame.
+        unknown: Number of objects labelled too shortly to tell.
+        thesis_static: Number of static objects in Table 3.1.
+        thesis_moving: Number of moving objects in Table 3.1.
+    """
+
+    static: Annotated[int, Metric("static")]
+    moving: Annotated[int, Metric("moving")]
+    unknown: Annotated[int, Metric("unknown")]
+    thesis_static: Annotated[int, Metric("thesis: static")]
+    thesis_moving: Annotated[int, Metric("thesis: moving")]
+
+    @classmethod
+    def of(cls, report: ObstacleReport, row: ObstacleSequence) -> "ObjectMotions":
+        """Count the objects of one sequence by their motion."""
+        motions = list(report.object_motions.values())
+        static, moving, unknown = map(motions.count, ("static", "moving", "unknown"))
+        return cls(static, moving, unknown, row.static_objects, row.moving_objects)
+
+
+@dataclass(frozen=True)
+class ObstacleSetReport(Report):
+    """Metrics of the obstacles of several sequences.
+
+    Attributes:
+        sequences: Metrics of each sequence, by its name.
+        printed: Sequences of the set as the thesis prints them.
+    """
+
+    sequences: Mapping[str, ObstacleReport]
+    printed: Sequence[ObstacleSequence]
+
+    @property
+    def motions(self) -> dict[str, ObjectMotions]:
+        """Labelled objects of each sequence by motion."""
+        rows = {row.name: row for row in self.printed}
+        return {name: ObjectMotions.of(one, rows[name]) for name, one in self.sequences.items()}
+
+    def tables(self) -> list[Table[Any]]:
+        """Return the columns of Table 7.2, the printed ones, and the objects by motion beside Table 3.1."""
+        by_title: dict[str, dict[str, ObstacleCounts]] = {}
+        for name, report in self.sequences.items():
+            by_title.setdefault(f"{report.title}, all frames", {})[name] = report.total
+        motions = "Labelled objects that enter the local area, and those of Table 3.1"
+        return [
+            *(counts_table(title, rows) for title, rows in by_title.items()),
+            printed_table(self.printed),
+            Table(motions, ObjectMotions.columns(), with_total(self.motions), heading="sequence"),
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the metrics by sequence, the sum of their counts, and what the thesis prints."""
+        counts = with_total({name: one.total for name, one in self.sequences.items()})
+        return {
+            "sequences": {name: one.to_json() for name, one in self.sequences.items()},
+            "counts": {name: one.to_json() for name, one in counts.items()},
+            "motions": {name: one.to_json() for name, one in with_total(self.motions).items()},
+            "thesis": printed_table(self.printed).to_json(),
+        }
+
+
+def counts_table(title: str, rows: Mapping[str, ObstacleCounts]) -> Table[ObstacleCounts]:
+    """Return the counts of sequences and their sum."""
+    return Table(title, ObstacleCounts.columns(), with_total(rows), heading="sequence")
+
+
+def printed_table(rows: Sequence[ObstacleSequence]) -> Table[ObstacleCounts]:
+    """Return the counts that the thesis prints."""
+    title = "Thesis, Table 7.2: 25 scans of each sequence, counted by a person"
+    return counts_table(title, {row.name: row.printed for row in rows})
