@@ -67,7 +67,9 @@ RESULT_FILES: Mapping[str, Mapping[str, str]] = {
     "track": {
         "trajectory.jsonl": "one `TrajectoryRecord` a line",
         "trajectory.txt": "KITTI tracking rows while the object is in the image and not lost",
-        "color-model.png": "colour model of the object, where the tracker has one",
+        "ground.png": "ground of the frame in the middle; this and the next two only with `--plots`",
+        "mean-shift.png": "mean shift over the points of that frame, where the tracker has one",
+        "color-model.png": "colour model of the object in that frame, where the tracker has one",
         **_VIDEO,
         "summary.json": "the printed summary",
     },

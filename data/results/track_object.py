@@ -4,7 +4,6 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -16,25 +15,20 @@ from data.results.folder import ResultsFolder, started
 from data.results.kitti_rows import trajectory_rows
 from data.results.objects import TrajectoryRecord
 from data.results.records import append_record
-from perception.atomic_file import append_atomically
+from data.results.tracker_plots import plot_tracker
+from perception.atomic_file import append_atomically, write_jpeg
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.geometry.boxes import points_inside
-from perception.geometry.grids import EgoVehicle
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.lidar_stages import LidarStages
-from perception.render.color_model_plots import ColorModelScene, plot_color_model
 from perception.render.tracked_object_composition import TrackedObjectComposition
 from perception.render.tracked_object_views import TrackedObjectScene
 from perception.render.trails import TrackedObjectTrail
 from perception.render.video import open_video
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
-from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.handover import tracker_input_of
-from perception.tracking.single_object.tracker import (
-    SingleObjectTracker,
-    TrackedObject,
-)
+from perception.tracking.single_object.tracker import SingleObjectTracker
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D, Drive, Frame, OnBadFrame, Result
 
@@ -52,6 +46,7 @@ class TrackConfig:
         tracker: Name of the tracker.
         frames: Number of frames from the start frame; None for all.
         video: Whether the video is drawn.
+        plots: Whether the figures of the frame in the middle are drawn.
         on_bad_frame: Stop at a damaged frame, or skip it.
         pipeline: Configuration of the stages before the tracker.
         tracker_config: Parameters of the trackers.
@@ -60,6 +55,7 @@ class TrackConfig:
     tracker: str = "default"
     frames: int | None = None
     video: bool = True
+    plots: bool = False
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig.for_motion("none"))
     tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
@@ -86,21 +82,17 @@ def track_object(
     """
     calibration, rate_hz = drive.calibration, drive.sensor.rate_hz
     tracker = single_object_tracker(config.tracker, drive.sensor, config.tracker_config)
-    last = frame_count(drive, None if config.frames is None else start.frame + config.frames)
-    count = last - start.frame
-    frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
-    stages = LidarStages(drive.sensor, config.pipeline)
-    segmented = (stages.segment(frame)[0] for frame in progress(frames, drive.name, count))
-    steps = started(_track(tracker, start, segmented, config.pipeline.ego_vehicle))
+    count = _last_frame(drive, start, config) - start.frame
+    scenes = started(tracked_scenes(drive, start, tracker, config, progress))
     out = folder.prepare()
     summary = TrajectorySummary(
         drive.name, config.tracker, start.name, out, start.truth, calibration
     )
-    trail = TrackedObjectTrail()
     composition = TrackedObjectComposition(frame_count=count, name=start.name)
     with open_video(out / "video.mp4" if config.video else None, rate_hz) as video:
         try:
-            for result, tracked, seconds in steps:
+            for scene in scenes:
+                result, tracked = scene.result, scene.tracked
                 if not summary.frames:
                     summary.points_at_start = _points_in(start.box_velo, result, config)
                 identity = start.object_id, start.kind
@@ -109,59 +101,74 @@ def track_object(
                 if calibration is not None and calibration.image_size_px is not None:
                     rows = trajectory_rows(result.frame.number, tracked, *identity, calibration)
                     append_atomically(out / "trajectory.txt", format_result_rows(rows).encode())
-                summary.update(result, tracked, seconds)
+                summary.update(result, tracked, scene.seconds)
                 if config.video:
-                    trail.add(result, tracked)
-                    scene = _scene(result, tracked, seconds, trail, start)
                     video.add(composition.draw(scene))
-                if len(summary.frames) == 1 + count // 2:
-                    _plot_colors(out / "color-model.png", start, result, tracked, tracker)
+                if config.plots and len(summary.frames) == 1 + count // 2:
+                    write_jpeg(out / "preview.jpg", composition.draw(scene), quality=88)
+                    plot_tracker(out, f"{start.name}, frame {result.frame.index}", tracker, scene)
         finally:
             write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
     return summary
 
 
-def _track(
-    tracker: SingleObjectTracker,
+def tracked_scenes(
+    drive: Drive,
     start: TrackStart,
-    results: Iterable[Result],
-    ego_vehicle: EgoVehicle,
-) -> Iterator[tuple[Result, TrackedObject, float]]:
-    """Yield each frame, the object in it, and the seconds that the tracker took."""
-    is_first = True
-    for result in results:
-        tracker_input = tracker_input_of(result, ego_vehicle)
+    tracker: SingleObjectTracker,
+    config: TrackConfig,
+    progress: FrameProgress,
+) -> Iterator[TrackedObjectScene]:
+    """Yield each frame from the start on, with the object in it.
+
+    Args:
+        drive: Drive to track in.
+        start: First box of the object.
+        tracker: New tracker.
+        config: Configuration of the tracking.
+        progress: Shows the progress over the frames.
+
+    Raises:
+        PerceptionError: The tracker cannot start, or a frame cannot be used.
+    """
+    last = _last_frame(drive, start, config)
+    frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
+    stages, trail = LidarStages(drive.sensor, config.pipeline), TrackedObjectTrail()
+    for frame in progress(frames, drive.name, last - start.frame):
+        result, _ = stages.segment(frame)
+        tracker_input = tracker_input_of(result, config.pipeline.ego_vehicle)
         start_s = time.perf_counter()
         with limit_blas_threads():
             tracked = (
-                tracker.init(tracker_input, start.box_velo)
-                if is_first
-                else tracker.update(tracker_input)
+                tracker.update(tracker_input)
+                if trail.states
+                else tracker.init(tracker_input, start.box_velo)
             )
-        yield result, tracked, time.perf_counter() - start_s
-        is_first = False
+        seconds = time.perf_counter() - start_s
+        trail.add(result, tracked)
+        yield TrackedObjectScene(
+            result=result,
+            tracked=tracked,
+            path_velo=trail.path_velo(result),
+            ego_path_velo=trail.ego_path_velo(result),
+            speeds_km_h=trail.speeds_km_h,
+            states=trail.states,
+            seconds=seconds,
+            truth=_true_box(start, frame.index),
+        )
 
 
-def _scene(
-    result: Result,
-    tracked: TrackedObject,
-    seconds: float,
-    trail: TrackedObjectTrail,
-    start: TrackStart,
-) -> TrackedObjectScene:
-    truth = None
-    if start.truth is not None:
-        truth = start.truth.boxes_velo[start.truth.frames == result.frame.index]
-    return TrackedObjectScene(
-        result=result,
-        tracked=tracked,
-        path_velo=trail.path_velo(result),
-        ego_path_velo=trail.ego_path_velo(result),
-        speeds_km_h=trail.speeds_km_h,
-        states=trail.states,
-        seconds=seconds,
-        truth=truth if truth is not None and len(truth) else None,
-    )
+def _last_frame(drive: Drive, start: TrackStart, config: TrackConfig) -> int:
+    """Return the index behind the last frame."""
+    return frame_count(drive, None if config.frames is None else start.frame + config.frames)
+
+
+def _true_box(start: TrackStart, frame: int) -> Boxes3D | None:
+    """Return the labelled box in a frame, or None without one."""
+    if start.truth is None:
+        return None
+    box = start.truth.boxes_velo[start.truth.frames == frame]
+    return box if len(box) else None
 
 
 def _points_in(box_velo: Boxes3D, result: Result, config: TrackConfig) -> int:
@@ -170,19 +177,3 @@ def _points_in(box_velo: Boxes3D, result: Result, config: TrackConfig) -> int:
     if not count:
         log.warning("no point of the scan lies in the first box; the tracker starts from it alone")
     return count
-
-
-def _plot_colors(
-    path: Path,
-    start: TrackStart,
-    result: Result,
-    tracked: TrackedObject,
-    tracker: SingleObjectTracker,
-) -> None:
-    """Plot the colour model of the object (Fig. 5.16) where the tracker has one."""
-    image = result.frame.image
-    if not isinstance(tracker, FusionTracker) or image is None or tracked.region is None:
-        return
-    colors = tracker.colors
-    scene = ColorModelScene(image, colors.regions, colors.measured, colors.colors.ratios)
-    plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)

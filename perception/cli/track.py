@@ -22,6 +22,7 @@ def track(
     start_frame: int | None = None,
     tracker: TrackerName = "default",
     video: bool = True,
+    plots: bool = False,
     tracker_config: SingleObjectTrackerConfig = _TRACKER_CONFIG,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
@@ -37,6 +38,8 @@ def track(
         start_frame: Start frame; else the first frame of the object or of the drive. --frames counts from there.
         tracker: Name of the tracker; ms-i, cbwh and opencv-* work in the image alone.
         video: Draw the video.
+        plots: Draw what the tracker does in the frame in the middle: preview.jpg and, of the thesis' trackers, the
+            ground, the mean shift and the colour model (Figs 5.13 to 5.16).
         tracker_config: Parameters of the trackers.
         pipeline: Configuration of registration and ground, which come before the tracker.
     """
@@ -49,7 +52,7 @@ def track(
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor)
     start = find_start(opened, start_config)
     track_config = TrackConfig(
-        tracker, frames.frames, video, frames.on_bad_frame, pipeline, tracker_config
+        tracker, frames.frames, video, plots, frames.on_bad_frame, pipeline, tracker_config
     )
     folder = results.folder(config)
     print(track_object(opened, start, folder, track_config, progress_bar).text())

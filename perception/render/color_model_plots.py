@@ -131,7 +131,7 @@ def _draw_mean_shift(axes: "Axes", scene: ColorModelScene, part: tuple[slice, sl
         *centers_px.T, color=rgb(palette.TRACKED_OBJECT), marker="o", markersize=4, linewidth=1.2
     )
     shift_px = np.hypot(*(centers_px[-1] - centers_px[0]))
-    axes.set_title(f"{len(scene.regions) - 1} shifts, {shift_px:.1f} px in all")
+    axes.set(title=f"{len(scene.regions) - 1} shifts, {shift_px:.1f} px in all", yticks=[])
     return shown
 
 

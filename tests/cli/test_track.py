@@ -46,7 +46,7 @@ def labelled_id(street) -> int:
 def results(street, labelled_id, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("followed")
     words = ["track", str(street), "--track-id", str(labelled_id), "--tracker", "h-fus"]
-    assert main([*words, "--out", str(out)]) == 0
+    assert main([*words, "--plots", "--out", str(out)]) == 0
     return out
 
 
@@ -93,12 +93,13 @@ def lines_of(path: Path) -> list[dict]:
 def test_every_file_is_there(results):
     names = {path.name for path in results.iterdir()}
     assert names == {
-        "color-model.png", "config.yaml", "summary.json", "trajectory.jsonl", "trajectory.txt",
-        "video.mp4",
+        "color-model.png", "config.yaml", "ground.png", "mean-shift.png", "preview.jpg",
+        "summary.json", "trajectory.jsonl", "trajectory.txt", "video.mp4",
     }  # fmt: skip
     with av.open(str(results / "video.mp4")) as container:
         assert sum(1 for _ in container.decode(video=0)) == FRAMES
-    assert cv2.imread(str(results / "color-model.png")).std() > 5
+    for name in ("color-model.png", "ground.png", "mean-shift.png", "preview.jpg"):
+        assert cv2.imread(str(results / name)).std() > 5
 
 
 def test_the_trajectory_tells_the_object_in_both_frames(results, street, labelled_id):
@@ -111,6 +112,7 @@ def test_the_trajectory_tells_the_object_in_both_frames(results, street, labelle
     np.testing.assert_allclose(lines[0]["size_m"], box.size_m[0], atol=0.01)
     read = read_records(results / "trajectory.jsonl", TrajectoryRecord)
     assert [to_serializable(record) for record in read] == lines
+    assert all(len(line["hull_px"]) == len(line["ring_px"]) > 2 for line in lines)
     for line in lines:
         world_m_s = np.linalg.norm(line["world"]["velocity_m_s"])
         assert world_m_s == pytest.approx(line["speed_m_s"], abs=1e-3)
@@ -255,13 +257,12 @@ def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
 def test_without_a_camera_the_object_is_tracked_in_scans_alone(street, tmp_path, labelled_id):
     start = find_start(open_drive(street), TrackStartConfig(track_id=labelled_id))
     bare = replace(open_drive(street, images=False), calibration=None)
-    summary = track_object(
-        bare, start, folder_of(tmp_path), TrackConfig("default", 2), progress_bar
-    )
+    config = TrackConfig("h-fus", 2, plots=True)
+    summary = track_object(bare, start, folder_of(tmp_path), config, progress_bar)
     assert len(summary.positions_world) == 2
-    assert (tmp_path / "video.mp4").is_file()
-    assert not (tmp_path / "trajectory.txt").exists()
-    assert not (tmp_path / "color-model.png").exists()
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"video.mp4", "ground.png", "mean-shift.png"} <= names
+    assert not {"trajectory.txt", "color-model.png"} & names
 
 
 def test_object_frames_are_no_drive_to_track_in(tmp_path):

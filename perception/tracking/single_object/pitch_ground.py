@@ -37,11 +37,16 @@ class PitchedPlane:
 
 
 class PitchFilter:
-    """Tracks the pitch of the ground from scan to scan."""
+    """Tracks the pitch of the ground from scan to scan.
+
+    Attributes:
+        gate_rad: Interval in which the pitch of the last scan was searched.
+    """
 
     def __init__(self, sensor_height_m: float, config: PitchGroundConfig | None = None) -> None:
         self._sensor_height_m = sensor_height_m
         self._config = config or PitchGroundConfig()
+        self.gate_rad = (-np.inf, np.inf)
         self._angle_deg: ConstantAcceleration | None = None
         self._missed = 0
 
@@ -55,13 +60,13 @@ class PitchFilter:
         config = self._config
         angles_rad = elevation_angles(points_velo, self._sensor_height_m, config)
         if self._angle_deg is None:
-            self._init(dominant_angle(angles_rad, (-np.inf, np.inf), config))
+            self._init(dominant_angle(angles_rad, self.gate_rad, config))
         else:
             self._angle_deg = self._angle_deg.predicted(elapsed_s, config.noise.process)
             expected_rad = float(np.radians(self._angle_deg.position[0]))
             reach_rad = config.gate_rad * (1 + self._missed)
-            within_rad = (expected_rad - reach_rad, expected_rad + reach_rad)
-            self._correct(dominant_angle(angles_rad, within_rad, config))
+            self.gate_rad = (expected_rad - reach_rad, expected_rad + reach_rad)
+            self._correct(dominant_angle(angles_rad, self.gate_rad, config))
         pitch_deg = self._angle_deg.position[0] if self._angle_deg else 0.0
         return PitchedPlane(float(np.radians(pitch_deg)), self._sensor_height_m)
 
@@ -87,12 +92,18 @@ def elevation_angles(
 
     The lines start at the ground below the sensor: from there all points of a plane are at one angle.
     """
+    x, raised_m = side_view(points_velo, sensor_height_m, config).T
+    return np.asarray(np.arctan2(raised_m, x))
+
+
+def side_view(points_velo: Float, sensor_height_m: float, config: PitchGroundConfig) -> Float:
+    """Return (K, 2) distance ahead and height above the level under the wheels of the points that are used."""
     x, y = points_velo[:, 0], points_velo[:, 1]
     raised_m = points_velo[:, 2] + sensor_height_m
     min_height_m, max_height_m = config.height_range_m
     chosen = (x > config.min_ahead_m) & (np.abs(y) < np.minimum(x, config.max_side_m))
     chosen &= (raised_m > min_height_m) & (raised_m < max_height_m)
-    return np.asarray(np.arctan2(raised_m[chosen], x[chosen]))
+    return np.stack([x[chosen], raised_m[chosen]], axis=1)
 
 
 def dominant_angle(
@@ -100,28 +111,36 @@ def dominant_angle(
 ) -> float | None:
     """Return the highest peak of the angles' density (5.10) within an interval.
 
-    The density is that of a Gaussian kernel, over bins of a hundredth of a degree.
-
     Returns:
         None without a peak, as without angles or where the density rises towards one side.
     """
+    middles_rad, density = angle_density(angles_rad, config)
+    min_peak = config.min_peak * density.max()
+    peaks, _ = find_peaks(density, height=min_peak, prominence=min_peak)
+    is_within = (middles_rad[peaks] >= within_rad[0]) & (middles_rad[peaks] <= within_rad[1])
+    peaks = peaks[is_within]
+    return float(middles_rad[peaks[density[peaks].argmax()]]) if len(peaks) else None
+
+
+def angle_density(angles_rad: Float, config: PitchGroundConfig) -> tuple[Float64, Float64]:
+    """Return the density of the angles (5.10).
+
+    Returns:
+        (B,) the angles in the middle of each bin, and (B,) the density there per radian: the points of each bin,
+        smoothed by a Gaussian kernel.
+    """
     # Double precision, also for angles of single precision.
     steepest_rad, bin_rad = np.float64(config.max_pitch_rad), np.float64(config.bin_rad)
+    bins = round(2 * steepest_rad / bin_rad)
+    middles_rad = (np.arange(bins) + 0.5) * bin_rad - steepest_rad
     angles_rad = angles_rad[np.abs(angles_rad) < steepest_rad]
     if len(angles_rad) == 0:
-        return None
-    bins = round(2 * steepest_rad / bin_rad)
+        return middles_rad, np.zeros(bins)
     rows = ((angles_rad + steepest_rad) / bin_rad).astype(np.int32)
     histogram = np.bincount(rows, minlength=bins).astype(np.float64)
     width_bins = max(bandwidth(angles_rad) / bin_rad, 1.0)
-    density = gaussian_filter1d(histogram, width_bins, mode="constant")
-    min_peak = config.min_peak * density.max()
-    peaks, _ = find_peaks(density, height=min_peak, prominence=min_peak)
-    middles_rad = (peaks + 0.5) * bin_rad - steepest_rad
-    within = (middles_rad >= within_rad[0]) & (middles_rad <= within_rad[1])
-    if not within.any():
-        return None
-    return float(middles_rad[within][density[peaks[within]].argmax()])
+    smoothed = gaussian_filter1d(histogram, width_bins, mode="constant")
+    return middles_rad, smoothed / (len(angles_rad) * bin_rad)
 
 
 def bandwidth(angles_rad: Float) -> float:

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.pitch import reference_mode_rad
+from benchmarks.reference.pitch import reference_density, reference_mode_rad
 from perception.tracking.single_object.config import PitchGroundConfig
 from perception.tracking.single_object.pitch_ground import (
     PitchedPlane,
     PitchFilter,
+    angle_density,
     bandwidth,
     dominant_angle,
     elevation_angles,
@@ -37,6 +38,19 @@ def test_peak_is_that_of_the_reference_density(rng, pitch_deg):
     found_rad = dominant_angle(angles, ANYWHERE, CONFIG)
     assert found_rad == pytest.approx(plain_rad, abs=np.radians(0.02))
     assert found_rad == pytest.approx(np.radians(pitch_deg), abs=np.radians(0.15))
+
+
+def test_the_density_is_that_of_the_reference(rng):
+    angles = elevation_angles(road_and_clutter(np.radians(0.5), rng), HEIGHT_M, CONFIG)
+    middles_rad, density = angle_density(angles, CONFIG)
+    near = np.abs(middles_rad) < np.radians(3)
+    expected = reference_density(angles, middles_rad[near], bandwidth(angles))
+    np.testing.assert_allclose(density[near], expected, atol=0.02 * expected.max())
+    assert density.sum() * CONFIG.bin_rad == pytest.approx(1, abs=0.01)
+
+
+def test_without_angles_the_density_is_zero():
+    assert not angle_density(np.zeros(0), CONFIG)[1].any()
 
 
 def test_only_what_lies_ahead_and_near_the_level_has_an_angle():

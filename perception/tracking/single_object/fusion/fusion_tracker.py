@@ -92,8 +92,9 @@ class FusionTracker(CentroidTracker):
             config: Mean shifts, colour model and fusion.
             point: Tracking loop.
         """
-        self._fused = FusedLocalizer(config or FusionTrackerConfig())
-        super().__init__(self._fused, sensor, point)
+        localizer = FusedLocalizer(config or FusionTrackerConfig())
+        super().__init__(localizer, sensor, point)
+        self._fused = localizer
 
     @property
     def colors(self) -> ColorLocalizer:
