@@ -43,7 +43,6 @@ def dense_cloud(
     Raises:
         DriveError: The drive has no INS, or the frame no pole.
     """
-    from perception.localization.registration import register_window
     from perception.localization.scan_window import merge
     from perception.render.obstacle_plots import plot_aged_points
 
@@ -56,8 +55,8 @@ def dense_cloud(
         )
     clouds = {
         "INS alone": merge(by_ins, merged.area),
-        "thesis: BGF and ICP": merge(register_window(by_ins), merged.area),
-        "default: GICP to a keyframe": merged.cloud,
+        "thesis: BGF and ICP": merged.cloud,
+        "default: GICP to a keyframe": merge(merged.odometry_window, merged.area),
     }
     place_m = np.array(at) if at else find_pole(merged.cloud, ground, merged.area)
     cutouts = {name: cut_out(cloud, ground, place_m) for name, cloud in clouds.items()}

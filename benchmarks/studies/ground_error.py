@@ -24,7 +24,7 @@ class GroundErrorConfig(DriveOfStudy):
     Attributes:
         previous_scans: Values of m, the number of merged scans before the newest.
         steps_per_slice: Values of η, the number of elevation steps of a slice.
-        every: Distance between measured frames; all frames are registered.
+        every: Distance between measured frames.
         frames: Number of frames from the start of the drive; else all.
         seed: Seed of RANSAC.
     """
@@ -97,6 +97,7 @@ def measure_ground_errors(
         )
     from data.frames import read_frames
     from perception.localization.odometry import LidarOdometry
+    from perception.localization.registration import register_window
     from perception.localization.scan_window import PosedScan, ScanWindow, merge
 
     area, odometry = LocalArea(), LidarOdometry()
@@ -113,12 +114,14 @@ def measure_ground_errors(
     total = len(drive) if config.frames is None else min(config.frames, len(drive))
     frames = progress_bar(read_frames(drive, limit=total), "ground-error", total, delay_s=2)
     for number, frame in enumerate(frames):
-        pose = odometry.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
-        window.push(PosedScan(frame.points_velo, pose.world_SE3_velo))
+        pose = frame.world_SE3_velo
+        if pose is None:
+            pose = odometry.update(frame.points_velo, frame.stamp_s, None).world_SE3_velo
+        window.push(PosedScan(frame.points_velo, pose))
         bottoms_m = drive.labels(frame.index).boxes_velo.bottom_m
         if number % config.every or not area.contains_xy(bottoms_m).any():
             continue
-        cloud = merge(window, area)
+        cloud = merge(register_window(window), area)  # Algorithm 2
         for (m, eta), rows in errors.items():
             # The newest scans come first in the merged cloud: a smaller m is a part of it.
             points = cloud.points_velo[: np.searchsorted(cloud.age, m, side="right")]

@@ -27,8 +27,8 @@ def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.
 
     merged = read_merged_frame(window.open(drive), window)
     segmenter = CounterSegmenter(merged.area)
-    counters = segmenter.counters(merged.window, merged.planes)
-    states = segmenter.update(merged.window, merged.planes).point_states
+    voxelized = segmenter.voxelize(merged.window, merged.planes)
+    counters, states = segmenter.counters(voxelized), segmenter.segment(voxelized).point_states
     title = f"From counters to masks, {merged.title}"
     plot_masks(out, title, counters, merged.frame.points_velo[states >= PointState.STATIC])
     specs = {"columns": "d", "points in them": "d"}

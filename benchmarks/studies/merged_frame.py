@@ -41,7 +41,8 @@ class MergedFrame:
 
     Attributes:
         frame: Newest frame.
-        window: Scans with registered poses.
+        window: Scans registered to the newest one by Algorithm 2, from the INS or else from LiDAR odometry.
+        odometry_window: Scans with the poses of the default method, LiDAR odometry.
         ins_window: Scans with the poses of the INS, those without one left out.
         cloud: Registered scans merged within the area (5.1), in the frame of the newest scan.
         planes: Piecewise planes of the thesis in the merged cloud (Algorithm 3).
@@ -52,6 +53,7 @@ class MergedFrame:
 
     frame: Frame
     window: "ScanWindow"
+    odometry_window: "ScanWindow"
     ins_window: "ScanWindow"
     cloud: "DenseCloud"
     planes: PiecewisePlanes
@@ -67,23 +69,25 @@ def read_merged_frame(drive: Drive, flags: MergedFrameFlags) -> MergedFrame:
         UsageError: The drive has no such frame, or no scan before it.
     """
     from perception.localization.odometry import LidarOdometry
+    from perception.localization.registration import register_window
     from perception.localization.scan_window import PosedScan, ScanWindow, merge
 
     newest = existing_frame(drive, flags.frame, first=1)
-    m = flags.previous_scans
-    window, ins_window, odometry, area = ScanWindow(m), ScanWindow(m), LidarOdometry(), LocalArea()
+    m, odometry, area = flags.previous_scans, LidarOdometry(), LocalArea()
+    by_odometry, by_ins = ScanWindow(m), ScanWindow(m)
     for index in range(max(newest - m, 0), newest + 1):
         frame = drive[index]
-        points_velo, by_ins = frame.points_velo, frame.world_SE3_velo
-        pose = odometry.update(points_velo, frame.stamp_s, by_ins, frame.source).world_SE3_velo
-        window.push(PosedScan(points_velo, pose))
-        if by_ins is not None:
-            ins_window.push(PosedScan(points_velo, by_ins))
+        points_velo, ins_pose = frame.points_velo, frame.world_SE3_velo
+        pose = odometry.update(points_velo, frame.stamp_s, ins_pose, frame.source).world_SE3_velo
+        by_odometry.push(PosedScan(points_velo, pose))
+        if ins_pose is not None:
+            by_ins.push(PosedScan(points_velo, ins_pose))
+    window = register_window(by_ins if len(by_ins) == len(by_odometry) else by_odometry)
     cloud, random = merge(window, area), np.random.default_rng(flags.seed)
     planes = PiecewisePlanesEstimator(drive.sensor, area).estimate(cloud.points_velo, random)
     title = f"{drive.name} frame {newest}"
     conditions = {"drive": drive.name, "frame": newest, "window": flags, "area": area}
-    return MergedFrame(frame, window, ins_window, cloud, planes, area, title, conditions)
+    return MergedFrame(frame, window, by_odometry, by_ins, cloud, planes, area, title, conditions)
 
 
 def existing_frame(drive: Drive, frame: int | None, first: int = 0) -> int:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from benchmarks.studies.chain_times import (
+    PUBLISHED_FRAMES_PER_S,
     PUBLISHED_PERCENT,
     chain_config,
     mean_times_s,
@@ -12,7 +13,9 @@ from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, pu
 from perception.cli.flags import require_positive
 from perception.render.bar_plots import plot_shares
 
-_SPECS = {"mean [ms]": ".1f", "share [%]": ".1f"}
+_SPECS = dict.fromkeys(
+    ("published [%]", "thesis [%]", "default [%]", "thesis [ms]", "default [ms]"), ".1f"
+)
 _PREVIOUS_SCANS = 6  # m of Table 7.1
 
 
@@ -42,18 +45,22 @@ def stages(
     )
     title = f"Share of time by stage, {opened.name}, {frames} frames, m = {_PREVIOUS_SCANS}"
     bars = {
-        "thesis, published\n(MATLAB, 0.3 frames/s)": PUBLISHED_PERCENT,
+        f"thesis, published\n(MATLAB, {PUBLISHED_FRAMES_PER_S} frames/s)": PUBLISHED_PERCENT,
         f"thesis' method here\n{_total(thesis)}": thesis,
         f"default method\n{_total(default)}": default,
     }
     plot_shares(out, title, bars)
-    rows: dict[str, tuple[float | None, float]] = {
-        f"published: {stage}": (None, share) for stage, share in PUBLISHED_PERCENT.items()
+    sources = [PUBLISHED_PERCENT, thesis, default]
+    totals = [sum(source.values()) for source in sources]
+    rows = {
+        f"({letter}) {stage}": (
+            *(100 * source[stage] / total for source, total in zip(sources, totals, strict=True)),
+            1e3 * thesis[stage],
+            1e3 * default[stage],
+        )
+        for letter, stage in zip("abcd", PUBLISHED_PERCENT, strict=True)
     }
-    for method, times in (("thesis", thesis), ("default", default)):
-        total_s = sum(times.values())
-        for stage, seconds in {**times, "all stages": total_s}.items():
-            rows[f"{method}: {stage}"] = (1e3 * seconds, 100 * seconds / total_s)
+    rows["all stages"] = (100.0, 100.0, 100.0, 1e3 * totals[1], 1e3 * totals[2])
     publish(
         out,
         "Table 7.3",

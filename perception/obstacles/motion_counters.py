@@ -13,6 +13,7 @@ from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
+from perception.obstacles.motion_segmenter import MotionSegmenter
 from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, count_keys, is_among
 from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
 
@@ -68,6 +69,21 @@ class MotionCounters:
     masks: MotionMasks
 
 
+@dataclass(frozen=True)
+class VoxelizedWindow:
+    """Obstacle points of every scan of a window in the newest one's frame, and their voxels.
+
+    Attributes:
+        scans: Obstacle points of each scan, the newest last.
+        grid: Voxel grid around all of them.
+        keys: Voxel key of each point, scan by scan.
+    """
+
+    scans: Sequence[AboveGround]
+    grid: VoxelGrid
+    keys: Sequence[Keys]
+
+
 def subtract(scan_keys: Sequence[Keys]) -> SubtractedVoxels:
     """Remove from the merged grid the voxels of one scan alone, then from the newest scan the voxels that stay.
 
@@ -117,7 +133,7 @@ def classify_columns(
     )
 
 
-class CounterSegmenter:
+class CounterSegmenter(MotionSegmenter[VoxelizedWindow]):
     """The thesis' static-moving segmentation of a window of scans."""
 
     def __init__(
@@ -144,41 +160,33 @@ class CounterSegmenter:
         self._static_threshold = static_threshold
         self._moving_threshold = moving_threshold
 
-    def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
-        """Segment the newest scan of the window.
-
-        Args:
-            window: Scans with their poses, the newest last.
-            ground: Ground in the frame of the newest scan; it removes the ground of every scan.
-        """
-        scans = self._obstacle_points(window, ground)
-        counters = self._count(scans)
-        grid, voxels, masks = counters.grid, counters.voxels, counters.masks
-        moving = _under(masks.is_moving, grid, voxels.moving)
-        is_moving = is_among(grid.keys(scans[-1].points_velo), moving.keys)
-        return Obstacles(
-            point_states=scans[-1].point_states(is_moving),
-            static=grid.voxels(_under(masks.is_static, grid, voxels.static)),
-            moving=grid.voxels(moving),
-        )
-
-    def counters(self, window: ScanWindow, ground: GroundModel) -> MotionCounters:
-        """Return the counters behind the decision for the newest scan (Fig. 5.6)."""
-        return self._count(self._obstacle_points(window, ground))
-
-    def _obstacle_points(self, window: ScanWindow, ground: GroundModel) -> list[AboveGround]:
-        """Move every scan into the newest one's frame (5.1) and take its ground away."""
+    def voxelize(self, window: ScanWindow, ground: GroundModel) -> VoxelizedWindow:
+        """Move every scan into the newest one's frame (5.1), take its ground away, and fill the voxels."""
         newest_SE3_world = se3.inverse(window.newest.world_SE3_velo)
         moved: list[Float32] = [
             se3.transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
             for scan in window
         ]
-        return [split_by_ground(p, ground, self._area, self._min_ground_distance_m) for p in moved]
-
-    def _count(self, scans: list[AboveGround]) -> MotionCounters:
+        scans = [split_by_ground(p, ground, self._area, self._min_ground_distance_m) for p in moved]
         points = [scan.points_velo for scan in scans]
         grid = VoxelGrid.covering(np.concatenate(points), self._voxel_size_m)
-        voxels = subtract([grid.keys(scan) for scan in points])
+        return VoxelizedWindow(scans, grid, [grid.keys(scan) for scan in points])
+
+    def segment(self, voxelized: VoxelizedWindow) -> Obstacles:
+        """Return the voxels under the static and the moving columns."""
+        counters, grid = self.counters(voxelized), voxelized.grid
+        moving = _under(counters.masks.is_moving, grid, counters.voxels.moving)
+        static = _under(counters.masks.is_static, grid, counters.voxels.static)
+        is_moving = is_among(voxelized.keys[-1], moving.keys)
+        return Obstacles(
+            point_states=voxelized.scans[-1].point_states(is_moving),
+            static=grid.voxels(static),
+            moving=grid.voxels(moving),
+        )
+
+    def counters(self, voxelized: VoxelizedWindow) -> MotionCounters:
+        """Return the counters behind the decision for the newest scan (Fig. 5.6)."""
+        grid, voxels = voxelized.grid, subtract(voxelized.keys)
         static = column_counter(grid, voxels.static)
         moving = column_counter(grid, voxels.moving)
         return MotionCounters(

@@ -1,6 +1,7 @@
 """Static-moving segmentation: the stage, by free space or by the thesis' occupancy counters."""
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.config import MotionConfig
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
+from perception.obstacles.motion_segmenter import MotionSegmenter
 from perception.obstacles.moving_clusters import moving_voxels
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
@@ -20,15 +22,24 @@ from perception.types import Bool, Float64, GroundModel, Method, Obstacles, Voxe
 _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
 
 
-class MotionSegmenter(Protocol):
-    """Segments static and moving obstacles, scan after scan."""
+@dataclass(frozen=True)
+class VoxelizedScan:
+    """Obstacle points of the newest scan and their voxels in the world.
 
-    def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
-        """Segment the newest scan of the window; the ground is in its frame."""
-        ...
+    Attributes:
+        above_ground: Obstacle points in the LiDAR frame.
+        voxels: Voxels of these points.
+        world_SE3_velo: (4, 4) pose of the scan.
+        static_map: Static voxels of the drive so far.
+    """
+
+    above_ground: AboveGround
+    voxels: KeyGroups
+    world_SE3_velo: Float64
+    static_map: StaticMap
 
 
-class FreeSpaceSegmenter:
+class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
     """Segments by free space: an object is moving where beams of earlier scans passed through its place."""
 
     def __init__(
@@ -54,19 +65,21 @@ class FreeSpaceSegmenter:
         self._moved_before = np.zeros((0, 3), np.float32)
         self._world_SE3_before = np.eye(4)
 
-    def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
-        """Segment the newest scan; a window of one scan starts a new drive."""
-        pose = window.newest.world_SE3_velo
+    def voxelize(self, window: ScanWindow, ground: GroundModel) -> VoxelizedScan:
+        """Take the newest scan's obstacles and their voxels, and remember its free space."""
+        newest = window.newest
         grid, static_map = self._init_drive(window)
-        self._memory.push(window.newest.points_velo, pose)
+        self._memory.push(newest.points_velo, newest.world_SE3_velo)
         above_ground = split_by_ground(
-            window.newest.points_velo,
-            ground,
-            self._area,
-            self._config.free_space.min_ground_distance_m,
+            newest.points_velo, ground, self._area, self._config.free_space.min_ground_distance_m
         )
-        voxels = group_keys(grid.keys(_to_world(above_ground, pose)))
+        voxels = group_keys(grid.keys(_to_world(above_ground, newest.world_SE3_velo)))
+        return VoxelizedScan(above_ground, voxels, newest.world_SE3_velo, static_map)
 
+    def segment(self, voxelized: VoxelizedScan) -> Obstacles:
+        """Call moving what fills free space; the rest joins the static map."""
+        above_ground, voxels = voxelized.above_ground, voxelized.voxels
+        pose = voxelized.world_SE3_velo
         # One measured point represents its voxel.
         places = above_ground.points_velo[voxels.first]
         before = se3.transform_points(
@@ -77,7 +90,9 @@ class FreeSpaceSegmenter:
         self._moved_before, self._world_SE3_before = places[moves], pose
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
-        static = static_map.update(seen, moving.keys, pose, self._memory.is_free_in_newest)
+        static = voxelized.static_map.update(
+            seen, moving.keys, pose, self._memory.is_free_in_newest
+        )
         return Obstacles(
             point_states=above_ground.point_states(moves[voxels.group_of]),
             static=static,
@@ -101,7 +116,7 @@ class FreeSpaceSegmenter:
 
 def motion_segmenter(
     config: MotionConfig, method: Method, sensor: LidarModel, area: LocalArea
-) -> MotionSegmenter:
+) -> MotionSegmenter[Any]:
     """Make the static-moving segmentation of a method.
 
     Args:

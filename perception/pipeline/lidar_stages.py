@@ -1,4 +1,4 @@
-"""The stages that need the scans alone: registration, ground, static and moving, moving objects."""
+"""The stages that need the scans alone: registration, ground, voxels, static and moving, moving objects."""
 
 from dataclasses import dataclass, replace
 
@@ -97,7 +97,8 @@ class LidarStages:
         """
         scans = clock.run("registration", self._register, frame)
         ground = clock.run("ground", self._ground.update, scans.window)
-        obstacles = clock.run("static and moving", self._motion.update, scans.window, ground)
+        voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
+        obstacles = clock.run("static and moving", self._motion.segment, voxels)
         scan = _segmented_scan(frame, scans, ground, obstacles)
         tracks = Tracks.empty()
         if self._datmo is not None and with_datmo:

@@ -1,8 +1,8 @@
 """One frame through every stage, in real time and in bounded memory.
 
-    LiDAR worker   | registration - ground - static and moving - moving objects -.
-                   |                                                             |
-    camera worker  | maps - three detectors, fusion - DepthCN ------------------- vehicles - Result
+    LiDAR worker   | registration - ground - voxels - static and moving - moving objects -.
+                   |                                                                      |
+    camera worker  | maps - three detectors, fusion - DepthCN ---------------------------- vehicles - Result
 
 Each worker takes one frame after another; a stage waits for the stages whose results it needs. Where both workers
 have something to do, the LiDAR stages run in a process of their own.
@@ -113,7 +113,7 @@ class Pipeline:
         return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, lidar)
 
     def _run_lidar_stages(self, frame: Frame, arrival_s: float) -> LidarResult:
-        """Run registration, ground, static and moving, and moving objects."""
+        """Run registration, ground, voxels, static and moving, and moving objects."""
         return self._lidar.step(frame, StageClock(self._lidar_worker.name, arrival_s))
 
     def _run_camera_stages(

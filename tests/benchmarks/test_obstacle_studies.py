@@ -18,6 +18,7 @@ from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea
+from perception.localization.registration import register_window
 from perception.localization.scan_window import DenseCloud
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import HDL_32E
@@ -187,7 +188,7 @@ def test_times_are_averaged_over_frames():
     assert frames_per_s(times) == pytest.approx(1 / 0.3)
 
 
-TIMES = [{"registration": 0.010, "ground": 0.006, "static and moving": 0.004}]
+TIMES = [{"registration": 0.010, "ground": 0.005, "voxels": 0.004, "static and moving": 0.001}]
 
 
 def test_stages(drive, tmp_path, monkeypatch, capsys):
@@ -196,29 +197,46 @@ def test_stages(drive, tmp_path, monkeypatch, capsys):
     stages.stages("memory", source=in_memory(DriveOfStudy, drive), frames=1, out=plot_path)
     assert cv2.imread(str(plot_path)) is not None
     rows = numbers_of(plot_path)["stages"]
-    published = [row["share [%]"] for name, row in rows.items() if name.startswith("published")]
-    assert sum(published) == pytest.approx(100)
-    assert rows["default: registration"] == pytest.approx({"mean [ms]": 10, "share [%]": 50})
+    assert list(rows) == [
+        *("(a) registration", "(b) ground", "(c) voxels", "(d) static and moving", "all stages")
+    ]
+    published = [row["published [%]"] for row in rows.values()]
+    assert published == pytest.approx([83.2, 7.1, 7.7, 2.0, 100])
+    assert [row["default [%]"] for row in rows.values()] == pytest.approx([50, 25, 20, 5, 100])
+    assert [row["thesis [ms]"] for row in rows.values()] == pytest.approx([10, 5, 4, 1, 20])
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["default:", "registration", "10.0", "50.0"] in words
+    assert ["(c)", "voxels", "7.7", "20.0", "20.0", "4.0", "4.0"] in words
 
 
 def test_speed(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(speed, "stage_times", lambda *_: TIMES)
     config = in_memory(
-        speed.SpeedConfig, drive, previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1
+        speed.SpeedConfig, drive, previous_scans=(1, 6), voxel_sizes_m=(0.1, 0.4), frames=1
     )
     plot_path = tmp_path / "speed.png"
     speed.speed("memory", config=config, out=plot_path)
     assert is_plot(plot_path)
     rows = numbers_of(plot_path)["frames_per_s"]
-    assert [name.partition(",")[0] for name in rows] == ["thesis", "thesis", "default"]
-    assert rows["default, υ = 10 cm"] == pytest.approx({"m = 1": 50, "m = 2": 50})
+    assert [name.partition(",")[0] for name in rows] == ["thesis", "thesis", "default", "thesis"]
+    assert rows["thesis, published, υ = 10 cm"] == {"m = 1": None, "m = 6": 0.3}
+    assert rows["default, υ = 10 cm"] == pytest.approx({"m = 1": 50, "m = 6": 50})
 
 
 def test_a_drive_too_short_to_be_timed_is_refused(drive):
     with fault(UsageError, where="--frames 5", expected="at most 2", found="5"):
         stage_times(drive, chain_config("thesis", 6), 6, 5)
+
+
+def test_studies_of_the_thesis_register_the_window_by_icp(drive):
+    # Algorithm 2 aligns with the newest scan, from the INS; the pose of the newest is that of the INS.
+    merged = read_merged_frame(drive, MergedFrameFlags(frame=6, previous_scans=3))
+    expected = register_window(merged.ins_window)
+    for scan, other in zip(merged.window, expected, strict=True):
+        np.testing.assert_allclose(scan.world_SE3_velo, other.world_SE3_velo, atol=1e-6)
+    np.testing.assert_array_equal(merged.window.newest.world_SE3_velo, drive[6].world_SE3_velo)
+    assert not np.allclose(
+        merged.window.newest.world_SE3_velo, merged.odometry_window.newest.world_SE3_velo, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("frame", [0, 8, -3])

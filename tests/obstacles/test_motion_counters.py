@@ -153,7 +153,8 @@ def test_ground_and_outside_are_different_states():
 def test_counters_show_the_steps_of_figure_5_6():
     stands = block(5.0, 2.0)
     scans = [np.vstack([stands, block(4.0 + 0.2 * k, -2.0)]) for k in range(4)]
-    counters = CounterSegmenter(LocalArea()).counters(window_of(*scans), FlatGround())
+    segmenter = CounterSegmenter(LocalArea())
+    counters = segmenter.counters(segmenter.voxelize(window_of(*scans), FlatGround()))
     assert counters.static_before.sum() == 480
     assert counters.static.sum() == 240
     assert counters.moving.sum() == 60

@@ -19,7 +19,7 @@ from perception.pipeline.lidar_process import LidarProcess
 from perception.types import MODALITIES
 
 STAGES = {
-    *("registration", "ground", "static and moving", "moving objects", "DepthCN"),
+    *("registration", "ground", "voxels", "static and moving", "moving objects", "DepthCN"),
     *("maps", "rgb detector", "dm detector", "rm detector", "fusion", "vehicles"),
 }
 

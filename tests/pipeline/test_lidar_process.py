@@ -16,7 +16,7 @@ from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E
 
 CONFIG = PipelineConfig.for_motion()
-STAGES = ["registration", "ground", "static and moving", "moving objects"]
+STAGES = ["registration", "ground", "voxels", "static and moving", "moving objects"]
 
 
 @pytest.fixture(scope="module")
