@@ -22,7 +22,7 @@ def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
             (path.resolve(), stat and (stat.st_size, stat.st_mtime_ns))
             for path, stat in zip(files, stats, strict=True)
         ],
-        "drive": (drive.name, drive.root.resolve(), index),
+        "drive": (drive.name, drive.root.resolve()),
         "lidar_height_m": drive.sensor.height_m,
         "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
         # A drive that is not on disk is known by what it shows.

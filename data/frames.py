@@ -23,6 +23,11 @@ def file_number(drive: Drive, index: int) -> int:
     return drive.scans.numbers[index] if isinstance(drive, KittiDrive) else index
 
 
+def frame_name(drive: Drive, index: int) -> str:
+    """Return the name of a frame in results; its number in six digits where no file has a name."""
+    return drive.scans.names[index] if isinstance(drive, KittiDrive) else f"{index:06d}"
+
+
 def read_frames(
     drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None, first: int = 0
 ) -> Iterator[Frame]:

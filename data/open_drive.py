@@ -1,6 +1,6 @@
 """Open the drive at a path, in any layout."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,6 +62,21 @@ def open_drive(
         if place.layout == "object":
             return open_objects(folder, model, images=images)
         return open_raw(folder, model, images=images)
+
+
+def open_drives(
+    paths: Sequence[Path], *, sensor: str | None = None, images: bool = True
+) -> list[KittiDrive]:
+    """Open every drive of every path; arguments as of `open_drive`.
+
+    Raises:
+        DriveError: A path holds no drive, or it cannot be read.
+    """
+    return [
+        open_drive(path, sequence=sequence, sensor=sensor, images=images)
+        for path in paths
+        for sequence in sequences_in(path)
+    ]
 
 
 @contextmanager

@@ -71,7 +71,7 @@ def simulated_frames(count: int, seed: int) -> DetectedFrames:
     truth = TrueBoxes(
         rows, np.full(len(rows), "Car"), zeros - 10, np.concatenate(boxes), zeros, zeros
     )
-    return DetectedFrames(tuple(scenes), truth, np.zeros(count, np.int64))
+    return DetectedFrames(tuple(scenes), truth)
 
 
 def precision(frames: DetectedFrames, detections: DetectedBoxes, iou: float = 0.7) -> float:

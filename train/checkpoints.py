@@ -10,6 +10,7 @@ from zipfile import BadZipFile, ZipFile, is_zipfile
 import torch
 from torch import nn
 
+from data.splits.training_frames import ENTRY
 from perception import __version__
 from perception.errors import ModelError, UsageError
 
@@ -43,10 +44,9 @@ def load_network(
     except (AttributeError, RuntimeError, TypeError) as error:
         found = "weights of other sizes"
         raise ModelError(path, expected=f"weights of this {model}", found=found) from error
-    stated = {
-        name: str(content["hyper_parameters"].get(name, "unknown"))
-        for name in ("training_data", "revision")
-    }
+    found = content["hyper_parameters"]
+    stated = {name: str(found.get(name, "unknown")) for name in ("training_data", "revision")}
+    stated |= {name: str(found[name]) for name in ("split", "part", ENTRY) if name in found}
     return network.eval(), metadata | stated | {"epochs": str(content["epoch"] + 1)}
 
 

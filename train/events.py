@@ -16,6 +16,7 @@ from lightning.pytorch.utilities.data import extract_batch_size
 from torch.nn.utils import get_total_norm
 from torch.optim import Optimizer
 
+from data.splits.training_frames import ENTRY
 from perception.atomic_file import write_error
 from perception.types import Float64
 
@@ -103,7 +104,8 @@ def log_hyperparameters(
 ) -> None:
     """Log a row of TensorBoard's HPARAMS table: hyperparameters, and metrics of the best epoch or step."""
     metrics = {f"best/{name}": value for name, value in best.items()}
-    logger.log_hyperparams(hyperparameters, metrics)
+    shown = {name: value for name, value in hyperparameters.items() if name != ENTRY}
+    logger.log_hyperparams(shown, metrics)
 
 
 def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:

@@ -5,7 +5,7 @@ determines it: the frame's files, the model files, and the code.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,10 +18,10 @@ import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
-from perception.detection.detectors.modality_detector import ModalityDetector
+from data.frames import frame_name
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.errors import DriveError, PerceptionError, UsageError
+from perception.errors import DriveError, PerceptionError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import (
     MODALITIES,
@@ -70,26 +70,25 @@ def detect_drives(
         DriveError: there is no frame.
         PerceptionError: a frame cannot be read or used, and `on_bad_frame` is "stop".
     """
-    frames = [(number, index) for number, d in enumerate(drives) for index in range(len(d))]
+    frames = [(drive, index) for drive in drives for index in range(len(drive))]
     scenes: list[DetectedScene] = []
     labels: list[Labels] = []
-    numbers: list[int] = []
     for position in progress(range(len(frames))):
-        number, index = frames[position]
+        drive, index = frames[position]
         try:
-            of_frame = drives[number].labels(index)
-            scene = detected_scene(drives[number], index, detectors, store)
+            of_frame = drive.labels(index)
+            scene = detected_scene(drive, index, detectors, store)
         except PerceptionError as error:
             if on_bad_frame == "stop":
                 raise
-            log.warning("skipped frame %d of %s: %s", index, drives[number].name, error)
+            name = frame_name(drive, index)
+            log.warning("skipped frame %s of %s: %s", name, drive.name, error)
             continue
         scenes.append(scene)
         labels.append(of_frame)
-        numbers.append(number)
     if not scenes:
         raise DriveError("detections", expected="labelled frames", found="none")
-    return DetectedFrames(tuple(scenes), TrueBoxes.of_frames(labels), np.array(numbers, np.int64))
+    return DetectedFrames(tuple(scenes), TrueBoxes.of_frames(labels))
 
 
 def detected_scene(
@@ -114,31 +113,6 @@ def detected_scene(
         **frame_fingerprint(drive, index),
     )
     return _to_scene(store.get(key, lambda: _detect(drive[index], detectors.detector)))
-
-
-def require_no_training_drives(
-    drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]
-) -> None:
-    """Validate that no detector was trained on a drive: its scores are too high there.
-
-    Raises:
-        UsageError: a model file names one of the drives as training data.
-    """
-    for modality, detector in detectors.items():
-        learned = [
-            Path(name.strip()).resolve()
-            for name in detector.metadata.get("training_data", "").split(",")
-            if name.strip()
-        ]
-        for drive in drives:
-            root = drive.root.resolve()
-            if any(root == path or path in root.parents for path in learned):
-                raise UsageError(
-                    drive.root,
-                    expected="frames that no detector was trained on",
-                    found=f"training data of {modality} ({detector.model.name})",
-                    advice="keep drives apart for the fusion",
-                )
 
 
 def _detect(frame: Frame, detector: MultimodalDetector) -> Arrays:

@@ -42,8 +42,8 @@ class FusionDataConfig(DriveDataConfig):
     """Frames for the training, validation and test of the fusion.
 
     Attributes:
-        validation_fraction: Fraction of the frames or drives kept back, where no validation drives are given.
-            Half of it stops the training and calibrates scores, the other half is for the test.
+        shares: Percentage of the frames or drives that train, stop the training and calibrate scores, and test,
+            where neither a split nor validation drives are given.
     """
 
-    validation_fraction: float = 0.25
+    shares: tuple[float, ...] = (60, 20, 20)

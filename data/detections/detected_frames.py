@@ -18,21 +18,19 @@ class DetectedFrames:
     Attributes:
         scenes: (F) detections of each frame.
         truth: Labelled boxes of frames 0 .. F - 1.
-        drive_numbers: (F,) number of the drive of each frame.
     """
 
     scenes: tuple[DetectedScene, ...]
     truth: TrueBoxes
-    drive_numbers: Int
 
     def __post_init__(self) -> None:
-        """Validate that labels and drives are of these frames."""
+        """Validate that labels are of these frames."""
         last = int(self.truth.frames.max(initial=-1))
-        if last >= len(self.scenes) or len(self.drive_numbers) != len(self.scenes):
+        if last >= len(self.scenes):
             raise PerceptionError(
                 "detected frames",
-                expected=f"labels and drives of {len(self.scenes)} frames",
-                found=f"labels up to frame {last}, {len(self.drive_numbers)} drives",
+                expected=f"labels of {len(self.scenes)} frames",
+                found=f"labels up to frame {last}",
             )
 
     def __len__(self) -> int:
@@ -46,7 +44,6 @@ class DetectedFrames:
         return DetectedFrames(
             tuple(self.scenes[number] for number in numbers.tolist()),
             TrueBoxes.concatenate([*renumbered, self.truth[np.zeros(0, np.int64)]]),
-            self.drive_numbers[numbers],
         )
 
     def truth_of(self, number: int) -> TrueBoxes:

@@ -2,23 +2,22 @@
 
 import logging
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from data.array_store import ArrayStore
-from data.detections.cached_detections import (
-    FingerprintedDetector,
-    detect_drives,
-    require_no_training_drives,
-)
+from data.detections.cached_detections import FingerprintedDetector, detect_drives
 from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.detected_frames import DetectedFrames
-from data.samples.cached_frames import open_drives
-from data.samples.config import SplitBy, TrainingDrives
+from data.detections.unlearned_frames import without_learned_frames
+from data.kitti.drive import KittiDrive
+from data.open_drive import open_drives
+from data.samples.config import TrainingDrives
 from data.samples.labelled_classes import warn_of_few
-from data.samples.splits import validation_frames
+from data.samples.labelled_parts import LabelledParts
+from data.splits.draw import draw_split
+from data.splits.files import read_split
+from data.splits.parts import SplitBy
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.class_fusion import detector_fingerprints
@@ -26,8 +25,6 @@ from perception.errors import UsageError
 from perception.types import Modality, Progress
 
 log = logging.getLogger(__name__)
-
-_STREAM = 0xF  # stream of random numbers
 
 
 @dataclass(frozen=True)
@@ -40,6 +37,7 @@ class SplitDetections:
         test: Frames on which the result is evaluated.
         class_names: Classes that all detectors know.
         detectors: Fingerprints of the detectors, for the model file.
+        provenance: Split and frames of the training, for the model file.
     """
 
     training: DetectedFrames
@@ -47,50 +45,85 @@ class SplitDetections:
     test: DetectedFrames
     class_names: tuple[str, ...]
     detectors: str
+    provenance: Mapping[str, str]
 
 
 def split_detections(
-    drives: TrainingDrives,
+    sources: TrainingDrives,
     models: DetectorModelPaths,
     config: FusionDataConfig,
     seed: int,
     progress: Progress = iter,
 ) -> SplitDetections:
-    """Detect in all frames, or read the cached detections, and split them.
+    """Detect in all frames that no detector learned from, or read the cached detections, and split them.
 
     Args:
-        drives: Labelled drives that no detector was trained on.
+        sources: Labelled drives, or a split of them.
         models: Model files of the detectors.
-        config: Split and cache.
-        seed: Seed of the split.
+        config: Shares of a drawn split, and cache.
+        seed: Seed of the draw.
         progress: Wrapper of the loop over frames that may show its progress.
 
     Raises:
-        UsageError: a detector was trained on one of the drives, or nothing is left of a part.
+        UsageError: the detectors learned from all frames, or nothing is left of a part.
         PerceptionError: a drive, a frame or a model cannot be read or used.
     """
     detectors = models.open()
     class_names = shared_classes(detectors)
     fingerprints = detector_fingerprints(detectors)
+    parts = fusion_parts(sources, config, seed, detectors)
     fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), fingerprints)
     store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
-    parts = []
-    for paths in drives.parts:
-        opened = open_drives(paths)
-        require_no_training_drives(opened, detectors)
-        found = detect_drives(opened, fingerprinted, store, config.on_bad_frame, progress)
-        parts.append(found.of_classes(class_names))
-    rng = np.random.default_rng([seed, _STREAM])
-    if len(parts) == 1:
-        whole, fraction = parts[0], config.validation_fraction
-        is_kept = validation_frames(whole.drive_numbers, fraction, config.split_by, rng)
-        parts = [whole[np.flatnonzero(~is_kept)], whole[np.flatnonzero(is_kept)]]
-    training, kept = parts
-    validation, test = _halves(kept, config.split_by, rng)
+    training, validation, test = (
+        detect_drives(drives, fingerprinted, store, config.on_bad_frame, progress).of_classes(
+            class_names
+        )
+        for drives in (parts.train, parts.val, parts.test)
+    )
     for part, frames in (("validation", validation), ("test", test)):
         types = Counter(frames.truth.types.astype(str).tolist())
         warn_of_few(class_names, types, f"{len(frames)} frames of the {part} of the fusion")
-    return SplitDetections(training, validation, test, class_names, fingerprints)
+    return SplitDetections(training, validation, test, class_names, fingerprints, parts.provenance)
+
+
+def fusion_parts(
+    sources: TrainingDrives,
+    config: FusionDataConfig,
+    seed: int,
+    detectors: Mapping[Modality, ModalityDetector],
+) -> LabelledParts:
+    """Return the frames of each part that no detector learned from.
+
+    Of a split file, train and val are drawn again, as the detectors learned from most of them; its test stays the test.
+
+    Args:
+        sources: Labelled drives, or a split of them.
+        config: Shares of a drawn split.
+        seed: Seed of the draw.
+        detectors: Detectors of the modalities.
+
+    Raises:
+        UsageError: the detectors learned from all frames, or nothing is left of a part.
+    """
+    if sources.validation:
+        train, kept = (
+            without_learned_frames(open_drives(paths), detectors)
+            for paths in (sources.training, sources.validation)
+        )
+        halves = draw_split(kept, (50, 50), by=_unit(config, kept), seed=seed)
+        return LabelledParts(train, halves.select(kept, "train"), halves.select(kept, "val"))
+    if sources.split is None:
+        drives = without_learned_frames(open_drives(sources.training), detectors)
+        drawn = draw_split(drives, config.shares, by=_unit(config, drives), seed=seed)
+        return LabelledParts.of(drawn, drives)
+    split = read_split(sources.split)
+    opened = split.open(sources.training)
+    test = without_learned_frames(split.require_part(opened, "test"), detectors)
+    drives = without_learned_frames(split.select(opened, "train", "val"), detectors)
+    train_share, val_share, *_ = config.shares
+    shares = [100 * share / (train_share + val_share) for share in (train_share, val_share)]
+    drawn = draw_split(drives, shares, by=_unit(config, drives), seed=seed)
+    return replace(LabelledParts.of(drawn, drives), test=test, split=split.fingerprint)
 
 
 def shared_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str, ...]:
@@ -114,18 +147,6 @@ def shared_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str,
     return shared
 
 
-def _halves(
-    kept: DetectedFrames, split_by: SplitBy, rng: np.random.Generator
-) -> tuple[DetectedFrames, DetectedFrames]:
-    """Split the frames kept back in two: by drives where these were drawn and there are several."""
-    if len(kept) < 2:
-        raise UsageError(
-            "validation",
-            expected="2 frames or more, for calibration and for the test",
-            found=f"{len(kept)}",
-            advice="raise --data.validation-fraction, or name other drives with --validation",
-        )
-    has_several = len(np.unique(kept.drive_numbers)) > 1
-    by: SplitBy = split_by if has_several else "frames"
-    is_test = validation_frames(kept.drive_numbers, 0.5, by, rng)
-    return kept[np.flatnonzero(~is_test)], kept[np.flatnonzero(is_test)]
+def _unit(config: FusionDataConfig, drives: Sequence[KittiDrive]) -> SplitBy:
+    """Return the unit of a draw: frames where there are not several drives."""
+    return config.split_by if len(drives) > 1 else "frames"

@@ -1,9 +1,10 @@
 """What the layouts of KITTI have in common: files for each frame, read on access."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 from data.kitti.sensor_files import (
     FrameFiles,
@@ -85,6 +86,19 @@ class KittiDrive(ABC):
             source=str(path),
             name=self.scans.names[index],
             number=self.scans.numbers[index],
+        )
+
+    def select(self, indices: Sequence[int]) -> Self:
+        """Return a drive of some frames alone, which keep their numbers and names."""
+
+        def selected(files: FrameFiles | None) -> FrameFiles | None:
+            return None if files is None else files.select(indices)
+
+        return replace(
+            self,
+            scans=self.scans.select(indices),
+            images=selected(self.images),
+            point_labels=selected(self.point_labels),
         )
 
     def image(self, index: int) -> UInt8 | None:

@@ -7,6 +7,7 @@
     label_02.txt  labels/0000000000.label  sensor.json    (synthetic drives)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,6 +96,10 @@ class OxtsFiles:
         path = self.files.paths[index]
         expected = f"the INS packet of frame {index}"
         return parse_oxts_packet(read_text(path, PoseError, expected, SKIP_ADVICE), path)
+
+    def select(self, indices: Sequence[int]) -> "OxtsFiles":
+        """Return the packets of some frames."""
+        return OxtsFiles(self.files.select(indices))
 
 
 def _clock(path: Path, scans: FrameFiles, sensor: LidarModel) -> ScanClock:

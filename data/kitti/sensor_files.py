@@ -1,7 +1,7 @@
 """Sensor files, one per frame: scans, images, and the exact truth of synthetic points."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -43,10 +43,12 @@ class FrameFiles:
     Attributes:
         folder: Folder of the files.
         paths: Paths in order.
+        positions: Position of each file in the folder where some are left out, else None.
     """
 
     folder: Path
     paths: tuple[Path, ...]
+    positions: tuple[int, ...] | None = None
 
     @classmethod
     def within(cls, folder: Path, suffixes: tuple[str, ...]) -> "FrameFiles":
@@ -69,7 +71,7 @@ class FrameFiles:
     @property
     def numbers(self) -> tuple[int, ...]:
         """Frame number of each file: that in its name, or its position where the names are not KITTI's."""
-        return self._numbers_in_names or tuple(range(len(self)))
+        return self._numbers_in_names or self.positions or tuple(range(len(self)))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -95,6 +97,15 @@ class FrameFiles:
         if len(digits) != 1 or not digits <= _UNIX_DIGITS:
             return None
         return np.array([int(stem) - int(stems[0]) for stem in stems]) / 10.0 ** (digits.pop() - 10)
+
+    def select(self, indices: Sequence[int]) -> "FrameFiles":
+        """Return some of the files, which keep their numbers and names."""
+        positions = self.positions or tuple(range(len(self)))
+        return FrameFiles(
+            self.folder,
+            tuple(self.paths[index] for index in indices),
+            tuple(positions[index] for index in indices),
+        )
 
     def is_joined_by_position(self, scans: "FrameFiles") -> bool:
         """Return whether no file has the name of a scan, but there is one for each scan."""

@@ -1,10 +1,10 @@
 """Frames of one recording in order of time: the common part of the raw and the tracking layout."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -29,6 +29,10 @@ class InsSource(Protocol):
         """Read the packet of a frame; raise PoseError where it is missing or malformed."""
         ...
 
+    def select(self, indices: Sequence[int]) -> "InsSource":
+        """Return the packets of some frames."""
+        ...
+
 
 @dataclass(frozen=True)
 class ScanClock:
@@ -50,6 +54,11 @@ class ScanClock:
         if scans.unix_stamps_s is not None:
             return cls(scans.unix_stamps_s)
         return cls((np.array(scans.numbers) - scans.numbers[0]) / rate_hz)
+
+    def select(self, indices: Sequence[int]) -> "ScanClock":
+        """Return the times of some scans."""
+        rows = tuple(self.rows[index] for index in indices) if self.rows else ()
+        return ScanClock(self.stamps_s[list(indices)], rows, self.path)
 
     def stamp_s(self, index: int) -> float:
         """Return the time of a frame's scan.
@@ -108,6 +117,11 @@ class KittiSequence(KittiDrive):
     def has_labels(self) -> bool:
         """Whether there are labelled boxes."""
         return self.label_file is not None
+
+    def select(self, indices: Sequence[int]) -> Self:
+        """Return a drive of some frames alone, at their own times and poses."""
+        ins = None if self.ins is None else self.ins.select(indices)
+        return replace(super().select(indices), clock=self.clock.select(indices), ins=ins)
 
     def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
         """Return the calibration of the drive."""

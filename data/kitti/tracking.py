@@ -5,6 +5,7 @@ training/oxts/0000.txt   training/calib/0000.txt   training/label_02/0000.txt
 training/labels/0000/000000.label   training/sensor.json      (synthetic drives)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,3 +111,7 @@ class OxtsFile:
                 advice=SKIP_ADVICE,
             )
         return parse_oxts_packet(row, where)
+
+    def select(self, indices: Sequence[int]) -> "OxtsFile":
+        """Return the packets of some frames."""
+        return OxtsFile(self.path, self.rows, tuple(self.numbers[index] for index in indices))

@@ -2,17 +2,12 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.frame_fingerprint import frame_fingerprint
-from data.frames import file_number
-from data.open_drive import open_drive, sequences_in
-from perception.errors import DriveError
-from perception.types import Drive, Frame, Int
+from data.frames import frame_name
+from perception.types import Drive, Frame
 
 
 class CachedFrames:
@@ -31,15 +26,9 @@ class CachedFrames:
         self.drives, self.store = tuple(drives), store
         self._frames = [(drive, index) for drive in drives for index in range(len(drive))]
         self._keys: dict[tuple[int, str], str] = {}  # an image is needed often, its key is slow
-        self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
 
     def __len__(self) -> int:
         return len(self._frames)
-
-    @property
-    def file_numbers(self) -> Int:
-        """(F,) numbers by which the files of the frames are named."""
-        return np.array([file_number(drive, index) for drive, index in self._frames], np.int64)
 
     def label_types(self) -> Counter[str]:
         """Return the number of labels of each type.
@@ -52,6 +41,11 @@ class CachedFrames:
             for drive, index in self._frames
             for name in drive.labels(index).types.astype(str).tolist()
         )
+
+    def name(self, number: int) -> str:
+        """Return the name of a frame in results."""
+        drive, index = self._frames[number]
+        return frame_name(drive, index)
 
     def place(self, number: int) -> tuple[Drive, int]:
         """Return the drive of a frame, and the frame's index in it."""
@@ -76,18 +70,3 @@ class CachedFrames:
             key = entry_key(what=what, **settings, **frame_fingerprint(drive, index))
             self._keys[number, what] = key
         return self.store.get(self._keys[number, what], lambda: compute(drive[index]))
-
-
-def open_drives(paths: Sequence[Path], *, images: bool = True) -> list[Drive]:
-    """Open every drive of every path.
-
-    Raises:
-        DriveError: there is no path, or one is no drive.
-    """
-    if not paths:
-        raise DriveError("training", expected="drives to train on", found="none")
-    return [
-        open_drive(path, sequence=sequence, images=images)
-        for path in paths
-        for sequence in sequences_in(path)
-    ]

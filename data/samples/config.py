@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
+from data.splits.parts import SplitBy
 from perception.errors import UsageError
 from perception.types import OnBadFrame
-
-SplitBy = Literal["frames", "drives"]
 
 
 @dataclass(frozen=True)
@@ -16,38 +15,47 @@ class TrainingDrives:
     """Labelled drives that a network is trained on.
 
     Attributes:
-        training: Drives, or folders of drives or sequences, all of which are taken.
-        validation: Drives for validation; none keeps a fraction of the training frames back.
+        training: Drives, or folders of drives or sequences, all of which are taken; with a split, those of its drives.
+        validation: Drives for validation; none keeps a share of the training frames back.
+        split: Split file of `trifuse split`, whose parts train, validate and test; else a split is drawn.
     """
 
-    training: tuple[Path, ...]
+    training: tuple[Path, ...] = ()
     validation: tuple[Path, ...] = ()
+    split: Path | None = None
 
-    @property
-    def parts(self) -> list[tuple[Path, ...]]:
-        """Paths of the training drives, and of the validation drives where there are some."""
-        return [self.training, *([self.validation] if self.validation else [])]
+    def __post_init__(self) -> None:
+        """Validate that there are drives, and one choice of those for validation."""
+        if not self.training and self.split is None:
+            raise UsageError("drives", expected="at least one", found="none")
+        if self.validation and self.split is not None:
+            raise UsageError(
+                "--split",
+                expected="no validation drives beside a split, whose part val validates",
+                found=", ".join(map(str, self.validation)),
+                advice="leave --validation out",
+            )
 
     @property
     def names(self) -> str:
         """Names of the training drives, as model files state them."""
-        return ", ".join(str(path) for path in self.training)
+        return ", ".join(map(str, self.training or [self.split]))
 
 
 @dataclass(frozen=True)
 class DriveDataConfig:
-    """Frames of labelled drives, split into training and validation.
+    """Frames of labelled drives, split into training, validation and test.
 
     Attributes:
-        validation_fraction: Fraction of the frames or drives kept back for validation, where no
-            validation drives are given.
-        split_by: Unit of the split: single frames, or whole drives.
+        shares: Percentage of the frames or drives that train, validate and, where there are three, test, where
+            neither a split nor validation drives are given.
+        split_by: Unit that is drawn: single frames, or whole drives.
         on_bad_frame: Stop at a damaged frame, or skip it with a warning.
         cache: Cache folder of what is computed from the frames; else the user's cache folder.
         cache_gb: Size of the cache in GB, beyond which the least recently used entries are deleted.
     """
 
-    validation_fraction: float = 0.2
+    shares: tuple[float, ...] = (80, 20)
     split_by: SplitBy = "frames"
     on_bad_frame: OnBadFrame = "stop"
     cache: Path | None = None
@@ -62,6 +70,7 @@ class SampleDataConfig(DriveDataConfig):
         batch_size: Samples per batch.
         workers: Processes that load samples; 0 loads them in the training process.
         augment: Augment the training samples.
+        training_fraction: Fraction of the training frames that is used, the first ones of each drive.
     """
 
     MIN_BATCH_SIZE: ClassVar[int] = 1
@@ -69,15 +78,19 @@ class SampleDataConfig(DriveDataConfig):
     batch_size: int = 16
     workers: int = 0
     augment: bool = True
+    training_fraction: float = 1.0
 
     def __post_init__(self) -> None:
-        """Validate the batch size and the number of workers."""
+        """Validate the batch size, the number of workers and the fraction."""
         if self.batch_size < self.MIN_BATCH_SIZE or self.workers < 0:
             raise UsageError(
                 "loading",
                 expected=f"a batch size from {self.MIN_BATCH_SIZE} and workers from 0",
                 found=f"{self.batch_size} and {self.workers}",
             )
+        if not 0 < self.training_fraction <= 1:
+            found = f"{self.training_fraction:g}"
+            raise UsageError("training fraction", expected="above 0, at most 1", found=found)
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,21 @@
-"""The base of Lightning data modules over labelled drives: caching, the split, and batches."""
+"""The base of Lightning data modules over labelled drives: caching, the parts of a split, and batches."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
 import cv2
-import numpy as np
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from data.array_store import ArrayStore
-from data.samples.cached_frames import CachedFrames, open_drives
+from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, EpochSampler, SampleIndex
-from data.samples.splits import Split, random_split
-from perception.types import Drive, Int, Progress
+from data.samples.labelled_parts import LabelledParts, first_frames, open_parts
+from perception.errors import UsageError
+from perception.types import Drive, Progress
 
 Frames = TypeVar("Frames", bound=CachedFrames)
 Samples = TypeVar("Samples", bound=Dataset[Any])
@@ -26,11 +27,13 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
     Attributes:
         training: Training samples; there, as all of them, after `setup`.
         validation: Validation samples.
+        test: Samples of the final test; None where the split has no such part.
     """
 
     config: Any
     training: Samples
     validation: Samples
+    test: Samples | None
     collate: Callable[[Sequence[Any]], Any] | None = None
     """Function from samples to a batch; None stacks equal shapes."""
 
@@ -44,7 +47,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         """Take what `setup` needs; nothing is read yet.
 
         Args:
-            drives: Drives for training and validation.
+            drives: Drives for training and validation, or a split.
             config: Split, batches and cache.
             seed: Seed of the split, the order and the augmentation.
             progress: Wrapper of the loop over frames that may show its progress.
@@ -59,23 +62,26 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         Raises:
             PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
         """
-        for frames in self._parts():
-            self._fill_cache(frames)
+        parts = self._parts()
+        self._fill_cache(self._frames([*parts.train, *parts.val, *parts.test]))
 
     def setup(self, stage: str | None = None) -> None:
-        """Make the datasets of training and validation.
+        """Make the datasets; a network that is trained notes the frames that it learns from.
 
         Raises:
             LabelError: a part lacks a class that the network needs.
             UsageError: the split leaves nothing of a part.
             PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
         """
-        training, *others = self._parts()
-        split = self._split(training)
-        if others:
-            self._make_datasets(training, split, others[0], np.arange(len(others[0])))
-        else:
-            self._make_datasets(training, split, training, split.validation)
+        parts = self._parts()
+        self.training = self._make_dataset(self._frames(parts.train), is_training=True)
+        self.validation = self._make_dataset(self._frames(parts.val), is_training=False)
+        self.test = None
+        if parts.test:
+            self.test = self._make_dataset(self._frames(parts.test), is_training=False)
+        self._require_labels()
+        if stage == "fit" and self.trainer is not None:
+            self.trainer.lightning_module.hparams.update(parts.provenance)
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Return batches in a new order, as new augmented views, at every epoch."""
@@ -92,6 +98,21 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         """Return batches of all validation samples in order."""
         return self._loader(self.validation)
 
+    def test_dataloader(self) -> DataLoader[Any]:
+        """Return batches of all test samples in order.
+
+        Raises:
+            UsageError: the split has no such part.
+        """
+        if self.test is None:
+            raise UsageError(
+                "test",
+                expected="a split with frames of part test",
+                found="none",
+                advice="pass --split FILE, made with: trifuse split --shares 60,20,20",
+            )
+        return self._loader(self.test)
+
     @property
     def augmentation(self) -> Any:  # noqa: ANN401 - the subclass' own configuration
         """Magnitudes of the augmentation, None without."""
@@ -106,35 +127,24 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         """Compute what training needs of all frames."""
 
     @abstractmethod
-    def _make_datasets(
-        self, frames: Frames, split: Split, validation_frames: Frames, validation: Int
-    ) -> None:
-        """Make the datasets.
+    def _make_dataset(self, frames: Frames, *, is_training: bool) -> Samples:
+        """Return the samples of all frames of a part."""
 
-        Args:
-            frames: Frames of the training drives.
-            split: Split of these frames.
-            validation_frames: Frames of the validation drives, or the same frames where there are none.
-            validation: (V,) numbers of those used for validation.
-        """
+    @abstractmethod
+    def _require_labels(self) -> None:
+        """Validate that the datasets hold what the network learns and is measured by."""
 
     @abstractmethod
     def _epoch_sampler(self) -> EpochSampler:
         """Return the order of the training samples."""
 
-    def _split(self, frames: Frames) -> Split:
-        config = self.config
-        return random_split(
-            frames.drive_numbers,
-            validation_fraction=0.0 if self.drives.validation else config.validation_fraction,
-            by=config.split_by,
-            seed=self.seed,
-        )
+    def _parts(self) -> LabelledParts:
+        parts = open_parts(self.drives, self.config, self.seed)
+        return replace(parts, train=first_frames(parts.train, self.config.training_fraction))
 
-    def _parts(self) -> list[Frames]:
+    def _frames(self, drives: Sequence[Drive]) -> Frames:
         config = self.config
-        store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
-        return [self._open_frames(open_drives(paths), store) for paths in self.drives.parts]
+        return self._open_frames(drives, ArrayStore(config.cache, int(config.cache_gb * 1e9)))
 
     def _loader(
         self, samples: Samples, sampler: Sampler[SampleIndex] | None = None

@@ -106,7 +106,7 @@ def test_what_cannot_work_is_refused(drive, cache, tmp_path, flags, refusal):
 def test_the_preset_of_the_thesis(drive, cache, tmp_path, monkeypatch):
     taken = []
     monkeypatch.setattr("train.detector.run.train_detector", lambda *given: taken.append(given))
-    flags = "--preset thesis --model.network yolov2 --data.jpeg-quality 75 --data.test-fraction 0.2"
+    flags = "--preset thesis --model.network yolov2 --data.jpeg-quality 75 --data.shares 60,20,20"
     words = (
         f"train detector {drive} --modality rm --model.size 416x416 --out {tmp_path} {flags} "
         "--loss.objectness focal"
@@ -114,7 +114,7 @@ def test_the_preset_of_the_thesis(drive, cache, tmp_path, monkeypatch):
     assert main(words.split()) == 0
     data, config, run, *_ = taken[0]
     assert data.config.batch_size == 64
-    assert (data.image.jpeg_quality, data.config.test_fraction) == (75, 0.2)
+    assert (data.image.jpeg_quality, data.config.shares) == (75, (60, 20, 20))
     assert (config.optimizer.optimizer, config.optimizer.learning_rate) == ("sgd", 0.001)
     assert (config.loss.box, config.loss.objectness) == ("squared", "focal")
     assert tuple(config.network.size) == (416, 416)

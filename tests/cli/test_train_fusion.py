@@ -50,7 +50,7 @@ def cache(tmp_path_factory):
 
 
 def words_of(drive, models, cache, out, *more):
-    words = f"train fusion {drive} --out {out} --data.cache {cache} --data.validation-fraction 0.34".split()
+    words = f"train fusion {drive} --out {out} --data.cache {cache}".split()
     return [*words, *models, *more]
 
 
@@ -130,16 +130,15 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
 
 def test_the_test_needs_frames_of_its_own(drive, models, cache):
     files = DetectorModelPaths(*map(Path, models[1::2]))
-    config = FusionDataConfig(validation_fraction=0.17, cache=cache)
-    with pytest.raises(UsageError) as raised:
+    config = FusionDataConfig(shares=(90, 5, 5), cache=cache)
+    with fault(UsageError, "shares 90,5,5", found="0 in test"):
         split_detections(TrainingDrives((drive,)), files, config, seed=0)
-    assert (raised.value.where, raised.value.found) == ("validation", "1")
 
 
 def test_detections_are_cached(drive, models, cache, monkeypatch):
     files = DetectorModelPaths(*map(Path, models[1::2]))
     drives = TrainingDrives((drive,))
-    config = FusionDataConfig(validation_fraction=0.34, cache=cache)
+    config = FusionDataConfig(cache=cache)
     first = split_detections(drives, files, config, seed=0)
 
     def refuse(self, frame, dense=None):
@@ -154,14 +153,6 @@ def test_detections_are_cached(drive, models, cache, monkeypatch):
         np.testing.assert_array_equal(
             one.merged.detections.boxes_px, other.merged.detections.boxes_px
         )
-
-
-def test_what_a_detector_learned_from_is_refused(drive, models, cache, tmp_path):
-    learned = tmp_path / "dm.onnx"
-    learned.write_bytes(bright_cells("dm", training_data=f"other/streets, {drive}"))
-    words = [*models[:3], str(learned), *models[4:]]
-    with fault(UsageError, found="training data of dm (dm.onnx)"):
-        command(*words_of(drive, words, cache, tmp_path))
 
 
 def test_a_model_of_another_modality_is_refused(drive, models, cache, tmp_path):

@@ -13,8 +13,7 @@ from data.samples.crops.labelled_frames import CropConfig, LabelledFrames
 from data.samples.crops.sampling import CropSet, collect_crops
 from data.samples.datamodule import SampleDataModule
 from data.samples.epoch_samplers import BalancedSampler
-from data.samples.splits import Split
-from perception.types import Drive, Int, Progress
+from perception.types import Drive, Progress
 
 _CONFIG, _CROP = CropDataConfig(), CropConfig()
 
@@ -60,23 +59,16 @@ class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
     def _fill_cache(self, frames: LabelledFrames) -> None:
         self._collect(frames, self._progress)
 
-    def _make_datasets(
-        self,
-        frames: LabelledFrames,
-        split: Split,
-        validation_frames: LabelledFrames,
-        validation: Int,
-    ) -> None:
+    def _make_dataset(self, frames: LabelledFrames, *, is_training: bool) -> CropDataset:
         crops = self._collect(frames)
-        others = crops if validation_frames is frames else self._collect(validation_frames)
-        crops = crops.of_frames(split.training)
-        # Validation measures on proposals, which the network will meet, not on jittered labels.
-        others = others.of_frames(validation)
-        others = others[~others.is_jittered]
-        crops.require_both_classes("training crops")
-        others.require_both_classes("validation crops")
-        self.training = CropDataset(frames, crops, self.augmentation, self.seed)
-        self.validation = CropDataset(validation_frames, others, None, self.seed)
+        if is_training:
+            return CropDataset(frames, crops, self.augmentation, self.seed)
+        # Evaluation is on proposals, which the network will meet, not on jittered labels.
+        return CropDataset(frames, crops[~crops.is_jittered], None, self.seed)
+
+    def _require_labels(self) -> None:
+        self.training.crops.require_both_classes("training crops")
+        self.validation.crops.require_both_classes("validation crops")
 
     def _epoch_sampler(self) -> BalancedSampler:
         is_vehicle = self.training.crops.is_vehicle

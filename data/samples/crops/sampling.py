@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 
@@ -37,10 +37,6 @@ class CropSet(ArrayTable):
     is_vehicle: Bool
     boxes_px: Annotated[Float32, 4]
     is_jittered: Bool
-
-    def of_frames(self, numbers: Int) -> Self:
-        """Return the crops of some frames."""
-        return self[np.isin(self.frames, numbers)]
 
     def require_both_classes(self, where: str) -> None:
         """Validate that there are vehicles and others.
@@ -94,7 +90,7 @@ def collect_crops(
         except PerceptionError as error:
             if on_bad_frame == "stop":
                 raise
-            log.warning("skipped frame %d: %s", number, error)
+            log.warning("skipped frame %s: %s", frames.name(number), error)
             continue
         types.update(scene.label_types.tolist())
         rng = np.random.default_rng([seed, number])

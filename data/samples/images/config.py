@@ -1,11 +1,9 @@
 """Settings of the image detectors' training data: split, batches, and augmentation."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import ClassVar, Self
 
 from data.samples.config import AugmentationConfig, SampleDataConfig
-from perception.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -131,29 +129,9 @@ class ImageDataConfig(SampleDataConfig):
 
     Attributes:
         batch_size: Images per batch.
-        test_fraction: Fraction of the frames or drives kept for a final test; the thesis' is 0.2 (7.2.2).
-        training_fraction: Fraction of the training frames that is used, the first ones.
-        frame_lists: Two files of frame numbers, for training and for validation, instead of fractions.
         jpeg_quality: Quality of the JPEG compression of the images, 1 to 100; 75 in the thesis (7.2.2).
         augmentation: Magnitudes of the augmentation.
     """
 
-    test_fraction: float = 0.0
-    training_fraction: float = 1.0
-    frame_lists: tuple[Path, Path] | None = None
     jpeg_quality: int | None = None
     augmentation: ImageAugmentationConfig = field(default_factory=ImageAugmentationConfig)
-
-    def __post_init__(self) -> None:
-        """Validate the fractions."""
-        super().__post_init__()
-        if not 0 < self.training_fraction <= 1:
-            found = f"{self.training_fraction:g}"
-            raise UsageError("training fraction", expected="above 0, at most 1", found=found)
-        fractions = self.validation_fraction, self.test_fraction
-        if min(fractions) < 0 or sum(fractions) >= 1:
-            raise UsageError(
-                "validation and test fraction",
-                expected="both from 0, together below 1",
-                found=f"{fractions[0]:g} and {fractions[1]:g}",
-            )

@@ -95,5 +95,5 @@ def test_chosen_frames_are_renumbered():
 
 def test_labels_of_frames_that_are_not_there_are_refused():
     frames = simulated_frames(3, 0)
-    with fault(PerceptionError, expected="labels and drives of 2 frames"):
-        DetectedFrames(frames.scenes[:2], frames.truth, frames.drive_numbers[:2])
+    with fault(PerceptionError, expected="labels of 2 frames"):
+        DetectedFrames(frames.scenes[:2], frames.truth)

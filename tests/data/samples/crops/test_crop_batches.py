@@ -25,9 +25,8 @@ from data.samples.crops.labelled_frames import LabelledFrames
 from data.samples.crops.previews import augmentation_previews, preview_rows
 from data.samples.crops.sampling import collect_crops
 from data.samples.epoch_samplers import BalancedSampler, SampleIndex
-from data.samples.splits import validation_frames
 from perception.detection.depthcn.crops import crop_windows
-from perception.errors import DriveError, LabelError, UsageError
+from perception.errors import LabelError, UsageError
 
 FIELDS = {"crops", "windows_px", "is_vehicle", "normalized_box"}
 
@@ -178,9 +177,10 @@ def test_batches_of_drives_on_disk(make_data: Callable[..., CropDataModule]):
     assert batch["crops"].shape == (4, 3, 66, 112)
     assert float(batch["is_vehicle"].mean()) == 0.5
     assert not data.validation.crops.is_jittered.any()
-    shared = set(data.training.crops.frames) & set(data.validation.crops.frames)
-    assert shared == set()
-    assert len(set(data.validation.crops.frames)) == 1  # 20 % of five frames
+    parts = data.training.frames, data.validation.frames
+    names = [[frames.name(number) for number in range(len(frames))] for frames in parts]
+    assert [len(of_part) for of_part in names] == [4, 1]  # 80 and 20 % of five frames
+    assert len({*names[0], *names[1]}) == 5
     kept = sum(len(batch["is_vehicle"]) for batch in data.val_dataloader())
     assert kept == len(data.validation)
 
@@ -211,30 +211,6 @@ def test_a_validation_set_without_cars_is_refused(
     with pytest.raises(LabelError) as raised:
         data.setup()
     assert raised.value.expected == "at least one Car"
-
-
-def test_no_drives_are_refused(make_data: Callable[..., CropDataModule]):
-    with pytest.raises(DriveError) as raised:
-        make_data(training=()).setup()
-    assert raised.value.found == "none"
-
-
-@pytest.mark.parametrize(("share", "by"), [(0.01, "frames"), (1.0, "frames"), (0.2, "drives")])
-def test_a_split_that_leaves_nothing_is_refused(share: float, by: str):
-    drive_numbers = np.array([0, 0, 0, 1, 1])
-    with pytest.raises(UsageError) as raised:
-        validation_frames(drive_numbers, share, by, np.random.default_rng(0))
-    assert raised.value.where == f"validation fraction {share:g}"
-
-
-def test_a_split_by_drives_keeps_drives_whole():
-    drive_numbers = np.repeat(np.arange(10), 7)
-    kept = validation_frames(drive_numbers, 0.2, "drives", np.random.default_rng(0))
-    assert [set(kept[drive_numbers == n].tolist()) for n in range(10)].count({True}) == 2
-    by_frames = validation_frames(drive_numbers, 0.2, "frames", np.random.default_rng(0))
-    assert by_frames.sum() == 14
-    again = validation_frames(drive_numbers, 0.2, "frames", np.random.default_rng(0))
-    np.testing.assert_array_equal(by_frames, again)
 
 
 @pytest.mark.parametrize("loading", [{"batch_size": 1}, {"workers": -1}])

@@ -12,7 +12,7 @@ from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
 
 from data.array_store import ArrayStore
-from data.open_drive import open_drive
+from data.open_drive import open_drive, open_drives
 from data.samples.config import TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, SampleIndex, ShuffledSampler
 from data.samples.images.augmentation import augment
@@ -21,7 +21,11 @@ from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
-from perception.errors import DriveError, LabelError, ScanError, UsageError
+from data.splits.draw import draw_split
+from data.splits.files import write_split
+from data.splits.parts import PARTS
+from data.splits.training_frames import TrainingFrames
+from perception.errors import LabelError, ScanError, UsageError
 from perception.types import MODALITIES, Modality
 from tests.car_frames import SIZE_PX
 from tests.data.samples.images.conftest import SMALL
@@ -39,17 +43,22 @@ def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
         validation: tuple[Path, ...] = (),
         progress: Callable[[Iterable[int]], Iterable[int]] = iter,
         class_names: tuple[str, ...] = ("Car",),
+        split: Path | None = None,
         **data: object,
     ) -> ImageDataModule:
         named = (make_frames(),) if training is None else training
         return ImageDataModule(
-            TrainingDrives(named, validation),
+            TrainingDrives(named, validation, split),
             ImageConfig(modality, class_names, SMALL),
             ImageDataConfig(**{"batch_size": 2, "cache": tmp_path / "cache", **data}),
             progress=progress,
         )
 
     return make
+
+
+def names_of(dataset: ImageDataset) -> tuple[str, ...]:
+    return tuple(dataset.frames.name(number) for number in dataset.numbers.tolist())
 
 
 @pytest.fixture
@@ -196,14 +205,14 @@ def test_a_drive_on_disk_becomes_batches(make_data: MakeData):
             seen.append(number)
             yield number
 
-    data = make_data(progress=progress, test_fraction=0.2)
+    data = make_data(progress=progress, shares=(60, 20, 20))
     data.prepare_data()
     assert seen == [0, 1, 2, 3, 4]
     assert len(list(data.config.cache.iterdir())) == 5
     data.setup()
-    parts = data.training.numbers, data.validation.numbers, data.test.numbers
+    parts = [names_of(part) for part in (data.training, data.validation, data.test)]
     assert [len(part) for part in parts] == [3, 1, 1]
-    assert sorted(np.concatenate(parts).tolist()) == [0, 1, 2, 3, 4]
+    assert sorted(sum(parts, ())) == [f"{number:06d}" for number in range(5)]
     batches = list(data.train_dataloader())
     assert [set(batch) for batch in batches] == [FIELDS] * 2
     assert batches[0]["images"].dtype == torch.uint8
@@ -219,7 +228,7 @@ def test_validation_drives_are_taken_whole(make_data: MakeData, make_frames: Cal
     data.setup()
     assert data.training.numbers.tolist() == [0, 1, 2, 3, 4]
     assert data.validation.numbers.tolist() == [0, 1]
-    assert len(data.test) == 0
+    assert data.test is None
 
 
 def test_a_share_takes_the_first_frames(make_data: MakeData, make_frames: Callable[..., Path]):
@@ -229,26 +238,41 @@ def test_a_share_takes_the_first_frames(make_data: MakeData, make_frames: Callab
     assert data.validation.numbers.tolist() == [0, 1]
 
 
-def test_lists_choose_the_frames(make_data: MakeData, tmp_path: Path):
-    lists = tmp_path / "train.txt", tmp_path / "val.txt"
-    lists[0].write_text("000004\n000001\n")
-    lists[1].write_text("000002\n")
-    data = make_data(frame_lists=lists)
+def test_a_split_file_chooses_the_frames(make_data: MakeData, make_frames, tmp_path: Path):
+    drives = open_drives([make_frames("split", 10)])
+    file = tmp_path / "split.json"
+    split = write_split(file, draw_split(drives, (60, 20, 20), by="frames", seed=5))
+    data = make_data(training=(), split=file)
+    data.prepare_data()
     data.setup()
-    assert data.training.numbers.tolist() == [1, 4]
-    assert data.validation.numbers.tolist() == [2]
-    lists[1].write_text("000007\n")
-    with fault(LabelError, "val.txt row 1", "the number of a frame"):
-        data.setup()
+    datasets = data.training, data.validation, data.test
+    for part, dataset in zip(PARTS, datasets, strict=True):
+        assert names_of(dataset) == split.drives[0].frames[part]
+    (batch,) = data.test_dataloader()
+    assert len(batch["images"]) == 2
 
 
-def test_lists_go_with_one_drive_alone(
-    make_data: MakeData, make_frames: Callable[..., Path], tmp_path: Path
-):
-    lists = tmp_path / "train.txt", tmp_path / "val.txt"
-    data = make_data(validation=(make_frames("other", 2),), frame_lists=lists)
-    with fault(UsageError, expected="one drive, no validation drives"):
-        data.setup()
+def test_without_a_test_part_there_is_no_test(make_data: MakeData):
+    data = make_data()
+    data.setup()
+    with fault(UsageError, "test", "a split with frames of part test", advice="--split"):
+        data.test_dataloader()
+
+
+def test_a_network_notes_the_frames_that_it_learns_from(make_data: MakeData, tmp_path: Path):
+    data, watcher = make_data(training_fraction=0.5), Watcher()
+    trainer = Trainer(
+        accelerator="cpu", max_epochs=1, limit_val_batches=0, logger=False,
+        enable_checkpointing=False, enable_progress_bar=False, enable_model_summary=False,
+    )  # fmt: skip
+    trainer.fit(watcher, data)
+    trainer.save_checkpoint(tmp_path / "last.ckpt")
+    stated = torch.load(tmp_path / "last.ckpt", weights_only=True)["hyper_parameters"]
+    learned = TrainingFrames.from_metadata(stated, "last.ckpt")
+    assert learned == TrainingFrames.of(data.training.frames.drives)
+    assert len(learned.hashes) == 2  # half of the four training frames
+    assert stated["part"] == "train"
+    assert len(stated["split"]) == 16
 
 
 def test_a_bad_frame_stops_or_is_left_out(
@@ -258,21 +282,21 @@ def test_a_bad_frame_stops_or_is_left_out(
     (root / "training/velodyne/000002.bin").write_bytes(b"short")
     with fault(ScanError, "000002.bin"):
         make_data(training=(root,)).prepare_data()
-    data = make_data(training=(root,), on_bad_frame="skip")
+    data = make_data(training=(root,), on_bad_frame="skip", shares=(60, 40))
     with caplog.at_level(logging.WARNING):
         data.prepare_data()
         assert caplog.messages == []
         data.setup()
-    assert [record.args[0] for record in caplog.records if "skipped" in record.msg] == [2]
-    numbers = [*data.training.numbers, *data.validation.numbers]
-    assert sorted(numbers) == [0, 1, 3, 4]
+    assert [record.args[0] for record in caplog.records if "skipped" in record.msg] == ["000002"]
+    names = [*names_of(data.training), *names_of(data.validation)]
+    assert sorted(names) == ["000000", "000001", "000003", "000004"]
 
 
 def test_a_set_that_lacks_the_class_is_refused(
     make_data: MakeData, make_frames: Callable[..., Path]
 ):
     data = make_data(training=(make_frames("vans", kind="Van"),))
-    with fault(LabelError, "vans", "at least one Car", "10 Van", "choose drives"):
+    with fault(LabelError, "vans", "at least one Car", "8 Van", "choose drives"):
         data.prepare_data()
     with fault(LabelError, "of the training images", "at least one Car", "no object"):
         data.setup()
@@ -283,7 +307,7 @@ def test_each_class_needs_labels_and_near_names_are_offered(
 ):
     drives = (make_frames("cars"), make_frames("people", kind="Pedestrian"))
     names = ("Car", "Pedestrain", "Tram")
-    data = make_data(training=drives, class_names=names)
+    data = make_data(training=drives, validation=drives, class_names=names)
     with fault(
         LabelError,
         f"{drives[0]}, {drives[1]}",
@@ -315,10 +339,11 @@ def test_a_class_without_validation_labels_is_noted(
     )
 
 
-def test_no_drives_are_refused(make_data: MakeData):
-    with pytest.raises(DriveError) as raised:
-        make_data(training=()).setup()
-    assert raised.value.found == "none"
+def test_drives_for_validation_are_named_once(tmp_path: Path):
+    with fault(UsageError, "drives", "at least one", "none"):
+        TrainingDrives()
+    with fault(UsageError, "--split", "no validation drives", "other"):
+        TrainingDrives(validation=(Path("other"),), split=tmp_path / "split.json")
 
 
 @pytest.mark.parametrize(
@@ -326,8 +351,6 @@ def test_no_drives_are_refused(make_data: MakeData):
     [
         ({"batch_size": 0}, "a batch size from 1 and workers from 0"),
         ({"workers": -1}, "a batch size from 1 and workers from 0"),
-        ({"validation_fraction": 0.6, "test_fraction": 0.4}, "both from 0, together below 1"),
-        ({"test_fraction": -0.1}, "both from 0, together below 1"),
         ({"training_fraction": 0.0}, "above 0, at most 1"),
     ],
 )

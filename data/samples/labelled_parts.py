@@ -1,0 +1,76 @@
+"""Drives with the frames that train, validate and test a network."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from data.kitti.drive import KittiDrive
+from data.open_drive import open_drives
+from data.samples.config import DriveDataConfig, TrainingDrives
+from data.splits.draw import draw_split
+from data.splits.files import read_split
+from data.splits.frame_split import FrameSplit
+from data.splits.training_frames import ENTRY, TrainingFrames
+
+_NO_SPLIT = "none"
+
+
+@dataclass(frozen=True)
+class LabelledParts:
+    """Drives of each part, with its frames alone.
+
+    Attributes:
+        train: Drives to learn from.
+        val: Drives that choose the best epoch.
+        test: Drives on which the result is measured, maybe none.
+        split: Fingerprint of the split.
+    """
+
+    train: Sequence[KittiDrive]
+    val: Sequence[KittiDrive]
+    test: Sequence[KittiDrive] = ()
+    split: str = _NO_SPLIT
+
+    @classmethod
+    def of(cls, split: FrameSplit, drives: Sequence[KittiDrive]) -> "LabelledParts":
+        """Return the parts of some drives, of which train and val must have frames.
+
+        Raises:
+            UsageError: A part has none.
+            DriveError: A drive lacks a frame of the split.
+        """
+        train, val = split.require_part(drives, "train"), split.require_part(drives, "val")
+        return cls(train, val, split.select(drives, "test"), split.fingerprint)
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """What a model file states of the frames that it learned from."""
+        frames = TrainingFrames.of(self.train).text
+        return {"split": self.split, "part": "train", ENTRY: frames}
+
+
+def open_parts(sources: TrainingDrives, config: DriveDataConfig, seed: int) -> LabelledParts:
+    """Open the drives of a training: of a split file, of the drives named for each part, or of a drawn split.
+
+    Args:
+        sources: Drives, or a split.
+        config: Shares of a drawn split.
+        seed: Seed of the draw.
+
+    Raises:
+        UsageError: The split is of other drives, or leaves a part without frames.
+        DriveError: A folder holds no drive, or lacks a frame of the split.
+    """
+    if sources.split is not None:
+        split = read_split(sources.split)
+        return LabelledParts.of(split, split.open(sources.training))
+    drives = open_drives(sources.training)
+    if sources.validation:
+        return LabelledParts(drives, open_drives(sources.validation))
+    drawn = draw_split(drives, config.shares, by=config.split_by, seed=seed)
+    return LabelledParts.of(drawn, drives)
+
+
+def first_frames(drives: Sequence[KittiDrive], fraction: float) -> list[KittiDrive]:
+    """Return the first frames of each drive, a fraction of them."""
+    return [drive.select(range(math.ceil(fraction * len(drive)))) for drive in drives]

@@ -1,0 +1,73 @@
+"""Frames that a network learned from, known by the contents of their scans, as its model file states them."""
+
+import binascii
+import hashlib
+from base64 import b64decode, b64encode
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from data.kitti.drive import KittiDrive
+from perception.errors import ModelError
+from perception.types import Bool
+
+ENTRY = "training_frames"  # of a model file's metadata
+_BYTES = 8  # for 4489 frames, 48 KB of text
+
+
+@dataclass(frozen=True)
+class TrainingFrames:
+    """Frames by a hash of the scan: neither the name nor the folder of a copy matters.
+
+    Attributes:
+        hashes: Hash of each scan.
+    """
+
+    hashes: frozenset[bytes]
+
+    @classmethod
+    def of(cls, drives: Iterable[KittiDrive]) -> Self:
+        """Return all frames of some drives."""
+        return cls(frozenset(one for drive in drives for one in scan_hashes(drive)))
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str], file: str) -> Self | None:
+        """Return the frames that a model file states, or None where it states none.
+
+        Raises:
+            ModelError: The entry is damaged.
+        """
+        if ENTRY not in metadata:
+            return None
+        try:
+            data = b64decode(metadata[ENTRY], validate=True)
+        except binascii.Error as error:
+            raise ModelError(
+                file, expected=f"{ENTRY} in base64", found=f"another text ({error})"
+            ) from error
+        return cls(frozenset(data[i : i + _BYTES] for i in range(0, len(data), _BYTES)))
+
+    @property
+    def text(self) -> str:
+        """Hashes in rising order, in base64."""
+        return b64encode(b"".join(sorted(self.hashes))).decode()
+
+    def among(self, hashes: Sequence[bytes]) -> Bool:
+        """Return the (F,) mask of those of F frames that are among these."""
+        return np.array([one in self.hashes for one in hashes], bool)
+
+
+def scan_hashes(drive: KittiDrive) -> list[bytes]:
+    """Return the hash of the scan of each of the F frames of a drive."""
+    with ThreadPoolExecutor() as readers:
+        return list(readers.map(_scan_hash, drive.scans.paths))
+
+
+def _scan_hash(path: Path) -> bytes:
+    # A frame that cannot be read is met where it is used.
+    content = path.read_bytes() if path.is_file() else str(path).encode()
+    return hashlib.blake2b(content, digest_size=_BYTES).digest()
