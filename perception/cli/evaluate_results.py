@@ -10,6 +10,11 @@ from perception.cli.evaluate_detection import PrecisionFlags, protocol, resample
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import ReportFlags
 from perception.errors import UsageError
+from perception.evaluation.detection.config import (
+    PUBLISHED_CLASS,
+    PUBLISHED_IOU,
+    PublishedTable,
+)
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 
 if TYPE_CHECKING:
@@ -49,6 +54,7 @@ def evaluate_results(
     classes: tuple[str, ...] = (),
     frame_list: Path | None = None,
     seqmap: Path | None = None,
+    published: PublishedTable | None = None,
     plot: Path | None = None,
 ) -> None:
     """Measure result files of any program: average precision of detections, or HOTA, CLEAR and IDF1 of tracks.
@@ -66,13 +72,20 @@ def evaluate_results(
             pedestrian; of detections, with --iou any other.
         frame_list: File of frame numbers, one a row, of detections; else all frames with labels.
         seqmap: File of sequence names and numbers of frames, of tracks; else all sequences with results.
+        published: Table of the thesis whose published detectors are printed beside the detected cars: table-7.9
+            (DepthCN) or table-7.11 (fusion).
         plot: PNG file for the precision-recall curves of detections.
     """
-    if kind == "tracks" or (kind == "auto" and _are_tracks(results)):
+    is_of_tracks = kind == "tracks" or (kind == "auto" and _are_tracks(results))
+    if published is not None:
+        _require_cars("tracks" if is_of_tracks else "detections", classes, metric.iou)
+    if is_of_tracks:
         publish_report(*_measure_tracks(results, labels, classes, seqmap), config, report.json)
         return
     chosen = [_parse_class(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
-    heading, precision, document = _measure_detections(results, labels, chosen, metric, frame_list)
+    heading, precision, document = _measure_detections(
+        results, labels, chosen, metric, frame_list, published
+    )
     publish_report(heading, precision, document, config, report.json)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
@@ -93,6 +106,7 @@ def _measure_detections(
     classes: Sequence[DetectionClass],
     metric: PrecisionFlags,
     frame_list: Path | None,
+    published: PublishedTable | None,
 ) -> "tuple[str, PrecisionReport, EvaluationDocument]":
     from data.kitti.detection_rows import read_detection_set, read_frame_list
     from perception.cli.progress import frame_progress_bar
@@ -101,6 +115,7 @@ def _measure_detections(
         measure_precision,
     )
     from perception.evaluation.detection.evaluation_boxes import pair_boxes
+    from perception.evaluation.detection.published import PublishedComparison
 
     numbers = None if frame_list is None else read_frame_list(frame_list)
     found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
@@ -116,6 +131,9 @@ def _measure_detections(
     words = protocol(metric, classes=classes)
     document = EvaluationDocument("detections", data, words, _SPLIT)
     computed = PrecisionReport(f"Average precision, {frames} frames", precision)
+    if published is not None:
+        place = f"{frames} frames of {labels}"
+        computed = PublishedComparison(computed.title, precision, published=published, data=place)
     return _describe(results, found), computed, document
 
 
@@ -167,6 +185,24 @@ def _parse_class(name: str, ious: Sequence[float]) -> DetectionClass:
             advice="name any other class together with --iou",
         )
     return DetectionClass(name, ious[0])
+
+
+def _require_cars(kind: Kind, classes: Sequence[str], ious: Sequence[float]) -> None:
+    """Validate that the metric of published detectors is measured.
+
+    Raises:
+        UsageError: The files hold tracks, or other classes or IoUs are measured.
+    """
+    names = [name.lower() for name in classes]
+    has_cars = not names or PUBLISHED_CLASS.lower() in names
+    if kind == "tracks" or not has_cars or (ious and PUBLISHED_IOU not in ious):
+        raise UsageError(
+            "--published",
+            expected=f"detections of {PUBLISHED_CLASS} at IoU {PUBLISHED_IOU:g}",
+            found=f"{kind} of {', '.join(classes) or 'all classes'} "
+            f"at IoU {', '.join(map(str, ious)) or 'of the protocol'}",
+            advice="leave --classes and --iou out",
+        )
 
 
 def _paths(**paths: Path | None) -> dict[str, object]:

@@ -72,6 +72,35 @@ def test_table_plot_and_document_agree(folders, tmp_path: Path, capsys):
     assert {path.name for path in picture.parent.iterdir()} == {"precision.png", "metrics.json"}
 
 
+def test_results_are_printed_beside_published_detectors(folders, tmp_path: Path, capsys):
+    results, labels = folders
+    out = tmp_path / "metrics.json"
+    words = ("--labels", labels, "--recall-points", "40", "--json", out)
+    assert evaluate(results, *words, "--published", "table-7.11") == 0
+    printed = capsys.readouterr().out
+    # Table 7.11 in the order of the thesis, then the files, by the 11 points of that time.
+    table = printed[printed.index("Table 7.11") :]
+    names = ("MV3D", "3D FCN", "MV-RGBD-RF", "VeloFCN", "thesis", "Vote3D", "CSoR", "mBoW")
+    rows = [line.rsplit(maxsplit=3) for line in table.splitlines()[3:12]]
+    assert [row[0] for row in rows] == [*(f"published: {name}" for name in names), "these results"]
+    assert rows[4][1:] == ["64.77", "46.77", "39.38"]
+    document = json.loads(out.read_text())
+    ours = document["results"]["published"]["these results"]
+    assert rows[-1][1:] == [f"{ours[level]:.2f}" for level in ("easy", "moderate", "hard")]
+    assert evaluate(results, "--labels", labels, "--recall-points", "11", "--json", out) == 0
+    cars = json.loads(out.read_text())["results"]["Car"]["0.7"]
+    assert ours == {level: cars[level]["ap_r11_percent"] for level in ours}
+    assert "50 frames of" in table.splitlines()[-1]
+
+
+@pytest.mark.parametrize("words", [("--classes", "Cyclist"), ("--iou", "0.5")])
+def test_published_detectors_are_of_cars_at_their_iou(folders, words):
+    results, labels = folders
+    flags = ("--labels", labels, "--published", "table-7.9", *words)
+    with fault(UsageError, "--published", "detections of Car at IoU 0.7", found=words[1]):
+        command("evaluate", "results", results, *flags)
+
+
 def test_eleven_points_of_one_class_in_some_frames(folders, tmp_path: Path, capsys):
     results, labels = folders
     frame_list = tmp_path / "val.txt"

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from perception.errors import UsageError
 
@@ -95,3 +96,8 @@ class CorruptionLevels:
                 raise UsageError(flag, expected="levels that rise from above 0", found=found)
         if not any(vars(self).values()):
             raise UsageError("--levels", expected="levels of one corruption or more", found="none")
+
+
+# Table of the thesis with detectors of others, all on cars at KITTI's IoU.
+PublishedTable = Literal["table-7.9", "table-7.11"]
+PUBLISHED_CLASS, PUBLISHED_IOU = "Car", 0.7
