@@ -20,6 +20,7 @@ from perception.pipeline import PipelineConfig
 from perception.render.bar_plots import plot_timeline
 from perception.render.composition import Composition
 from perception.render.scene import SelectedObject
+from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Drive, Result
@@ -39,6 +40,8 @@ class RunConfig:
         video_views: Whether the video shows the boxes of each modality's detector.
         pipeline: Pipeline configuration.
         track: Id of the track or vehicle that a one-object tracker takes over, or None.
+        tracker: Name of the one-object tracker.
+        tracker_config: Parameters of the one-object trackers.
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl, 0 to 1.
     """
 
@@ -47,15 +50,24 @@ class RunConfig:
     video_views: bool = False
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     track: int | None = None
+    tracker: TrackerName = "default"
+    tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
     min_vehicle_score: float = 0.05
 
     def __post_init__(self) -> None:
-        """Validate the score."""
+        """Validate the score and the tracker."""
         if not 0 <= self.min_vehicle_score <= 1:
             raise UsageError(
                 "min_vehicle_score",
                 expected="a score from 0 to 1",
                 found=f"{self.min_vehicle_score:g}",
+            )
+        if self.track is None and self.tracker != RunConfig.tracker:
+            raise UsageError(
+                f"--tracker {self.tracker}",
+                expected="the id of a track or vehicle for it",
+                found="none",
+                advice="name one with --track; tracks.jsonl and vehicles.jsonl of a run hold the ids",
             )
 
 
@@ -147,5 +159,5 @@ def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
 def _handover(drive: Drive, config: RunConfig) -> TrackHandover | None:
     if config.track is None:
         return None
-    tracker = single_object_tracker("default", drive.sensor)
+    tracker = single_object_tracker(config.tracker, drive.sensor, config.tracker_config)
     return TrackHandover(config.track, tracker, config.pipeline.ego_vehicle)

@@ -2,6 +2,7 @@
 
 from collections import deque
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -75,7 +76,10 @@ class RunVideo:
         if self._composition is None or self._video is None:
             return
         objects = SceneObjects.of(result, self._composition.display_score, selected)
-        image = self._composition.draw(self._history.update(result, objects))
+        scene = self._history.update(result, objects)
+        if selected is not None:
+            scene = replace(scene, tracked=selected.tracked)
+        image = self._composition.draw(scene)
         self._video.add(image)
         if self._count == self._middle:
             write_jpeg(self._out / "preview.jpg", image, quality=88)

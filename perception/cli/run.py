@@ -5,8 +5,10 @@ from pathlib import Path
 from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags, ResultsFlags
 from perception.pipeline import PipelineConfig
+from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 
 _PIPELINE = PipelineConfig()
+_TRACKER_CONFIG = SingleObjectTrackerConfig()
 
 
 def run(
@@ -18,7 +20,9 @@ def run(
     video: bool = True,
     video_views: bool = False,
     track: int | None = None,
+    tracker: TrackerName = "default",
     min_vehicle_score: float = 0.05,
+    tracker_config: SingleObjectTrackerConfig = _TRACKER_CONFIG,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
     """Run the pipeline on a drive; write ground, obstacles, tracks, vehicles, and a video.
@@ -30,7 +34,9 @@ def run(
         video: Draw the video.
         video_views: Draw the boxes of each modality's detector in the video, too.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
+        tracker: Name of the one-object tracker; ms-i, cbwh and opencv-* work in the image alone.
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl; 0 for all.
+        tracker_config: Parameters of the one-object trackers.
         pipeline: Pipeline configuration.
     """
     from data.open_drive import open_drive
@@ -47,6 +53,8 @@ def run(
         video_views=video_views,
         pipeline=pipeline,
         track=track,
+        tracker=tracker,
+        tracker_config=tracker_config,
         min_vehicle_score=min_vehicle_score,
     )
     folder = results.folder(config)

@@ -25,6 +25,7 @@ from perception.render.panels import (
 from perception.render.perspective import chase_camera, draw_perspective
 from perception.render.scene import Scene
 from perception.render.strip import draw_strip, inset_height_px
+from perception.render.tracked_object_views import draw_tracked_in_image
 from perception.types import Calibration, Int, UInt8
 
 # Heights of the strip without and with maps, and largest height of the camera image, as shares.
@@ -44,6 +45,7 @@ _LEGEND: tuple[tuple[LegendEntry, ...], ...] = (
     (LegendEntry("objects, by id", palette.TRACKS),),
 )
 _SELECTED = LegendEntry("selected", (palette.TRACKED_OBJECT,))
+_REGION = (LegendEntry("its region", (palette.INSIDE,)), LegendEntry("ring", (palette.RING,)))
 _VIEW_NAMES = {"rgb": "image", "dm": "depth", "rm": "reflectance"}
 
 
@@ -116,8 +118,10 @@ class Composition:
     def _legend(self, scene: Scene) -> list[tuple[LegendEntry, ...]]:
         """Return the rows of the legend."""
         legend = list(_LEGEND)
-        if scene.objects.is_selected.any():
+        if scene.tracked is not None:
             legend[-1] = (*legend[-1], _SELECTED)
+            if scene.tracked.region is not None:
+                legend.append(_REGION)
         if self.detector_views and scene.result.modality_detections:
             entries = (
                 LegendEntry(_VIEW_NAMES[modality], (palette.TEXT,), palette.LINE_PATTERNS[modality])
@@ -141,6 +145,9 @@ class _Views:
         # Everything is drawn after resizing, so that lines and text keep their size.
         image_P_velo = fitted.resizing.project(calibration.image_P_velo)
         canvas = draw_overlay(fitted.canvas, image_P_velo, self._surface, result.obstacles)
+        if self._scene.tracked is not None:
+            line_px = self._style.line_px
+            draw_tracked_in_image(canvas, self._scene.tracked, fitted.resizing, line_px)
         labels = draw_objects(canvas, image_P_velo, self._figures, self._style, fitted.resizing)
         if self._layout.detector_views:
             for modality in result.modality_detections:

@@ -172,12 +172,14 @@ class Scene:
         objects: (T) objects that are drawn.
         paths_velo: (K, 3) path of each object in the LiDAR frame, the oldest position first.
         ego_speed_m_s: Speed of the vehicle in metres per second, NaN where unknown.
+        tracked: Output of the one-object tracker, or None.
     """
 
     result: Result
     objects: SceneObjects
     paths_velo: Sequence[Float64]
     ego_speed_m_s: float = float("nan")
+    tracked: TrackedObject | None = None
 
     @classmethod
     def of(cls, result: Result, display_score: float = DetectionConfig.display_score) -> Self:

@@ -124,16 +124,10 @@ class TrackedObjectViews:
         return np.concatenate([middle_px - half_px, middle_px + half_px])
 
     def _draw_on_image(self, canvas: UInt8, resizing: Resizing, calibration: Calibration) -> None:
-        tracked, region = self._scene.tracked, self._scene.tracked.region
         image_P_velo = resizing.project(calibration.image_P_velo)
-        if region is not None:
-            draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
+        draw_tracked_in_image(canvas, self._scene.tracked, resizing, self._style.line_px)
         self._draw_truth(canvas, image_P_velo)
         self._draw_object(canvas, image_P_velo, self._still_figures)
-        if tracked.box_velo is None and tracked.box_px is not None:
-            first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
-            color = STATUS_COLORS[tracked.status]
-            cv2.rectangle(canvas, first, last, color, self._style.line_px, cv2.LINE_AA)
 
     def from_behind(self, size_px: tuple[int, int]) -> UInt8:
         """Return the points in 3D from behind the vehicle, towards the object."""
@@ -222,6 +216,26 @@ def draw_path(canvas: UInt8, image_P_velo: Float64, path_velo: Float64, color: C
     strokes = project_strokes(image_P_velo, canvas, segments, np.zeros(len(segments), np.int64))
     draw_seam(canvas, strokes, palette.BACKGROUND, 4)
     draw_strokes(canvas, strokes, [color], np.array([2]))
+
+
+def draw_tracked_in_image(
+    canvas: UInt8, tracked: TrackedObject, resizing: Resizing, line_px: int
+) -> None:
+    """Draw what a tracker knows of the image alone: region and ring, or the rectangle of an object without a box.
+
+    Args:
+        canvas: (H, W, 3) image.
+        tracked: Output of the tracker.
+        resizing: From the camera image to the canvas.
+        line_px: Width of lines.
+    """
+    region = tracked.region
+    if region is not None:
+        draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
+    if tracked.box_velo is None and tracked.box_px is not None:
+        first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
+        color = STATUS_COLORS[tracked.status]
+        cv2.rectangle(canvas, first, last, color, line_px, cv2.LINE_AA)
 
 
 def draw_region(canvas: UInt8, hull_px: Float64, outer_px: Float64) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from data.open_drive import open_drive
 from data.results.objects import TrajectoryRecord
-from data.results.run_drive import TRACKING_STAGE, track_selected
+from data.results.run_drive import TRACKING_STAGE, RunConfig, track_selected
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.errors import UsageError
@@ -19,6 +19,7 @@ from perception.render import palette
 from perception.render.composition import Composition
 from perception.render.scene import Scene, SceneObjects
 from perception.tracking.single_object.handover import TrackHandover
+from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Result, Tracks, Vehicles
 from tests.faults import command, fault
@@ -131,7 +132,7 @@ def test_the_followed_object_is_drawn_over_the_others(result):
 def test_a_run_tracks_one_of_its_objects(street, tmp_path, capsys):
     # Detected vehicles would share the count of ids.
     words = ["run", str(street), "--out", str(tmp_path), "--pipeline.detection.modalities", ""]
-    assert main([*words, "--track", "0"]) == 0
+    assert main([*words, "--track", "0", "--tracker", "3d-ms"]) == 0
     assert TRACKING_STAGE in capsys.readouterr().out
     given = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
     ids = [[track["id"] for track in line["tracks"]] for line in given]
@@ -142,6 +143,32 @@ def test_a_run_tracks_one_of_its_objects(street, tmp_path, capsys):
     np.testing.assert_allclose(
         lines[0]["velo"]["position_m"], track["velo"]["position_m"], atol=1.0
     )
+    # Of all trackers, this one predicts that the object stays.
+    assert lines[-1]["next_position_velo_m"] == lines[-1]["velo"]["position_m"]
+
+
+def test_region_and_rectangle_of_the_tracked_object_are_drawn_on_the_image(result):
+    def camera(tracked: TrackedObject | None) -> np.ndarray:
+        scene = replace(Scene.of(replace(result, tracks=Tracks.empty())), tracked=tracked)
+        return Composition().draw(scene).astype(int)[:300, :1000]
+
+    def changed(tracked: TrackedObject, color) -> int:
+        is_color = np.abs(camera(tracked) - color).max(axis=2) < 70
+        return int((is_color & (np.abs(camera(tracked) - plain).max(axis=2) > 10)).sum())
+
+    plain = camera(None)
+    corners_px = np.array([[400.0, 100], [800, 100], [800, 300], [400, 300]])
+    region = ImageRegion(corners_px, (1242, 375))
+    seen = TrackedObject(TrackStatus.SEEN, None, np.zeros(2), None, region=region)
+    assert changed(seen, palette.INSIDE) > 300
+    assert changed(seen, palette.RING) > 300
+    rectangle = replace(seen, region=None, box_px=np.array([400.0, 100, 800, 300]))
+    assert changed(rectangle, palette.TRACKED_OBJECT) > 300
+
+
+def test_a_tracker_without_a_track_is_an_error():
+    with fault(UsageError, where="--tracker h-fus", found="none", advice="--track"):
+        RunConfig(tracker="h-fus")
 
 
 def test_an_id_below_zero_is_an_error(street, tmp_path):

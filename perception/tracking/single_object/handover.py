@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.errors import UsageError
+from perception.errors import PerceptionError, UsageError
 from perception.geometry.grids import EgoVehicle
 from perception.tracking.single_object.tracker import (
     SingleObjectTracker,
@@ -33,7 +33,7 @@ def tracker_input_of(result: Result, ego_vehicle: EgoVehicle) -> TrackerInput:
 class TrackHandover:
     """Hands one object of the pipeline to a tracker of one object, in the first frame that has it.
 
-    The object is a track of a moving object or, where none has its id, a detected vehicle; they share their
+    A tracker that needs the image takes it over in the first frame that shows it. The object is a track of a moving object or, where none has its id, a detected vehicle; they share their
     ids. From then on the tracker is independent: it may keep what the pipeline loses, and lose what the
     pipeline keeps.
     """
@@ -54,14 +54,25 @@ class TrackHandover:
         self.has_started = False
 
     def update(self, result: Result) -> TrackedObject | None:
-        """Track the object into the next frame; None before the first frame that has it."""
+        """Track the object into the next frame; None before the first frame that has it.
+
+        Raises:
+            PerceptionError: The tracker lacks a required input, as a camera.
+        """
+        tracker_input = tracker_input_of(result, self._ego_vehicle)
         if self.has_started:
-            return self._tracker.update(tracker_input_of(result, self._ego_vehicle))
+            return self._tracker.update(tracker_input)
         box = self._box(result)
         if not len(box):
             return None
+        try:
+            tracked = self._tracker.init(tracker_input, box)
+        except PerceptionError:
+            if result.frame.calibration is None or tracker_input.box_px(box) is not None:
+                raise
+            return None  # a tracker of images waits until the camera has the object in view
         self.has_started = True
-        return self._tracker.init(tracker_input_of(result, self._ego_vehicle), box)
+        return tracked
 
     def _box(self, result: Result) -> Boxes3D:
         """Return the box of the object, or none."""

@@ -5,11 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from perception.errors import UsageError
+from perception.errors import PerceptionError, UsageError
 from perception.geometry.grids import EgoVehicle
+from perception.sensor import HDL_64E
 from perception.tracking.single_object.handover import TrackHandover, tracker_input_of
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
+from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D, Calibration, Frame, Obstacles, Result, Tracks, Voxels
+from tests.faults import fault
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,26 @@ def test_the_track_is_handed_over_once():
     assert tracker.calls == ["init at 15", "update", "update", "update"]
     assert handover.has_started
     assert all(len(tracker_input.points_velo) == 2 for tracker_input in tracker.tracker_inputs)
+
+
+def test_a_tracker_of_images_waits_until_the_image_shows_the_object():
+    camera = Calibration(np.array([[4.0, -4, 0, 0], [2.0, 0, -4, 0], [1, 0, 0, 0]]), np.eye(4))
+    ahead = result_with(5)
+    ahead = replace(ahead, frame=replace(ahead.frame, calibration=camera))
+    boxes = replace(ahead.tracks.boxes, bottom_m=np.array([[-15.0, 0, -1.7]]))
+    behind = replace(ahead, tracks=replace(ahead.tracks, boxes=boxes))
+    handover = TrackHandover(5, single_object_tracker("ms-i", HDL_64E), EgoVehicle())
+    assert handover.update(behind) is None
+    assert not handover.has_started
+    assert handover.update(ahead).box_px is not None
+
+
+def test_without_a_camera_a_tracker_of_images_is_an_error():
+    result = result_with(5)
+    bare = replace(result, frame=replace(result.frame, image=None, calibration=None))
+    handover = TrackHandover(5, single_object_tracker("ms-i", HDL_64E), EgoVehicle())
+    with fault(PerceptionError, where="tracker ms-i", found="none"):
+        handover.update(bare)
 
 
 def test_a_negative_id_is_an_error():
