@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
+from perception.cli.counting_sheet import CountingFlags, CountingJob
 from perception.cli.evaluation import (
     EvaluatedDrive,
     EvaluationDocument,
@@ -27,6 +28,7 @@ def evaluate_obstacles(
     root: Path,
     *,
     drive: DriveFlags,
+    counting: CountingFlags,
     report: ReportFlags,
     config: CommandConfig,
     set: SequenceSet | None = None,
@@ -36,7 +38,7 @@ def evaluate_obstacles(
     """Count labelled objects that are found, missed and misclassified as static or moving, and false moving clusters.
 
     What moves follows from label boxes and INS poses. Where every point has exact truth, as in synthetic
-    drives, the points classified as moving and static are counted too.
+    drives, every post, tree, wall and object is counted, and the points classified as moving and static too.
 
     Example: trifuse evaluate obstacles kitti/tracking --sequence 0000 --json obstacles.json
 
@@ -49,15 +51,27 @@ def evaluate_obstacles(
     from perception.evaluation.obstacle_measure import PROTOCOL_WORDS
     from perception.evaluation.obstacle_sets import ObstacleSetReport
 
+    def measure_of(labelled: Drive) -> "ObstacleMeasure":
+        return obstacle_measure(labelled, pipeline, protocol)
+
+    words = {**PROTOCOL_WORDS, "values": protocol}
+    if counting.counting_sheet is not None:
+        job = CountingJob(
+            counting.counting_sheet, counting.scans, counting.seed, drive, pipeline, measure_of
+        )
+        counted = job.report(root, set)
+        document = EvaluationDocument("obstacles", {"root": root, "counting": counting}, words)
+        publish_report(str(counted), counted, document, config, report.json)
+        return
+
     def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, ObstacleReport]":
-        measure = obstacle_measure(labelled, pipeline, protocol)
+        measure = measure_of(labelled)
         data = evaluate_drive(labelled, drive, pipeline, measure)
         return data, measure.compute()
 
     data, metrics = evaluate_drives(
         root, set, drive, evaluate, lambda reports: ObstacleSetReport(reports, table_3_1())
     )
-    words = {**PROTOCOL_WORDS, "values": protocol}
     document = EvaluationDocument("obstacles", data, words)
     publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report.json)
 

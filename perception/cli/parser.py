@@ -30,7 +30,7 @@ Function = TypeVar("Function", bound=CommandFunction)
 _OUTPUT_FILES = {"json", "plot", "reliability_plot"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
 _OUTPUTS = {
-    *_OUTPUT_FILES, "out", "overwrite", "plots", "resume", "worst_frames",
+    *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "worst_frames",
 }  # fmt: skip
 _PRINT_CONFIG = {"--print-config", "--print_config"}
 _PRESETS: dict[CommandFunction, tuple[str, Mapping[str, Mapping[str, object]]]] = {}

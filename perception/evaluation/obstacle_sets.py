@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
@@ -85,3 +86,48 @@ def printed_table(rows: Sequence[ObstacleSequence]) -> Table[ObstacleCounts]:
     """Return the counts that the thesis prints."""
     title = "Thesis, Table 7.2: 25 scans of each sequence, counted by a person"
     return counts_table(title, {row.name: row.printed for row in rows})
+
+
+@dataclass(frozen=True)
+class CountingReport(Report):
+    """Counts of random scans by a person or by exact truth, as a counting sheet holds them.
+
+    Attributes:
+        sheet: File of the sheet.
+        sequences: Counts of each sequence by its name.
+        images: Number of images of the sheet.
+        images_counted: Number of these images whose counts are filled in.
+        printed: Sequences of the set as the thesis prints them.
+    """
+
+    sheet: Path
+    sequences: Mapping[str, ObstacleCounts]
+    images: int
+    images_counted: int
+    printed: Sequence[ObstacleSequence]
+
+    def __str__(self) -> str:
+        """Return the file, and how many images are counted, in one line."""
+        left = self.images - self.images_counted
+        advice = "; fill in the empty counts and run the same command again" if left else ""
+        return f"{self.sheet}: {self.images_counted} of {self.images} images are counted{advice}"
+
+    def tables(self) -> list[Table[Any]]:
+        """Return the counts in the form of Table 7.2, and the printed ones."""
+        printed = printed_table(self.printed)
+        if not self.sequences:
+            return [printed]
+        return [
+            counts_table("Obstacles of the counting sheet (Table 7.2)", self.sequences),
+            printed,
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the counts by sequence and their sum, and what the thesis prints."""
+        counts = with_total(self.sequences)
+        return {
+            "images": self.images,
+            "images_counted": self.images_counted,
+            "counts": {name: one.to_json() for name, one in counts.items()},
+            "thesis": printed_table(self.printed).to_json(),
+        }

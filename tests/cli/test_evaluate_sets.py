@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
+from data.results.counting_sheet import (
+    CountedImage,
+    read_counting_sheet,
+    write_counting_sheet,
+)
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
 from perception.cli.main import main
@@ -146,3 +151,48 @@ def test_the_truth_itself_misses_nothing_and_a_level_street_misses_all(sequences
     assert right.obstacles > right.moving > 0
     assert right == ObstacleCounts(right.obstacles, right.moving)
     assert level == replace(right, missed_obstacles=right.obstacles, missed_moving=right.moving)
+
+
+def test_random_scans_are_counted_by_exact_truth(evaluate, tmp_path: Path):
+    folder = tmp_path / "counts"
+    printed, written = evaluate("obstacles", "--counting-sheet", str(folder), "--scans", "2")
+    rows = read_counting_sheet(folder / "counting_sheet.csv")
+    assert [row.sequence for row in rows] == ["0000", "0000", "0011", "0011"]
+    assert {path.name for path in folder.glob("*.jpg")} == {row.image for row in rows}
+    results = written["results"]
+    assert results["images_counted"] == results["images"] == 4
+    assert results["counts"]["Total"]["obstacles"] == sum(row.counts.obstacles for row in rows)
+    _, whole = evaluate("obstacles")
+    everything = whole["results"]["counts"]["3 (0011)"]
+    assert results["counts"]["3 (0011)"]["obstacles"] < everything["obstacles"]
+    assert "4 of 4 images" in printed.splitlines()[0]
+
+
+def test_a_sheet_that_a_person_fills_in_is_read_and_kept(sequences: Path, tmp_path: Path, capsys):
+    folder = tmp_path / "counts"
+    sheet, words = folder / "counting_sheet.csv", ["evaluate", "obstacles", str(sequences)]
+    words += ["--sequence", "0000", "--counting-sheet", str(folder), "--scans", "2"]
+    image = "0000,000001,0000_000001.jpg"
+    rows = [CountedImage(*image.split(","), None), CountedImage("0000", "000002", "x", None)]
+    write_counting_sheet(sheet, rows)
+    assert main(words) == 0
+    assert "0 of 2 images" in capsys.readouterr().out
+    filled = sheet.read_text().replace(image + ",,,,,,", image + ",9,4,3,2,1,0")
+    sheet.write_text(filled)
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    assert "1 of 2 images" in printed
+    row = next(line for line in printed.splitlines() if line.startswith("1 (0000)"))
+    assert row.split()[2:] == ["9", "4", "3", "2", "1", "0"]
+    assert sheet.read_text() == filled
+
+
+def test_a_drive_without_images_cannot_be_counted(sequences: Path, tmp_path: Path):
+    for name in ("velodyne/0000", "labels/0000", "label_02/0000.txt", "calib/0000.txt"):
+        link = tmp_path / "blind" / name
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(sequences / "training" / name)
+    words = ["evaluate", "obstacles", tmp_path / "blind", "--counting-sheet", tmp_path / "counts"]
+    with fault(DriveError, expected="images and a camera calibration of 0000", found="none"):
+        command(*words)
+    assert not (tmp_path / "counts").exists()
