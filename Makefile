@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick lint bench weights format clean help
+.PHONY: demo test quick lint bench weights thesis format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
@@ -11,6 +11,7 @@ help:
 	@echo "make quick  the tests that take less than five seconds, read no KITTI frames and train nothing"
 	@echo "make lint   ruff and mypy"
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
+	@echo "make thesis train and measure all of the thesis' section 7.2; make thesis STEPS=200 for a short try"
 	@echo "make bench  every stage beside its reference implementation and the best library"
 
 demo: $(VENV)/.installed
@@ -49,6 +50,13 @@ weights: $(VENV)/.installed-dev
 	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
+
+# All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU.
+STEPS ?= 80200
+FRAMES ?= 300
+FLAGS ?=
+thesis: $(VENV)/.installed-dev
+	$(BIN)/trifuse study thesis --steps $(STEPS) --frames $(FRAMES) $(FLAGS)
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff check --fix .

@@ -38,6 +38,10 @@ STUDIES: Mapping[str, tuple[str, str]] = {
         "benchmarks.studies.single_object:single_object",
         "challenges of tracking one object, on scenes with exact truth",
     ),
+    "thesis": (
+        "benchmarks.studies.thesis:thesis",
+        "all of 7.2, trained and measured (Tables 7.8 to 7.10, Figs 7.8 to 7.16)",
+    ),
     "augmentation": (
         "benchmarks.studies.augmentation:augmentation",
         "DepthCN trained without and with augmentation (Table 7.8)",
