@@ -157,7 +157,6 @@ def _panel(
 def draw_frames(out: Path) -> None:
     """Draw DepthCN's proposals and detections, and fused detections, in some test frames (Figs 7.10, 7.16)."""
     from data.splits.files import read_split
-
     from perception.detection.config import DepthCnConfig, DetectionConfig, FusionConfig
 
     split = read_split(out / "split.json")
