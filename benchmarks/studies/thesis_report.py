@@ -10,13 +10,14 @@ import numpy as np
 
 from benchmarks.studies.augmentation import THESIS_PERCENT as TABLE_7_8
 from benchmarks.studies.report import formatted_table, publish
-from benchmarks.studies.variant_report import LEVELS, Percent
 from perception.atomic_file import write_atomically, write_jpeg
+from perception.evaluation.detection.class_precision import LEVELS
 from perception.evaluation.detection.fusion_measure import (
     MODALITY_NAMES,
     VARIANT_NAMES,
 )
 from perception.evaluation.detection.fusion_measure import THESIS_PERCENT as TABLE_7_10
+from perception.evaluation.detection.published import PUBLISHED_PERCENT
 from perception.evaluation.report import Table
 from perception.render.curve_plots import CurvePanel, plot_curves, precision_panel
 
@@ -27,17 +28,6 @@ if TYPE_CHECKING:
 
 _IOU = "0.7"
 _AP = "ap_r11_percent"
-# Table 7.9 on KITTI's test frames; its moderate and hard columns are lost, those of mBoW stand in Table 7.11.
-TABLE_7_9: Mapping[str, tuple[float | None, ...]] = {
-    "DepthCN": (37.59, None, None),
-    "mBoW": (36.02, 23.76, 18.44),
-}
-TABLE_7_11: Percent = (
-    64.77,
-    46.77,
-    39.38,
-)  # the fusion on KITTI's test frames, the curves of Fig. 7.15
-_DISPLAY_LEVEL = "moderate"
 _IMAGES = 4  # of Figs 7.10 and 7.16
 _STEPS = {"merged": "merged", "rescored": "re-scored", "rescored and suppressed": "and suppressed"}
 # The fusion that is measured first has this name, whatever its features are.
@@ -90,8 +80,11 @@ def recognition_table(out: Path) -> Table[Any]:
 def depthcn_table(ours: ByLevel) -> Table[Any]:
     """Return Table 7.9: average precision of DepthCN."""
     rows = {
-        "DepthCN here, test frames of the split": tuple(ours[level][_AP] for level in LEVELS),
-        **{f"{name}, thesis, KITTI's test frames": row for name, row in TABLE_7_9.items()},
+        "DepthCN, test frames of the split": tuple(ours[level][_AP] for level in LEVELS),
+        **{
+            f"published, KITTI's test frames: {name}": row
+            for name, row in PUBLISHED_PERCENT["table-7.9"].items()
+        },
     }
     title = "Table 7.9: AP R11 [%], IoU over 0.7"
     return formatted_table(title, "", dict.fromkeys(LEVELS, ".2f"), rows)
@@ -124,7 +117,8 @@ def draw_curves(
         steps: Metrics of the boxes before rescoring, after it, and after suppression.
     """
     fused = rows[VARIANT_NAMES["features"]]
-    plot_curves(out / "figure-7.9.png", "DepthCN", [_panel("", depthcn, TABLE_7_9["DepthCN"])])
+    printed = PUBLISHED_PERCENT["table-7.9"]["DepthCN"]
+    plot_curves(out / "figure-7.9.png", "DepthCN", [_panel("", depthcn, printed)])
     plot_curves(
         out / "figure-7.11.png",
         "Modalities",
@@ -138,7 +132,8 @@ def draw_curves(
         "Fusion, step by step",
         [_panel(level, found) for level, found in by_step.items()],
     )
-    plot_curves(out / "figure-7.15.png", "Fusion", [_panel("", fused, TABLE_7_11)])
+    printed = PUBLISHED_PERCENT["table-7.11"]["thesis"]
+    plot_curves(out / "figure-7.15.png", "Fusion", [_panel("", fused, printed)])
 
 
 def _panel(

@@ -15,7 +15,7 @@ from perception.evaluation.report import Table, Value, value_table
 _OURS = "these results"
 _RECALL_POINTS = 11  # of KITTI's benchmark at that time
 # Average precision of cars in percent: easy, moderate, hard; None is missing in the printed table.
-_PERCENT: Mapping[PublishedTable, Mapping[str, Sequence[float | None]]] = {
+PUBLISHED_PERCENT: Mapping[PublishedTable, Mapping[str, Sequence[float | None]]] = {
     "table-7.9": {"DepthCN": (37.59, None, None), "mBoW": (36.02, None, None)},
     "table-7.11": {
         "MV3D": (90.53, 89.17, 80.16),
@@ -53,7 +53,7 @@ class PublishedComparison(PrecisionReport):
     def _comparison(self) -> Table[Any]:
         rows: dict[str, dict[str, Value]] = {
             f"published: {name}": dict(zip(LEVELS, percent, strict=True))
-            for name, percent in _PERCENT[self.published].items()
+            for name, percent in PUBLISHED_PERCENT[self.published].items()
         }
         rows[_OURS] = self._car_percent()
         notes = [
