@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
 from data.samples.config import AugmentationConfig, SampleDataConfig
+from perception.types import Method
 
 
 @dataclass(frozen=True)
@@ -104,23 +105,54 @@ class MapAugmentationConfig(AugmentationConfig):
 
 
 @dataclass(frozen=True)
+class DarknetAugmentationConfig(AugmentationConfig):
+    """Magnitudes of Darknet's augmentation, of images and maps alike; those of yolo-voc.cfg.
+
+    Attributes:
+        flip: Probability of a horizontal flip.
+        jitter: Largest move of each edge of the image, in or out, as a fraction of the image.
+        hue: Largest rotation of the hue as a fraction of the circle.
+        saturation: Largest factor of the saturation, less 1.
+        exposure: Largest factor of the brightness, less 1.
+    """
+
+    MAX: ClassVar = {"flip": 1.0, "jitter": 0.45, "hue": 0.5}
+
+    flip: float = 0.5
+    jitter: float = 0.3
+    hue: float = 0.1
+    saturation: float = 0.5
+    exposure: float = 0.5
+
+
+@dataclass(frozen=True)
 class ImageAugmentationConfig:
     """Magnitudes of all augmentations.
 
     Attributes:
+        method: Method: default, with the first three sections; or thesis, that of Darknet, with the last.
         geometric: Geometry of images and maps.
         maps: Corruptions of depth and reflectance maps.
         photometric: Colours, light and noise of camera images.
+        darknet: Crops, flips and colours of images and maps as Darknet makes them.
     """
 
+    method: Method = "default"
     geometric: GeometricConfig = field(default_factory=GeometricConfig)
     maps: MapAugmentationConfig = field(default_factory=MapAugmentationConfig)
     photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
+    darknet: DarknetAugmentationConfig = field(default_factory=DarknetAugmentationConfig)
 
     @classmethod
-    def none(cls) -> Self:
-        """Return the configuration that changes nothing."""
-        return cls(GeometricConfig.none(), MapAugmentationConfig.none(), PhotometricConfig.none())
+    def none(cls, method: Method = "default") -> Self:
+        """Return the configuration of a method that changes nothing."""
+        return cls(
+            method,
+            GeometricConfig.none(),
+            MapAugmentationConfig.none(),
+            PhotometricConfig.none(),
+            DarknetAugmentationConfig.none(),
+        )
 
 
 @dataclass(frozen=True)
