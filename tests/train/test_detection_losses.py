@@ -144,7 +144,7 @@ def test_focal_loss_of_certain_targets_is_that_of_torchvision(is_label):
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-6)
 
 
-def test_focal_loss_is_least_at_the_overlap_that_is_reached():
+def test_focal_loss_is_smallest_at_the_overlap_that_is_reached():
     logits = torch.linspace(-4, 4, 801)
     config = replace(PUBLISHED_LOSS, objectness="focal")
     errors = objectness_error(logits, torch.full_like(logits, 0.7), config)

@@ -135,7 +135,7 @@ def objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfig
     if config.objectness == "squared":
         return _squared(scores, target)
     # The continuous form of the focal loss (Li et al., "Generalized focal loss", NeurIPS 2020, eq. 3), equal to
-    # torchvision's at targets of 0 and 1. Between them, where the reached IoU lies, torchvision's is not least at
+    # torchvision's at targets of 0 and 1. Between them, where the reached IoU lies, torchvision's is not smallest at
     # the target itself.
     entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
     return (target - scores).abs() ** config.focal_gamma * entropy
