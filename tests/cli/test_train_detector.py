@@ -91,7 +91,7 @@ def test_a_detector_is_trained_and_resumed(drive, cache, tmp_path, capsys):
         ("--model.size large", (UsageError, "", "such as 192x640", "large")),
         ("--model.size 60x224", (UsageError, "", "multiples of 32 pixels", "60x224")),
         ("--model.network resnet19", (UsageError, "network", "such as resnet18", "resnet19")),
-        ("--model.classes Unicorn", (LabelError, "labels of", "at least one Unicorn", "12 Car")),
+        ("--model.classes Unicorn", (LabelError, "labels of", "at least one Unicorn", "10 Car")),
         ("--model.classes ,", (UsageError, "class names", "at least one", "none")),
         ("--weights.darknet some.weights", (UsageError, "", "network yolov2", "compact")),
         ("--weights.backbone some.pth", (UsageError, "", "a classifier of torchvision", "compact")),
