@@ -1,14 +1,18 @@
 """Detectors measured on labelled drives, each drive by itself."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from data.detections.measured_detectors import MeasuredDetector
+from data.detections.unlearned_frames import LearnedCounts, count_learned_frames
 from data.frames import file_number, frame_count, read_frames
+from data.kitti.drive import KittiDrive
 from data.open_drive import open_drive, sequences_in
+from data.splits.files import read_split
+from data.splits.parts import Part
 from perception.atomic_file import write_jpeg
 from perception.errors import DriveError
 from perception.evaluation.detection.frame_errors import worst_frames
@@ -27,8 +31,10 @@ class DriveInfo:
         kind: `synthetic` where the exact truth of every point is known, else `real`.
         root: Folder of the drive.
         sensor: Name of the LiDAR model.
-        frames: Number of frames of the drive.
+        frames: Number of frames of the drive, or of its part.
         frames_evaluated: Number of frames that were evaluated.
+        part: Part of a split, or None for all frames.
+        seen_in_training: How many of the evaluated frames each network learned from.
     """
 
     name: str
@@ -37,11 +43,14 @@ class DriveInfo:
     sensor: str
     frames: int
     frames_evaluated: int
+    part: Part | None
+    seen_in_training: LearnedCounts
 
     @property
     def title(self) -> str:
-        """Drive, kind and number of frames in words."""
-        return f"{self.name} ({self.kind}, {self.frames_evaluated} frames)"
+        """Drive, kind, part and number of frames in words."""
+        part = "" if self.part is None else f"part {self.part}, "
+        return f"{self.name} ({self.kind}, {part}{self.frames_evaluated} frames)"
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,11 @@ class DrivesReport(Report):
     def data(self) -> list[dict[str, Any]]:
         """Frames of each drive."""
         return [asdict(info) for info, _ in self.drives]
+
+    @property
+    def seen_in_training(self) -> str:
+        """How many frames of each drive the networks learned from, in a line a drive."""
+        return "\n".join(f"{info.name}: {info.seen_in_training}" for info, _ in self.drives)
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return the tables of one drive after the other."""
@@ -92,6 +106,8 @@ class DriveReader:
         sensor: Name or file of the LiDAR model; else what the drive states.
         frames: Number of frames from the start of each drive; else all.
         on_bad_frame: Stop at a damaged frame, or skip it.
+        split: Split file of which one part is read; else all frames.
+        part: Part of the split; test where none is named.
         progress: Shows a progress bar over frames with a description and their number.
     """
 
@@ -99,37 +115,40 @@ class DriveReader:
     sensor: str | None = None
     frames: int | None = None
     on_bad_frame: OnBadFrame = "stop"
+    split: Path | None = None
+    part: Part | None = None
     progress: Callable[[Iterator[Frame], str, int], Any] = lambda frames, *_: frames
 
-    def drives(self, paths: Sequence[Path]) -> Iterator[tuple[str, Drive]]:
-        """Open the drives of all paths, with their names.
+    def drives(self, paths: Sequence[Path]) -> list[tuple[str, KittiDrive]]:
+        """Open the drives of all paths, with their names; of a split, those that have frames in the part.
 
         Raises:
-            DriveError: a path holds no drive, or one without labelled boxes.
+            DriveError: a path holds no drive, or one without labelled boxes, or lacks a frame of the part.
+            UsageError: the split is damaged, of other drives, or has no frame of them in the part.
         """
-        for path in paths:
-            names = sequences_in(path)
-            if self.sequence is not None:
-                names = [self.sequence] if names != [None] or len(paths) == 1 else names
-            for name in names:
-                drive = open_drive(path, sequence=name, sensor=self.sensor)
-                if not drive.has_labels:
-                    raise DriveError(
-                        drive.root,
-                        expected="labelled boxes to measure against",
-                        found="none in this drive",
-                        advice="name the same drive in the tracking or object layout",
-                    )
-                yield " ".join(filter(None, (str(path), name))), drive
+        named = [one for path in paths for one in self._open(path, is_alone=len(paths) == 1)]
+        if self.split is None:
+            return named
+        split, part = read_split(self.split), self.part or "test"
+        split.require_part([drive for _, drive in named], part)
+        return [(name, one) for name, drive in named for one in split.select([drive], part)]
 
     def feed(
         self,
         name: str,
-        drive: Drive,
+        drive: KittiDrive,
         detect: Callable[[Frame], Any],
         measure: Any,  # noqa: ANN401 - of its detector
+        networks: Mapping[str, Mapping[str, str]],
     ) -> tuple[DriveInfo, list[int]]:
         """Detect in the frames of a drive and update a measure with each; return their indices, too.
+
+        Args:
+            name: Path and sequence as given.
+            drive: Labelled frames.
+            detect: Function from a frame to what the measure takes.
+            measure: Measure of the detector.
+            networks: Metadata of each network, which may state the frames that it learned from.
 
         Raises:
             PerceptionError: a frame or its labels cannot be read or used, or no frame can.
@@ -144,8 +163,34 @@ class DriveReader:
         if not indices:
             raise DriveError(drive.root, expected="a frame that can be read", found="none")
         kind = "real" if drive.point_truth(indices[0]) is None else "synthetic"
-        sensor, root = drive.sensor.name, drive.root.resolve()
-        return DriveInfo(name, kind, root, sensor, len(drive), len(indices)), indices
+        learned = count_learned_frames(networks, drive.select(indices))
+        learned.warn(name)
+        info = DriveInfo(
+            name,
+            kind,
+            drive.root.resolve(),
+            drive.sensor.name,
+            len(drive),
+            len(indices),
+            None if self.split is None else self.part or "test",
+            learned,
+        )
+        return info, indices
+
+    def _open(self, path: Path, *, is_alone: bool) -> Iterator[tuple[str, KittiDrive]]:
+        names = sequences_in(path)
+        if self.sequence is not None:
+            names = [self.sequence] if names != [None] or is_alone else names
+        for name in names:
+            drive = open_drive(path, sequence=name, sensor=self.sensor)
+            if not drive.has_labels:
+                raise DriveError(
+                    drive.root,
+                    expected="labelled boxes to measure against",
+                    found="none in this drive",
+                    advice="name the same drive in the tracking or object layout",
+                )
+            yield " ".join(filter(None, (str(path), name))), drive
 
 
 def measure_drives(
@@ -168,7 +213,7 @@ def measure_drives(
     measured = []
     for name, drive in reader.drives(paths):
         detect, measure = detector.start(drive)
-        info, indices = reader.feed(name, drive, detect, measure)
+        info, indices = reader.feed(name, drive, detect, measure, detector.metadata)
         measured.append((info, measure.compute()))
         if worst is not None:
             _draw_worst_frames(*worst, name, drive, detector, measure, indices)

@@ -83,7 +83,9 @@ def split_detections(
     for part, frames in (("validation", validation), ("test", test)):
         types = Counter(frames.truth.types.astype(str).tolist())
         warn_of_few(class_names, types, f"{len(frames)} frames of the {part} of the fusion")
-    return SplitDetections(training, validation, test, class_names, fingerprints, parts.provenance)
+    return SplitDetections(
+        training, validation, test, class_names, fingerprints, parts.provenance()
+    )
 
 
 def fusion_parts(

@@ -32,13 +32,25 @@ class LearnedCounts:
         """Networks that learned from one of the frames or more."""
         return [name for name, count in self.learned.items() if count]
 
+    def warn(self, drive: str) -> None:
+        """Warn where networks learned from frames of a drive on which they are measured."""
+        if self.networks:
+            log.warning(
+                "%s: %s learned from some of these frames, where scores are too high: evaluate others, by --split and --part",
+                drive,
+                ", ".join(self.networks),
+            )
+
     def __str__(self) -> str:
-        """Return the counts in words: 0 of 1496 (dm, rm), not known (rgb)."""
+        """Return the counts in words: frames seen in training: 0 of 1496 (dm, rm), not known (rgb)."""
+        if not self.learned:
+            return "frames seen in training: none, as there is no network"
         names: dict[str, list[str]] = {}
         for name, count in self.learned.items():
             words = "not known" if count is None else f"{count} of {self.frames}"
             names.setdefault(words, []).append(name)
-        return ", ".join(f"{words} ({', '.join(of_words)})" for words, of_words in names.items())
+        counts = (f"{words} ({', '.join(of_words)})" for words, of_words in names.items())
+        return f"frames seen in training: {', '.join(counts)}"
 
 
 def count_learned_frames(

@@ -14,6 +14,7 @@ from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, EpochSampler, SampleIndex
 from data.samples.labelled_parts import LabelledParts, first_frames, open_parts
+from data.splits.training_frames import TrainingFrames
 from perception.errors import UsageError
 from perception.types import Drive, Progress
 
@@ -81,7 +82,9 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
             self.test = self._make_dataset(self._frames(parts.test), is_training=False)
         self._require_labels()
         if stage == "fit" and self.trainer is not None:
-            self.trainer.lightning_module.hparams.update(parts.provenance)
+            noted = self.trainer.lightning_module.hparams
+            # Initial weights of another training have learned from its frames.
+            noted.update(parts.provenance(TrainingFrames.from_metadata(noted, "initial weights")))
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Return batches in a new order, as new augmented views, at every epoch."""

@@ -42,11 +42,14 @@ class LabelledParts:
         train, val = split.require_part(drives, "train"), split.require_part(drives, "val")
         return cls(train, val, split.select(drives, "test"), split.fingerprint)
 
-    @property
-    def provenance(self) -> dict[str, str]:
-        """What a model file states of the frames that it learned from."""
-        frames = TrainingFrames.of(self.train).text
-        return {"split": self.split, "part": "train", ENTRY: frames}
+    def provenance(self, earlier: TrainingFrames | None = None) -> dict[str, str]:
+        """Return what a model file states of the frames that it learned from.
+
+        Args:
+            earlier: Frames that its initial weights learned from.
+        """
+        frames = TrainingFrames.of(self.train).joined(earlier)
+        return {"split": self.split, "part": "train", ENTRY: frames.text}
 
 
 def open_parts(sources: TrainingDrives, config: DriveDataConfig, seed: int) -> LabelledParts:

@@ -57,6 +57,16 @@ def read_split(file: Path) -> FrameSplit:
         raise _unreadable(file, f"other entries ({error!r})") from error
 
 
+def select_part(drives: Sequence[KittiDrive], file: Path | None, part: Part) -> list[KittiDrive]:
+    """Return the drives with the frames of one part of a split file alone, or as they are without a file.
+
+    Raises:
+        UsageError: The file is damaged, of other drives, or has no frame of them in the part.
+        DriveError: A drive lacks a frame of the part.
+    """
+    return list(drives) if file is None else read_split(file).require_part(drives, part)
+
+
 def split_by_lists(drives: Sequence[KittiDrive], folder: Path) -> FrameSplit:
     """Read a split from train.txt, val.txt and test.txt, one frame a line, such as KITTI's 3712 and 3769.
 

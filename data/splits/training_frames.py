@@ -5,7 +5,7 @@ import hashlib
 from base64 import b64decode, b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -55,6 +55,10 @@ class TrainingFrames:
     def text(self) -> str:
         """Hashes in rising order, in base64."""
         return b64encode(b"".join(sorted(self.hashes))).decode()
+
+    def joined(self, others: Self | None) -> Self:
+        """Return these frames and others."""
+        return self if others is None else replace(self, hashes=self.hashes | others.hashes)
 
     def among(self, hashes: Sequence[bytes]) -> Bool:
         """Return the (F,) mask of those of F frames that are among these."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from perception.cli.evaluation import open_labelled_drive
-from perception.cli.flags import DriveFlags, require_positive
+from perception.cli.flags import LabelledDriveFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.sequence_sets import find_sequences
 from perception.errors import DriveError
@@ -58,7 +58,7 @@ class CountingJob:
     folder: Path
     scans: int
     seed: int
-    drive: DriveFlags
+    drive: LabelledDriveFlags
     pipeline: PipelineConfig
     measure_of: "Callable[[Drive], ObstacleMeasure]"
 

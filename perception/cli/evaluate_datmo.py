@@ -12,7 +12,7 @@ from perception.cli.evaluation import (
     EvaluationDocument,
     publish_report,
 )
-from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.flags import DriveFlags, LabelledDriveFlags, ReportFlags
 from perception.cli.sequence_sets import evaluate_drives
 from perception.errors import UsageError
 from perception.evaluation.config import DatmoProtocol
@@ -30,7 +30,7 @@ _PIPELINE, _PROTOCOL = PipelineConfig.for_motion("none"), DatmoProtocol()
 def evaluate_datmo(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: LabelledDriveFlags,
     report: ReportFlags,
     config: CommandConfig,
     set: SequenceSet | None = None,

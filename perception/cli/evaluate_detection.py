@@ -1,6 +1,6 @@
 """`trifuse evaluate detection`: vehicle detectors on labelled drives, by KITTI's 2D protocol."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 
 from data.results.command_config import CommandConfig
 from perception.cli.evaluation import EvaluationDocument, publish_report
-from perception.cli.flags import DriveFlags, ReportFlags, require_positive
+from perception.cli.flags import LabelledDriveFlags, ReportFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
@@ -26,7 +26,7 @@ class PrecisionFlags(PrecisionConfig, FlagGroup):
 def evaluate_detection(
     drives: list[Path],
     *,
-    drive: DriveFlags,
+    drive: LabelledDriveFlags,
     metric: PrecisionFlags,
     report: ReportFlags,
     config: CommandConfig,
@@ -71,14 +71,11 @@ def evaluate_detection(
     worst = None if worst_frames is None else (worst_frames, worst_count)
     reader = DriveReader(**vars(drive), progress=progress_bar)
     measured = measure_drives(opened, drives, reader, worst)
-    document = EvaluationDocument(
-        "detection",
-        measured.data,
-        protocol(metric),
-        training_data(opened.metadata),
-        opened.metadata,
+    document = EvaluationDocument.of_networks(
+        "detection", measured.data, protocol(metric), opened.metadata
     )
-    publish_report(opened.title, measured, document, config, report.json)
+    heading = f"{opened.title}\n{measured.seen_in_training}"
+    publish_report(heading, measured, document, config, report.json)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 
@@ -101,11 +98,3 @@ def resample_bar() -> Callable[[Iterable[int]], Iterable[int]]:
 def protocol(metric: PrecisionConfig, **values: object) -> dict[str, Any]:
     """Return the protocol in words and values."""
     return {**PROTOCOL, "values": {"difficulties": DIFFICULTIES, **asdict(metric), **values}}
-
-
-def training_data(metadata: Mapping[str, Mapping[str, str]]) -> str:
-    """Return what networks were trained on, in words."""
-    return "; ".join(
-        f"{name} was trained on: {one.get('training_data', 'not known')}"
-        for name, one in metadata.items()
-    )

@@ -11,7 +11,7 @@ from perception.cli.evaluation import (
     evaluate_drive,
     publish_report,
 )
-from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.cli.sequence_sets import evaluate_drives
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
@@ -25,7 +25,7 @@ _PIPELINE = PipelineConfig.for_obstacles()
 def evaluate_ground(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: LabelledDriveFlags,
     report: ReportFlags,
     config: CommandConfig,
     set: SequenceSet | None = None,

@@ -12,7 +12,7 @@ from perception.cli.evaluation import (
     evaluate_drive,
     publish_report,
 )
-from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.cli.sequence_sets import evaluate_drives
 from perception.evaluation.config import ObstacleProtocol
 from perception.pipeline import PipelineConfig
@@ -27,7 +27,7 @@ _PIPELINE, _PROTOCOL = PipelineConfig.for_obstacles(), ObstacleProtocol()
 def evaluate_obstacles(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: LabelledDriveFlags,
     counting: CountingFlags,
     report: ReportFlags,
     config: CommandConfig,

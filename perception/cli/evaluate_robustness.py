@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
-from perception.cli.evaluate_detection import PrecisionFlags, protocol, training_data
+from perception.cli.evaluate_detection import PrecisionFlags, protocol
 from perception.cli.evaluation import EvaluationDocument, publish_report
-from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.detection.config import DetectionConfig
 from perception.evaluation.detection.config import CorruptionLevels
 from perception.evaluation.detection.protocol import kitti_class
@@ -31,7 +31,7 @@ class CorruptionPrecisionFlags(PrecisionFlags):
 def evaluate_robustness(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: LabelledDriveFlags,
     metric: CorruptionPrecisionFlags,
     report: ReportFlags,
     config: CommandConfig,
@@ -61,7 +61,7 @@ def evaluate_robustness(
     )
 
     reader = DriveReader(**vars(drive), progress=progress_bar)
-    name, frames = next(reader.drives([root]))
+    name, frames = reader.drives([root])[0]
     corruptions = sensor_corruptions(levels, has_images=frames.has_images)
     detector = open_modalities(detection)
     fusion = open_fusions(detection, (), detector)["default"]
@@ -69,18 +69,17 @@ def evaluate_robustness(
         [kitti_class(class_name)], metric, corruptions=corruptions, fusion=fusion
     )
     detect = corrupted_detector(detector, corruptions, metric.seed)
-    info, _ = reader.feed(name, frames, detect, measure)
-    measured = DrivesReport([(info, measure.compute())])
     metadata = {str(name): dict(one.metadata) for name, one in detector.detectors.items()}
-    document = EvaluationDocument(
-        "robustness",
-        measured.data,
-        protocol(metric, levels=levels),
-        training_data(metadata),
-        metadata,
+    metadata["fusion default"] = dict(fusion.metadata)
+    info, _ = reader.feed(name, frames, detect, measure, metadata)
+    measured = DrivesReport([(info, measure.compute())])
+    document = EvaluationDocument.of_networks(
+        "robustness", measured.data, protocol(metric, levels=levels), metadata
     )
     heading = f"{class_name}, IoU over {metric.iou[0]:g}"
-    publish_report(heading, measured, document, config, report.json)
+    publish_report(
+        f"{heading}\n{measured.seen_in_training}", measured, document, config, report.json
+    )
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 

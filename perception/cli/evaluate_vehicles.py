@@ -1,6 +1,6 @@
 """`trifuse evaluate vehicles`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,7 +14,7 @@ from perception.cli.evaluation import (
     open_labelled_drive,
     publish_report,
 )
-from perception.cli.flags import DriveFlags, ReportFlags
+from perception.cli.flags import DriveFlags, LabelledDriveFlags, ReportFlags
 from perception.detection.config import NO_DETECTION, DepthCnConfig, DetectionConfig
 from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
@@ -49,7 +49,7 @@ _NOISE = LabelNoise()
 def evaluate_vehicles(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: LabelledDriveFlags,
     report: ReportFlags,
     config: CommandConfig,
     detector: VehicleDetector = "fused",
@@ -68,6 +68,7 @@ def evaluate_vehicles(
         noise: Noise of the labels with `--detector labels`.
         pipeline: Pipeline configuration.
     """
+    from data.detections.unlearned_frames import count_learned_frames
     from data.kitti.sequence import KittiSequence
     from perception.detection.depthcn.detector import DepthCn
     from perception.evaluation.vehicle_measure import PROTOCOL_WORDS, VehicleMeasure
@@ -90,8 +91,11 @@ def evaluate_vehicles(
         measure.update(result, labelled.labels(result.frame.index), None)
     metrics = measure.compute()
     data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
-    document = EvaluationDocument("vehicles", data, PROTOCOL_WORDS)
-    heading = f"{data}, detector {detector}, scores from {display_score:g}"
+    networks = _network_metadata(detector, pipeline.detection, labelled)
+    document = EvaluationDocument.of_networks("vehicles", data, PROTOCOL_WORDS, networks)
+    learned = count_learned_frames(networks, labelled.select(range(data.first_frames)))
+    learned.warn(labelled.name)
+    heading = f"{data}, detector {detector}, scores from {display_score:g}\n{learned}"
     publish_report(heading, metrics, document, config, report.json)
 
 
@@ -116,6 +120,21 @@ def _results(
         located = locate(fused, result.frame, result.ground, pipeline.vehicles)
         tracked = tracker.update(located, result.frame, result.world_SE3_velo, result.tracks)
         yield replace(result, vehicles=tracked.vehicles, tracks=tracked.tracks)
+
+
+def _network_metadata(
+    detector: VehicleDetector, config: DetectionConfig, drive: Drive
+) -> dict[str, Mapping[str, str]]:
+    """Return the metadata of each network that detects."""
+    from perception.detection.depthcn.detector import DepthCn
+    from perception.detection.networks import open_detectors, open_fusion
+
+    if detector == "labels":
+        return {}
+    if detector == "depthcn":
+        return {"depthcn": DepthCn("default", drive.sensor).verifier.model.metadata}
+    modalities = {str(name): one.metadata for name, one in open_detectors(config).items()}
+    return {**modalities, "fusion default": open_fusion(config).metadata}
 
 
 def _label_detector(drive: Drive, noise: LabelNoise) -> Detector:

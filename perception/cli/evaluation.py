@@ -7,8 +7,8 @@ from typing import Any
 
 from data.results.command_config import SECTION, CommandConfig
 from perception import __version__
-from perception.cli.flags import DriveFlags
-from perception.errors import DriveError
+from perception.cli.flags import DriveFlags, LabelledDriveFlags
+from perception.errors import DriveError, UsageError
 from perception.evaluation.report import Measure, Report
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
@@ -66,17 +66,46 @@ class EvaluationDocument:
     split: str = _NO_SPLIT
     networks: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
+    @classmethod
+    def of_networks(
+        cls,
+        measure: str,
+        data: object,
+        protocol: Mapping[str, Any],
+        networks: Mapping[str, Mapping[str, str]],
+    ) -> "EvaluationDocument":
+        """Return the document of a measure of networks.
 
-def open_labelled_drive(root: Path, flags: DriveFlags, *, images: bool = False) -> Drive:
+        Args:
+            measure: Name of the command.
+            data: Frames that were evaluated.
+            protocol: Rules of the measure in words and values.
+            networks: Metadata of each network; the hashes of its training frames are too long for a report.
+        """
+        from data.splits.training_frames import ENTRY
+
+        split = "; ".join(
+            f"{name} was trained on: {one.get('training_data', 'not known')}"
+            for name, one in networks.items()
+        )
+        short = {
+            name: {key: value for key, value in one.items() if key != ENTRY}
+            for name, one in networks.items()
+        }
+        return cls(measure, data, protocol, split or _NO_SPLIT, short)
+
+
+def open_labelled_drive(root: Path, flags: LabelledDriveFlags, *, images: bool = False) -> Drive:
     """Open a drive that has labels or exact truth to measure against.
 
     Args:
         root: Folder of the drive.
-        flags: Sequence and sensor.
+        flags: Sequence, sensor, and part of a split.
         images: Whether frames carry images.
 
     Raises:
         DriveError: The path holds no such drive.
+        UsageError: The part holds no frame of the drive, or some frames of a sequence.
     """
     from data.open_drive import open_drive
 
@@ -89,7 +118,15 @@ def open_labelled_drive(root: Path, flags: DriveFlags, *, images: bool = False) 
             advice="name the same drive in the tracking or object layout, or one that "
             "`trifuse synth` wrote",
         )
-    return drive
+    (selected,) = flags.select([drive])
+    if drive.is_sequence and len(selected) < len(drive):
+        raise UsageError(
+            f"--split {flags.split}",
+            expected=f"all {len(drive)} frames of {drive.name} in one part, as they follow each other",
+            found=f"{len(selected)} of them",
+            advice="split with --by drives",
+        )
+    return selected
 
 
 def evaluate_drive(

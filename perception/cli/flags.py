@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.results.command_config import CommandConfig
+from data.splits.parts import Part
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
 from perception.types import OnBadFrame
 
 if TYPE_CHECKING:
+    from data.kitti.drive import KittiDrive
     from data.results.folder import ResultsFolder
 
 
@@ -43,6 +45,35 @@ class DriveFlags(SourceFlags):
     def __post_init__(self) -> None:
         """Validate the number of frames."""
         require_positive("--frames", self.frames)
+
+
+@dataclass(frozen=True)
+class LabelledDriveFlags(DriveFlags):
+    """Frames of the drive.
+
+    Attributes:
+        split: Split file of `trifuse split`, of which one part is evaluated; else all frames.
+        part: Part of the split: train, val or test; test where none is named.
+    """
+
+    split: Path | None = None
+    part: Part | None = None
+
+    def __post_init__(self) -> None:
+        """Validate the number of frames, and that a part is one of a split."""
+        super().__post_init__()
+        require_split(self.part, self.split)
+
+    def select(self, drives: "Sequence[KittiDrive]") -> "list[KittiDrive]":
+        """Return the drives with the frames of the part, or as they are without a split.
+
+        Raises:
+            UsageError: The split is damaged, of other drives, or has no frame of them in the part.
+            DriveError: A drive lacks a frame of the part.
+        """
+        from data.splits.files import select_part
+
+        return select_part(drives, self.split, self.part or "test")
 
 
 @dataclass(frozen=True)
@@ -87,6 +118,16 @@ def require_positive(flag: str, count: int | None) -> None:
     """
     if count is not None and count < 1:
         raise UsageError(flag, expected="at least 1", found=str(count))
+
+
+def require_split(part: Part | None, split: Path | None) -> None:
+    """Validate that a part is named with a split alone.
+
+    Raises:
+        UsageError: there is no split.
+    """
+    if part is not None and split is None:
+        raise UsageError(f"--part {part}", expected="--split FILE beside it", found="none")
 
 
 def require_drives(drives: Sequence[Path]) -> None:

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from data.derived.obstacle_sequences import SequenceSet
 from perception.cli.evaluation import EvaluatedDrive, open_labelled_drive
-from perception.cli.flags import DriveFlags
+from perception.cli.flags import LabelledDriveFlags
 from perception.errors import DriveError
 from perception.evaluation.obstacle_counts import ObstacleSequence
 from perception.evaluation.report import Report
@@ -43,7 +43,7 @@ class EvaluatedSet:
 def evaluate_drives(
     root: Path,
     set: SequenceSet | None,
-    flags: DriveFlags,
+    flags: LabelledDriveFlags,
     evaluate: Callable[[Drive], tuple[EvaluatedDrive, OneReport]],
     combine: Callable[[Mapping[str, OneReport]], Report],
 ) -> tuple[EvaluatedDrive | EvaluatedSet, Report]:

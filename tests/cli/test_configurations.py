@@ -18,7 +18,7 @@ INPUTS = {
     **dict.fromkeys(("demo", "synth", "bench"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
 }
-OUTPUTS = {"synth": "out", "export": "--out out"}
+OUTPUTS = {"synth": "out", "export": "--out out", "split": "--out out"}
 
 
 def section_flags(types: dict[str, object], values: dict[str, object]) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -37,6 +38,8 @@ class BrightPlaces:
 
 
 class BestPlace:
+    metadata = MappingProxyType({})
+
     def fuse(self, scene):
         return NmsFusion().fuse(scene)
 

@@ -53,7 +53,7 @@ def test_frames_are_counted_of_each_network(drive: KittiDrive):
     counts = count_learned_frames(networks, drive.select([2, 3, 4]))
     assert counts.learned == {"rgb": None, "dm": 1, "rm": 0}
     assert counts.networks == ["dm"]
-    assert str(counts) == "not known (rgb), 1 of 3 (dm), 0 of 3 (rm)"
+    assert str(counts) == "frames seen in training: not known (rgb), 1 of 3 (dm), 0 of 3 (rm)"
 
 
 def test_learned_frames_are_left_out_one_by_one(drive: KittiDrive, tmp_path: Path, caplog):

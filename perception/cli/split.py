@@ -1,0 +1,112 @@
+"""`trifuse split`: which labelled frames train, validate and test networks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from data.splits.parts import SplitBy
+from perception.cli.flags import require_drives
+from perception.errors import UsageError
+from perception.types import Progress
+
+if TYPE_CHECKING:
+    from data.kitti.drive import KittiDrive
+
+_SHARES = (60.0, 20.0, 20.0)
+
+
+@dataclass(frozen=True)
+class PartCounts:
+    """What a part of a split holds.
+
+    Attributes:
+        frames: Number of frames.
+        drives: Number of drives that these are of.
+        cars: Number of labelled cars in them.
+    """
+
+    frames: int
+    drives: int
+    cars: int
+
+    @classmethod
+    def of(cls, drives: "Sequence[KittiDrive]", progress: Progress) -> "PartCounts":
+        """Count the frames and the labelled cars of drives.
+
+        Args:
+            drives: Drives with the frames of the part.
+            progress: Wrapper of the loop over frames.
+
+        Raises:
+            PerceptionError: A label cannot be read, or a drive has none.
+        """
+        frames = [(drive, index) for drive in drives for index in range(len(drive))]
+        cars = 0
+        for number in progress(range(len(frames))):
+            drive, index = frames[number]
+            cars += int((drive.labels(index).types == "Car").sum())
+        return cls(sum(map(len, drives)), len(drives), cars)
+
+
+def split(
+    roots: list[Path],
+    *,
+    out: Path,
+    shares: tuple[float, ...] = _SHARES,
+    by: SplitBy = "frames",
+    seed: int = 0,
+    lists: Path | None = None,
+) -> None:
+    """Split labelled frames into training, validation and test, and write which frame is in which part.
+
+    The commands that train, evaluate and export take the file by --split. The thesis' splits are 60,20,20 and 80,20.
+
+    Example: trifuse split kitti/object --shares 60,20,20 --seed 0 --out split.json
+
+    Args:
+        roots: Labelled drives of any layout; of a folder of several, all are taken.
+        out: Split file; folders are written relative to it.
+        shares: Percentage of train, val and test; two of them are train and val.
+        by: Unit that is drawn: single frames, or whole drives, since neighbouring frames are nearly equal.
+        seed: Seed of the draw; the same seed gives the same split.
+        lists: Folder with train.txt, val.txt and test.txt, one frame a line, that are read instead.
+    """
+    from data.open_drive import open_drives
+    from data.splits.draw import draw_split
+    from data.splits.files import split_by_lists, write_split
+    from perception.atomic_file import require_writable
+    from perception.cli.progress import frame_progress_bar
+    from perception.evaluation.report import Column, Table
+
+    require_drives(roots)
+    require_writable(out)
+    drives = open_drives(roots, images=False)
+    _require_labels(drives)
+    if lists is None:
+        made = draw_split(drives, shares, by=by, seed=seed)
+    else:
+        made = split_by_lists(drives, lists)
+    counts: dict[str, PartCounts] = {
+        part: PartCounts.of(made.select(drives, part), frame_progress_bar(f"labels of {part}"))
+        for part in made.parts
+    }
+    write_split(out, made)
+    columns = [
+        Column[PartCounts]("frames", lambda row: row.frames, "d"),
+        Column[PartCounts]("drives", lambda row: row.drives, "d"),
+        Column[PartCounts]("labelled cars", lambda row: row.cars, "d"),
+    ]
+    how = f"by {by}, seed {seed}" if lists is None else f"from {lists}"
+    print(f"{Table(f'Split {made.fingerprint}, {how}', columns, counts, 'part').text()}\n\n{out}")
+
+
+def _require_labels(drives: "Sequence[KittiDrive]") -> None:
+    for drive in drives:
+        if not drive.has_labels:
+            raise UsageError(
+                drive.root,
+                expected="labelled boxes in every drive",
+                found=f"none of {drive.name}",
+                advice="name drives with labels, such as KITTI's training folder",
+            )
