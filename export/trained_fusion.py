@@ -20,7 +20,6 @@ from perception.evaluation.detection.reliability import Reliability
 from perception.types import MODALITIES, Progress
 from train.checkpoints import program_revision, read_checkpoint
 from train.config import TrainingRun
-from train.folder import TrainingFolder
 from train.fusion.calibration import fit_calibration
 from train.fusion.config import MODEL, FusionExperiment
 from train.fusion.plots import (
@@ -29,6 +28,7 @@ from train.fusion.plots import (
     plot_fusion_sizes,
     plot_fusion_steps,
 )
+from train.fusion.previous import TrainingFolder
 from train.fusion.sweep import SweptSize, hidden_sizes, sweep
 from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import FittedFusion, fit_fusion, write_calibrations

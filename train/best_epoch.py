@@ -3,12 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import Checkpoint
 from lightning.pytorch.loggers import TensorBoardLogger
 
+from perception.errors import UsageError
 from train.events import log_hyperparameters
 from train.folder import TrainingFolder
 
@@ -38,35 +40,48 @@ Ranking = tuple[Criterion, ...]
 class BestEpoch(Checkpoint):
     """Write last.ckpt after each epoch and best.ckpt after the best; stop after some epochs without a better one.
 
-    The best epoch's metrics are logged with the hyperparameters, for TensorBoard's table of all trainings.
+    Epochs are compared by the `ranking` of the module, and written into the trainer's `default_root_dir`. The best
+    epoch's metrics are logged with the hyperparameters, for TensorBoard's table of all trainings.
     """
 
-    def __init__(
-        self, folder: TrainingFolder, ranking: Ranking, patience: int | None = None
-    ) -> None:
-        """Take folder, order and patience.
+    def __init__(self, patience: int | None = None) -> None:
+        """Take the patience.
 
         Args:
-            folder: Folder of the checkpoints.
-            ranking: Criteria of the best epoch.
-            patience: Epochs without a better one after which training stops; None for no limit.
+            patience: Epochs without a better one after which training stops; else it runs to the end.
         """
-        self._folder, self._ranking, self._patience = folder, ranking, patience
+        if patience is not None and patience < 1:
+            where = "--early_stopping.patience"
+            raise UsageError(where, expected="at least one epoch", found=str(patience))
+        self._patience = patience
         self._best: dict[str, float] = {}
         self._epochs_without_better = 0
+
+    def on_train_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: object,
+        batch: object,
+        batch_idx: int,
+    ) -> None:
+        """Stop after the last step as after an early one: with a validation."""
+        if 0 < trainer.max_steps <= trainer.global_step:
+            trainer.should_stop = True
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Compare the epoch with the best one, and write its checkpoints."""
         if trainer.fast_dev_run:  # type: ignore[attr-defined]
             return
+        folder, ranking = TrainingFolder(Path(trainer.default_root_dir)), ranking_of(pl_module)
         logged = trainer.callback_metrics
-        metrics = {one.metric: float(logged[one.metric]) for one in self._ranking}
-        is_best = not self._best or self._worth(metrics) > self._worth(self._best)
+        metrics = {one.metric: float(logged[one.metric]) for one in ranking}
+        is_best = not self._best or _worth(ranking, metrics) > _worth(ranking, self._best)
         self._best = metrics if is_best else self._best
         self._epochs_without_better = 0 if is_best else self._epochs_without_better + 1
         if is_best:
-            trainer.save_checkpoint(self._folder.best)
-        trainer.save_checkpoint(self._folder.last)
+            trainer.save_checkpoint(folder.best)
+        trainer.save_checkpoint(folder.last)
         if self._patience is not None and self._epochs_without_better >= self._patience:
             trainer.should_stop = True
 
@@ -91,5 +106,12 @@ class BestEpoch(Checkpoint):
         self._best = state_dict["best"]
         self._epochs_without_better = state_dict["epochs_without_better"]
 
-    def _worth(self, metrics: Mapping[str, float]) -> tuple[float, ...]:
-        return tuple(one.worth(metrics) for one in self._ranking)
+
+def ranking_of(module: LightningModule) -> Ranking:
+    """Return the criteria by which a module's epochs are compared."""
+    ranking: Ranking = module.ranking  # type: ignore[assignment]
+    return ranking
+
+
+def _worth(ranking: Ranking, metrics: Mapping[str, float]) -> tuple[float, ...]:
+    return tuple(one.worth(metrics) for one in ranking)

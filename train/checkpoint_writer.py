@@ -1,7 +1,7 @@
 """Lightning's checkpoints, written whole or not at all, and read as data only."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,39 +44,66 @@ def write_checkpoint(path: Path, content: Content) -> None:
 
 
 def require_same_training(
-    checkpoint: Path, module: LightningModule, state: str = "optimizer_states"
+    checkpoint: Path, module: LightningModule, *, is_resumed: bool = True
 ) -> None:
-    """Validate that a training can be resumed from a checkpoint.
+    """Validate that a checkpoint is of the same network, and of the same optimizer where it is resumed.
 
     Args:
         checkpoint: Checkpoint file.
-        module: Network to train.
-        state: Entry of the checkpoint with the state of the optimizer.
+        module: Network to train or to evaluate; its `identity` names the hyperparameters that must be equal.
+        is_resumed: Whether the state of the optimizer is used.
 
     Raises:
         ModelError: it is missing, damaged, of another model, network or optimizer.
     """
-    model = str(module.hparams["model"])
-    content = read_checkpoint(checkpoint, model)
+    content = require_same_network(checkpoint, module.hparams, module.identity)  # type: ignore[arg-type]
     theirs = {
         name: getattr(weight, "shape", None) for name, weight in content["state_dict"].items()
     }
+    stated = content["hyper_parameters"]
     if theirs != {name: weight.shape for name, weight in module.state_dict().items()}:
         found = "that of another network"
-    elif state not in content:
+    elif is_resumed and "optimizer_states" not in content:
         found = "one without the state of this optimizer"
-    elif _optimizer(content["hyper_parameters"]) != _optimizer(module.hparams):
+    elif is_resumed and _class_of(stated) != _class_of(module.hparams):
         found = "that of another optimizer"
     else:
         return
     raise ModelError(
         checkpoint,
-        expected=f"the training of this {model}",
+        expected=f"the training of this {module.hparams['model']}",
         found=found,
         advice="resume from last.ckpt with the flags of its training",
     )
 
 
-def _optimizer(hyper_parameters: Mapping[str, Any]) -> object:
+def require_same_network(
+    checkpoint: Path, hyper_parameters: Mapping[str, Any], identity: Sequence[str]
+) -> Content:
+    """Return the content of a checkpoint of the same model, whose named hyperparameters are equal.
+
+    Args:
+        checkpoint: Checkpoint file.
+        hyper_parameters: Hyperparameters of the network.
+        identity: Names of those that must be equal.
+
+    Raises:
+        ModelError: it is missing, damaged, of another model, or differs.
+    """
+    model = str(hyper_parameters["model"])
+    content = read_checkpoint(checkpoint, model)
+    for name in identity:
+        expected, found = str(hyper_parameters[name]), str(content["hyper_parameters"].get(name))
+        if expected != found:
+            raise ModelError(
+                checkpoint,
+                expected=f"a {model} whose {name} is {expected}",
+                found=found,
+                advice="give the flags of the checkpoint's training",
+            )
+    return content
+
+
+def _class_of(hyper_parameters: Mapping[str, Any]) -> object:
     optimizer = hyper_parameters.get("optimizer")
-    return optimizer.get("optimizer") if isinstance(optimizer, Mapping) else optimizer
+    return optimizer.get("class_path") if isinstance(optimizer, Mapping) else None

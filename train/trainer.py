@@ -1,30 +1,21 @@
-"""Training of any network by Lightning, with checkpoints, TensorBoard and resume.
-
-OUT/best.ckpt                checkpoint of the best epoch
-OUT/last.ckpt                checkpoint of the last whole epoch, to resume from
-OUT/events.out.tfevents...   TensorBoard events
-"""
+"""What all trainings share beside Lightning's own: seeds of steps, mean weights, number format, devices, interrupts."""
 
 import logging
 import signal
 import threading
 import warnings
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import torch
-from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
-from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
+from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch.callbacks import WeightAveraging
+from torch import Tensor
 
 from data.results.documents import usable_cores
 from perception.errors import UsageError
-from train.best_epoch import BestEpoch, Ranking
-from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
-from train.config import Accelerator, DevicePrecision, TrainingRun
-from train.events import TrainingStatistics, event_logger, writing_events
-from train.folder import TrainingFolder
-from train.progress import TrainingBar
 
 
 class SeedEachStep(Callback):
@@ -37,102 +28,31 @@ class SeedEachStep(Callback):
         self, trainer: Trainer, pl_module: LightningModule, batch: object, batch_idx: int
     ) -> None:
         """Seed torch, differently in each process."""
-        numbers = (self._seed, trainer.global_step, trainer.global_rank)
+        numbers = (self._seed, trainer.global_step, batch_idx, trainer.global_rank)
         torch.manual_seed(int(np.random.SeedSequence(numbers).generate_state(1)[0]))
 
 
-def fit(
-    module: LightningModule,
-    data: LightningDataModule,
-    ranking: Ranking,
-    run: TrainingRun,
-    folder: TrainingFolder,
-    callbacks: Sequence[Callback] = (),
-) -> Path | None:
-    """Train, or resume; return the checkpoint of the best epoch.
-
-    All processes but the first return None, and so does a fast_dev_run.
+def exponential_moving_average(decay: float = 0.0) -> Callback:
+    """Return the callback that trains a moving average of the weights, which is evaluated and stored.
 
     Args:
-        module: Network to train.
-        data: Training and validation data.
-        ranking: Criteria of the best epoch.
-        run: Epochs, devices and seed.
-        folder: Folder of the training.
-        callbacks: Further callbacks, such as those that draw.
+        decay: Decay of the exponential moving average of the weights at every step; 0 for none.
 
     Raises:
-        ModelError: the checkpoint is damaged, or of another training.
-        UsageError: the devices are not there.
-        WriteError: a checkpoint or an event cannot be written.
-        KeyboardInterrupt: the training is stopped; what was written is kept.
+        UsageError: the decay is no fraction.
     """
-    if folder.resume is not None:
-        require_same_training(folder.resume, module)
-    trainer = make_trainer(ranking, run, folder, callbacks)
-    interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        with writing_events(folder.out):
-            trainer.fit(module, datamodule=data, ckpt_path=folder.resume, weights_only=True)
-    except SystemExit as stopped:
-        # Lightning ends the program itself; the caller decides that here.
-        raise KeyboardInterrupt from stopped
-    finally:
-        if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, interrupt)
-    is_first = trainer.is_global_zero and not run.fast_dev_run
-    return folder.best if is_first else None
+    if not 0 <= decay < 1:
+        raise UsageError("--ema.decay", expected="from 0 to below 1", found=f"{decay:g}")
+    return WeightAveraging(avg_fn=partial(_averaged, decay=decay)) if decay else Callback()
 
 
-def make_trainer(
-    ranking: Ranking, run: TrainingRun, folder: TrainingFolder, callbacks: Sequence[Callback] = ()
-) -> Trainer:
-    """Return a trainer that writes to a folder; arguments as of `fit`.
-
-    Raises:
-        UsageError: the devices are not there.
-    """
-    _silence_lightning()
-    _require_devices(run)
-
-    def start(trainer: Trainer, module: LightningModule) -> None:
-        if trainer.is_global_zero and not run.fast_dev_run:
-            folder.on_start()
-
-    return Trainer(
-        accelerator=run.accelerator,
-        devices=run.devices,
-        num_nodes=run.nodes,
-        strategy="ddp" if run.devices * run.nodes > 1 else "auto",
-        precision=resolve_precision(run),
-        max_epochs=run.epochs,
-        # Data modules distribute their samples themselves.
-        use_distributed_sampler=False,
-        logger=event_logger(folder.out),
-        callbacks=[
-            SeedEachStep(run.seed),
-            LambdaCallback(on_train_start=start),
-            LearningRateMonitor("epoch"),
-            *callbacks,
-            TrainingStatistics(),
-            TrainingBar(),
-            BestEpoch(folder, ranking, run.patience),
-        ],
-        plugins=[AtomicCheckpointIO()],
-        deterministic="warn",
-        fast_dev_run=run.fast_dev_run,
-        num_sanity_val_steps=0,
-        log_every_n_steps=10,
-        enable_model_summary=False,
-    )
+def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, decay: float) -> Tensor:
+    """Return the moving average; it is short at first, to forget the random weights soon."""
+    now = torch.as_tensor((1 + count) / (10 + count)).clamp(max=decay)
+    return mean * now + new * (1 - now)
 
 
-def resolve_precision(run: TrainingRun) -> DevicePrecision:
-    """Return the number format of a training; auto is the fastest of its device."""
-    return fastest_precision(run.accelerator) if run.precision == "auto" else run.precision
-
-
-def fastest_precision(accelerator: Accelerator) -> DevicePrecision:
+def fastest_precision(accelerator: str) -> str:
     """Return bfloat16 mixed with float32 where the device has instructions for it, else float32."""
     if accelerator != "cpu" and torch.cuda.is_available():
         is_fast = torch.cuda.is_bf16_supported(including_emulation=False)
@@ -143,28 +63,49 @@ def fastest_precision(accelerator: Accelerator) -> DevicePrecision:
     return "bf16-mixed" if is_fast else "32-true"
 
 
-def _require_devices(run: TrainingRun) -> None:
+def require_devices(accelerator: str, devices: object) -> None:
     """Validate that this machine has the devices, before a process is started on each.
+
+    Args:
+        accelerator: Name of Lightning's accelerator.
+        devices: Number of devices, or what else Lightning takes, which it validates itself.
 
     Raises:
         UsageError: there are fewer GPUs, or on a CPU fewer cores.
     """
     gpus = torch.cuda.device_count() if torch.cuda.is_available() else 0
-    if run.accelerator == "gpu" and not gpus:
-        raise UsageError(
-            "--trainer.accelerator gpu", expected="a GPU that torch sees", found="none"
-        )
-    is_on_cpu = run.accelerator == "cpu" or not gpus
+    if accelerator in ("gpu", "cuda") and not gpus:
+        where = f"--trainer.accelerator {accelerator}"
+        raise UsageError(where, expected="a GPU that torch sees", found="none")
+    is_on_cpu = accelerator == "cpu" or not gpus
     available, unit = (usable_cores(), "cores") if is_on_cpu else (gpus, "GPUs")
-    if run.devices > available:
+    if isinstance(devices, int) and devices > available:
         raise UsageError(
             "--trainer.devices",
             expected=f"at most the {available} {unit} of this machine",
-            found=str(run.devices),
+            found=str(devices),
         )
 
 
-def _silence_lightning() -> None:
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C end a training only, not the program, and restore its handler.
+
+    Raises:
+        KeyboardInterrupt: the training was stopped.
+    """
+    interrupt = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    except SystemExit as stopped:
+        # Lightning ends the program itself; the caller decides that here.
+        raise KeyboardInterrupt from stopped
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)
+
+
+def silence_lightning() -> None:
     """Silence those messages of Lightning that need no action."""
     for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.WARNING)
@@ -174,5 +115,6 @@ def _silence_lightning() -> None:
         ".*smaller than the logging interval.*",
         ".*GPU available but not used.*",
         ".*`isinstance.treespec, LeafSpec.` is deprecated.*",
+        ".*args parameter is intended to run from within Python.*",
     ):
         warnings.filterwarnings("ignore", about)

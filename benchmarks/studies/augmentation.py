@@ -1,90 +1,94 @@
 """Accuracy of DepthCN's network without and with augmentation of its training data (Table 7.8)."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from data.samples.crops.config import CropDataConfig
-from perception.cli.progress import frame_progress_bar
-from perception.cli.train import TrainingFlags, import_trainer
+from perception.cli.train import fit
 from perception.evaluation.report import Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
-from train.config import TrainingRun
-from train.folder import LAST, TrainingFolder
-from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
-
-if TYPE_CHECKING:
-    from train.verifier.run import TrainedVerifier
 
 # Accuracy on the training and on the validation set in percent.
 THESIS_PERCENT = {"without": (92.83, 86.69), "with": (96.45, 91.93)}
 _LOGGED = ("train/accuracy", "validation/accuracy")
-_DATA = CropDataConfig()
 
 
 def augmentation(
     drives: list[Path],
     *,
-    training: TrainingFlags,
+    validation: list[Path] | None = None,
     method: Method = "thesis",
     epochs: int = 40,
-    data: CropDataConfig = _DATA,
+    batch_size: int = 128,
+    seed: int = 0,
+    cache: Path | None = None,
     out: Path = RESULTS / "augmentation.png",
 ) -> None:
     """Train DepthCN's network without and with augmentation; print its accuracies beside Table 7.8.
+
+    A training that was stopped is resumed, and one that is done is read.
 
     Example: trifuse study augmentation synth/train --validation synth/val
 
     Args:
         drives: Labelled training drives.
+        validation: Labelled drives for validation, with commas between them; else a fraction of the frames.
         method: Network: that of Fig. 6.5 with its own schedule, thesis, or default.
         epochs: Number of epochs of each training.
-        data: Split, batches, sampling and magnitudes of the augmentation.
+        batch_size: Crops per batch.
+        seed: Seed of weights, split, order and augmentation.
+        cache: Folder for cached proposals; else the user's cache folder.
         out: Figure; the numbers and both trainings are written beside it.
     """
-    experiment = VerifierExperiment(training.drives(drives), VERIFIER_CONFIGS[method], data)
-    run = training.run(epochs)
-    trained = {name: _train(experiment, run, name, out, training.resume) for name in THESIS_PERCENT}
+    arguments = {
+        "config": method,
+        "data.drives": drives,
+        "data.validation": validation or [],
+        "data.batch_size": batch_size,
+        "data.cache": cache,
+        "trainer.max_epochs": epochs,
+        "seed_everything": seed,
+    }
+    trained = {
+        name: _trained({**arguments, "data.augment": name == "with"}, out.with_suffix("") / name)
+        for name in THESIS_PERCENT
+    }
     _plot(out, method, trained)
     publish(
         out,
         "Table 7.8",
         {"accuracy": _table(method, trained)},
-        {"experiment": experiment, "run": run},
-        trained={name: asdict(one) for name, one in trained.items()},
+        {"training": arguments},
+        trained=trained,
     )
 
 
-def _train(
-    experiment: VerifierExperiment, run: TrainingRun, name: str, plot_path: Path, resume: str | None
-) -> "TrainedVerifier":
-    out = plot_path.with_suffix("") / name
-    is_resumed = resume == "last" and (out / LAST).exists()
-    folder = TrainingFolder.open(out, "last" if is_resumed else None, lambda: None)
-    variant = replace(experiment, data=replace(experiment.data, augment=name == "with"))
-    trained: TrainedVerifier = import_trainer("train.verifier.run").run_experiment(
-        variant, run, folder, frame_progress_bar("proposals")
-    )
-    return trained
+def _trained(arguments: Mapping[str, object], folder: Path) -> Mapping[str, Any]:
+    """Train, resume, or read what is done."""
+    metrics = folder / "metrics.json"
+    if not metrics.exists():
+        fit("depthcn", arguments, folder)
+    done: Mapping[str, Any] = json.loads(metrics.read_text())
+    return done
 
 
-def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[Any]:
-    counts = next(iter(trained.values())).counts
+def _table(method: Method, trained: Mapping[str, Any]) -> Table[Any]:
+    parts = next(iter(trained.values()))["parts"]
     title = (
-        f"Accuracy in %, {method} network: {counts['training_crops']} training and "
-        f"{counts['validation_crops']} validation crops"
+        f"Accuracy in %, {method} network: {parts['training']['crops']} training and "
+        f"{parts['validation']['crops']} validation crops"
     )
     percents = ("training", "validation", "balanced accuracy")
     published = ("thesis training", "thesis validation")
     rows = {
         f"{name} augmentation": (
-            one.epoch,
-            100 * one.training["accuracy"],
-            100 * one.validation["accuracy"],
-            100 * one.validation["balanced_accuracy"],
+            one["epoch"],
+            100 * one["parts"]["training"]["accuracy"],
+            100 * one["parts"]["validation"]["accuracy"],
+            100 * one["parts"]["validation"]["balanced_accuracy"],
             *THESIS_PERCENT[name],
         )
         for name, one in trained.items()
@@ -93,12 +97,12 @@ def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> Table[An
     return formatted_table(title, "", specs, rows)
 
 
-def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifier"]) -> None:
+def _plot(plot_path: Path, method: Method, trained: Mapping[str, Any]) -> None:
     from train.events import read_scalars
 
     curves = []
     for name, one in trained.items():
-        found = read_scalars(one.checkpoint.parent, _LOGGED)
+        found = read_scalars(Path(one["checkpoint"]).parent, _LOGGED)
         for part, values in zip(("training", "validation"), found.values(), strict=True):
             curves.append(
                 Curve(f"{name} augmentation, {part}", range(1, len(values) + 1), 100 * values)

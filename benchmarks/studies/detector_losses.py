@@ -1,6 +1,5 @@
 """Average precision of a detector by the form of its loss: as published, with one of two options, and with both."""
 
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Literal
@@ -55,11 +54,7 @@ def detector_losses(
 def loss_variants(base: DetectorVariant) -> dict[str, DetectorVariant]:
     """Return a variant for each form of the loss."""
     forms = product(_BOXES, _OBJECTNESSES)
-    loss, experiment = base.experiment.loss, base.experiment
     return {
-        name: replace(
-            base,
-            experiment=replace(experiment, loss=replace(loss, box=box, objectness=objectness)),
-        )
+        name: base.but(model__loss__box=box, model__loss__objectness=objectness)
         for name, (box, objectness) in zip(_NAMES, forms, strict=True)
     }

@@ -1,36 +1,25 @@
 """Detectors that differ in one setting: each is trained, written as a model file, and measured on the same drives.
 
-OUT/NAME/settings.json   settings of the training; a folder with other settings is an error
-         best.ckpt ...   files of `trifuse train detector`
-         trained.json    written when the training is done, which is then not repeated
+OUT/NAME/config.yaml ...  files of `trifuse train detector`; a folder of another configuration is an error
+         metrics.json     written when the training is done, which is then not repeated
          detector.onnx
-         metrics.json    metrics on the drives
+         measured.json    metrics on the drives
 """
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from data.samples.config import TrainingDrives
-from data.samples.images.config import ImageDataConfig
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
-from perception.cli.progress import frame_progress_bar, progress_bar
+from perception.cli.progress import progress_bar
+from perception.cli.train import fit
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.types import Modality
-from train.config import Accelerator, TrainingRun
-from train.detector.config import (
-    DETECTOR_PRESETS,
-    DetectorExperiment,
-    DetectorModelConfig,
-    Preset,
-)
-from train.folder import LAST, TrainingFolder
 
 if TYPE_CHECKING:
     from data.detections.measured_drives import DriveInfo
@@ -44,12 +33,15 @@ class DetectorVariant:
     """One of the detectors that a study compares.
 
     Attributes:
-        experiment: Settings of the training.
-        run: Epochs, device and seed of the training.
+        arguments: Flags of `trifuse train detector` by full name, and their values.
     """
 
-    experiment: DetectorExperiment
-    run: TrainingRun
+    arguments: Mapping[str, object]
+
+    def but(self, **changes: object) -> "DetectorVariant":
+        """Return the variant with other values; a flag's dot is written as two underscores."""
+        named = {name.replace("__", "."): value for name, value in changes.items()}
+        return DetectorVariant({**self.arguments, **named})
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,7 @@ class VariantFlags(FlagGroup):
         validation: Drives on which the best epoch is chosen and all variants are measured, with commas between them.
         network: Network: compact; yolov2, as in the thesis; or a torchvision classifier as backbone.
         epochs: Number of epochs of each training; with all frames, where the variants differ in these.
-        batch: Images per batch; else that of the preset.
+        batch: Images per batch; else that of the configuration.
         bootstrap: Number of bootstrap samples of the frames for confidence intervals; 0 for none.
         seed: Seed of trainings and bootstrap.
         workers: Number of processes that load samples.
@@ -75,7 +67,7 @@ class VariantFlags(FlagGroup):
     bootstrap: int = 0
     seed: int = 0
     workers: int = 0
-    accelerator: Accelerator = "auto"
+    accelerator: Literal["auto", "cpu", "gpu"] = "auto"
     cache: Path | None = None
 
     def __post_init__(self) -> None:
@@ -85,7 +77,7 @@ class VariantFlags(FlagGroup):
             raise UsageError("--validation", expected="at least one drive", found="none")
 
     def variant(
-        self, drives: Sequence[Path], modality: Modality, size: str, preset: Preset = "default"
+        self, drives: Sequence[Path], modality: Modality, size: str, config: str = "default"
     ) -> DetectorVariant:
         """Return the variant from which the others differ.
 
@@ -93,21 +85,25 @@ class VariantFlags(FlagGroup):
             drives: Training drives.
             modality: Modality of the detector.
             size: Height and width of the input, such as 192x640.
-            preset: Preset of optimizer, loss and batch size.
+            config: Configuration of the training: default or thesis.
         """
-        chosen = DETECTOR_PRESETS[preset]
-        data = ImageDataConfig(
-            batch_size=self.batch or chosen.batch_size, workers=self.workers, cache=self.cache
+        batch = {} if self.batch is None else {"data.batch_size": self.batch}
+        return DetectorVariant(
+            {
+                "config": config,
+                "data.drives": list(drives),
+                "data.validation": list(self.validation),
+                "data.workers": self.workers,
+                "data.cache": self.cache,
+                **batch,
+                "model.modality": modality,
+                "model.network": self.network,
+                "model.size": size,
+                "trainer.max_epochs": self.epochs,
+                "trainer.accelerator": self.accelerator,
+                "seed_everything": self.seed,
+            }
         )
-        sources = TrainingDrives(tuple(drives), tuple(self.validation))
-        model = DetectorModelConfig(self.network, size=size)
-        experiment = DetectorExperiment(
-            sources, modality, model, data, chosen.optimizer, chosen.loss
-        )
-        run = TrainingRun(
-            epochs=self.epochs, accelerator=self.accelerator, precision="auto", seed=self.seed
-        )
-        return DetectorVariant(experiment, run)
 
 
 @dataclass(frozen=True)
@@ -168,27 +164,10 @@ def study_variants(
 
 def _trained(variant: DetectorVariant, folder: Path) -> Mapping[str, Any]:
     """Train, resume, or read what is done."""
-    from data.results.documents import to_serializable, write_json
-
-    settings, file = to_serializable(variant), folder / "settings.json"
-    known = _read(file)
-    if known is not None and known != settings:
-        raise UsageError(
-            folder,
-            expected="a training with the same settings, or none",
-            found="other settings in settings.json",
-            advice="choose another --out",
-        )
-    if not (folder / "trained.json").exists():
-        from train.detector.run import run_experiment
-
-        last = folder / LAST
-        resume = last if last.exists() else None
-        training = TrainingFolder(folder, resume, partial(write_json, file, settings))
-        progress = frame_progress_bar("images")
-        trained = run_experiment(variant.experiment, variant.run, training, progress)
-        write_json(folder / "trained.json", trained)
-    done: Mapping[str, Any] = _read(folder / "trained.json")
+    metrics = folder / "metrics.json"
+    if not metrics.exists():
+        fit("detector", variant.arguments, folder)
+    done: Mapping[str, Any] = _read(metrics)
     return done
 
 
@@ -203,7 +182,7 @@ def _measured(
 
     precision = PrecisionConfig(IOU, bootstrap=flags.bootstrap, seed=flags.seed)
     protocol = to_serializable({"drives": list(drives), "precision": asdict(precision)})
-    known = _read(folder / "metrics.json")
+    known = _read(folder / "measured.json")
     if known is not None and known["protocol"] == protocol:
         return VariantMetrics(**known["metrics"])
     network = ModalityDetector(_model_file(folder))
@@ -218,7 +197,7 @@ def _measured(
         network_ms=first.median_ms(network.modality),
         drives=to_serializable({info.name: _of_drive(info, one) for info, one in measured}),
     )
-    write_json(folder / "metrics.json", {"protocol": protocol, "metrics": metrics})
+    write_json(folder / "measured.json", {"protocol": protocol, "metrics": metrics})
     return metrics
 
 

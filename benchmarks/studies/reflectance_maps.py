@@ -1,9 +1,8 @@
 """Average precision of a detector by the method and the size of its reflectance map (Appendix B)."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from benchmarks.studies.detector_variants import DetectorVariant, VariantFlags, study_variants
 from benchmarks.studies.report import RESULTS, publish
@@ -14,7 +13,6 @@ from benchmarks.studies.variant_report import (
     times_table,
 )
 from perception.evaluation.report import Table
-from train.detector.config import Preset
 
 if TYPE_CHECKING:
     from perception.detection.detectors.modalities import MapFilling
@@ -49,7 +47,7 @@ def reflectance_maps(
     training: VariantFlags,
     size: str = "416x416",
     wide_size: str = "352x1216",
-    preset: Preset = "default",
+    training_config: Literal["default", "thesis"] = "default",
     out: Path = RESULTS / "reflectance-maps.png",
 ) -> None:
     """Train a detector on sparse, interpolated and wide reflectance maps (Tables B.1, B.2 and B.3).
@@ -62,10 +60,10 @@ def reflectance_maps(
         drives: Labelled training drives.
         size: Height and width of the input.
         wide_size: Height and width of the input of RM* in Table B.2.
-        preset: Preset of the training: default, or that of 7.2.2 for yolov2, thesis.
+        training_config: Configuration of the trainings: default, or that of 7.2.2, thesis.
         out: Figure; the numbers and all trainings are written beside it.
     """
-    variants = map_variants(training.variant(drives, "rm", size, preset), wide_size)
+    variants = map_variants(training.variant(drives, "rm", size, training_config), wide_size)
     metrics = study_variants(variants, training, out.with_suffix(""))
     plot_variant_curves(out, "Detectors of the reflectance map", metrics, _IOU)
     tables: dict[str, Table[Any]] = {}
@@ -93,10 +91,5 @@ def map_variants(base: DetectorVariant, wide_size: str) -> dict[str, DetectorVar
         base: Variant from which the others differ.
         wide_size: Height and width of the wide input.
     """
-    experiment, model = base.experiment, base.experiment.model
-    models = {name: replace(model, filling=filling) for name, filling in _FILLINGS.items()}
-    models[WIDE] = replace(models[NEAREST], size=wide_size)
-    return {
-        name: replace(base, experiment=replace(experiment, model=one))
-        for name, one in models.items()
-    }
+    variants = {name: base.but(model__filling=filling) for name, filling in _FILLINGS.items()}
+    return {**variants, WIDE: variants[NEAREST].but(model__size=wide_size)}

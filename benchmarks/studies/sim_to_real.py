@@ -1,7 +1,6 @@
 """Effect of the number of synthetic training frames, and of augmentation, on held-out and on real drives."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.studies.detector_variants import (
@@ -65,13 +64,11 @@ def share_variants(base: DetectorVariant, shares: Sequence[float]) -> dict[str, 
     if not shares or min(shares) <= 0 or max(shares) > 1:
         found = ", ".join(f"{share:g}" for share in shares) or "none"
         raise UsageError("--shares", expected="shares above 0, at most 1", found=found)
-    experiment, data = base.experiment, base.experiment.data
+    epochs = int(str(base.arguments["trainer.max_epochs"]))
     variants = {
-        f"{share:g} of all": DetectorVariant(
-            replace(experiment, data=replace(data, training_fraction=share)),
-            replace(base.run, epochs=round(base.run.epochs / share)),
+        f"{share:g} of all": base.but(
+            data__training_fraction=share, trainer__max_epochs=round(epochs / share)
         )
         for share in shares
     }
-    unchanged = replace(base, experiment=replace(experiment, data=replace(data, augment=False)))
-    return {**variants, UNCHANGED: unchanged}
+    return {**variants, UNCHANGED: base.but(data__augment=False)}

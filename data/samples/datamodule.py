@@ -29,6 +29,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         training: Training samples; there, as all of them, after `setup`.
         validation: Validation samples.
         test: Samples of the final test; None where the split has no such part.
+        progress: Wrapper of the loop over frames that may show its progress.
     """
 
     config: Any
@@ -43,7 +44,6 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         drives: TrainingDrives,
         config: SampleDataConfig,
         seed: int = 0,
-        progress: Progress = iter,
     ) -> None:
         """Take what `setup` needs; nothing is read yet.
 
@@ -51,11 +51,10 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
             drives: Drives for training and validation, or a split.
             config: Split, batches and cache.
             seed: Seed of the split, the order and the augmentation.
-            progress: Wrapper of the loop over frames that may show its progress.
         """
         super().__init__()
-        self.drives, self.seed = drives, seed
-        self.config, self._progress = config, progress
+        self.drives, self.config, self.seed = drives, config, seed
+        self.progress: Progress = iter
 
     def prepare_data(self) -> None:
         """Fill the cache; with several GPUs, in one process only.
@@ -115,6 +114,11 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
                 advice="pass --split FILE, made with: trifuse split --shares 60,20,20",
             )
         return self._loader(self.test)
+
+    @property
+    def training_data(self) -> str:
+        """Names of the training drives, as model files state them."""
+        return self.drives.names
 
     @property
     def augmentation(self) -> Any:  # noqa: ANN401 - the subclass' own configuration

@@ -46,6 +46,49 @@ class Command:
             ) from error
         return function
 
+    def run(self, name: str, words: Sequence[str]) -> None:
+        """Call the function as the words say.
+
+        Args:
+            name: Words that call the command, such as `evaluate ground`.
+            words: Words behind them.
+
+        Raises:
+            PerceptionError: The user has to act.
+        """
+        call(f"trifuse {name}", self.load(), words)
+
+    def help(self, name: str, *, everything: bool) -> str:
+        """Return the help, of every flag where all are asked for."""
+        return help_text(f"trifuse {name}", self.load(), everything=everything)
+
+    @property
+    def can_overwrite(self) -> bool:
+        """Whether the command has --overwrite."""
+        return "overwrite" in flag_types(self.load())
+
+
+@dataclass(frozen=True)
+class TrainingCommand(Command):
+    """A training, whose words Lightning's command line reads; the target is its name."""
+
+    def run(self, name: str, words: Sequence[str]) -> None:
+        """Train or evaluate a network."""
+        from perception.cli.train import train
+
+        train(self.target, words)
+
+    def help(self, name: str, *, everything: bool) -> str:
+        """Return the help; that of every flag imports torch."""
+        from perception.cli.train import help_text
+
+        return help_text(self.target, everything=everything)
+
+    @property
+    def can_overwrite(self) -> bool:
+        """A training is resumed, and not overwritten."""
+        return False
+
 
 # Commands by their words. "evaluate ground" is the function `evaluate_ground` of perception/cli/evaluate_ground.py;
 # modules are imported when their command is called, so that `trifuse --help` is quick.
@@ -77,15 +120,15 @@ SUMMARIES: Mapping[str, str] = {
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "train", "study")
-# Functions of a module that several commands share.
-_JOINED = dict.fromkeys(("train_detector", "train_fusion", "train_depthcn"), "train")
+_TRAININGS = ("detector", "depthcn")
 COMMANDS: Mapping[str, Command] = {
     **{
-        name: Command(f"perception.cli.{_JOINED.get(function, function)}:{function}", summary)
+        name: Command(f"perception.cli.{function}:{function}", summary)
         for name, summary in SUMMARIES.items()
         for function in [name.replace(" ", "_")]
         if name not in GROUPS
     },
+    **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in _TRAININGS},
     "bench": Command("benchmarks.bench:bench", SUMMARIES["bench"]),
     **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }
@@ -192,17 +235,15 @@ def _command_of(words: Sequence[str]) -> str | None:
 
 def _how_to_go_on(words: Sequence[str]) -> str:
     name = _command_of(words)
-    replaces = name is not None and "overwrite" in flag_types(COMMANDS[name].load())
+    replaces = name is not None and COMMANDS[name].can_overwrite
     return "repeat the command" + (" with --overwrite" if replaces else "")
 
 
 def _run_command(name: str, words: Sequence[str]) -> None:
-    prog = f"trifuse {name}"
-    function = COMMANDS[name].load()
     if {"-h", "--help", "--help-all"} & set(words):
-        print(help_text(prog, function, everything="--help-all" in words))
+        print(COMMANDS[name].help(name, everything="--help-all" in words))
     else:
-        call(prog, function, words)
+        COMMANDS[name].run(name, words)
 
 
 def _top_level() -> dict[str, str]:

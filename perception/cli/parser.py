@@ -156,8 +156,25 @@ def build_parser(
 
 def flag_types(function: CommandFunction) -> dict[str, Any]:
     """Return the type of each flag by its full name, nested ones with dots."""
-    hints = _hints(function)
-    return dict(_walk(hints, iter(hints)))
+    return dict(nested_types(_hints(function)))
+
+
+def nested_types(hints: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield full name and type of each flag that parameters become, of dataclasses each field.
+
+    Args:
+        hints: Type of each parameter by its name.
+        prefix: Section of the flags, such as `data.`.
+    """
+    for name, hint in hints.items():
+        kind = _without_none(hint)
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+            inner = prefix if _is_flat(kind) else f"{prefix}{name}."
+            hints_of_kind = get_type_hints(kind)
+            fields = {one.name: hints_of_kind[one.name] for one in dataclasses.fields(kind)}
+            yield from nested_types(fields, inner)
+        else:
+            yield f"{prefix}{name}", kind
 
 
 def _preset(function: CommandFunction, given: Iterable[Iterable[tuple[str, Any]]]) -> str:
@@ -190,19 +207,6 @@ def _leaves(name: str, value: object) -> Iterator[tuple[str, object]]:
             yield from _leaves(f"{name}.{field.name}", getattr(value, field.name))
     else:
         yield name, value
-
-
-def _walk(
-    hints: dict[str, Any], names: Iterator[str], prefix: str = ""
-) -> Iterator[tuple[str, Any]]:
-    for name in names:
-        kind = _without_none(hints[name])
-        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            inner = prefix if _is_flat(kind) else f"{prefix}{name}."
-            fields = (field.name for field in dataclasses.fields(kind))
-            yield from _walk(get_type_hints(kind), fields, inner)
-        else:
-            yield f"{prefix}{name}", kind
 
 
 def _sections(function: CommandFunction) -> tuple[dict[str, type], dict[str, type]]:

@@ -1,287 +1,313 @@
-"""`trifuse train`: the networks of the detectors, of their fusion, and of DepthCN (6.1, 6.2, 7.2)."""
+"""`trifuse train detector|depthcn|fusion`: Lightning's command line, with short names for what is typed every day.
 
+Words are read as those of every command, short names and those of shipped configurations replaced; `train.cli` parses
+and runs the rest. Torch is imported only then.
+"""
+
+import argparse
 import importlib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+import inspect
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast, get_type_hints
 
-from data.detections.config import DetectorModelPaths, FusionDataConfig
-from data.results.command_config import CommandConfig
-from data.samples.config import TrainingDrives
-from data.samples.crops.config import CropDataConfig
-from data.samples.images.config import ImageDataConfig
-from perception.cli.flags import require_drives
-from perception.cli.parser import FlagGroup, defaults_by
-from perception.detection.config import FusionVariant
-from perception.errors import MissingDependencyError, WriteError
-from perception.evaluation.report import Column, Table
-from perception.types import Method, Modality
-from train.config import OptimizerConfig, TrainerConfig, TrainingRun
-from train.detector.config import (
-    DETECTOR_PRESETS,
-    DetectionLossConfig,
-    DetectorExperiment,
-    DetectorModelConfig,
-    InitialWeights,
-    Preset,
-)
-from train.folder import TrainingFolder
-from train.fusion.config import (
-    FUSION_VARIANTS,
-    FusionExperiment,
-    FusionFitConfig,
-    FusionTrainingConfig,
-)
-from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
+from jsonargparse import ArgumentParser
 
-_RESULTS = Path("results")
-# Module of each training, and what it reads with a progress bar.
-_TRAINERS = {
-    "train detector": ("train.detector.run", "images"),
-    "train depthcn": ("train.verifier.run", "proposals"),
-    "train fusion": ("export.trained_fusion", "detections"),
+from data.results.command_config import read_config
+from perception.cli.help import help_formatter
+from perception.cli.parser import nested_types
+from perception.cli.words import read_words, usage_error
+from perception.errors import MissingDependencyError, UsageError, WriteError
+from perception.types import Modality
+
+if TYPE_CHECKING:
+    from train.cli import Stage, TrainingCLI, TrainingKind
+
+_STAGES = ("fit", "validate", "test")
+_PRINT_CONFIG = {"--print-config", "--print_config"}
+# Full names of the flags of `EverydayFlags`, but for --resume.
+_FULL_NAMES = {
+    "drives": "data.drives",
+    "validation": "data.validation",
+    "split": "data.split",
+    "modality": "model.modality",
+    "epochs": "trainer.max_epochs",
+    "steps": "trainer.max_steps",
+    "batch_size": "data.batch_size",
+    "workers": "data.workers",
+    "lr": "optimizer.lr",
+    "out": "trainer.default_root_dir",
+    "seed": "seed_everything",
 }
-_TRAINER, _DETECTOR_TRAINER = TrainerConfig(), TrainerConfig(precision="auto")
-_MODEL, _IMAGES, _LOSS = DetectorModelConfig(), ImageDataConfig(), DetectionLossConfig()
-_DETECTOR_OPTIMIZER, _WEIGHTS = DETECTOR_PRESETS["default"].optimizer, InitialWeights()
-_CROPS, _VERIFIER_OPTIMIZER = CropDataConfig(), VERIFIER_CONFIGS["default"].optimizer
-_MODELS, _DETECTIONS, _FIT = DetectorModelPaths(), FusionDataConfig(), FUSION_VARIANTS["default"]
+_GROUPS = """\
+Groups of Lightning's command line, of which --help-all lists every flag:
+  --trainer.*          Lightning's Trainer: accelerator, devices, strategy, precision, gradient_clip_val, ...
+  --model.*            network, its input and its loss
+  --data.*             drives, batches, augmentation and cache
+  --optimizer CLASS    optimizer of torch, and its parameters: --optimizer SGD --optimizer.lr 0.001
+  --lr_scheduler CLASS WarmupCosine, StepDecay, DarknetSteps or a schedule of torch, and its parameters
+  --early_stopping.patience N, --ema.decay X
+  --config FILE        YAML file with such groups, default or thesis; several are read in turn
+  --print_config       print the effective configuration as YAML and exit"""
 
 
 @dataclass(frozen=True)
-class TrainingFlags(FlagGroup):
-    """Training.
+class EverydayFlags:
+    """Everyday flags.
 
     Attributes:
-        validation: Labelled drives for validation, with commas between them; else a fraction of the frames is
-            kept back.
-        resume: Checkpoint to resume from, or the word last for that of the folder.
+        drives: Labelled drives of any layout; of a folder of several, all are taken.
+        validation: Labelled drives for validation, with commas between them; else a part of the frames.
+        split: File of `trifuse split` that says which frames train, validate and test.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm; of a detector.
+        epochs: Number of epochs.
+        steps: Number of steps, in place of epochs.
+        batch_size: Samples per batch.
+        workers: Processes that load samples; 0 loads them in the training process.
+        lr: Largest learning rate.
+        out: Folder of the results; else results/ and the name of the training.
+        resume: Checkpoint to resume from or to evaluate, or the word last for that of the folder.
         seed: Seed of weights, split, order and augmentation.
     """
 
+    drives: list[Path] | None = None
     validation: list[Path] | None = None
+    split: Path | None = None
+    modality: Modality | None = None
+    epochs: int | None = None
+    steps: int | None = None
+    batch_size: int | None = None
+    workers: int | None = None
+    lr: float | None = None
+    out: Path | None = None
     resume: str | None = None
-    seed: int = 0
-
-    def drives(self, training: list[Path]) -> TrainingDrives:
-        """Return the drives for training and validation."""
-        require_drives(training)
-        return TrainingDrives(tuple(training), tuple(self.validation or ()))
-
-    def run(self, epochs: int, trainer: TrainerConfig = _TRAINER) -> TrainingRun:
-        """Return epochs, devices and seed."""
-        return TrainingRun(**vars(trainer), epochs=epochs, seed=self.seed)
+    seed: int | None = None
 
 
-@defaults_by(
-    "preset",
-    {
-        name: {"optimizer": one.optimizer, "loss": one.loss, "data.batch_size": one.batch_size}
-        for name, one in DETECTOR_PRESETS.items()
-    },
-)
-def train_detector(
-    drives: list[Path],
-    *,
-    modality: Modality,
-    training: TrainingFlags,
-    config: CommandConfig,
-    preset: Preset = "default",
-    epochs: int = 40,
-    out: Path = _RESULTS / "detector",
-    model: DetectorModelConfig = _MODEL,
-    data: ImageDataConfig = _IMAGES,
-    optimizer: OptimizerConfig = _DETECTOR_OPTIMIZER,
-    loss: DetectionLossConfig = _LOSS,
-    weights: InitialWeights = _WEIGHTS,
-    trainer: TrainerConfig = _DETECTOR_TRAINER,
-) -> None:
-    """Train an image detector of one modality; watch it with: tensorboard --logdir OUT.
+@dataclass(frozen=True)
+class Training:
+    """One of the trainings.
 
-    It writes best.ckpt, of the highest moderate AP on the validation set, last.ckpt to resume from, config.yaml and
-    metrics.json. Make a model file of the best one with: trifuse export OUT/best.ckpt --out dm.onnx
-
-    Example: trifuse train detector synth/train --modality dm --validation synth/val --out results/dm
-
-    Args:
-        drives: Labelled drives of any layout; of a folder of several, all are taken.
-        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
-        preset: Defaults of optimizer, loss and batch size: default, or those of 7.2.2, thesis, for yolov2.
-        epochs: Number of epochs.
-        out: Folder of the results.
-        model: Network and its input.
-        data: Split, batches and augmentation.
-        optimizer: Optimizer and learning rate.
-        loss: Terms of the loss.
-        weights: Initial weights.
-        trainer: Devices and precision.
+    Attributes:
+        kind: Module and name of its `TrainingKind`, `module:NAME`.
+        reads: What it reads with a progress bar.
+        text: Summary and example for the help.
     """
-    experiment = DetectorExperiment(
-        training.drives(drives), modality, model, data, optimizer, loss, weights
+
+    kind: str
+    reads: str
+    text: str
+
+    def load(self) -> "TrainingKind":
+        """Import the kind, which needs torch and Lightning.
+
+        Raises:
+            MissingDependencyError: they are not installed.
+        """
+        module, _, name = self.kind.partition(":")
+        try:
+            return cast("TrainingKind", getattr(importlib.import_module(module), name))
+        except ImportError as error:
+            package = "torch, lightning and tensorboard"
+            raise MissingDependencyError(
+                package, needed_for="training", extra="train", reason=error
+            ) from error
+
+
+TRAININGS: Mapping[str, Training] = {
+    "detector": Training(
+        "train.detector.kind:DETECTOR",
+        "images",
+        """Train an image detector of one modality; watch it with: tensorboard --logdir OUT.
+
+It writes best.ckpt, of the highest moderate AP on the validation part, last.ckpt to resume from, config.yaml and
+metrics.json. validate and test evaluate best.ckpt, or the one of --resume, on the part of that name. Make a model file of
+the best one with: trifuse export OUT/best.ckpt --out dm.onnx
+
+Example: trifuse train detector synth/train --modality dm --validation synth/val --out results/dm""",
+    ),
+    "depthcn": Training(
+        "train.verifier.kind:DEPTHCN",
+        "proposals",
+        """Train the network that verifies DepthCN's proposals; watch it with: tensorboard --logdir OUT.
+
+It writes best.ckpt, of the highest balanced accuracy on the validation part, last.ckpt to resume from, config.yaml and
+metrics.json. validate and test evaluate best.ckpt, or the one of --resume, on the part of that name. Make a model file of
+the best one with: trifuse export OUT/best.ckpt --out depthcn.onnx
+
+Example: trifuse train depthcn synth/train --validation synth/val --out results/depthcn""",
+    ),
+}
+
+
+def help_text(name: str, *, everything: bool = False) -> str:
+    """Return the help of a training; all groups need torch and Lightning."""
+    if everything:
+        from train.cli import TrainingCLI
+
+        return TrainingCLI(TRAININGS[name].load()).parser.format_help().rstrip()
+    summary, _, example = TRAININGS[name].text.partition("\n\nExample: ")
+    types = dict(nested_types(get_type_hints(EverydayFlags)))
+    parser = ArgumentParser(
+        prog=f"trifuse train {name}",
+        usage=f"trifuse train {name} [fit|validate|test] DRIVES ... [flags]",
+        description=summary,
+        epilog=f"{_GROUPS}\n\nExample: {example}",
+        formatter_class=help_formatter(types, ("drives",), ""),
+        add_help=False,
     )
-    run = training.run(epochs, trainer)
-    trained = _run(config, experiment, run, out, training.resume)
-    if trained is not None:
-        frames = trained.counts["validation_frames"]
-        title = f"{model.network} on {modality}, epoch {trained.epoch}: AP [%] on {frames} validation frames"
-        columns = _columns(("easy", "moderate", "hard"))
-        _report(Table(title, columns, trained.precision, "class, min IoU"), trained, out)
+    parser.add_class_arguments(EverydayFlags)
+    return parser.format_help().rstrip()
 
 
-@defaults_by(
-    "method", {name: {"optimizer": one.optimizer} for name, one in VERIFIER_CONFIGS.items()}
-)
-def train_depthcn(
-    drives: list[Path],
-    *,
-    training: TrainingFlags,
-    config: CommandConfig,
-    method: Method = "default",
-    epochs: int = 40,
-    out: Path = _RESULTS / "depthcn",
-    data: CropDataConfig = _CROPS,
-    optimizer: OptimizerConfig = _VERIFIER_OPTIMIZER,
-    trainer: TrainerConfig = _TRAINER,
-) -> None:
-    """Train the network that verifies proposals; watch it with: tensorboard --logdir OUT.
+def train(name: str, words: Sequence[str]) -> None:
+    """Train or evaluate as the words of a command line say, and print the metrics.
 
-    It writes best.ckpt, of the highest balanced accuracy on the validation set, last.ckpt to resume from, config.yaml
-    and metrics.json. Make a model file of the best one with: trifuse export OUT/best.ckpt --out depthcn.onnx
-
-    Example: trifuse train depthcn synth/train --validation synth/val --out results/depthcn
-
-    Args:
-        drives: Labelled drives of any layout; of a folder of several, all are taken.
-        method: Network, its input and its optimizer: default, the one that ships; or thesis, Fig. 6.5.
-        epochs: Number of epochs, each with as many samples as there are crops.
-        out: Folder of the results.
-        data: Split, batches, sampling and augmentation.
-        optimizer: Optimizer and learning rate.
-        trainer: Devices and precision.
+    Raises:
+        PerceptionError: The user has to act.
+        KeyboardInterrupt: The training is stopped; the message says how to go on.
     """
-    experiment = VerifierExperiment(
-        training.drives(drives), replace(VERIFIER_CONFIGS[method], optimizer=optimizer), data
-    )
-    run = training.run(epochs, trainer)
-    trained = _run(config, experiment, run, out, training.resume)
-    if trained is not None:
-        counts = ("crops", "vehicles")
-        rows = {
-            part: {name: trained.counts[f"{part}_{name}"] for name in counts}
-            | {name: 100 * value for name, value in metrics.items()}
-            for part, metrics in (
-                ("training", trained.training),
-                ("validation", trained.validation),
-            )
-        }
-        columns = [*_columns(counts, ""), *_columns(trained.validation)]
-        title = f"DepthCN, {method}, epoch {trained.epoch}: metrics in %"
-        _report(Table(title, columns, rows, "set"), trained, out)
+    asked = [word for word in words if word not in _PRINT_CONFIG]
+    stage, checkpoint, cli = parse(name, asked)
+    if len(asked) < len(words):
+        print(cli.command_config.text(), end="")
+        return
+    result = run(name, cli, stage, checkpoint)
+    if result is not None:
+        from train.cli import METRICS
+
+        metrics = cli.folder.out / METRICS[stage]
+        print(f"{result.table.text()}\n\n{result.checkpoint}\n{metrics}")
 
 
-@defaults_by("variant", {name: {"fit": one} for name, one in FUSION_VARIANTS.items()})
-def train_fusion(
-    drives: list[Path],
-    *,
-    training: TrainingFlags,
-    config: CommandConfig,
-    variant: FusionVariant = "default",
-    epochs: int = 4,
-    sweep: tuple[int, ...] = (),
-    sweep_two: tuple[int, ...] = (),
-    out: Path = _RESULTS / "fusion",
-    models: DetectorModelPaths = _MODELS,
-    data: FusionDataConfig = _DETECTIONS,
-    fit: FusionFitConfig = _FIT,
-) -> None:
-    """Fit the fusion to drives that no detector was trained on; watch it with: tensorboard --logdir OUT.
+def parse(name: str, words: Sequence[str]) -> "tuple[Stage, str | None, TrainingCLI]":
+    """Return the subcommand, the checkpoint and the command line that the words call.
 
-    The detectors run once on every frame; their detections are cached. It writes fusion.onnx, best.ckpt, last.ckpt to
-    resume from, config.yaml, metrics.json, and plots: rescoring.png (Fig. 7.12), steps.png (7.14), reliability.png, and
-    with a sweep sizes.png (7.13).
-
-    Example: trifuse train fusion synth/fusion --variant features --sweep 5,10,20,40 --out results/fusion
-
-    Args:
-        drives: Labelled drives of any layout; of a folder of several, all are taken.
-        variant: Features and defaults of the fit: default, with distances, overlaps and missing detectors;
-            features or scores, as in the thesis.
-        epochs: Number of epochs of AdamW; more fit synthetic drives better, and real ones worse.
-        sweep: Numbers of neurons of one hidden layer to try; the best of all sizes is taken.
-        sweep_two: Numbers of neurons of two hidden layers, of which all falling pairs are tried.
-        out: Folder of the results.
-        models: Model files of the detectors; else those that ship.
-        data: Split and cache.
-        fit: Hidden layers, and how they are fitted.
+    Raises:
+        UsageError: A flag is unknown, or its value is not of its type.
     """
-    network = FusionTrainingConfig(**vars(fit), variant=variant)
-    experiment = FusionExperiment(training.drives(drives), network, models, data, sweep, sweep_two)
-    run = training.run(epochs, replace(_TRAINER, accelerator="cpu"))
-    trained = _run(config, experiment, run, out, training.resume)
-    title = (
-        f"Fusion, {variant}, {trained.metadata['hidden']} neurons, mean square error "
-        f"{trained.fitted.validation:.4f}: AP [%] on {trained.counts['test_frames']} test frames"
-    )
-    columns = _columns(("easy", "moderate", "hard"))
-    table = Table(title, columns, trained.test_ap_percent, "Car, min IoU 0.7")
-    _report(table, trained, out, trained.file)
+    from train.cli import TrainingCLI, as_words
+
+    kind, prog = TRAININGS[name].load(), f"trifuse train {name}"
+    types = dict(_types(kind))
+    stage, rest = (words[0], words[1:]) if words[:1] and words[0] in _STAGES else ("fit", words)
+    given = read_words(prog, rest, types, ["drives"])
+    flags = {name: value for name, value in given if name != "config"}
+    checkpoint = flags.pop("resume", flags.pop("ckpt_path", None))
+    if "steps" in flags and "epochs" not in flags:
+        flags["epochs"] = "-1"
+    if checkpoint not in (None, "last") and stage != "fit" and "out" not in flags:
+        flags["out"] = str(Path(str(checkpoint)).parent)
+    files = [_config_file(name, value) for key, value in given if key == "config"]
+    configs = [read_config(file) for file in [*_config_beside(checkpoint, flags), *files]]
+    full = {_FULL_NAMES.get(key, key): value for key, value in flags.items()}
+    try:
+        cli = TrainingCLI(
+            kind, [*(f"--config={json.dumps(config)}" for config in configs), *as_words(full)]
+        )
+    except argparse.ArgumentError as error:
+        raise usage_error(prog, str(error), types, ["drives"]) from error
+    return cast("Stage", stage), checkpoint, cli
 
 
-def _run(
-    config: CommandConfig, experiment: object, run: TrainingRun, out: Path, resume: str | None
-) -> Any:  # noqa: ANN401 - what the module returns
+def run(
+    name: str, cli: "TrainingCLI", stage: "Stage" = "fit", checkpoint: str | None = None
+) -> Any:  # noqa: ANN401 - of the kind
+    """Run a training; an interrupt or a full disk says how to go on.
+
+    Raises:
+        PerceptionError: The user has to act.
+        KeyboardInterrupt: The training is stopped.
+    """
     from perception.cli.progress import frame_progress_bar
 
-    module, progress = _TRAINERS[config.command]
-    run_experiment = import_trainer(module).run_experiment
-    folder = TrainingFolder.open(out, resume, lambda: config.write(out))
     try:
-        return run_experiment(experiment, run, folder, frame_progress_bar(progress))
+        return cli.run(stage, checkpoint, frame_progress_bar(TRAININGS[name].reads))
     except KeyboardInterrupt as error:
-        raise KeyboardInterrupt(_how_to_go_on(config, folder)) from error
+        raise KeyboardInterrupt(_how_to_go_on(cli)) from error
     except WriteError as error:
-        advice = f"make room, then {_how_to_go_on(config, folder)}"
+        advice = f"make room, then {_how_to_go_on(cli)}"
         raise WriteError(
             error.where, expected=error.expected, found=error.found, advice=advice
         ) from error
 
 
-def _how_to_go_on(config: CommandConfig, folder: TrainingFolder) -> str:
-    if not folder.last.exists():
-        return "start again with the same command, as no epoch is complete"
-    flags = f"--config {folder.out / 'config.yaml'} --out {folder.out} --resume last"
-    return f"go on with: trifuse {config.command} {flags}"
+def fit(name: str, arguments: Mapping[str, object], out: Path) -> Any:  # noqa: ANN401 - of the kind
+    """Train by arguments, such as those of a study; resume where `out` holds the same training.
 
-
-def import_trainer(module: str) -> Any:  # noqa: ANN401 - a module
-    """Import a module that needs torch and Lightning.
+    Args:
+        name: Name of the training, such as detector.
+        arguments: Values by full name, such as `trainer.max_epochs`; `config` names a configuration.
+        out: Folder of the training.
 
     Raises:
-        MissingDependencyError: they are not installed.
+        PerceptionError: Settings, drives or a checkpoint cannot be used, or the folder is of other settings.
     """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise MissingDependencyError(
-            "torch, lightning and tensorboard", needed_for="training", extra="train", reason=error
-        ) from error
+    from train.cli import as_words
+
+    _, _, cli = parse(name, as_words({**arguments, "trainer.default_root_dir": out}))
+    if not cli.folder.last.exists():
+        return run(name, cli)
+    if read_config(out / "config.yaml") != cli.command_config.values:
+        raise UsageError(
+            out,
+            expected="a training with the same settings, or none",
+            found="others in config.yaml",
+            advice="choose another --out",
+        )
+    return run(name, cli, "fit", "last")
 
 
-def _columns(names: Iterable[str], spec: str = ".2f") -> list[Column[Mapping[str, float]]]:
-    return [
-        Column(name.replace("_", " "), lambda row, name=name: row.get(name), spec, name)  # type: ignore[misc]
-        for name in names
-    ]
+def _types(kind: "TrainingKind") -> Iterator[tuple[str, Any]]:
+    """Yield the type of each flag by its full name, and of each short one."""
+    from lightning.pytorch import Trainer
+
+    from train.best_epoch import BestEpoch
+    from train.trainer import exponential_moving_average
+
+    made = {"model.seed", "data.seed", "model.optimizer", "model.lr_scheduler"}
+    made |= {f"data.{name}" for name in kind.links.values()}
+    full: dict[str, Any] = {"seed_everything": int, "optimizer": Any, "lr_scheduler": Any}
+    for section, function in (
+        ("model", kind.module.__init__),
+        ("data", kind.data.__init__),
+        ("early_stopping", BestEpoch.__init__),
+        ("ema", exponential_moving_average),
+        ("trainer", inspect.unwrap(Trainer.__init__)),
+    ):
+        hints = {key: hint for key, hint in get_type_hints(function).items() if key != "return"}
+        if section == "data":  # the fields of its configuration stand for **config
+            hints.pop("config", None)
+            hints |= get_type_hints(get_type_hints(kind.data).get("config", object))
+        full |= {key: hint for key, hint in nested_types(hints, f"{section}.") if key not in made}
+    short = dict(nested_types(get_type_hints(EverydayFlags)))
+    is_known = {key: _FULL_NAMES.get(key, "") in full for key in short}
+    yield from ((key, hint) for key, hint in short.items() if is_known[key])
+    yield from {"lr": float, "resume": str, "ckpt_path": str}.items()
+    yield from full.items()
 
 
-def _report(
-    table: Table[Mapping[str, float]],
-    trained: Any,  # noqa: ANN401
-    out: Path,
-    file: Path | None = None,
-) -> None:
-    from data.results.documents import write_json
+def _config_file(name: str, given: str) -> Path:
+    """Return the file of a configuration that is shipped or named by its path."""
+    from train.cli import config_file
 
-    write_json(out / "metrics.json", trained)
-    print(f"{table.text()}\n\n{file or trained.checkpoint}\n{out / 'metrics.json'}")
+    return config_file(name, given) or Path(given)
+
+
+def _config_beside(checkpoint: str | None, flags: Mapping[str, str]) -> list[Path]:
+    """Return the configuration that a training has left beside the checkpoint."""
+    if checkpoint is None:
+        return []
+    out = Path(flags["out"]) if checkpoint == "last" and "out" in flags else None
+    file = (out or Path(checkpoint).parent) / "config.yaml"
+    return [file] if file.exists() else []
+
+
+def _how_to_go_on(cli: "TrainingCLI") -> str:
+    if not cli.folder.last.exists():
+        return "start again with the same command, as no epoch is complete"
+    out = cli.folder.out
+    flags = f"--config {out / 'config.yaml'} --out {out} --resume last"
+    return f"go on with: trifuse train {cli.kind.name} {flags}"

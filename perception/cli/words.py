@@ -4,10 +4,13 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from perception.cli.help import item_type, type_words
 from perception.errors import UsageError
+
+_PLAIN = (bool, int, float, str, Path)
 
 
 def read_words(
@@ -36,7 +39,7 @@ def read_words(
         typed, equals, value = word[2:].partition("=")
         name, is_negated = _full_name(typed.replace("-", "_"), types)
         kind = types.get(name)
-        if name not in types and name != "config" and not _is_section(name, types):
+        if name != "config" and not _is_known(name, types):
             raise _refused(prog, "command line", _near(word, types), word)
         if kind is bool and not equals:
             is_typed = not is_negated and pending[:1] in (["true"], ["false"])
@@ -59,7 +62,7 @@ def read_words(
 
 
 def _as_list(value: str, item: Any) -> str:  # noqa: ANN401 - any annotation
-    if value.startswith("["):
+    if value.startswith("[") or value == "null":
         return value
     items = [part.strip() for part in value.split(",") if part.strip()]
     return f"[{','.join(items)}]" if item in (int, float) else json.dumps(items)
@@ -75,6 +78,16 @@ def _full_name(name: str, types: Mapping[str, Any]) -> tuple[str, bool]:
         return name, False
     begun = [known for known in types if known.startswith(name)]
     return (begun[0] if len(begun) == 1 else name), False
+
+
+def _is_known(name: str, types: Mapping[str, Any]) -> bool:
+    """Return whether a name is a flag, a section, or a parameter of a class that a flag chooses."""
+    heads = (name.rpartition(".")[0], name.partition(".")[0])
+    return (
+        name in types
+        or _is_section(name, types)
+        or any(head in types and types[head] not in _PLAIN for head in heads)
+    )
 
 
 def _is_section(name: str, types: Mapping[str, Any]) -> bool:
@@ -102,6 +115,10 @@ def usage_error(
 _EXPLANATIONS: Sequence[
     tuple[str, Callable[[re.Match[str], Mapping[str, Any]], tuple[str, str, str]]]
 ] = (
+    (
+        r'parser key "([^"]+)"(?s:.*)Option \'(.+?)\' is not accepted',
+        lambda m, _: (flag_words(m[1]), "a parameter of its class", m[2]),
+    ),
     (
         r"group '(.+?)' does not accept option '(.+?)'",
         lambda m, types: ("--config", _near(f"{m[1]}.{m[2]}", types), f"{m[1]}.{m[2]}"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from train.verifier.run import TrainedVerifier
 
 from benchmarks.studies import detector_variants
 from benchmarks.studies.detector_losses import loss_variants
@@ -29,7 +30,6 @@ from tests.train.toy_images import tiny_network
 from train.config import TrainingRun
 from train.detector import networks
 from train.detector.config import DetectorExperiment, DetectorModelConfig
-from train.verifier.run import TrainedVerifier
 
 BASE = DetectorVariant(
     DetectorExperiment(

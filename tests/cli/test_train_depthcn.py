@@ -52,23 +52,43 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     assert train(drive, cache, out, "--epochs", "2", "--resume", "last") == 0
     assert read_checkpoint(out / "last.ckpt", "depthcn")["epoch"] == 1
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert (written["method"], written["epochs"], written["drives"]) == ("default", 2, [str(drive)])
-    assert written["optimizer"]["learning_rate"] == 0.05
-    metrics = json.loads((out / "metrics.json").read_text())
+    assert (written["model"]["method"], written["trainer"]["max_epochs"]) == ("default", 2)
+    assert written["data"]["drives"] == [str(drive)]
+    assert written["optimizer"]["init_args"]["lr"] == 0.05
+    metrics = json.loads((out / "metrics.json").read_text())["parts"]
     assert 0 <= metrics["validation"]["accuracy"] <= 1
-    assert metrics["counts"]["training_vehicles"] > 0
+    assert metrics["training"]["vehicles"] > 0
     network, metadata = load_verifier(out / "best.ckpt")
     assert metadata["training_data"] == str(drive)
     assert metadata["revision"] != "unknown"
     assert not network.training
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     for words in (
-        ["--method", "thesis"],
+        ["--model.method", "thesis"],
         ["--validation", "nowhere"],
-        ["--optimizer.optimizer", "adamw"],
+        ["--optimizer", "AdamW"],
     ):
         assert train(drive, cache, out, "--epochs", "3", "--resume", "last", *words) == 2
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_checkpoint_is_evaluated_by_the_configuration_beside_it(drive, cache, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert train(drive, cache, out, "--steps", "2", "--data.shares", "60,20,20") == 0
+    fitted = json.loads((out / "metrics.json").read_text())["parts"]["validation"]
+    rows = {}
+    for stage, part in (("validate", "validation"), ("test", "test")):
+        capsys.readouterr()
+        assert main(["train", "depthcn", stage, "--resume", str(out / "best.ckpt")]) == 0
+        assert f"\n{part} " in capsys.readouterr().out
+        rows = json.loads((out / f"metrics_{stage}.json").read_text())["parts"]
+        if part == "validation":
+            assert rows[part] == pytest.approx(fitted)
+    assert set(rows) == {"test"}
+    before = sorted(path.name for path in out.iterdir())
+    with fault(ModelError, "no.ckpt", found="no such file"):
+        command("train", "depthcn", "test", drive, "--resume", tmp_path / "no.ckpt")
+    assert sorted(path.name for path in out.iterdir()) == before
 
 
 @pytest.mark.parametrize(
@@ -86,8 +106,8 @@ def test_what_cannot_work_is_refused(drive, cache, tmp_path, flags, refusal):
 
 def test_the_study_of_augmentation_stands_beside_the_thesis(drive, cache, tmp_path, capsys):
     picture = tmp_path / "augmentation.png"
-    words = f"study augmentation {drive} --method default --epochs 1 --data.batch-size 32".split()
-    assert main([*words, "--data.cache", str(cache), "--out", str(picture)]) == 0
+    words = f"study augmentation {drive} --method default --epochs 1 --batch-size 32".split()
+    assert main([*words, "--cache", str(cache), "--out", str(picture)]) == 0
     printed = capsys.readouterr().out
     rows = {line.split()[0]: line.split() for line in printed.splitlines() if line}
     assert rows["without"][-2:] == ["92.83", "86.69"]

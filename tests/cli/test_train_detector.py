@@ -44,11 +44,11 @@ REFUSED = (
     "--resume last --model.network yolov2",
     "--resume last --model.classes Van",
     "--resume last --modality rm",
-    "--resume last --optimizer.optimizer sgd",
+    "--resume last --optimizer SGD",
     "--resume last --validation nowhere",
-    "--resume last --weights.darknet some.weights",
+    "--resume last --model.weights.darknet some.weights",
     "--resume gone.ckpt",
-    "--resume last --weights.checkpoint BEST --model.network yolov2",
+    "--resume last --model.weights.checkpoint BEST --model.network yolov2",
     "",
 )
 
@@ -61,9 +61,10 @@ def test_a_detector_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     assert train(drive, cache, out, "--epochs", "2", "--resume", "last") == 0
     assert read_checkpoint(out / "last.ckpt", "detector")["epoch"] == 1
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert (written["drives"], written["modality"], written["epochs"]) == ([str(drive)], "dm", 2)
-    assert written["loss"]["box"] == "ciou"
-    assert written["optimizer"]["ema_decay"] == 0.998
+    assert (written["data"]["drives"], written["model"]["modality"]) == ([str(drive)], "dm")
+    assert written["trainer"]["max_epochs"] == 2
+    assert written["model"]["loss"]["box"] == "ciou"
+    assert written["ema"]["decay"] == 0.998
     assert written["data"]["batch_size"] == 2
     metrics = json.loads((out / "metrics.json").read_text())
     assert set(metrics["precision"]) == {"Car 0.7", "Car 0.5"}
@@ -84,17 +85,32 @@ def test_a_detector_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     ("flags", "refusal"),
     [
         ("--epochs 0", (UsageError, "--epochs", "at least 1", "0")),
-        ("--trainer.nodes 0", (UsageError, "", "at least one of each", "0 nodes")),
-        ("--trainer.patience 0", (UsageError, "patience", "at least one epoch", "0")),
+        ("--trainer.num_nodes 0", (UsageError, "--trainer", "Lightning's Trainer", "num_nodes")),
+        ("--trainer.strategy none", (UsageError, "--trainer", "Lightning's Trainer", "none")),
+        ("--trainer.precision 7", (UsageError, "--trainer.precision", "", "7")),
+        ("--trainer.epochs 7", (UsageError, "command line", "a flag such as", "--trainer.epochs")),
+        ("--optimizer Adm", (UsageError, "--optimizer", "", "Adm")),
+        ("--optimizer.rate 1", (UsageError, "--optimizer", "", "rate")),
+        ("--ema.decay 1", (UsageError, "--ema.decay", "below 1", "1")),
+        (
+            "--early_stopping.patience 0",
+            (UsageError, "--early_stopping", "at least one epoch", "0"),
+        ),
         ("--resume nothing.ckpt", (ModelError, "nothing.ckpt", "", "no such file")),
-        ("--weights.checkpoint nothing.ckpt", (ModelError, "nothing.ckpt", "", "no such file")),
+        (
+            "--model.weights.checkpoint nothing.ckpt",
+            (ModelError, "nothing.ckpt", "", "no such file"),
+        ),
         ("--model.size large", (UsageError, "", "such as 192x640", "large")),
         ("--model.size 60x224", (UsageError, "", "multiples of 32 pixels", "60x224")),
         ("--model.network resnet19", (UsageError, "network", "such as resnet18", "resnet19")),
         ("--model.classes Unicorn", (LabelError, "labels of", "at least one Unicorn", "10 Car")),
         ("--model.classes ,", (UsageError, "class names", "at least one", "none")),
-        ("--weights.darknet some.weights", (UsageError, "", "network yolov2", "compact")),
-        ("--weights.backbone some.pth", (UsageError, "", "a classifier of torchvision", "compact")),
+        ("--model.weights.darknet some.weights", (UsageError, "", "network yolov2", "compact")),
+        (
+            "--model.weights.backbone some.pth",
+            (UsageError, "", "a classifier of torchvision", "compact"),
+        ),
         ("--data.batch-size 0", (UsageError, "", "a batch size from 1", "0")),
     ],
 )
@@ -103,19 +119,17 @@ def test_what_cannot_work_is_refused(drive, cache, tmp_path, flags, refusal):
         command(*words_of(drive, cache, tmp_path, *flags.split()))
 
 
-def test_the_preset_of_the_thesis(drive, cache, tmp_path, monkeypatch):
-    taken = []
-    monkeypatch.setattr("train.detector.run.train_detector", lambda *given: taken.append(given))
-    flags = "--preset thesis --model.network yolov2 --data.jpeg-quality 75 --data.shares 60,20,20"
-    words = (
-        f"train detector {drive} --modality rm --model.size 416x416 --out {tmp_path} {flags} "
-        "--loss.objectness focal"
-    )
-    assert main(words.split()) == 0
-    data, config, run, *_ = taken[0]
-    assert data.config.batch_size == 64
-    assert (data.image.jpeg_quality, data.config.shares) == (75, (60, 20, 20))
-    assert (config.optimizer.optimizer, config.optimizer.learning_rate) == ("sgd", 0.001)
-    assert (config.loss.box, config.loss.objectness) == ("squared", "focal")
-    assert tuple(config.network.size) == (416, 416)
-    assert (run.epochs, run.precision) == (40, "auto")
+def test_the_configuration_of_the_thesis(drive, capsys):
+    flags = "--config thesis --model.loss.objectness focal --print_config --batch-size 4"
+    assert main(f"train detector {drive} --modality rm {flags}".split()) == 0
+    printed = yaml.safe_load(capsys.readouterr().out)
+    model, trainer = printed["model"], printed["trainer"]
+    assert (model["network"], model["size"], model["filling"]) == ("yolov2", "416x416", "thesis")
+    assert (model["jpeg_quality"], model["anchors"]) == (75, "default")
+    assert (model["loss"]["box"], model["loss"]["objectness"]) == ("squared", "focal")
+    assert (trainer["max_steps"], trainer["accumulate_grad_batches"]) == (80_200, 8)
+    assert printed["data"]["batch_size"] == 4
+    assert printed["optimizer"]["class_path"] == "torch.optim.SGD"
+    assert printed["optimizer"]["init_args"]["momentum"] == 0.9
+    assert printed["lr_scheduler"]["class_path"] == "train.optimization.DarknetSteps"
+    assert printed["ema"]["decay"] == 0

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from train.detector.run import RANKING, callbacks, train_detector
+from train.verifier.config import VERIFIER_CONFIGS
 
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.errors import ModelError, UsageError
@@ -26,14 +28,12 @@ from train.detector.anchors import fit_anchors
 from train.detector.config import DETECTOR_PRESETS, PUBLISHED_LOSS, InitialWeights
 from train.detector.images import draw_detections
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
-from train.detector.run import RANKING, callbacks, train_detector
 from train.detector.training import DetectorTrainingConfig
 from train.folder import TrainingFolder
 from train.networks.depthcn import load_verifier
 from train.optimization import learning_rate_factor, make_optimizer
 from train.trainer import fastest_precision, fit, make_trainer
 from train.verifier import run as verifier
-from train.verifier.config import VERIFIER_CONFIGS
 from train.verifier.training import VerifierTraining
 
 QUICK = OptimizerConfig(learning_rate=0.01, ema_decay=0.8, gradient_clip_norm=20.0)

@@ -9,6 +9,8 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.nn.functional import binary_cross_entropy_with_logits
+from train.verifier.config import VERIFIER_CONFIGS
+from train.verifier.run import RANKING
 
 from perception.errors import ModelError, WriteError
 from tests.faults import fault
@@ -22,10 +24,8 @@ from train.folder import TrainingFolder
 from train.networks.depthcn import MODEL, load_verifier
 from train.optimization import step_decay, warmup_cosine
 from train.trainer import fit
-from train.verifier.config import VERIFIER_CONFIGS
 from train.verifier.images import ScoredCrops, VerifierImages, draw_scored
 from train.verifier.metrics import VerifierMetrics
-from train.verifier.run import RANKING
 from train.verifier.training import VerifierTraining, box_loss
 
 

@@ -1,10 +1,12 @@
 """TensorBoard images of a detector: validation images with boxes, and precision-recall curves."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from lightning.pytorch import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
+from torch import Tensor
 
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.render import palette
@@ -12,8 +14,8 @@ from perception.render.curve_plots import CurvePanel, curve_figure, precision_pa
 from perception.render.detections import draw_boxes
 from perception.render.labels import Label, draw_labels
 from perception.types import Detections, Float64, UInt8
-from train.detector.training import Batch, DetectorTraining
 
+Batch = dict[str, Tensor]
 _SHOWN_IMAGES = 6
 _DISPLAY_SCORE = 0.3  # lower ones would hide the image
 _SMALLEST_WIDTH_PX = 1200  # smaller images are enlarged
@@ -58,8 +60,9 @@ class DetectorImages(Callback):
                 logger.experiment.add_image(
                     "validation/images", image, trainer.global_step, dataformats="HWC"
                 )
-            if isinstance(pl_module, DetectorTraining) and pl_module.validation_metrics is not None:
-                figure = curve_figure("validation", curve_panels(pl_module.validation_metrics))
+            metrics: Any = pl_module.metrics
+            if metrics is not None:
+                figure = curve_figure("validation", curve_panels(metrics))
                 logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
 
 

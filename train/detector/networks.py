@@ -8,8 +8,8 @@ from typing import Any, Self
 from data.samples.images.input_images import ImageConfig
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import CHANNELS
-from perception.errors import ModelError, UsageError
-from train.checkpoints import Content, load_network, read_checkpoint
+from perception.errors import UsageError
+from train.checkpoints import Content, load_network
 from train.networks.compact import CompactDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolo_detector import YoloDetector
@@ -17,6 +17,8 @@ from train.networks.yolov2 import YOLOv2
 
 MODEL = "detector"  # kind of model in checkpoints and model files
 ANCHORS = 5
+# Hyperparameters of which the meaning of weights depends; the size of the input and the filling of the maps may differ.
+IDENTITY = ("network", "modality", "classes")
 
 # From class names and channels to a network with random weights; all others are backbones of torchvision.
 NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
@@ -101,23 +103,3 @@ def anchors_text(detector: YoloDetector) -> str:
     """Return widths and heights of the anchors in pixels, such as 19.1x13.4,37.6x22.6."""
     sizes = detector.head.anchors_px.tolist()
     return ",".join(f"{width:.1f}x{height:.1f}" for width, height in sizes)
-
-
-def require_same_detector(checkpoint: Path, config: DetectorNetworkConfig) -> None:
-    """Validate that a checkpoint is of the same network, modality and classes.
-
-    The size of the input and the filling of the maps may differ.
-
-    Raises:
-        ModelError: it is missing, damaged, of another kind, or differs.
-    """
-    hyper_parameters = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
-    for name in ("network", "modality", "classes"):
-        expected, found = config.metadata[name], str(hyper_parameters.get(name))
-        if expected != found:
-            raise ModelError(
-                checkpoint,
-                expected=f"a detector whose {name} is {expected}",
-                found=found,
-                advice="give the flags of the checkpoint's training",
-            )

@@ -1,24 +1,29 @@
 """Training of a detector (7.2.2)."""
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
-from lightning.pytorch import LightningModule
+from lightning.pytorch import Callback, LightningModule
+from lightning.pytorch.cli import LRSchedulerCallable, OptimizerCallable
 from torch import Tensor
-from torch.optim import Optimizer
+from torch.optim import AdamW
 
-from data.results.documents import to_serializable
 from data.samples.images.datamodule import ImageDataModule
+from data.samples.images.dataset import ImageDataset
 from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import MapFilling
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
-from perception.types import Detections
-from train.config import OptimizerConfig
+from perception.types import Detections, Modality
+from train.best_epoch import Criterion, Ranking
+from train.checkpoints import program_revision, read_checkpoint
 from train.detector.anchors import fit_anchors
-from train.detector.config import DETECTOR_PRESETS, Anchors, DetectionLossConfig
+from train.detector.config import Anchors, DetectionLossConfig, InitialWeights
+from train.detector.images import DetectorImages
+from train.detector.initial_network import initial_network
 from train.detector.losses import DetectionLoss, detection_loss
 from train.detector.metrics import ValidationBoxes, mean_precision, measure, precision_table
 from train.detector.multi_scale import (
@@ -28,54 +33,97 @@ from train.detector.multi_scale import (
     scaled_sizes,
     size_of_batch,
 )
-from train.detector.networks import ANCHORS, MODEL, DetectorNetworkConfig
+from train.detector.networks import ANCHORS, IDENTITY, MODEL, DetectorNetworkConfig
 from train.detector.targets import BatchLabels
-from train.networks.yolo_detector import YoloDetector
-from train.optimization import configure_optimizers
+from train.optimization import WarmupCosine, configure_optimizers
+
+_LOSS, _RANDOM_WEIGHTS = DetectionLossConfig(), InitialWeights()
 
 Batch = dict[str, Tensor]  # images, boxes_px, classes, is_ignored, numbers
 
 
-@dataclass(frozen=True)
-class DetectorTrainingConfig:
-    """Network of a detector, and how it is trained.
+class DetectorTraining(LightningModule):
+    """A detector, its loss at several scales, its optimizer and its metrics.
 
     Attributes:
-        network: Network and its input.
-        optimizer: Optimizer and learning rate.
-        loss: Terms of the loss.
-        anchors: Anchor boxes: fitted to the training labels, or the network's own.
-        scales: Smallest and largest height of the training images over that of the input.
-        seed: Seed of these sizes and of the anchors.
-        training_data: Names of the training drives, for the model file.
-        revision: Revision of the program, for the model file.
+        ranking: Criteria of the best epoch; average precision at KITTI's overlap is 0 in the first epochs.
+        identity: Hyperparameters that a checkpoint must share to be resumed.
     """
 
-    network: DetectorNetworkConfig
-    optimizer: OptimizerConfig = DETECTOR_PRESETS["default"].optimizer
-    loss: DetectionLossConfig = field(default_factory=DetectionLossConfig)
-    anchors: Anchors = "auto"
-    scales: tuple[float, float] = (0.75, 1.25)
-    seed: int = 0
-    training_data: str = "unknown"
-    revision: str = "unknown"
+    ranking: ClassVar[Ranking] = (
+        Criterion("validation/moderate"),
+        Criterion("validation/moderate_50"),
+        Criterion("validation/loss", is_lower_better=True),
+    )
+    identity: ClassVar[tuple[str, ...]] = IDENTITY
 
+    def __init__(  # noqa: PLR0913 - the flags of a group
+        self,
+        *,
+        modality: Modality,
+        network: str = "compact",
+        classes: tuple[str, ...] = ("Car",),
+        size: str = "192x640",
+        filling: MapFilling = "default",
+        jpeg_quality: int | None = None,
+        anchors: Anchors = "auto",
+        scales: tuple[float, float] = (0.75, 1.25),
+        loss: DetectionLossConfig = _LOSS,
+        weights: InitialWeights = _RANDOM_WEIGHTS,
+        seed: int = 0,
+        optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.002, weight_decay=0.02),
+        lr_scheduler: LRSchedulerCallable | None = WarmupCosine,
+    ) -> None:
+        """Make the network with its initial weights.
 
-class DetectorTraining(LightningModule):
-    """A detector, its loss at several scales, its optimizer and its metrics."""
+        Args:
+            modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
+            network: Network: compact, the one that ships; yolov2; or the torchvision classifier of its backbone,
+                such as resnet18.
+            classes: Classes to detect, as labels spell them.
+            size: Height and width of the input, multiples of 32; the thesis' is 416x416.
+            filling: Method by which maps are made dense: default, thesis, nearest, linear, natural; or sparse, the
+                returns alone (Table B.2).
+            jpeg_quality: Quality of the JPEG compression of the input, 1 to 100; 75 in the thesis (7.2.2).
+            anchors: Anchor boxes: auto fits them to the training labels; default takes the network's own, as with
+                the weights of a whole Darknet detector. A training that starts from a checkpoint keeps its own.
+            scales: Smallest and largest height of the training images over that of the input.
+            loss: Terms of the loss.
+            weights: Initial weights.
+            seed: Seed of anchors and sizes.
+            optimizer: Optimizer of the weights.
+            lr_scheduler: Schedule of the learning rate.
 
-    def __init__(self, config: DetectorTrainingConfig, network: YoloDetector) -> None:
-        """Take a network with its initial weights."""
+        Raises:
+            ModelError: initial weights cannot be read, or are of another network.
+            UsageError: there is no such network or input, or it takes no weights of this kind.
+        """
         super().__init__()
-        self.save_hyperparameters(to_serializable(_hyper_parameters(config)))
-        self.config = config
+        self.image = DetectorNetworkConfig(
+            modality, tuple(classes), InputSize.parse(size), filling, jpeg_quality, network
+        )
+        """Input of the network, which the data module makes."""
+        stated = {"scales": list(scales), "seed": seed, "loss": asdict(loss)}
+        self.save_hyperparameters(
+            {"model": MODEL, **self.image.metadata, **stated, "anchors": anchors}
+            | {"training_data": "unknown", "revision": program_revision()}
+        )
+        self.loss_config, self.seed = loss, seed
+        self.optimizer, self.lr_scheduler = optimizer, lr_scheduler
+        # The meaning of a checkpoint's weights depends on its anchors.
+        self.fits_anchors = anchors == "auto" and weights.checkpoint is None
         # On a CPU with bfloat16 this takes half the time of the default layout.
-        self.network = network.to(memory_format=torch.channels_last)
-        self.sizes = scaled_sizes(config.network.size, *config.scales)
-        self.validation_metrics: DetectionMetrics | None = None
-        """Metrics of the last validation."""
-        self._truth: TrueBoxes | None = None
-        self.boxes = ValidationBoxes(config.network.class_names)
+        made = initial_network(self.image, weights)
+        self.network = made.to(memory_format=torch.channels_last)
+        if weights.checkpoint is not None:
+            learned = read_checkpoint(weights.checkpoint, MODEL)["hyper_parameters"]
+            # The data module adds the frames of this training.
+            self.hparams.update({"training_frames": learned.get("training_frames", "")})
+        self.sizes = scaled_sizes(self.image.size, *scales)
+        self.metrics: DetectionMetrics | None = None
+        """Metrics of the last validation or test."""
+        self._truths: dict[str, TrueBoxes] = {}
+        self.boxes = ValidationBoxes(self.image.class_names)
 
     @property
     def data(self) -> ImageDataModule:
@@ -83,10 +131,14 @@ class DetectorTraining(LightningModule):
         found: ImageDataModule = self.trainer.datamodule  # type: ignore[attr-defined]
         return found
 
+    def configure_callbacks(self) -> list[Callback]:
+        """Return the callback that draws images."""
+        return [DetectorImages()]
+
     def on_fit_start(self) -> None:
         """Fit the anchors to the training labels, in a new training."""
-        if self.trainer.ckpt_path is None and self.config.anchors == "auto":
-            rng = np.random.default_rng(self.config.seed)
+        if self.trainer.ckpt_path is None and self.fits_anchors:
+            rng = np.random.default_rng(self.seed)
             fitted = fit_anchors(self.data.training.label_sizes_px(), ANCHORS, rng).anchors_px
             self.network.head.anchors_px.copy_(torch.from_numpy(fitted))
 
@@ -97,62 +149,66 @@ class DetectorTraining(LightningModule):
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Return the loss of a batch at one of the sizes."""
-        network, step = self.config.network, self.trainer.global_step
-        size = size_of_batch(self.sizes, step, self.config.seed)
+        trainer, step = self.trainer, self.trainer.global_step
+        size = size_of_batch(self.sizes, step, self.seed)
         before = InputSize(*batch["images"].shape[-2:])
         images, labels = batch["images"].float(), _labels(batch)
         if size != before:
-            how: Interpolation = "bilinear" if network.modality == "rgb" else "nearest"
+            how: Interpolation = "bilinear" if self.image.modality == "rgb" else "nearest"
             images = resize_images(images, size, how)
             labels = resize_labels(labels, before, size)
-        seen = step * len(images) * self.trainer.world_size
+        seen = step * len(images) * trainer.world_size * trainer.accumulate_grad_batches
         loss = self._loss(self(images), labels, seen)
         self._log_loss("train", loss, len(images))
         return loss.total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
         """Evaluate a batch; return the `detections` of each image, in pixels of the input."""
+        return self._evaluate("validation", batch)
+
+    def on_validation_epoch_end(self) -> None:
+        """Log KITTI's average precision over the validation part."""
+        self._log_precision("validation", self.data.validation)
+
+    def test_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
+        """Evaluate a batch."""
+        return self._evaluate("test", batch)
+
+    def on_test_epoch_end(self) -> None:
+        """Log KITTI's average precision over the test part."""
+        assert self.data.test is not None  # whose batches have been evaluated
+        self._log_precision("test", self.data.test)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Store the metrics of the last validation."""
+        if self.metrics is not None:
+            checkpoint["precision"] = precision_table(self.metrics)
+
+    def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
+        """Return optimizer and schedule."""
+        return configure_optimizers(self, self.network, self.optimizer, self.lr_scheduler)
+
+    def _evaluate(self, stage: str, batch: Batch) -> dict[str, list[Detections]]:
         raw = self(batch["images"].float())
-        loss = self._loss(raw, _labels(batch), self.config.loss.prior_images)
-        self._log_loss("validation", loss, len(raw))
+        loss = self._loss(raw, _labels(batch), self.loss_config.prior_images)
+        self._log_loss(stage, loss, len(raw))
         detections = self._detections(raw, InputSize(*batch["images"].shape[-2:]))
         self.boxes.update(detections, batch["numbers"], self.global_rank)
         return {"detections": detections}
 
-    def on_validation_epoch_end(self) -> None:
-        """Log KITTI's average precision over the validation set."""
-        network, samples = self.config.network, self.data.validation
-        if self._truth is None:
-            self._truth = samples.truth()
+    def _log_precision(self, stage: str, samples: ImageDataset) -> None:
+        if stage not in self._truths:
+            self._truths[stage] = samples.truth()
+        names = self.image.class_names
         sizes_px = np.array([samples.image_size_px(row) for row in range(len(samples))])
-        found = self.boxes.gathered(network.size, sizes_px)
+        found = self.boxes.gathered(self.image.size, sizes_px)
         self.boxes.reset()
-        self.validation_metrics = measure(self._truth, found, len(samples), network.class_names)
-        metrics = mean_precision(self.validation_metrics)
-        self.log_dict({f"validation/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Store the metrics of the last validation."""
-        if self.validation_metrics is not None:
-            checkpoint["precision"] = precision_table(self.validation_metrics)
-
-    def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
-        """Return optimizer and schedule."""
-        return configure_optimizers(self, self.network, self.config.optimizer)
-
-    def configure_gradient_clipping(
-        self,
-        optimizer: Optimizer,
-        gradient_clip_val: float | None = None,
-        gradient_clip_algorithm: str | None = None,
-    ) -> None:
-        """Clip long gradients, which a few odd labels cause."""
-        longest = self.config.optimizer.gradient_clip_norm
-        if longest:
-            self.clip_gradients(optimizer, longest, "norm")
+        self.metrics = measure(self._truths[stage], found, len(samples), names)
+        metrics = mean_precision(self.metrics)
+        self.log_dict({f"{stage}/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
 
     def _loss(self, raw: Tensor, labels: BatchLabels, images_seen: int) -> DetectionLoss:
-        return detection_loss(raw, labels, self.network.head, self.config.loss, images_seen)
+        return detection_loss(raw, labels, self.network.head, self.loss_config, images_seen)
 
     def _log_loss(self, stage: str, loss: DetectionLoss, count: int) -> None:
         terms = {"loss": loss.total} | {
@@ -168,7 +224,7 @@ class DetectorTraining(LightningModule):
 
     def _detections(self, raw: Tensor, size: InputSize) -> list[Detections]:
         boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
-        names = self.config.network.class_names
+        names = self.image.class_names
         return [
             postprocess_detections(*one, names, size) for one in zip(boxes_px, scores, strict=True)
         ]
@@ -176,13 +232,3 @@ class DetectorTraining(LightningModule):
 
 def _labels(batch: Batch) -> BatchLabels:
     return BatchLabels(batch["boxes_px"], batch["classes"], batch["is_ignored"])
-
-
-def _hyper_parameters(config: DetectorTrainingConfig) -> dict[str, Any]:
-    """Return what a checkpoint states of itself."""
-    parts = {name: asdict(getattr(config, name)) for name in ("optimizer", "loss")}
-    others = {
-        name: getattr(config, name)
-        for name in ("anchors", "scales", "seed", "training_data", "revision")
-    }
-    return {"model": MODEL} | config.network.metadata | parts | others

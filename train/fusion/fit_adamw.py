@@ -13,8 +13,8 @@ from torch.utils.data import DataLoader, Sampler, TensorDataset
 from perception.types import Int
 from train.fusion.config import FusionTrainingConfig
 from train.fusion.mlp import RescoringMlp
+from train.fusion.previous import configure_optimizers
 from train.fusion.targets import FusionRows, FusionSets
-from train.optimization import configure_optimizers
 
 
 class FusionTraining(LightningModule):

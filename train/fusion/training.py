@@ -13,19 +13,18 @@ import torch
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.types import Float64
 from train.best_epoch import Criterion
-from train.checkpoint_writer import require_same_training, write_checkpoint
+from train.checkpoint_writer import write_checkpoint
 from train.checkpoints import read_checkpoint
 from train.config import TrainingRun
 from train.events import event_logger, log_hyperparameters, writing_events
-from train.folder import TrainingFolder
 from train.fusion.config import MODEL, FusionTrainingConfig
 from train.fusion.fit_adamw import FusionBatches, FusionTraining
 from train.fusion.fit_lm import LevenbergMarquardtState, fit_levenberg_marquardt
 from train.fusion.mlp import initial_network
 from train.fusion.mlp_least_squares import MlpLeastSquares
+from train.fusion.previous import TrainingFolder, fit, require_same_training
 from train.fusion.targets import FusionSets
 from train.progress import step_bar
-from train.trainer import fit
 
 RANKING = (Criterion("validation/mse", is_lower_better=True),)
 _LM_STATE = "fit_state"  # entry of a checkpoint from which Levenberg-Marquardt is resumed

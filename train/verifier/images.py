@@ -12,7 +12,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from perception.types import Float32, UInt8
-from train.verifier.training import Batch
+
+Batch = dict[str, Tensor]
 
 _LABEL, _FOUND, _WRONG = (90, 220, 90), (255, 255, 255), (255, 80, 80)  # RGB
 _COLUMNS, _ROWS = 8, 4

@@ -1,6 +1,8 @@
 """Crops of drives on disk, in batches, for Lightning."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -15,7 +17,7 @@ from data.samples.datamodule import SampleDataModule
 from data.samples.epoch_samplers import BalancedSampler
 from perception.types import Drive, Progress
 
-_CONFIG, _CROP = CropDataConfig(), CropConfig()
+_CROP = CropConfig()
 
 
 class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
@@ -28,22 +30,26 @@ class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
 
     def __init__(
         self,
-        drives: TrainingDrives,
-        config: CropDataConfig = _CONFIG,
+        drives: Sequence[Path] = (),
+        validation: Sequence[Path] = (),
+        *,
+        split: Path | None = None,
         crop: CropConfig = _CROP,
         seed: int = 0,
-        progress: Progress = iter,
+        **config: Any,  # noqa: ANN401 - jsonargparse reads the fields from the class
     ) -> None:
         """Take what `setup` needs; nothing is read yet.
 
         Args:
-            drives: Drives for training and validation.
-            config: Split, batches, sampling and augmentation.
+            drives: Labelled drives of any layout; of a folder of several, all are taken.
+            validation: Labelled drives for validation; else a fraction of the frames is kept back.
+            split: File of `trifuse split`, which names the frames of each part, and drives where none are given.
             crop: Input of the network.
             seed: Seed of split, jitter, order and augmentation.
-            progress: Wrapper of the loop over frames that may show its progress.
+            config: Fields of `CropDataConfig`.
         """
-        super().__init__(drives, config, seed, progress)
+        sources = TrainingDrives(tuple(drives), tuple(validation), split)
+        super().__init__(sources, CropDataConfig(**config), seed)
         self.crop = crop
 
     def mean_crop(self, samples: int = 1024) -> Tensor:
@@ -57,7 +63,7 @@ class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
         return LabelledFrames(drives, self.crop, store)
 
     def _fill_cache(self, frames: LabelledFrames) -> None:
-        self._collect(frames, self._progress)
+        self._collect(frames, self.progress)
 
     def _make_dataset(self, frames: LabelledFrames, *, is_training: bool) -> CropDataset:
         crops = self._collect(frames)

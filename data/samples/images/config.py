@@ -161,9 +161,7 @@ class ImageDataConfig(SampleDataConfig):
 
     Attributes:
         batch_size: Images per batch.
-        jpeg_quality: Quality of the JPEG compression of the images, 1 to 100; 75 in the thesis (7.2.2).
         augmentation: Magnitudes of the augmentation.
     """
 
-    jpeg_quality: int | None = None
     augmentation: ImageAugmentationConfig = field(default_factory=ImageAugmentationConfig)

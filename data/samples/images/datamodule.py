@@ -2,6 +2,8 @@
 
 import logging
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +17,10 @@ from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.labelled_classes import require_classes, warn_of_few
 from perception.errors import PerceptionError
-from perception.types import Drive, Int, Progress
+from perception.types import Drive, Int
 
 log = logging.getLogger(__name__)
-_CONFIG = ImageDataConfig()
+_IMAGE = ImageConfig("rgb")
 
 
 class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
@@ -33,22 +35,26 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
 
     def __init__(
         self,
-        drives: TrainingDrives,
-        image: ImageConfig,
-        config: ImageDataConfig = _CONFIG,
+        drives: Sequence[Path] = (),
+        validation: Sequence[Path] = (),
+        *,
+        split: Path | None = None,
+        image: ImageConfig = _IMAGE,
         seed: int = 0,
-        progress: Progress = iter,
+        **config: Any,  # noqa: ANN401 - jsonargparse reads the fields from the class
     ) -> None:
         """Take what `setup` needs; nothing is read yet.
 
         Args:
-            drives: Drives for training and validation.
+            drives: Labelled drives of any layout; of a folder of several, all are taken.
+            validation: Labelled drives for validation; else a fraction of the frames is kept back.
+            split: File of `trifuse split`, which names the frames of each part, and drives where none are given.
             image: Input of the network.
-            config: Split, batches and augmentation.
             seed: Seed of split, order and augmentation.
-            progress: Wrapper of the loop over frames that may show its progress.
+            config: Fields of `ImageDataConfig`.
         """
-        super().__init__(drives, config, seed, progress)
+        sources = TrainingDrives(tuple(drives), tuple(validation), split)
+        super().__init__(sources, ImageDataConfig(**config), seed)
         self.image = image
 
     def prepare_data(self) -> None:
@@ -66,7 +72,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         return LabelledImages(drives, self.image, store)
 
     def _fill_cache(self, frames: LabelledImages) -> None:
-        self._readable(frames, self._progress(range(len(frames))), is_logged=False)
+        self._readable(frames, self.progress(range(len(frames))), is_logged=False)
 
     def _make_dataset(self, frames: LabelledImages, *, is_training: bool) -> ImageDataset:
         found = self._readable(frames, range(len(frames)))

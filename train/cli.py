@@ -1,0 +1,302 @@
+"""Every training through Lightning's own command line, with what all trainings of this package share.
+
+`TrainingCLI` is `LightningCLI`: groups `--trainer.*`, `--model.*`, `--data.*`, `--optimizer.*` and `--lr_scheduler.*`, YAML files
+and `--seed_everything`, and two groups more, `--early_stopping.*` and `--ema.*`. A `TrainingKind` says which module and data
+module it drives. A training writes into its `default_root_dir`:
+
+best.ckpt                checkpoint of the best epoch
+last.ckpt                checkpoint of the last whole epoch, to resume from
+config.yaml              configuration, for --config
+metrics.json             metrics of the best epoch; those of the subcommand test in metrics_test.json
+events.out.tfevents...   TensorBoard events
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from lightning.fabric.utilities.exceptions import MisconfigurationException
+from lightning.pytorch import LightningDataModule, LightningModule, Trainer
+from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
+from lightning.pytorch.cli import (
+    LightningArgumentParser,
+    LightningCLI,
+    LRSchedulerCallable,
+    OptimizerCallable,
+)
+
+from data.results.command_config import CommandConfig
+from data.results.documents import to_serializable, write_json
+from perception.errors import UsageError
+from perception.types import Progress
+from train.best_epoch import BestEpoch
+from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
+from train.events import TrainingStatistics, event_logger, writing_events
+from train.folder import TrainingFolder
+from train.progress import TrainingBar
+from train.trainer import (
+    SeedEachStep,
+    exponential_moving_average,
+    fastest_precision,
+    interruptible,
+    require_devices,
+    silence_lightning,
+)
+
+Stage = Literal["fit", "validate", "test"]
+Report = Callable[[Any, Any, Stage, Path], Any]
+METRICS: Mapping[Stage, str] = {
+    "fit": "metrics.json",
+    "validate": "metrics_validate.json",
+    "test": "metrics_test.json",
+}
+_TRAINER_DEFAULTS: Mapping[str, object] = {
+    "max_epochs": 40,
+    "deterministic": "warn",
+    "num_sanity_val_steps": 0,
+    "log_every_n_steps": 10,
+    "enable_model_summary": False,
+    # Data modules distribute their samples themselves.
+    "use_distributed_sampler": False,
+}
+
+
+@dataclass(frozen=True)
+class TrainingKind:
+    """What one kind of training adds to what all share.
+
+    Attributes:
+        name: Word of the command line, such as detector.
+        module: Module whose constructor parameters are the flags `--model.*`; it has a `ranking` of its epochs.
+        data: Data module whose constructor parameters are the flags `--data.*`.
+        report: Function from module, data module, subcommand and checkpoint to a result with a `table`; it is
+            called in the first process after the subcommand.
+        defaults: Defaults of other groups that differ from those of all trainings, by full name.
+        links: Parameters of the data module by the attribute of the module that they are.
+    """
+
+    name: str
+    module: type[LightningModule]
+    data: type[LightningDataModule]
+    report: Report
+    defaults: Mapping[str, object] = field(default_factory=dict)
+    links: Mapping[str, str] = field(default_factory=dict)
+
+
+class TrainingCLI(LightningCLI):
+    """Lightning's command line for one kind of training: parse at construction, then `run`."""
+
+    def __init__(self, kind: TrainingKind, words: Iterable[str] = ()) -> None:
+        """Parse the words of a command line.
+
+        Args:
+            kind: Kind of training.
+            words: Flags by their full names, such as `--trainer.max_epochs=3`.
+
+        Raises:
+            ArgumentError: A flag is unknown, or its value is not of its type.
+        """
+        silence_lightning()
+        self.kind = kind
+        super().__init__(
+            kind.module,
+            kind.data,
+            save_config_callback=None,
+            trainer_defaults={
+                **_TRAINER_DEFAULTS,
+                "default_root_dir": str(Path("results") / kind.name),
+            },
+            seed_everything_default=0,
+            parser_kwargs={"exit_on_error": False},
+            args=list(words),
+            run=False,
+            auto_configure_optimizers=False,
+            load_from_checkpoint_support=False,
+        )
+
+    def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
+        """Add the groups that Lightning leaves to its users, and link what is said once."""
+        parser.add_lightning_class_args(BestEpoch, "early_stopping")
+        parser.add_lightning_class_args(exponential_moving_average, "ema")
+        for name, kind in (
+            ("optimizer", OptimizerCallable),
+            ("lr_scheduler", LRSchedulerCallable | None),
+        ):
+            parser.add_argument(
+                f"--{name}",
+                type=kind,
+                default=parser.get_default(f"model.{name}"),
+                help=_HELP[name],
+            )
+            parser.link_arguments(name, f"model.{name}")
+        for section in ("model", "data"):
+            parser.link_arguments("seed_everything", f"{section}.seed")
+        for attribute, parameter in self.kind.links.items():
+            parser.link_arguments(f"model.{attribute}", f"data.{parameter}", apply_on="instantiate")
+        parser.set_defaults(dict(self.kind.defaults))
+
+    def instantiate_classes(self) -> None:
+        """Wait for `run`: until then nothing is made, and nothing needs the files that are named."""
+
+    @property
+    def command_config(self) -> CommandConfig:
+        """Effective configuration but for the folder of the results, as `--config` reads it."""
+        text = self.parser.dump(self.config, skip_unset=False)
+        values = yaml.safe_load(text)
+        del values["trainer"]["default_root_dir"]
+        return CommandConfig(f"train {self.kind.name}", values)
+
+    @property
+    def folder(self) -> TrainingFolder:
+        """Folder of the training."""
+        return TrainingFolder(Path(self.config["trainer"]["default_root_dir"]))
+
+    def run(
+        self,
+        stage: Stage = "fit",
+        checkpoint: str | Path | None = None,
+        progress: Progress = iter,
+    ) -> Any:  # noqa: ANN401 - of the kind's own report
+        """Train, resume, or evaluate a checkpoint; return the kind's result.
+
+        All processes but the first return None, and so does a `fast_dev_run`.
+
+        Args:
+            stage: Subcommand: fit, validate or test.
+            checkpoint: Checkpoint to resume from, or to evaluate; last is that of the folder. Without one a
+                training is new, and an evaluation takes the best one of the folder.
+            progress: Wrapper of the loop over frames that may show its progress.
+
+        Raises:
+            PerceptionError: settings, devices, drives or a checkpoint cannot be used.
+            KeyboardInterrupt: the training is stopped; what was written is kept.
+        """
+        self._require_duration()
+        path = self.folder.checkpoint(stage, checkpoint)
+        self._stage: Stage = stage
+        super().instantiate_classes()
+        self.model.save_hyperparameters({**self.model.hparams, **self._hyperparameters()})
+        self.datamodule.progress = progress
+        if path is not None:
+            require_same_training(path, self.model, is_resumed=stage == "fit")
+        with interruptible(), writing_events(self.folder.out):
+            self._run_stage(stage, path)
+        if not self.trainer.is_global_zero or self.trainer.fast_dev_run:  # type: ignore[attr-defined]
+            return None
+        result = self.kind.report(self.model, self.datamodule, stage, path or self.folder.best)
+        write_json(self.folder.out / METRICS[stage], result)
+        return result
+
+    def instantiate_trainer(self, **settings: Any) -> Trainer:  # noqa: ANN401 - of Lightning's Trainer
+        """Return the trainer, with our callbacks and logger before those that are asked for.
+
+        Raises:
+            UsageError: a setting does not fit another, or the devices are not there.
+        """
+        given, seed = self.config_init["trainer"], self.config["seed_everything"]
+        require_devices(given["accelerator"], given["devices"])
+        if given["precision"] is None:
+            settings["precision"] = fastest_precision(given["accelerator"])
+        bars = [] if given["enable_progress_bar"] is False else [TrainingBar()]
+        ours = [
+            SeedEachStep(seed),
+            LambdaCallback(on_train_start=self._on_train_start),
+            TrainingStatistics(),
+            *bars,
+        ]
+        loggers = _as_list(given["logger"])
+        if self._stage != "fit":
+            loggers = [False]
+        elif given["logger"] is not False:
+            ours.append(LearningRateMonitor("epoch"))
+            loggers = [event_logger(self.folder.out), *(one for one in loggers if one is not True)]
+        try:
+            return super().instantiate_trainer(
+                logger=loggers if loggers != [False] else False,
+                callbacks=[*ours, *_as_list(given["callbacks"])],
+                plugins=[AtomicCheckpointIO(), *_as_list(given["plugins"])],
+                **settings,
+            )
+        except (MisconfigurationException, TypeError, ValueError) as error:
+            raise UsageError(
+                "--trainer",
+                expected="settings that Lightning's Trainer takes",
+                found=" ".join(str(error).split()).rstrip("."),
+            ) from error
+
+    def _run_stage(self, stage: Stage, checkpoint: Path | None) -> None:
+        run = {"datamodule": self.datamodule, "ckpt_path": checkpoint, "weights_only": True}
+        if stage == "fit":
+            self.trainer.fit(self.model, **run)
+        elif stage == "validate":
+            self.trainer.validate(self.model, **run, verbose=False)
+        else:
+            self.trainer.test(self.model, **run, verbose=False)
+
+    def _on_train_start(self, trainer: Trainer, module: LightningModule) -> None:
+        """Write the configuration, once nothing can be refused any more."""
+        if trainer.is_global_zero and not trainer.fast_dev_run:  # type: ignore[attr-defined]
+            self.command_config.write(self.folder.out)
+
+    def _hyperparameters(self) -> dict[str, Any]:
+        """Return what a checkpoint states beside the module's own hyperparameters."""
+        values = self.command_config.values
+        stated = {name: values[name] for name in ("optimizer", "lr_scheduler", "ema")}
+        return stated | {"training_data": self.datamodule.training_data}
+
+    def _require_duration(self) -> None:
+        """Validate that there is something to train."""
+        trainer = self.config["trainer"]
+        for flag, name in (("--epochs", "max_epochs"), ("--steps", "max_steps")):
+            count = trainer[name]
+            if count is not None and (count == 0 or count < -1):
+                raise UsageError(flag, expected="at least 1", found=str(count))
+
+
+def fit(kind: TrainingKind, arguments: Mapping[str, object], out: Path) -> Any:  # noqa: ANN401 - as `run`
+    """Train by arguments in place of the words of a command line; resume where `out` holds a training.
+
+    Args:
+        kind: Kind of training.
+        arguments: Values by full name, such as `trainer.max_epochs`.
+        out: Folder of the training.
+
+    Raises:
+        PerceptionError: settings, drives or a checkpoint cannot be used.
+    """
+    folder = TrainingFolder(out)
+    cli = TrainingCLI(kind, as_words({**arguments, "trainer.default_root_dir": out}))
+    return cli.run("fit", folder.last if folder.last.exists() else None)
+
+
+def as_words(arguments: Mapping[str, object]) -> list[str]:
+    """Return arguments as the words of a command line."""
+    return [f"--{name}={_word(value)}" for name, value in arguments.items()]
+
+
+def config_file(kind: str, name: str) -> Path | None:
+    """Return the file of a configuration that is shipped, such as thesis; None where there is none."""
+    file = Path(__file__).parent / "configs" / kind / f"{name}.yaml"
+    return file if file.exists() else None
+
+
+_HELP = {
+    "optimizer": "Optimizer: a class of torch.optim, such as AdamW or SGD, with its parameters.",
+    "lr_scheduler": "Schedule of the learning rate: WarmupCosine, StepDecay, DarknetSteps or a class of torch.",
+}
+
+
+def _as_list(given: Any) -> list[Any]:  # noqa: ANN401 - one, several or none
+    if given is None:
+        return []
+    return list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+
+
+def _word(value: object) -> str:
+    if isinstance(value, str | Path):
+        return str(value)
+    import json
+
+    return json.dumps(to_serializable(value))
