@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.cluster import DBSCAN
 
 from benchmarks.reference.proposals import boxes_by_loop
 from data.open_drive import open_drive
@@ -55,6 +56,14 @@ def test_each_obstacle_is_boxed_where_it_is_seen(method):
     )
     assert found.depths_m == pytest.approx([10, 20.2], abs=0.3)
     assert np.bincount(found.clusters[4000:] + 1, minlength=3)[1:].min() > 200
+
+
+def test_the_thesis_clusters_by_dbscan():
+    scan = scene(upright(10, (2, -1.5), (4, 0)), upright(20.2, (-6, -1.5), (-2, 0.2), count=60))
+    points = find_above_ground(scan, CALIBRATION, SIZE, 0.5, 0.01, "thesis")
+    expected = DBSCAN(eps=0.5, min_samples=5).fit_predict(points.xy_m)
+    assert set(expected) >= {0, 1}
+    np.testing.assert_array_equal(cluster_points(points, 0.5, 5, "thesis"), expected)
 
 
 def test_the_foot_of_what_is_hidden_below_is_on_the_ground():
