@@ -5,6 +5,7 @@ import pytest
 
 from perception.errors import PerceptionError
 from perception.evaluation.single_object import metrics
+from perception.evaluation.single_object.measure import ObjectErrors, SingleObjectReport
 from perception.evaluation.single_object.metrics import (
     SingleObjectErrors,
     area_under_curve,
@@ -16,7 +17,12 @@ from perception.evaluation.single_object.metrics import (
     single_object_metrics,
     success_curve,
 )
-from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
+from perception.evaluation.single_object.track import (
+    ObjectSequence,
+    PredictedTrack,
+    TargetObject,
+    TrueTrack,
+)
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration
 from tests.faults import fault
@@ -241,6 +247,20 @@ def test_no_frame_gives_no_figure():
     assert scores.frames == 0
     assert np.isnan([scores.center_m, scores.success, scores.drifted, scores.ms_p99]).all()
     assert scores.lost_from_frame is None
+
+
+def test_what_the_thesis_prints_stands_below_the_measured_values():
+    truth, errors = true_track([0, 1], [12.0, 12.0]), errors_of([prediction(12.5)] * 2)
+    printed = {"center_m": {"h-fus": 0.3, "l-fus": 0.25}}
+    sequence = ObjectSequence("3.2 (1)", "0000", 1, "Cyclist", 0, 1, printed=printed)
+    one = ObjectErrors(TargetObject(sequence, truth, 2), {"h-fus": errors, "default": errors}, {})
+    report = SingleObjectReport(("h-fus", "default"), (one,))
+    tables = {table.title.partition(":")[0]: table for table in report.tables()}
+    assert tables["Table 7.6, E3D (7.3)"].to_json() == {
+        "3.2 (1)": {"h-fus": pytest.approx(0.5), "default": pytest.approx(0.5)},
+        "3.2 (1) thesis": {"h-fus": 0.3, "default": None},
+    }
+    assert list(tables["Table 7.6, E2D (7.3)"].rows) == ["3.2 (1)"]
 
 
 def test_what_cannot_be_measured_is_refused():

@@ -97,13 +97,7 @@ class SingleObjectReport(Report):
         by_name, rows = self._by_name(), self._rows()
         title = "Objects to track; challenges from the labels"
         tables: list[Table[Any]] = [Table(title, _OBJECT_COLUMNS, by_name, "sequence")]
-        for title, metric, spec, key in _COMPARISONS:
-            values = {name: _values(row, metric) for name, row in rows.items()}
-            table: Table[Any] = value_table(title, values, spec)
-            printed = {name: one.target.sequence.stated.get(key) for name, one in by_name.items()}
-            if any(printed.values()):
-                table = _beside(table, printed)
-            tables.append(table)
+        tables += [self._comparison(one, rows) for one in _COMPARISONS]
         tables += self._challenge_tables()
         details = SingleObjectMetrics.columns()
         for tracker in self.trackers:
@@ -116,6 +110,21 @@ class SingleObjectReport(Report):
             for name, reason in one.refusals.items()
         ]
         return [*tables[:-1], replace(tables[-1], notes=("", *notes) if notes else ())]
+
+    def _comparison(self, metric: "_Comparison", rows: Mapping[str, _Metrics]) -> Table[Any]:
+        """Return the trackers side by side, below each sequence the values that the thesis prints of them."""
+        values: dict[str, Mapping[str, float | None]] = {}
+        notes: tuple[str, ...] = ()
+        by_name = self._by_name()
+        for name, row in rows.items():
+            values[name] = _values(row, metric.value)
+            printed = by_name[name].target.sequence.printed if name in by_name else {}
+            if metric.name in printed:
+                values[f"{name} thesis"] = {
+                    tracker: printed[metric.name].get(tracker) for tracker in self.trackers
+                }
+                notes = (_PRINTED_NOTE,)
+        return replace(value_table(metric.title, values, metric.spec), notes=notes)
 
     def _by_name(self) -> dict[str, ObjectErrors]:
         """Return the objects by name, with the drive where a name occurs in several."""
@@ -211,13 +220,6 @@ def _values(
     return {name: None if one is None else metric(one) for name, one in row.items()}
 
 
-def _beside(table: Table[Any], printed: Mapping[str, str | None]) -> Table[Any]:
-    """Add the values that the thesis prints, digit by digit."""
-    rows = {name: {**row, "thesis": printed.get(name)} for name, row in table.rows.items()}
-    thesis = Column[Any]("thesis H-Fus", lambda row: row["thesis"])
-    return replace(table, columns=[*table.columns, thesis], rows=rows)
-
-
 # fmt: off
 _OBJECT_COLUMNS: tuple[Column[ObjectErrors], ...] = (
     Column("drive", lambda o: o.target.sequence.sequence),
@@ -232,24 +234,63 @@ _OBJECT_COLUMNS: tuple[Column[ObjectErrors], ...] = (
     Column("distance ratio", lambda o: o.variation.distance_ratio, ".1f"),
     Column("speed change [m/s]", lambda o: o.variation.speed_change_m_s, ".1f"),
 )
-# Title, metric, format, and the name under which the thesis prints the metric of H-Fus, if it does.
-_COMPARISONS: tuple[tuple[str, Callable[[SingleObjectMetrics], float], str, str], ...] = (
-    ("E3D (7.3): mean distance of the box centres [m]",
-     lambda m: m.center_m, ".3f", "printed_E3D_m"),
-    ("E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]",
-     lambda m: m.center_px, ".1f", "printed_E2D_px"),
-    ("E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]",
-     lambda m: m.folded_heading_rad, ".3f", "printed_E_phi_rad"),
-    ("Mean heading error, 0..pi [rad]", lambda m: m.heading_rad, ".3f", ""),
-    (f"Overlap success (A.1): frames with 3D IoU above {MIN_OVERLAP:.0%} [%]",
-     lambda m: m.overlap_success, ".1%", ""),
-    (f"Heading success (A.2): frames within {MAX_HEADING_DEG:g} deg [%]",
-     lambda m: m.heading_success, ".1%", ""),
-    (f"Location success (A.3): frames within {MAX_LOCATION_PX:g} px [%]",
-     lambda m: m.location_success, ".1%", ""),
-    ("Success, one-pass evaluation: area under 3D overlap 0..1 [%]",
-     lambda m: m.success, ".1%", ""),
-    (f"Precision, one-pass evaluation: area under centre error 0..{MAX_CENTER_M:g} m [%]",
-     lambda m: m.precision, ".1%", ""),
-)
 # fmt: on
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """A metric with the trackers side by side.
+
+    Attributes:
+        name: Name of the field of `SingleObjectMetrics`.
+        title: Title of the table.
+        spec: Format of the values, that of the thesis where it prints them.
+    """
+
+    name: str
+    title: str
+    spec: str
+
+    def value(self, metrics: SingleObjectMetrics) -> float:
+        """Return the metric."""
+        return float(getattr(metrics, self.name))
+
+
+_PRINTED_NOTE = (
+    "thesis: as printed; a dash is a tracker that failed there, or that the thesis does not have."
+)
+_COMPARISONS = (
+    _Comparison("center_m", "Table 7.6, E3D (7.3): mean distance of the box centres [m]", ".2f"),
+    _Comparison(
+        "center_px",
+        "Table 7.6, E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]",
+        ".1f",
+    ),
+    _Comparison(
+        "folded_heading_rad",
+        "Table 7.7, E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]",
+        ".2f",
+    ),
+    _Comparison("heading_rad", "Mean heading error, 0..pi [rad]", ".3f"),
+    _Comparison(
+        "overlap_success",
+        f"Overlap success (A.1): frames with 3D IoU above {MIN_OVERLAP:.0%} [%]",
+        ".1%",
+    ),
+    _Comparison(
+        "heading_success",
+        f"Heading success (A.2): frames within {MAX_HEADING_DEG:g} deg [%]",
+        ".1%",
+    ),
+    _Comparison(
+        "location_success",
+        f"Location success (A.3): frames within {MAX_LOCATION_PX:g} px [%]",
+        ".1%",
+    ),
+    _Comparison("success", "Success, one-pass evaluation: area under 3D overlap 0..1 [%]", ".1%"),
+    _Comparison(
+        "precision",
+        f"Precision, one-pass evaluation: area under centre error 0..{MAX_CENTER_M:g} m [%]",
+        ".1%",
+    ),
+)

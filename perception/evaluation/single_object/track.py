@@ -24,6 +24,8 @@ class ObjectSequence:
         first_frame: Frame in which the tracker is initialised with the object's box.
         last_frame: Last frame in which the object is tracked.
         stated: Other columns of the table: scene, object_status, ego_status ...
+        printed: Errors that the thesis prints, by the name of the metric, then by tracker; a tracker that failed
+            is left out.
     """
 
     name: str
@@ -33,6 +35,7 @@ class ObjectSequence:
     first_frame: int
     last_frame: int
     stated: Mapping[str, str] = field(default_factory=dict)
+    printed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def frame_count(self) -> int:

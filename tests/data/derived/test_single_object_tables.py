@@ -42,7 +42,9 @@ def test_rows_of_the_tables():
     assert (walker.sequence, walker.track_id, walker.first_frame) == ("0019", 27, 199)
     assert walker.stated["distance"] == "middle-near"
     assert walker.stated["scene"] == "downtown"
-    assert table_3_2()[1].stated["printed_E3D_m"] == "1.98"
+    assert table_3_2()[1].printed["center_m"] == {"h-fus": 1.98, "3d-kf": 17.69, "3d-ms": 1.84}
+    assert walker.printed["center_px"]["cbwh"] == 162.1
+    assert walker.printed["folded_heading_rad"]["l-fus"] == 0.15
     assert Counter(one.stated["object_status"] for one in table_a_1())["stationary"] == 10
     assert Counter(one.stated["ego_status"] for one in table_a_1())["stationary"] == 11
 
