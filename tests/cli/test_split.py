@@ -9,7 +9,6 @@ from data.open_drive import open_drive, open_drives
 from data.splits.files import read_split, write_split
 from data.splits.frame_split import DriveParts, FrameSplit
 from data.splits.training_frames import ENTRY, TrainingFrames
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.evaluation import open_labelled_drive
 from perception.cli.flags import LabelledDriveFlags
 from perception.errors import UsageError
@@ -99,8 +98,12 @@ def test_a_part_is_of_a_split_that_has_it(frames: Path, file: Path, tmp_path: Pa
 
 
 def test_a_sequence_is_evaluated_whole(tmp_path: Path):
-    root = tmp_path / "street"
-    write_drives(root, SynthConfig(layout="tracking", frames=2, images=False))
+    objects, root = write_car_frames(tmp_path, frames=2) / "training", tmp_path / "tracking"
+    for name in ("velodyne", "calib", "label_02"):
+        (root / name).mkdir(parents=True)
+    (objects / "velodyne").rename(root / "velodyne" / "0000")
+    (objects / "calib" / "000000.txt").rename(root / "calib" / "0000.txt")
+    (root / "label_02" / "0000.txt").touch()
     (drive,) = open_drives([root])
     file, (first, second) = tmp_path / "split.json", drive.scans.names
     for frames, found in (

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from data.open_drive import open_drive
+from data.splits.training_frames import ENTRY
 from export.detector import (
     best_int8,
     choose,
@@ -29,6 +30,8 @@ from tests.faults import command, fault
 from train.networks.compact import CompactDetector
 
 SIZE = InputSize(64, 96)
+# Of a training on one frame, which no drive has.
+PROVENANCE = {"split": "00ff00ff00ff00ff", "part": "train", ENTRY: "AAECAwQFBgc="}
 
 
 def images(rows, seed=0, channels=1):
@@ -60,6 +63,7 @@ def checkpoint_of(modality="dm", classes="Car"):
             "filling": "default",
             "training_data": "two streets",
             "revision": "0123abc",
+            **PROVENANCE,
         },
         "state_dict": {f"network.{name}": weight for name, weight in network.state_dict().items()},
     }
@@ -78,11 +82,14 @@ def drive(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def exported(checkpoint, drive, tmp_path_factory):
+def exported(checkpoint, tmp_path_factory):
     """All that one command writes; chosen by its figures, which are of a network that learned nothing."""
+    folder = tmp_path_factory.mktemp("split")
+    frames, split = write_car_frames(folder / "object", frames=5), folder / "split.json"
+    command("split", frames, "--shares", "60,40", "--out", split)
     out = tmp_path_factory.mktemp("exported") / "dm.onnx"
-    words = ["export", str(checkpoint), "--out", str(out), "--data", str(drive)]
-    assert main([*words, "--int8", "true"]) == 0
+    words = ("export", checkpoint, "--out", out, "--data", frames, "--split", split)
+    command(*words, "--int8", "true")
     return out
 
 
@@ -156,6 +163,23 @@ def test_compression_of_the_training_images_reaches_the_file(tmp_path):
     content["hyper_parameters"]["jpeg_quality"] = "75"
     torch.save(content, tmp_path / "compressed.ckpt")
     assert exportable_detector(tmp_path / "compressed.ckpt").metadata["jpeg_quality"] == "75"
+
+
+@pytest.mark.parametrize("variant", ["fp32", "int8"])
+def test_every_file_states_what_the_network_learned_from(exported, variant):
+    metadata = ModalityDetector(file_of(exported, variant)).metadata
+    assert {name: metadata[name] for name in PROVENANCE} == PROVENANCE
+    report = json.loads(exported.with_suffix(".json").read_text())
+    assert (report["metadata"]["split"], report["frames"]) == (PROVENANCE["split"], 2)
+    assert ENTRY not in report["metadata"]  # one hash of each frame
+
+
+def test_a_part_needs_a_split_and_a_split_needs_a_drive(checkpoint, tmp_path):
+    words = ("export", checkpoint, "--out", tmp_path / "dm.onnx")
+    with fault(UsageError, "--part test", "--split FILE beside it"):
+        command(*words, "--part", "test")
+    with fault(UsageError, "--split", "--data DRIVE beside it"):
+        command(*words, "--split", tmp_path / "split.json")
 
 
 def test_file_in_8_bits_says_so(exported):
