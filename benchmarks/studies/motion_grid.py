@@ -23,7 +23,7 @@ _SPECS = {
     **dict.fromkeys(("ahead [m]", "left [m]", "length [m]", "width [m]", "height [m]"), ".3f"),
     "points": ".0f",
 }
-_SOURCES = {"thesis": "Table 7.4", "author": "the author's code"}
+SOURCES = {"thesis": "Table 7.4", "author": "the author's code"}
 
 
 def motion_grid(
@@ -61,7 +61,7 @@ def motion_grid(
         _, scan = stages.segment(last)
         footprints = detector.detect(scan).moving
     grids, boxes = detector.grids, axis_aligned_boxes(footprints)
-    title = f"2.5D motion grids by {_SOURCES[preset]}, {opened.name} frame {newest}"
+    title = f"2.5D motion grids by {SOURCES[preset]}, {opened.name} frame {newest}"
     plot_motion_grids(out, title, MotionGridScene(grids, boxes, scan.ground, _camera(last, opened)))
     counts = {name: (count,) for name, count in _counts(grids).items()}
     values = np.column_stack([footprints.centroids_m, boxes.size_m, footprints.points])

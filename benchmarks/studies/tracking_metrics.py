@@ -34,10 +34,13 @@ def measure_methods(drive: Drive) -> Mapping[str, "DatmoReport"]:
 
 def total(drives: Sequence[Mapping[str, "DatmoReport"]]) -> MethodMetrics:
     """Return each method's metrics over several drives, as of one longer drive."""
-    return {method: _values([reports[method] for reports in drives]) for method in drives[0]}
+    return {
+        method: tracking_values([reports[method] for reports in drives]) for method in drives[0]
+    }
 
 
-def _values(reports: Sequence["DatmoReport"]) -> dict[str, float]:
+def tracking_values(reports: Sequence["DatmoReport"]) -> dict[str, float]:
+    """Return the metrics of one method by name with unit, over several drives as of one longer drive."""
     scores = reduce(add, (report.by_distance for report in reports))
     false_tracks = sum(len(report.false_tracks.ids) for report in reports)
     minutes = sum(report.duration_s for report in reports) / 60

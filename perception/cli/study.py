@@ -29,6 +29,10 @@ STUDIES: Mapping[str, tuple[str, str]] = {
         "benchmarks.studies.motion_grid:motion_grid",
         "2.5D motion grids and the objects in them (Fig. 5.10)",
     ),
+    "datmo-film": (
+        "benchmarks.studies.datmo_film:datmo_film",
+        "film of the 2.5D motion grids on a highway, at a junction and at a crossing (Fig. 7.6)",
+    ),
     "ins-error": (
         "benchmarks.studies.ins_error:ins_error",
         "tracks of moving objects over the error of the INS (7.1.1)",

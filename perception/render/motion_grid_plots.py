@@ -145,9 +145,7 @@ def _draw_on_image(
     grids, step = shown
     height, width = camera.image.shape[:2]
     rows, columns = np.nonzero(step.height_m)
-    place_m = grids.cells.centers_m(rows, columns)
-    tops_m = ground.height_m(place_m) + step.height_m[rows, columns]
-    stack = _columns(place_m, tops_m, step.height_m[rows, columns], grids.cells.cell_m)
+    stack = cell_columns(grids, ground, step.height_m)
     visible = render_cubes(camera.image_P_velo, (width, height), stack)
     tints = step.colors[rows, columns][stack.counts]
     lit = tints[visible.cubes] * _FACE_LIGHT[visible.faces, None]
@@ -161,7 +159,21 @@ def _draw_on_image(
     axes.set_frame_on(False)
 
 
-def _columns(place_m: Float64, tops_m: Float64, height_m: Float32, cell_m: float) -> Voxels:
+def cell_columns(grids: MotionGrids, ground: GroundModel, height_m: Float32) -> Voxels:
+    """Return the cells of (X, Y) heights as columns of cubes on the ground; `counts` holds the cell of each cube.
+
+    Args:
+        grids: Grids of the scan.
+        ground: Ground surface in the LiDAR frame.
+        height_m: (X, Y) heights over the ground in the area of reported objects, 0 of cells that are left out.
+    """
+    rows, columns = np.nonzero(height_m)
+    place_m = grids.cells.centers_m(rows, columns)
+    above_m = height_m[rows, columns]
+    return _cubes(place_m, ground.height_m(place_m) + above_m, above_m, grids.cells.cell_m)
+
+
+def _cubes(place_m: Float64, tops_m: Float64, height_m: Float32, cell_m: float) -> Voxels:
     """Stack cubes from the top of each cell downwards; `counts` holds the cell of each cube."""
     cubes = np.maximum(np.ceil(height_m / cell_m - 0.01), 1).astype(int)
     cell_of = np.repeat(np.arange(len(cubes)), cubes)
