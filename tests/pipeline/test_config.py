@@ -73,18 +73,20 @@ NUMBERS = [*TABLE_7_1, *TABLE_7_4, *AUTHOR]
 TRACKER_NUMBERS = [*TABLE_7_5, *AUTHOR_TRACKER]
 
 
+CALLED_WITH: list[tuple[PipelineConfig, SingleObjectTrackerConfig]] = []
+
+
+def command(
+    *, pipeline: PipelineConfig = DEFAULT, tracker_config: SingleObjectTrackerConfig = TRACKER
+) -> None:
+    """Keep the configurations; one function for all tests, as its parser is built once."""
+    CALLED_WITH.append((pipeline, tracker_config))
+
+
 def configs(*words: str) -> tuple[PipelineConfig, SingleObjectTrackerConfig]:
     """Return the configurations that a command with these flags is called with."""
-    found = []
-
-    def command(
-        *, pipeline: PipelineConfig = DEFAULT, tracker_config: SingleObjectTrackerConfig = TRACKER
-    ) -> None:
-        """Keep the configurations."""
-        found.extend([pipeline, tracker_config])
-
     call("trifuse command", command, words)
-    return found[0], found[1]
+    return CALLED_WITH.pop()
 
 
 def parsed(*words: str) -> PipelineConfig:
@@ -136,9 +138,6 @@ def test_the_static_threshold_is_that_of_the_thesis_and_can_be_set():
 
 
 def test_every_setting_has_a_flag():
-    def command(*, pipeline: PipelineConfig, tracker_config: SingleObjectTrackerConfig) -> None:
-        """Keep nothing."""
-
     settings = leaf_names(PipelineConfig, "pipeline.")
     settings |= leaf_names(SingleObjectTrackerConfig, "tracker_config.")
     assert set(flag_types(command)) == settings

@@ -45,7 +45,10 @@ def test_vehicles_keep_apart_and_face_their_course(scene):
         for other in range(one):
             assert np.hypot(*(places[one] - places[other]).T).min() > 2.5
     for actor in scene.world.actors:
-        pose, velocity = actor.pose(scene.world.road, 2.0), actor.velocity_m_s(scene.world.road, 2.0)
+        pose, velocity = (
+            actor.pose(scene.world.road, 2.0),
+            actor.velocity_m_s(scene.world.road, 2.0),
+        )
         course = velocity[:2] / np.linalg.norm(velocity[:2])
         assert pose[:2, 0] @ course == pytest.approx(1, abs=0.01)
 
