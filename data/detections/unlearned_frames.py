@@ -85,26 +85,25 @@ def without_learned_frames(
     Raises:
         UsageError: no frame is left.
     """
-    known = {
+    stated = {
         f"{name} ({one.model.name})": TrainingFrames.from_metadata(one.metadata, one.model.name)
         for name, one in detectors.items()
     }
-    if unknown := [name for name, frames in known.items() if frames is None]:
-        log.warning("not known which frames %s learned from; all are taken", ", ".join(unknown))
-    left, counts = [], dict.fromkeys(known, 0)
+    known = {name: frames for name, frames in stated.items() if frames is not None}
+    if len(known) < len(stated):
+        names = ", ".join(name for name in stated if name not in known)
+        log.warning("not known which frames %s learned from; all are taken", names)
+    left, learners, total = [], set[str](), sum(map(len, drives))
     for drive in drives:
-        hashes = scan_hashes(drive)
+        hashes = scan_hashes(drive) if known else [b""] * len(drive)
         is_left = np.ones(len(drive), bool)
         for name, frames in known.items():
-            if frames is not None:
-                is_learned = frames.among(hashes)
-                counts[name] += int(is_learned.sum())
-                is_left &= ~is_learned
+            is_learned = frames.among(hashes)
+            is_left &= ~is_learned
+            learners |= {name} if is_learned.any() else set()
         if is_left.any():
             left.append(drive.select(np.flatnonzero(is_left).tolist()))
-    total = sum(map(len, drives))
-    learned = total - sum(map(len, left))
-    names = ", ".join(name for name, count in counts.items() if count)
+    names = ", ".join(name for name in known if name in learners)
     if not left:
         raise UsageError(
             "drives",
@@ -112,6 +111,7 @@ def without_learned_frames(
             found=f"{total} of {total} that {names} learned from",
             advice="name other drives, or --split with the split whose part train the detectors learned from",
         )
-    if learned:
+    if learners:
+        learned = total - sum(map(len, left))
         log.warning("left out %d of %d frames, which %s learned from", learned, total, names)
     return left

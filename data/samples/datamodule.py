@@ -80,7 +80,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         if parts.test:
             self.test = self._make_dataset(self._frames(parts.test), is_training=False)
         self._require_labels()
-        if stage == "fit" and self.trainer is not None:
+        if stage == "fit" and self.trainer is not None and self.trainer.is_global_zero:
             noted = self.trainer.lightning_module.hparams
             # Initial weights of another training have learned from its frames.
             noted.update(parts.provenance(TrainingFrames.from_metadata(noted, "initial weights")))
