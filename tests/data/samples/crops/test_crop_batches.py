@@ -12,7 +12,6 @@ import torch
 from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
 
-from data.samples.config import TrainingDrives
 from data.samples.crops.config import (
     OPERATIONS,
     CropAugmentationConfig,
@@ -41,10 +40,8 @@ def dataset(street: LabelledFrames) -> CropDataset:
 @pytest.fixture
 def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[..., CropDataModule]:
     def make(**drives: tuple[Path, ...]) -> CropDataModule:
-        named = {"training": (make_street(frames=5),)} | drives
-        return CropDataModule(
-            TrainingDrives(**named), CropDataConfig(batch_size=4, cache=tmp_path / "cache")
-        )
+        named = {"drives": (make_street(frames=5),)} | drives
+        return CropDataModule(**named, batch_size=4, cache=tmp_path / "cache")
 
     return make
 

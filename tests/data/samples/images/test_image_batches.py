@@ -47,12 +47,15 @@ def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
         **data: object,
     ) -> ImageDataModule:
         named = (make_frames(),) if training is None else training
-        return ImageDataModule(
-            TrainingDrives(named, validation, split),
-            ImageConfig(modality, class_names, SMALL),
-            ImageDataConfig(**{"batch_size": 2, "cache": tmp_path / "cache", **data}),
-            progress=progress,
+        made = ImageDataModule(
+            named,
+            validation,
+            split=split,
+            image=ImageConfig(modality, class_names, SMALL),
+            **{"batch_size": 2, "cache": tmp_path / "cache", **data},
         )
+        made.progress = progress
+        return made
 
     return make
 
