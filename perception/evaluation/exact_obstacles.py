@@ -3,7 +3,8 @@
 - An element is an object with a number (a vehicle or a person), or a connected cluster of points of one kind: posts
   with their signs, trees and hedges, walls, fences, and other structures.
 - A point counts in the local area, in the camera's view where there is one, and from `clearance_m` above the true
-  ground, which is the nearest point of a ground class, up to the area's height.
+  ground, which is the nearest point of a ground class, to as much below the area's height: what an estimated ground
+  a few centimetres off leaves out is no miss.
 - Elements are found, and found to move, at the thresholds of labelled objects.
 - A cluster of points classified as obstacles is false where at least half of them are ground; a cluster of points
   classified as moving is false where at least half of them do not move.
@@ -112,7 +113,8 @@ def observe_elements(
     frame: int, points: ExactPoints, area: LocalArea, config: ObjectMatchConfig
 ) -> ObjectObservations:
     """Count the points of every element in the area by their predicted state."""
-    rises = (points.heights_m >= config.clearance_m) & (points.heights_m < area.height_m)
+    above_m, below_m = config.clearance_m, area.height_m - config.clearance_m
+    rises = (points.heights_m >= above_m) & (points.heights_m < below_m)
     points = points[rises & ~points.is_ground]
     ids = element_ids(points)
     boxes = [

@@ -14,7 +14,7 @@ from perception.render.labels import Label, draw_labels
 from perception.render.overlay import OverlayStyle, draw_overlay, sample_surface
 from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, project_strokes
-from perception.types import Float64, Result, UInt8
+from perception.types import Float64, Int, Result, UInt8
 
 _NO_GROUND = OverlayStyle(ground_opacity=0.0, mesh_opacity=0.0)
 _COLORS: dict[int, Color] = {
@@ -54,16 +54,17 @@ def draw_counted_obstacles(result: Result, counted: FrameObstacles | None) -> UI
     outlines = box_outlines_px(image_P_velo, boxes, (width, height))
     visible = np.flatnonzero(np.isfinite(outlines).all(axis=1))
     labels = [Label(outlines[row], str(row + 1), colors[row]) for row in visible.tolist()]
-    draw_labels(canvas, labels, _TEXT_PX)
-    for row in visible[counted.is_missed[visible]].tolist():
-        _draw_arrow(canvas, outlines[row])
+    arrows = [_draw_arrow(canvas, outlines[row]) for row in visible[counted.is_missed[visible]]]
+    draw_labels(canvas, labels, _TEXT_PX, arrows)
     return canvas
 
 
-def _draw_arrow(canvas: UInt8, outline_px: Float64) -> None:
-    """Draw an arrow that points down to the top of a rectangle."""
+def _draw_arrow(canvas: UInt8, outline_px: Float64) -> Int:
+    """Draw an arrow that points down to the top of a rectangle; return (4,) the area that it takes."""
     x1, y1, x2, _ = outline_px
     tip = (round((x1 + x2) / 2), max(round(y1), _ARROW_PX))
     tail = (tip[0], tip[1] - _ARROW_PX)
     for color, width_px in ((palette.BACKGROUND, 5), (palette.GROUND, 3)):
         cv2.arrowedLine(canvas, tail, tip, color, width_px, cv2.LINE_AA, tipLength=0.4)
+    half_px = _ARROW_PX // 2
+    return np.array([tip[0] - half_px, tail[1], tip[0] + half_px, tip[1]])

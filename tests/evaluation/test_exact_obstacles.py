@@ -43,12 +43,12 @@ def count(*parts: Rows):
 def test_every_distinct_element_above_the_ground_is_an_obstacle():
     found = count(
         part(8, 0.5, POST, STATIC),
-        part(8, 1.8, SIGN, STATIC),  # on its post
+        part(8, 1.7, SIGN, STATIC),  # on its post
         part(12, 0.5, TRUNK, STATIC),
         part(12, 1.5, LEAVES, STATIC),  # of the same tree
         part(12, 0.8, CAR, STATIC, number=3),  # under the tree
         part(16, 0.5, POST, GROUND),  # missed
-        part(20, 2.5, LEAVES, STATIC),  # above the area
+        part(20, 1.9, LEAVES, STATIC),  # at the top of the area
         part(20, 0.1, CAR, STATIC, number=5),  # below the clearance
         part(40, 0.5, POST, STATIC),  # beyond the area
     )
