@@ -129,6 +129,7 @@ def test_the_configuration_of_the_thesis(drive, capsys):
     assert (model["loss"]["box"], model["loss"]["objectness"]) == ("squared", "focal")
     assert (trainer["max_steps"], trainer["accumulate_grad_batches"]) == (80_200, 8)
     assert printed["data"]["batch_size"] == 4
+    assert printed["data"]["augmentation"]["method"] == "thesis"
     assert printed["optimizer"]["class_path"] == "torch.optim.SGD"
     assert printed["optimizer"]["init_args"]["momentum"] == 0.9
     assert printed["lr_scheduler"]["class_path"] == "train.optimization.DarknetSteps"

@@ -139,7 +139,7 @@ def test_sizes_keep_the_shape_of_the_input():
 
 
 def test_published_sizes_are_square():
-    sizes = scaled_sizes(InputSize(416, 416), 320 / 416, 608 / 416)
+    sizes = scaled_sizes(InputSize(416, 416), 0.769, 1.462)  # as in the thesis' configuration
     assert sizes == tuple((side, side) for side in range(320, 609, 32))
 
 
