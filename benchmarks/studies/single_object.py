@@ -14,11 +14,13 @@ from perception.evaluation.config import MIN_OVERLAP
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import load_sensor
+from perception.tracking.single_object.config import SingleObjectTrackerConfig
 from perception.types import Float64
 
 if TYPE_CHECKING:
+    from data.synthetic.scenarios import ScenarioDrive
     from perception.evaluation.single_object.metrics import SingleObjectErrors, SingleObjectMetrics
-    from perception.evaluation.single_object.track import TrueTrack
+    from perception.evaluation.single_object.track import TargetObject, TrueTrack
 
 # An object that was hidden is reacquired once it is observed with this overlap of both boxes (A.1).
 _REACQUIRED_IOU = MIN_OVERLAP
@@ -76,18 +78,17 @@ def single_object(
         single_object_errors,
         single_object_metrics,
     )
-    from perception.evaluation.single_object.track import ObjectSequence, TargetObject
+    from perception.evaluation.single_object.tracker_runs import named_trackers
 
     require_trackers(config.trackers)
     model, panels = load_sensor(sensor), []
     rows: dict[str, SingleObjectStudyMetrics] = {}
     for scenario in scenarios.all_scenarios(config.object_class, config.duration_s):
         drive = scenarios.ScenarioDrive(scenario, seed=config.seed, sensor=model)
-        truth, frames = scenarios.true_track(drive), len(drive)
-        sequence = ObjectSequence(
-            scenario.name, drive.name, scenarios.TARGET_ID, scenario.kind, 0, frames - 1
-        )
-        (runs,) = run_trackers(drive, [TargetObject(sequence, truth, frames)], config.trackers)
+        target = target_of(drive)
+        truth, frames = target.truth, len(drive)
+        makers = named_trackers(config.trackers, model, SingleObjectTrackerConfig())
+        (runs,) = run_trackers(drive, [target], makers)
         errors = {
             name: single_object_errors(truth, run.track, drive.calibration)
             for name, run in runs.items()
@@ -107,6 +108,16 @@ def single_object(
         {"trackers": _table(f"tracking {subject}, {frames} frames per scene", rows)},
         {"config": config, "sensor": model, "reacquired_iou": _REACQUIRED_IOU},
     )
+
+
+def target_of(drive: "ScenarioDrive") -> "TargetObject":
+    """Return the object of a scene, to be tracked in all its frames."""
+    from data.synthetic.scenarios import TARGET_ID, true_track
+    from perception.evaluation.single_object.track import ObjectSequence, TargetObject
+
+    scenario, frames = drive.scenario, len(drive)
+    sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, frames - 1)
+    return TargetObject(sequence, true_track(drive), frames)
 
 
 def _error_panel(

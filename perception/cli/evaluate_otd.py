@@ -14,7 +14,7 @@ from perception.types import Drive, OnBadFrame
 
 if TYPE_CHECKING:
     from perception.evaluation.single_object.track import TargetObject
-    from perception.evaluation.single_object.tracker_runs import TrackerRun
+    from perception.evaluation.single_object.tracker_runs import TrackerMakers, TrackerRun
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 _PIPELINE, _TRACKER = PipelineConfig.for_motion("none"), SingleObjectTrackerConfig()
@@ -52,12 +52,14 @@ def evaluate_otd(
     from data.derived.otd_objects import ObjectSetConfig, find_objects
     from perception.evaluation.single_object.measure import PROTOCOL, SingleObjectMeasure
     from perception.evaluation.single_object.plots import write_plots
+    from perception.evaluation.single_object.tracker_runs import named_trackers
 
     names = require_trackers(trackers)
     set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.sensor)
     found, measure = find_objects(set_config), SingleObjectMeasure(names)
     for one in found.drives:
-        runs = run_trackers(one.drive, one.objects, names, tracker, pipeline, drive.on_bad_frame)
+        makers = named_trackers(names, one.drive.sensor, tracker)
+        runs = run_trackers(one.drive, one.objects, makers, pipeline, drive.on_bad_frame)
         for target, by_name in zip(one.objects, runs, strict=True):
             measure.update(target, by_name, one.drive.calibration)
     metrics, absent = measure.compute(), found.absent_lines()
@@ -83,8 +85,7 @@ def evaluate_otd(
 def run_trackers(
     drive: Drive,
     targets: "Sequence[TargetObject]",
-    trackers: Sequence[str],
-    config: SingleObjectTrackerConfig = _TRACKER,
+    makers: "TrackerMakers",
     pipeline: PipelineConfig = _PIPELINE,
     on_bad_frame: OnBadFrame = "stop",
 ) -> "list[dict[str, TrackerRun]]":
@@ -96,7 +97,7 @@ def run_trackers(
     limit = max((one.sequence.last_frame + 1 for one in targets), default=0)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     bar = progress_bar(frames, drive.name, frame_count(drive, limit))
-    return track_objects(bar, drive.sensor, targets, trackers, (config, pipeline))
+    return track_objects(bar, drive.sensor, targets, makers, pipeline)
 
 
 def require_trackers(names: Sequence[str]) -> tuple[str, ...]:

@@ -42,6 +42,10 @@ STUDIES: Mapping[str, tuple[str, str]] = {
         "benchmarks.studies.single_object:single_object",
         "challenges of tracking one object, on scenes with exact truth",
     ),
+    "tracker-parameters": (
+        "benchmarks.studies.tracker_parameters:tracker_parameters",
+        "gate of 3D-KF and iterations of 3D-MS (App. A.1)",
+    ),
     "thesis": (
         "benchmarks.studies.thesis:thesis",
         "all of 7.2, trained and measured (Tables 7.8 to 7.10, Figs 7.8 to 7.16)",

@@ -1,7 +1,8 @@
 """Trackers of one object over a drive: each frame is registered and segmented once for all of them."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 
 from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import PredictedTrack, TargetObject
@@ -19,13 +20,23 @@ from perception.tracking.single_object.tracker import (
 )
 from perception.types import Frame
 
+# Returns a new tracker, by the name of its row in a table.
+TrackerMakers = Mapping[str, Callable[[], SingleObjectTracker]]
+
+
+def named_trackers(
+    names: Sequence[str], sensor: LidarModel, config: SingleObjectTrackerConfig
+) -> TrackerMakers:
+    """Return the trackers of these names, all with one configuration."""
+    return {name: partial(trackers.single_object_tracker, name, sensor, config) for name in names}
+
 
 def track_objects(
     frames: Iterable[Frame],
     sensor: LidarModel,
     targets: Sequence[TargetObject],
-    names: Sequence[str],
-    configs: tuple[SingleObjectTrackerConfig, PipelineConfig],
+    makers: TrackerMakers,
+    pipeline: PipelineConfig,
 ) -> "list[dict[str, TrackerRun]]":
     """Let every tracker track every object; return the run of each tracker by name, for each object.
 
@@ -33,18 +44,14 @@ def track_objects(
         frames: Frames of the drive, from the first to the last that an object needs.
         sensor: LiDAR model of the drive.
         targets: Objects to track.
-        names: Names of the trackers, each once.
-        configs: Configuration of the trackers, and of registration and ground.
+        makers: Trackers by name; each object has its own.
+        pipeline: Configuration of registration and ground.
 
     Raises:
         PerceptionError: A frame cannot be read or used.
     """
-    config, pipeline = configs
     chain = LidarStages(sensor, pipeline)
-    runs = [
-        {n: TrackerRun(trackers.single_object_tracker(n, sensor, config), one) for n in names}
-        for one in targets
-    ]
+    runs = [{name: TrackerRun(make(), one) for name, make in makers.items()} for one in targets]
     for frame in frames:
         result, _ = chain.segment(frame)
         tracker_input = tracker_input_of(result, pipeline.ego_vehicle)
