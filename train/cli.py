@@ -11,7 +11,9 @@ metrics.json             metrics of the best epoch; those of the subcommand test
 events.out.tfevents...   TensorBoard events
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -75,6 +77,7 @@ class TrainingKind:
             called in the first process after the subcommand.
         defaults: Defaults of other groups that differ from those of all trainings, by full name.
         links: Parameters of the data module by the attribute of the module that they are.
+        before_fit: Function called with the command line before a training is made; it may change `config`.
     """
 
     name: str
@@ -83,6 +86,7 @@ class TrainingKind:
     report: Report
     defaults: Mapping[str, object] = field(default_factory=dict)
     links: Mapping[str, str] = field(default_factory=dict)
+    before_fit: Callable[["TrainingCLI"], None] | None = None
 
 
 class TrainingCLI(LightningCLI):
@@ -99,7 +103,7 @@ class TrainingCLI(LightningCLI):
             ArgumentError: A flag is unknown, or its value is not of its type.
         """
         silence_lightning()
-        self.kind = kind
+        self.kind, self.words = kind, tuple(words)
         super().__init__(
             kind.module,
             kind.data,
@@ -110,7 +114,7 @@ class TrainingCLI(LightningCLI):
             },
             seed_everything_default=0,
             parser_kwargs={"exit_on_error": False},
-            args=list(words),
+            args=list(self.words),
             run=False,
             auto_configure_optimizers=False,
             load_from_checkpoint_support=False,
@@ -176,16 +180,19 @@ class TrainingCLI(LightningCLI):
         self._require_duration()
         path = self.folder.checkpoint(stage, checkpoint)
         self._stage: Stage = stage
+        if stage == "fit" and self.kind.before_fit is not None:
+            self.kind.before_fit(self)
         super().instantiate_classes()
         self.model.save_hyperparameters({**self.model.hparams, **self._hyperparameters()})
         self.datamodule.progress = progress
         if path is not None:
             require_same_training(path, self.model, is_resumed=stage == "fit")
-        with interruptible(), writing_events(self.folder.out):
+        with _settings_checked(), interruptible(), writing_events(self.folder.out):
             self._run_stage(stage, path)
         if not self.trainer.is_global_zero or self.trainer.fast_dev_run:  # type: ignore[attr-defined]
             return None
-        result = self.kind.report(self.model, self.datamodule, stage, path or self.folder.best)
+        evaluated = self.folder.best if stage == "fit" or path is None else path
+        result = self.kind.report(self.model, self.datamodule, stage, evaluated)
         write_json(self.folder.out / METRICS[stage], result)
         return result
 
@@ -212,19 +219,13 @@ class TrainingCLI(LightningCLI):
         elif given["logger"] is not False:
             ours.append(LearningRateMonitor("epoch"))
             loggers = [event_logger(self.folder.out), *(one for one in loggers if one is not True)]
-        try:
+        with _settings_checked():
             return super().instantiate_trainer(
                 logger=loggers if loggers != [False] else False,
                 callbacks=[*ours, *_as_list(given["callbacks"])],
                 plugins=[AtomicCheckpointIO(), *_as_list(given["plugins"])],
                 **settings,
             )
-        except (MisconfigurationException, TypeError, ValueError) as error:
-            raise UsageError(
-                "--trainer",
-                expected="settings that Lightning's Trainer takes",
-                found=" ".join(str(error).split()).rstrip("."),
-            ) from error
 
     def _run_stage(self, stage: Stage, checkpoint: Path | None) -> None:
         run = {"datamodule": self.datamodule, "ckpt_path": checkpoint, "weights_only": True}
@@ -255,20 +256,21 @@ class TrainingCLI(LightningCLI):
                 raise UsageError(flag, expected="at least 1", found=str(count))
 
 
-def fit(kind: TrainingKind, arguments: Mapping[str, object], out: Path) -> Any:  # noqa: ANN401 - as `run`
-    """Train by arguments in place of the words of a command line; resume where `out` holds a training.
-
-    Args:
-        kind: Kind of training.
-        arguments: Values by full name, such as `trainer.max_epochs`.
-        out: Folder of the training.
+@contextmanager
+def _settings_checked() -> Iterator[None]:
+    """Turn what Lightning says of its settings into a sentence.
 
     Raises:
-        PerceptionError: settings, drives or a checkpoint cannot be used.
+        UsageError: a setting does not fit another.
     """
-    folder = TrainingFolder(out)
-    cli = TrainingCLI(kind, as_words({**arguments, "trainer.default_root_dir": out}))
-    return cli.run("fit", folder.last if folder.last.exists() else None)
+    try:
+        yield
+    except MisconfigurationException as error:
+        raise UsageError(
+            "--trainer",
+            expected="settings that Lightning takes together",
+            found=" ".join(str(error).split()).rstrip("."),
+        ) from error
 
 
 def as_words(arguments: Mapping[str, object]) -> list[str]:
@@ -297,6 +299,4 @@ def _as_list(given: Any) -> list[Any]:  # noqa: ANN401 - one, several or none
 def _word(value: object) -> str:
     if isinstance(value, str | Path):
         return str(value)
-    import json
-
     return json.dumps(to_serializable(value))

@@ -1,11 +1,11 @@
 """Which epoch of a training is the best, and when a training stops."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from train.best_epoch import BestEpoch, Criterion
-from train.folder import TrainingFolder
 
 RANKING = (Criterion("ap"), Criterion("ap_50"), Criterion("loss", is_lower_better=True))
 
@@ -15,24 +15,20 @@ class Epochs:
 
     fast_dev_run = should_stop = False
 
-    def __init__(self, rows):
-        self.rows, self.saved = rows, []
+    def __init__(self, rows, folder):
+        self.rows, self.saved, self.default_root_dir = rows, [], folder
 
     def run(self, callback):
         for number, row in enumerate(self.rows):
             self.number = number
             self.callback_metrics = dict(zip(("ap", "ap_50", "loss"), row, strict=True))
-            callback.on_train_epoch_end(self, None)
+            callback.on_train_epoch_end(self, SimpleNamespace(ranking=RANKING))
             if self.should_stop:
                 break
         return [number for number, name in self.saved if name == "best.ckpt"]
 
     def save_checkpoint(self, path):
         self.saved.append((self.number, path.name))
-
-
-def callback_of(folder, patience=None):
-    return BestEpoch(TrainingFolder(folder), RANKING, patience)
 
 
 @pytest.mark.parametrize(
@@ -47,21 +43,21 @@ def callback_of(folder, patience=None):
     ids=["ap of a half", "loss", "first criterion", "the first of equals", "not finite"],
 )
 def test_each_criterion_decides_where_those_before_are_equal(tmp_path, rows, best):
-    epochs = Epochs(rows)
-    assert epochs.run(callback_of(tmp_path)) == best
+    epochs = Epochs(rows, tmp_path)
+    assert epochs.run(BestEpoch()) == best
     assert [number for number, name in epochs.saved if name == "last.ckpt"] == [*range(len(rows))]
 
 
 def test_training_stops_by_the_same_order(tmp_path):
-    epochs = Epochs([(0, 1, 5), (0, 2, 5), (0, 1, 4), (0, 2, 6), (0, 3, 1)])
-    assert epochs.run(callback_of(tmp_path, patience=2)) == [0, 1]
+    epochs = Epochs([(0, 1, 5), (0, 2, 5), (0, 1, 4), (0, 2, 6), (0, 3, 1)], tmp_path)
+    assert epochs.run(BestEpoch(patience=2)) == [0, 1]
     assert epochs.number == 3
 
 
 def test_a_resumed_training_knows_its_best_epoch(tmp_path):
-    first, second = callback_of(tmp_path, patience=2), callback_of(tmp_path, patience=2)
-    Epochs([(5, 5, 1), (4, 4, 1)]).run(first)
+    first, second = BestEpoch(patience=2), BestEpoch(patience=2)
+    Epochs([(5, 5, 1), (4, 4, 1)], tmp_path).run(first)
     second.load_state_dict(first.state_dict())
-    epochs = Epochs([(3, 9, 1), (9, 9, 1)])
+    epochs = Epochs([(3, 9, 1), (9, 9, 1)], tmp_path)
     assert epochs.run(second) == []
     assert epochs.number == 0

@@ -1,6 +1,5 @@
 """Training of detectors: what is logged, overfitting of a batch, and resume after a kill."""
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -8,8 +7,6 @@ import numpy as np
 import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from train.detector.run import RANKING, callbacks, train_detector
-from train.verifier.config import VERIFIER_CONFIGS
 
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.errors import ModelError, UsageError
@@ -17,33 +14,19 @@ from perception.render import palette
 from perception.types import Detections
 from tests.faults import fault
 from tests.train.events import hyperparameters_of, require_costs
-from tests.train.interrupted import KilledAfter
-from tests.train.toy_crops import ToyCrops
-from tests.train.toy_images import SIZE, ToyImages, tiny_network
+from tests.train.toy_crops import TOY_DEPTHCN
+from tests.train.toy_images import SIZE, TINY, TOY_DETECTOR, ToyImages, tiny_network
+from tests.train.trainings import cli_of, killed_after, run
 from train.best_epoch import Criterion
-from train.checkpoints import read_checkpoint
-from train.config import OptimizerConfig, TrainingRun
+from train.checkpoints import program_revision, read_checkpoint
 from train.detector import networks
 from train.detector.anchors import fit_anchors
-from train.detector.config import DETECTOR_PRESETS, PUBLISHED_LOSS, InitialWeights
+from train.detector.config import InitialWeights
 from train.detector.images import draw_detections
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
-from train.detector.training import DetectorTrainingConfig
-from train.folder import TrainingFolder
+from train.detector.training import DetectorTraining
 from train.networks.depthcn import load_verifier
-from train.optimization import learning_rate_factor, make_optimizer
-from train.trainer import fastest_precision, fit, make_trainer
-from train.verifier import run as verifier
-from train.verifier.training import VerifierTraining
-
-QUICK = OptimizerConfig(learning_rate=0.01, ema_decay=0.8, gradient_clip_norm=20.0)
-PLAN = DetectorTrainingConfig(
-    DetectorNetworkConfig("dm", ("Car",), SIZE, network="tiny"),
-    QUICK,
-    DETECTOR_PRESETS["default"].loss,
-    scales=(0.5, 1.0),
-    training_data="toys",
-)
+from train.trainer import fastest_precision, require_devices
 
 
 @pytest.fixture(autouse=True)
@@ -52,29 +35,24 @@ def tiny(monkeypatch):
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
 
 
-def run_of(epochs, **other):
-    return TrainingRun(epochs=epochs, accelerator="cpu", **other)
+def train(out, *words, epochs=1, resume=None):
+    return run(TOY_DETECTOR, out, *TINY, *words, epochs=epochs, resume=resume)[1]
 
 
-def train(out, epochs=1, config=PLAN, data=None, resume=None, **other):
-    folder = TrainingFolder(out, resume)
-    return train_detector(data or ToyImages(), config, run_of(epochs), folder, **other)
+# One batch over and over at one size.
+OVERFITTING = ("--model.scales=[1.0,1.0]", "--optimizer.lr=0.02", "--data.repeats=40")
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
 def test_fast_dev_run_trains_and_writes_nothing(tmp_path, modality, channels):
-    config = replace(PLAN, network=replace(PLAN.network, modality=modality))
-    data = ToyImages(channels=channels)
-    trained = train_detector(data, config, run_of(1, fast_dev_run=True), TrainingFolder(tmp_path))
-    assert trained is None
+    words = (f"--model.modality={modality}", f"--data.channels={channels}")
+    assert train(tmp_path, "--trainer.fast_dev_run=true", *words) is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_batch_is_overfitted(tmp_path):
-    config = replace(PLAN, scales=(1.0, 1.0), optimizer=replace(QUICK, learning_rate=0.02))
-    trained = train(
-        tmp_path, 3, config, ToyImages(11, repeats=40)
-    )  # 44 labels: 41 points of recall
+    # 44 labels: 41 points of recall
+    trained = train(tmp_path, *OVERFITTING, "--data.count=11", epochs=3)
     metrics = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
     assert trained.precision == {"Car 0.7": metrics, "Car 0.5": metrics}
     assert trained.counts["validation_labels"] == 44
@@ -83,24 +61,29 @@ def test_a_batch_is_overfitted(tmp_path):
 
 
 def test_half_precision_trains_as_well(tmp_path):
-    config = replace(PLAN, scales=(1.0, 1.0), optimizer=replace(QUICK, learning_rate=0.02))
-    run = replace(run_of(1), precision="bf16-mixed")
-    trained = train_detector(ToyImages(11, repeats=40), config, run, TrainingFolder(tmp_path))
-    assert trained.precision["Car 0.5"]["moderate"] > 90
+    words = (*OVERFITTING, "--data.count=11", "--trainer.precision=bf16-mixed")
+    assert train(tmp_path, *words).precision["Car 0.5"]["moderate"] > 90
 
 
-def test_a_killed_training_resumes_exactly(tmp_path, monkeypatch):
-    whole = train(tmp_path / "whole", 4)
+def test_steps_end_a_training_with_a_validation(tmp_path):
+    train(tmp_path, "--trainer.max_steps=3", epochs=-1)
+    assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["global_step"] == 3
+    events = EventAccumulator(str(tmp_path)).Reload()
+    assert [event.step for event in events.Scalars("validation/moderate")] == [1, 2]
+
+
+def test_gradients_of_several_batches_are_one_step(tmp_path):
+    train(tmp_path, "--trainer.accumulate_grad_batches=2", epochs=2)
+    assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["global_step"] == 2
+
+
+def test_a_killed_training_resumes_exactly(tmp_path):
+    whole = train(tmp_path / "whole", epochs=4)
     killed = tmp_path / "killed"
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            "train.detector.run.callbacks",
-            lambda config: [*callbacks(config), KilledAfter(2 * 2 + 1)],
-        )
-        with pytest.raises(KeyboardInterrupt):
-            train(killed, 4)
+    with pytest.raises(KeyboardInterrupt):
+        train(killed, *killed_after(2 * 2 + 1), epochs=4)
     load_detector(killed / "last.ckpt")
-    resumed = train(killed, 4, resume=killed / "last.ckpt")
+    resumed = train(killed, epochs=4, resume=killed / "last.ckpt")
     first, second = (
         read_checkpoint(path / "last.ckpt", MODEL) for path in (tmp_path / "whole", killed)
     )
@@ -114,8 +97,8 @@ def test_a_killed_training_resumes_exactly(tmp_path, monkeypatch):
 
 
 def test_the_anchors_are_fitted_to_the_labels(tmp_path):
+    train(tmp_path)
     data = ToyImages()
-    train(tmp_path, data=data)
     detector, metadata = load_detector(tmp_path / "last.ckpt")
     sizes_px = data.training.label_sizes_px()
     expected = fit_anchors(sizes_px, 5, np.random.default_rng(0)).anchors_px
@@ -124,7 +107,7 @@ def test_the_anchors_are_fitted_to_the_labels(tmp_path):
 
 
 def test_a_checkpoint_says_what_it_is(tmp_path):
-    trained = train(tmp_path, config=replace(PLAN, anchors="default"))
+    trained = train(tmp_path, "--model.anchors=default")
     detector, metadata = load_detector(trained.checkpoint)
     assert not detector.training
     assert metadata == {
@@ -137,15 +120,16 @@ def test_a_checkpoint_says_what_it_is(tmp_path):
         "filling": "default",
         "anchors": "19.1x13.4,37.6x22.6,66.8x36.0,102.2x63.1,165.4x90.7",
         "training_data": "toys",
-        "revision": "unknown",
+        "revision": program_revision(),
         "epochs": "1",
     }
-    assert DetectorNetworkConfig.from_metadata(metadata) == PLAN.network
+    config = DetectorNetworkConfig("dm", ("Car",), SIZE, network="tiny")
+    assert DetectorNetworkConfig.from_metadata(metadata) == config
 
 
 def test_the_loaded_network_sees_what_was_measured(tmp_path):
     data = ToyImages(4, repeats=60)
-    train(tmp_path, 1, replace(PLAN, scales=(1.0, 1.0)), data)
+    train(tmp_path, "--model.scales=[1.0,1.0]", "--data.count=4", "--data.repeats=60")
     detector, _ = load_detector(tmp_path / "best.ckpt")
     with torch.inference_mode():
         boxes_px, scores = detector.decode(detector(data.training[0]["images"][None]))
@@ -155,10 +139,9 @@ def test_the_loaded_network_sees_what_was_measured(tmp_path):
 
 
 def test_training_starts_from_a_checkpoint(tmp_path):
-    train(tmp_path / "first", 3)
-    still = replace(PLAN, optimizer=replace(QUICK, learning_rate=1e-12))
-    start = InitialWeights(checkpoint=tmp_path / "first" / "best.ckpt")
-    train(tmp_path / "second", 1, still, ToyImages(5), weights=start)  # of other labels
+    train(tmp_path / "first", epochs=3)
+    start = f"--model.weights.checkpoint={tmp_path / 'first' / 'best.ckpt'}"
+    train(tmp_path / "second", start, "--optimizer.lr=1e-12", "--data.count=5")  # other labels
     before, _ = load_detector(tmp_path / "first" / "best.ckpt")
     after, _ = load_detector(tmp_path / "second" / "last.ckpt")
     for (name, weight), found in zip(before.named_parameters(), after.parameters(), strict=True):
@@ -167,12 +150,11 @@ def test_training_starts_from_a_checkpoint(tmp_path):
 
 
 def test_training_stops_early(tmp_path, monkeypatch):
-    monkeypatch.setattr("train.detector.run.RANKING", (Criterion("validation/moderate"),))
+    monkeypatch.setattr(DetectorTraining, "ranking", (Criterion("validation/moderate"),))
     monkeypatch.setattr(
         "train.detector.training.mean_precision", lambda validation_metrics: {"moderate": 1.0}
     )
-    run = replace(run_of(9), patience=2)
-    train_detector(ToyImages(), PLAN, run, TrainingFolder(tmp_path))
+    train(tmp_path, "--early_stopping.patience=2", epochs=9)
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
 
 
@@ -184,11 +166,11 @@ def test_at_equal_precision_the_overlap_of_a_half_decides(tmp_path, monkeypatch)
         return {"moderate": moderate, "moderate_50": moderate_50}
 
     monkeypatch.setattr("train.detector.training.mean_precision", precision)
-    assert train(tmp_path, 3).epoch == 2
+    assert train(tmp_path, epochs=3).epoch == 2
 
 
 def test_tensorboard_has_metrics_and_images(tmp_path):
-    train(tmp_path, 2)
+    train(tmp_path, epochs=2)
     events = EventAccumulator(str(tmp_path)).Reload()
     tags = set(events.Tags()["scalars"])
     terms = ("loss", "box_loss", "objects_loss", "no_objects_loss", "classes_loss", "prior_loss")
@@ -200,14 +182,14 @@ def test_tensorboard_has_metrics_and_images(tmp_path):
     assert {"validation/images", "validation/curves"} <= set(events.Tags()["images"])
     require_costs(tmp_path, epochs=2)
     shown, best = hyperparameters_of(tmp_path)
-    assert (shown["network"], shown["loss/box"], shown["optimizer/ema_decay"]) == (
+    assert (shown["network"], shown["loss/box"], shown["ema/decay"]) == (
         "tiny",
         "ciou",
         0.8,
     )
     precisions = [event.value for event in events.Scalars("validation/moderate")]
     assert best["best/validation/moderate"] == max(precisions)
-    assert set(best) == {f"best/{one.metric}" for one in RANKING}
+    assert set(best) == {f"best/{one.metric}" for one in DetectorTraining.ranking}
     image = events.Images("validation/images")[0]
     assert (image.width, image.height) == (13 * 96, 13 * 5 * 64)
 
@@ -245,36 +227,32 @@ def checkpoint(tmp_path):
     return tmp_path / "made" / "last.ckpt"
 
 
-def other_form(**changes):
-    return replace(PLAN, network=replace(PLAN.network, **changes))
-
-
 @pytest.mark.parametrize(
-    ("config", "expected", "found"),
+    ("changed", "expected", "found"),
     [
-        (other_form(modality="rm"), "a detector whose modality is rm", "dm"),
-        (other_form(class_names=("Van",)), "a detector whose classes is Van", "Car"),
-        (other_form(network="compact"), "a detector whose network is compact", "tiny"),
+        ("--model.modality=rm", "a detector whose modality is rm", "dm"),
+        ('--model.classes=["Van"]', "a detector whose classes is Van", "Car"),
+        ("--model.network=compact", "a detector whose network is compact", "tiny"),
     ],
 )
 @pytest.mark.parametrize("how", ["resume", "start"])
 def test_a_checkpoint_of_another_detector_is_refused(
-    tmp_path, checkpoint, config, expected, found, how
+    tmp_path, checkpoint, changed, expected, found, how
 ):
-    given = {"resume": checkpoint} if how == "resume" else {"weights": InitialWeights(checkpoint)}
+    resume = checkpoint if how == "resume" else None
+    words = [changed] if resume else [changed, f"--model.weights.checkpoint={checkpoint}"]
     with fault(ModelError, checkpoint.name, expected, found):
-        train(tmp_path / "out", config=config, **given)
+        train(tmp_path / "out", *words, resume=resume)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
-    module = VerifierTraining(VERIFIER_CONFIGS["default"])
-    fit(module, ToyCrops(8), verifier.RANKING, run_of(1), TrainingFolder(tmp_path))
+    run(TOY_DEPTHCN, tmp_path, "--data.count=8")
     of_verifier = tmp_path / "last.ckpt"
     for refuses in (
         lambda: load_detector(of_verifier),
         lambda: train(tmp_path / "out", resume=of_verifier),
-        lambda: train(tmp_path / "out", weights=InitialWeights(of_verifier)),
+        lambda: train(tmp_path / "out", f"--model.weights.checkpoint={of_verifier}"),
     ):
         with fault(ModelError, "last.ckpt", "a checkpoint of detector", "one of depthcn"):
             refuses()
@@ -282,11 +260,10 @@ def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
         load_verifier(checkpoint)
 
 
-def test_a_checkpoint_of_another_optimizer_is_refused(tmp_path, checkpoint):
-    config = replace(PLAN, optimizer=replace(QUICK, optimizer="sgd"))
+def test_a_checkpoint_of_another_optimizer_is_refused(checkpoint):
     before = sorted(checkpoint.parent.iterdir())
     with fault(ModelError, "last.ckpt", "the training of this detector", "of another optimizer"):
-        train(checkpoint.parent, 2, config, resume=checkpoint)
+        train(checkpoint.parent, "--optimizer=SGD", epochs=2, resume=checkpoint)
     assert sorted(checkpoint.parent.iterdir()) == before
 
 
@@ -304,60 +281,28 @@ def test_only_one_kind_of_initial_weights():
         InitialWeights(checkpoint=Path("a"), darknet=Path("b"))
 
 
-@pytest.mark.parametrize(
-    ("weights", "expected"),
-    [
-        (InitialWeights(darknet=Path("a")), "network yolov2"),
-        (InitialWeights(backbone="a"), "a classifier of torchvision"),
-    ],
-)
-def test_weights_of_another_kind_of_network_are_refused(tmp_path, weights, expected):
-    with fault(UsageError, expected=expected, found="tiny"):
-        train(tmp_path, weights=weights)
-
-
-def test_unknown_names_are_refused(tmp_path):
-    with fault(UsageError, "network", "compact, yolov2", "resnet19"):
-        train(tmp_path, config=other_form(network="resnet19"))
+def test_unknown_modalities_are_refused():
     with fault(UsageError, "modality", "one of", "lidar"):
         DetectorNetworkConfig("lidar")
-
-
-def test_the_thesis_preset():
-    preset = DETECTOR_PRESETS["thesis"]
-    way = preset.optimizer
-    found = (way.optimizer, way.learning_rate, way.momentum, way.weight_decay, preset.batch_size)
-    assert found == ("sgd", 0.001, 0.9, 0.0005, 64)
-    rate = learning_rate_factor(way, 80_200)
-    shares = [rate(step) for step in (499, 999, 39_999, 40_000, 60_000, 80_199)]
-    np.testing.assert_allclose(shares, [1 / 16, 1, 1, 0.1, 0.01, 0.01])
-    assert preset.loss == PUBLISHED_LOSS
-    assert (preset.loss.box, preset.loss.objectness) == ("squared", "squared")
-
-
-def test_only_matrices_decay():
-    groups = make_optimizer(tiny_network(("Car",), 1), QUICK).param_groups
-    decays = {one["weight_decay"]: {weight.ndim > 1 for weight in one["params"]} for one in groups}
-    assert decays == {QUICK.weight_decay: {True}, 0.0: {False}}
 
 
 @pytest.mark.parametrize(
     ("accelerator", "gpus", "expected"),
     [("cpu", 8, "2 cores"), ("auto", 0, "2 cores"), ("auto", 1, "1 GPUs")],
 )
-def test_more_devices_than_there_are_start_nothing(
-    tmp_path, monkeypatch, accelerator, gpus, expected
-):
+def test_more_devices_than_there_are_start_nothing(monkeypatch, accelerator, gpus, expected):
     monkeypatch.setattr("train.trainer.usable_cores", lambda: 2)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: gpus > 0)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: gpus)
-    monkeypatch.setattr("train.trainer.Trainer", None)
-    run = TrainingRun(accelerator=accelerator, devices=3)
     with fault(UsageError, "--trainer.devices", expected, "3"):
-        make_trainer(RANKING, run, TrainingFolder(tmp_path))
+        require_devices(accelerator, 3)
 
 
 def test_several_machines(tmp_path, monkeypatch):
     monkeypatch.setattr("train.trainer.usable_cores", lambda: 2)
-    trainer = make_trainer(RANKING, run_of(1, nodes=3, devices=2), TrainingFolder(tmp_path))
-    assert (trainer.num_nodes, trainer.world_size) == (3, 6)
+    words = ("--trainer.num_nodes=3", "--trainer.devices=2", "--trainer.strategy=ddp")
+    cli = cli_of(TOY_DETECTOR, tmp_path, *TINY, *words)
+    monkeypatch.setattr("lightning.pytorch.Trainer.fit", lambda *given, **named: None)
+    with pytest.raises(ModelError):  # nothing was trained
+        cli.run()
+    assert (cli.trainer.num_nodes, cli.trainer.world_size) == (3, 6)

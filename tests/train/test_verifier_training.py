@@ -2,52 +2,43 @@
 
 import resource
 import signal
-from functools import partial
 
 import numpy as np
 import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.nn.functional import binary_cross_entropy_with_logits
-from train.verifier.config import VERIFIER_CONFIGS
-from train.verifier.run import RANKING
 
 from perception.errors import ModelError, WriteError
 from tests.faults import fault
 from tests.train.events import hyperparameters_of, require_costs
-from tests.train.interrupted import KilledAfter
-from tests.train.toy_crops import ToyCrops, toy_batch
+from tests.train.toy_crops import TOY_DEPTHCN, toy_batch
+from tests.train.trainings import killed_after, run
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
-from train.config import TrainingRun
-from train.folder import TrainingFolder
 from train.networks.depthcn import MODEL, load_verifier
-from train.optimization import step_decay, warmup_cosine
-from train.trainer import fit
-from train.verifier.images import ScoredCrops, VerifierImages, draw_scored
+from train.optimization import WarmupCosine
+from train.verifier.images import ScoredCrops, draw_scored
 from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VerifierTraining, box_loss
 
 
-def run_of(epochs, **other):
-    return TrainingRun(epochs=epochs, accelerator="cpu", **other)
-
-
-def train(out, epochs=1, module=None, data=None, resume=None, callbacks=(), **other):
-    module, data = module or module_of(), data or ToyCrops()
-    fit(module, data, RANKING, run_of(epochs, **other), TrainingFolder(out, resume), callbacks)
+def train(out, *words, epochs=1, resume=None):
+    return run(TOY_DEPTHCN, out, *words, epochs=epochs, resume=resume)
 
 
 def module_of(method="default", seed=0):
     torch.manual_seed(seed)
-    return VerifierTraining(VERIFIER_CONFIGS[method])
+    return VerifierTraining(method=method)
 
 
-@pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
-def test_fast_dev_run_trains_and_writes_nothing(tmp_path, method, channels):
-    module = module_of(method)
-    train(tmp_path, module=module, data=ToyCrops(8, channels), fast_dev_run=True)
-    assert module.trainer.global_step == 1
+THESIS = ("--model.method=thesis", "--data.channels=1")
+
+
+@pytest.mark.parametrize("words", [(), THESIS])
+def test_fast_dev_run_trains_and_writes_nothing(tmp_path, words):
+    cli, result = train(tmp_path, "--trainer.fast_dev_run=true", "--data.count=8", *words)
+    assert (cli.trainer.global_step, result) == (1, None)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -56,7 +47,8 @@ def test_a_batch_is_overfitted():
     module.network.full[-1].p = 0.0  # dropout
     module.log_dict = lambda *args, **config: None
     optimizer = torch.optim.SGD(module.parameters(), lr=0.02, momentum=0.9)
-    rate = torch.optim.lr_scheduler.LambdaLR(optimizer, partial(warmup_cosine, steps=80))
+    rate = WarmupCosine(optimizer)
+    rate.set_steps(80, 80)
     for _ in range(80):
         optimizer.zero_grad()
         module.training_step(batch, 0).backward()
@@ -68,12 +60,11 @@ def test_a_batch_is_overfitted():
     assert paired_iou(shares[is_vehicle], batch["normalized_box"][is_vehicle]).mean() > 0.85
 
 
-def weights_after(folder, epochs, killed_at=None):
-    train(folder / "whole", epochs)
+def weights_after(folder, epochs, killed_at):
+    train(folder / "whole", epochs=epochs)
     with pytest.raises(KeyboardInterrupt):
-        train(folder / "killed", epochs, callbacks=[KilledAfter(killed_at)])
-    last = folder / "killed" / "last.ckpt"
-    train(folder / "killed", epochs, module_of(seed=9), resume=last)
+        train(folder / "killed", *killed_after(killed_at), epochs=epochs)
+    train(folder / "killed", epochs=epochs, resume=folder / "killed" / "last.ckpt")
     return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
 
 
@@ -86,7 +77,7 @@ def test_a_killed_training_resumes_exactly(tmp_path):
 
 
 def test_the_best_epoch_and_the_last_are_kept(tmp_path):
-    train(tmp_path, 3)
+    train(tmp_path, epochs=3)
     assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
     last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
     assert (last["epoch"], last["global_step"]) == (2, 12)
@@ -110,13 +101,13 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, full_disk):
     before = {path.name: path.read_bytes() for path in tmp_path.glob("*.ckpt")}
     full_disk(100_000)
     with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
-        train(tmp_path, 2, resume=tmp_path / "last.ckpt")
+        train(tmp_path, epochs=2, resume=tmp_path / "last.ckpt")
     assert {path.name: path.read_bytes() for path in tmp_path.glob("*.ckpt")} == before
     load_verifier(tmp_path / "last.ckpt")
 
 
 def test_events_that_cannot_be_written_are_one_sentence(tmp_path, full_disk, capfd):
-    full_disk(600)
+    full_disk(6_000)  # more than config.yaml
     with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
         train(tmp_path)
     assert "Traceback" not in capfd.readouterr().err
@@ -124,22 +115,23 @@ def test_events_that_cannot_be_written_are_one_sentence(tmp_path, full_disk, cap
 
 def test_a_disk_that_is_full_from_the_start_holds_no_part_of_a_file(tmp_path, full_disk):
     full_disk(100_000)
-    with fault(WriteError, "best.ckpt", found="File too large", advice="make room"):
+    with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
         train(tmp_path)
     assert [path.name for path in tmp_path.iterdir() if "ckpt" in path.name] == []
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
     train(tmp_path)
-    thesis, last = module_of("thesis"), tmp_path / "last.ckpt"
-    with fault(ModelError, last.name, "the training of this depthcn", "that of another network"):
-        train(tmp_path / "thesis", 2, thesis, ToyCrops(channels=1), resume=last)
+    last = tmp_path / "last.ckpt"
+    with fault(ModelError, last.name, "a depthcn whose method is thesis", "default"):
+        train(tmp_path / "thesis", *THESIS, epochs=2, resume=last)
     assert not (tmp_path / "thesis").exists()
 
 
-def test_tensorboard_has_metrics_and_images(tmp_path):
+def test_tensorboard_has_metrics_and_images(tmp_path, monkeypatch):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
-    train(tmp_path, 2, callbacks=[VerifierImages(lambda: grids)])
+    monkeypatch.setattr("train.verifier.training.augmentation_images", lambda data: grids)
+    train(tmp_path, epochs=2)
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = (
         "accuracy",
@@ -159,14 +151,14 @@ def test_tensorboard_has_metrics_and_images(tmp_path):
     assert len(events.Images("augmentation/flip")) == 1
     require_costs(tmp_path, epochs=2)
     shown, best = hyperparameters_of(tmp_path)
-    assert (shown["method"], shown["optimizer/learning_rate"]) == ("default", 0.05)
+    assert (shown["method"], shown["optimizer/init_args/lr"]) == ("default", 0.05)
     accuracies = [event.value for event in events.Scalars("validation/balanced_accuracy")]
     assert best["best/validation/balanced_accuracy"] == max(accuracies)
     assert best["best/validation/loss"] > 0
 
 
 def test_the_terminal_stays_tidy(tmp_path, capfd):
-    train(tmp_path, 2)
+    train(tmp_path, epochs=2)
     printed = capfd.readouterr()
     assert printed.out == ""
     lines = [line.split("\r")[-1] for line in printed.err.splitlines()]
@@ -177,44 +169,12 @@ def test_the_terminal_stays_tidy(tmp_path, capfd):
     assert "train loss" in said[1] and "accuracy" in said[1].split("validation")[0]
 
 
-def test_the_rate_of_the_thesis_falls_to_a_tenth_every_eight_epochs():
-    rates = [step_decay(step, steps_per_stage=8 * 10) for step in (0, 79, 80, 160, 399)]
-    np.testing.assert_allclose(rates, [1, 1, 0.1, 0.01, 0.0001])
-
-
-def test_the_default_rate_rises_and_falls():
-    rates = [warmup_cosine(step, 100) for step in range(100)]
-    assert np.argmax(rates) == 9
-    assert rates[9] == pytest.approx(1, abs=1e-3)
-    assert rates[54] == pytest.approx((1 + 0.001) / 2, abs=1e-3)
-    assert rates[99] == pytest.approx(0.001)
-
-
 def test_the_thesis_network_subtracts_the_mean_crop(tmp_path):
-    data = ToyCrops(8, 1)
-    module = module_of("thesis")
-    train(tmp_path, 1, module, data)
-    torch.testing.assert_close(module.network.mean_image, data.mean_crop())
+    cli, _ = train(tmp_path, *THESIS, "--data.count=8")
+    data = cli.datamodule
+    torch.testing.assert_close(cli.model.network.mean_image, data.mean_crop())
     network, _ = load_verifier(tmp_path / "last.ckpt")
     torch.testing.assert_close(network.mean_image, data.mean_crop())
-
-
-def test_only_matrices_decay():
-    trainer = make_trainer_for_rates()
-    module = module_of("thesis")
-    module.trainer = trainer
-    decays = {
-        group["weight_decay"]: {weight.ndim > 1 for weight in group["params"]}
-        for group in module.configure_optimizers()["optimizer"].param_groups
-    }
-    assert decays == {0.004: {True}, 0.0: {False}}
-
-
-def make_trainer_for_rates():
-    class _Steps:
-        estimated_stepping_batches, max_epochs = 10, 2
-
-    return _Steps()
 
 
 def test_iou_of_boxes_by_hand():

@@ -1,6 +1,8 @@
 """Candidates that a network tells apart in seconds: a bright block in half of the pictures."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -8,6 +10,9 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.samples.epoch_samplers import ContiguousDistributedSampler
+from train.checkpoints import read_checkpoint
+from train.networks.depthcn import MODEL
+from train.verifier.kind import DEPTHCN
 
 
 def toy_batch(count: int, channels: int, seed: int = 0) -> dict[str, torch.Tensor]:
@@ -43,8 +48,23 @@ class _Order(Sampler[int]):
         return self._count
 
 
+@dataclass(frozen=True)
+class ToyResult:
+    """What a training leaves."""
+
+    checkpoint: Path
+    epoch: int
+
+
+def toy_report(module: object, data: object, stage: str, checkpoint: Path) -> ToyResult:
+    return ToyResult(checkpoint, read_checkpoint(checkpoint, MODEL)["epoch"])
+
+
 class ToyCrops(LightningDataModule):
-    def __init__(self, count: int = 32, channels: int = 3, batch: int = 8) -> None:
+    training_data = "toys"
+    augmentation = None
+
+    def __init__(self, count: int = 32, channels: int = 3, batch: int = 8, seed: int = 0) -> None:
         super().__init__()
         self._count, self._channels, self._batch = count, channels, batch
 
@@ -65,3 +85,6 @@ class ToyCrops(LightningDataModule):
 
     def val_dataloader(self) -> DataLoader:
         return DataLoader(self._rows(1), batch_size=self._batch)
+
+
+TOY_DEPTHCN = replace(DEPTHCN, data=ToyCrops, links={}, report=toy_report)

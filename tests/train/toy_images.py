@@ -1,6 +1,7 @@
 """Pictures that a detector learns in seconds: bright blocks on dark ground, at a quarter of their taken size."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from data.samples.images.dataset import collate
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
+from train.detector.kind import DETECTOR
 from train.networks.compact import CompactDetector
 
 SIZE = InputSize(64, 96)
@@ -93,8 +95,15 @@ class _Order(Sampler[int]):
 class ToyImages(LightningDataModule):
     """To learn from and to judge by; or one batch over and over, judged by itself."""
 
+    training_data = "toys"
+
     def __init__(
-        self, count: int = 8, batch: int = 4, channels: int = 1, repeats: int | None = None
+        self,
+        count: int = 8,
+        batch: int = 4,
+        channels: int = 1,
+        repeats: int | None = None,
+        seed: int = 0,
     ) -> None:
         super().__init__()
         self.training = ToySamples(count, 0, channels)
@@ -110,3 +119,16 @@ class ToyImages(LightningDataModule):
 
     def val_dataloader(self) -> DataLoader:
         return DataLoader(self.validation, batch_size=2, collate_fn=collate)
+
+
+TOY_DETECTOR = replace(DETECTOR, data=ToyImages, links={})
+# A small network that learns in seconds; the test offers it as `tiny`.
+TINY = (
+    "--model.modality=dm",
+    "--model.network=tiny",
+    f"--model.size={SIZE.height_px}x{SIZE.width_px}",
+    "--model.scales=[0.5,1.0]",
+    "--optimizer.lr=0.01",
+    "--ema.decay=0.8",
+    "--trainer.precision=32-true",
+)

@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 from torch.optim import SGD
 
+from data.samples.crops.datamodule import CropDataModule
 from data.samples.crops.labelled_frames import CropConfig
 from data.samples.crops.previews import augmentation_previews, preview_rows
 from perception.types import Method, UInt8
@@ -82,7 +83,7 @@ class VerifierTraining(LightningModule):
 
     def configure_callbacks(self) -> list[Callback]:
         """Return the callback that draws crops."""
-        return [VerifierImages(self._augmentations)]
+        return [VerifierImages(lambda: augmentation_images(self.trainer.datamodule))]  # type: ignore[attr-defined]
 
     def on_fit_start(self) -> None:
         """Set the mean crop that the thesis' network subtracts, in a new training."""
@@ -165,13 +166,13 @@ class VerifierTraining(LightningModule):
         metrics.reset()
         return {name: float(value) for name, value in found.items()}
 
-    def _augmentations(self) -> Mapping[str, UInt8]:
-        """Return images of what each augmentation does."""
-        data: Any = self.trainer.datamodule  # type: ignore[attr-defined]
-        if data.augmentation is None:
-            return {}
-        rows = preview_rows(data.training, _SHOWN_SAMPLES)
-        return augmentation_previews(data.training, data.augmentation, rows)
+
+def augmentation_images(data: CropDataModule) -> Mapping[str, UInt8]:
+    """Return images of what each augmentation does."""
+    if data.augmentation is None:
+        return {}
+    rows = preview_rows(data.training, _SHOWN_SAMPLES)
+    return augmentation_previews(data.training, data.augmentation, rows)
 
 
 def box_loss(boxes: Tensor, targets: Tensor) -> Tensor:
