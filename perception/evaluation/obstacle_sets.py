@@ -1,7 +1,7 @@
 """Metrics of the obstacles of several sequences: Table 7.2, and the objects of Table 3.1."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -49,6 +49,11 @@ class ObstacleSetReport(Report):
     printed: Sequence[ObstacleSequence]
 
     @property
+    def counts(self) -> dict[str, ObstacleCounts]:
+        """Obstacles of each sequence whose truth allows to count them."""
+        return {name: one.total for name, one in self.sequences.items() if one.counts}
+
+    @property
     def motions(self) -> dict[str, ObjectMotions]:
         """Labelled objects of each sequence by motion."""
         rows = {row.name: row for row in self.printed}
@@ -57,18 +62,21 @@ class ObstacleSetReport(Report):
     def tables(self) -> list[Table[Any]]:
         """Return the columns of Table 7.2, the printed ones, and the objects by motion beside Table 3.1."""
         by_title: dict[str, dict[str, ObstacleCounts]] = {}
-        for name, report in self.sequences.items():
-            by_title.setdefault(f"{report.title}, all frames", {})[name] = report.total
-        motions = "Labelled objects that enter the local area, and those of Table 3.1"
+        for name, counts in self.counts.items():
+            title = f"{self.sequences[name].title}, all frames"
+            by_title.setdefault(title, {})[name] = counts
+        title = "Labelled objects that enter the local area, and those of Table 3.1"
+        motions = Table(title, ObjectMotions.columns(), with_total(self.motions), "sequence")
+        missing = [f"{name}: {one.missing}" for name, one in self.sequences.items() if one.missing]
         return [
             *(counts_table(title, rows) for title, rows in by_title.items()),
             printed_table(self.printed),
-            Table(motions, ObjectMotions.columns(), with_total(self.motions), heading="sequence"),
+            replace(motions, notes=["", *missing] if missing else ()),
         ]
 
     def to_json(self) -> dict[str, Any]:
         """Return the metrics by sequence, the sum of their counts, and what the thesis prints."""
-        counts = with_total({name: one.total for name, one in self.sequences.items()})
+        counts = with_total(self.counts)
         return {
             "sequences": {name: one.to_json() for name, one in self.sequences.items()},
             "counts": {name: one.to_json() for name, one in counts.items()},
