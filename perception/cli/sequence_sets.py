@@ -66,11 +66,14 @@ def evaluate_drives(
     if set is None:
         return evaluate(open_labelled_drive(root, flags))
     present, absent = find_sequences(root, set, flags.sequence)
-    drives: dict[str, EvaluatedDrive] = {}
-    reports: dict[str, OneReport] = {}
-    for one in present:
-        drive = open_labelled_drive(root, replace(flags, sequence=one.sequence))
-        drives[one.name], reports[one.name] = evaluate(drive)
+    # All are opened before the first is evaluated, which takes minutes.
+    opened = {
+        one.name: open_labelled_drive(root, replace(flags, sequence=one.sequence))
+        for one in present
+    }
+    evaluated = {name: evaluate(drive) for name, drive in opened.items()}
+    drives = {name: data for name, (data, _) in evaluated.items()}
+    reports = {name: report for name, (_, report) in evaluated.items()}
     names = [one.name for one in absent]
     return EvaluatedSet(root.resolve(), set, drives, names), combine(reports)
 

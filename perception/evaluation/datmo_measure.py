@@ -36,7 +36,7 @@ from perception.evaluation.multi_object.track_errors import (
     track_outcomes,
 )
 from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
-from perception.evaluation.report import CONTEXT, Metric, Report, Table, with_total
+from perception.evaluation.report import CONTEXT, TOTAL, Metric, Report, Table, with_total
 from perception.geometry.box_overlap import iou_bev
 from perception.types import Frame, Labels, PointTruth, Result
 
@@ -152,27 +152,45 @@ class DatmoSetReport(Report):
     sequences: Mapping[str, DatmoComparison]
     printed: Sequence[ObstacleSequence]
 
+    @property
+    def by_method(self) -> dict[str, dict[str, MotMetrics]]:
+        """Metrics by distance of the centres by method, then by sequence and of all together."""
+        methods = next(iter(self.sequences.values())).reports
+        return {
+            method: with_total(
+                {name: one.reports[method].by_distance for name, one in self.sequences.items()}
+            )
+            for method in methods
+        }
+
     def tables(self) -> list[Table[Any]]:
         """Return the metrics of each method by sequence, and the moving obstacles of Table 7.2."""
-        by_method = {
-            method: {name: one.reports[method].by_distance for name, one in self.sequences.items()}
-            for method in next(iter(self.sequences.values())).reports
-        }
-        moving = [column for column in ObstacleCounts.columns() if "moving" in column.name]
         tables: list[Table[Any]] = []
-        for method, rows in by_method.items():
-            counts = {name: moving_counts(metrics) for name, metrics in rows.items()}
+        for method, rows in self.by_method.items():
             title = f"{method}: by distance of the centres on the ground plane; ratios in percent"
-            tables.append(mot_table(title, with_total(rows)))
+            tables.append(mot_table(title, rows))
             title = f"{method}: moving objects once per frame, in the columns of Table 7.2"
-            tables.append(Table(title, moving, with_total(counts), heading="sequence"))
-        printed = {row.name: row.printed for row in self.printed}
-        title = "Thesis, Table 7.2: moving obstacles in 25 scans of each sequence, by a person"
-        return [*tables, Table(title, moving, with_total(printed), heading="sequence")]
+            tables.append(_moving_table(title, {n: moving_counts(one) for n, one in rows.items()}))
+        return [*tables, self._printed]
 
     def to_json(self) -> dict[str, Any]:
-        """Return all metrics by sequence, then by method."""
-        return {name: comparison.to_json() for name, comparison in self.sequences.items()}
+        """Return all metrics by sequence and by method, those of all sequences, and the printed counts."""
+        return {
+            "sequences": {name: one.to_json() for name, one in self.sequences.items()},
+            "total": {method: rows[TOTAL].to_json() for method, rows in self.by_method.items()},
+            "thesis": self._printed.to_json(),
+        }
+
+    @property
+    def _printed(self) -> Table[ObstacleCounts]:
+        title = "Thesis, Table 7.2: moving obstacles in 25 scans of each sequence, by a person"
+        return _moving_table(title, with_total({row.name: row.printed for row in self.printed}))
+
+
+def _moving_table(title: str, rows: Mapping[str, ObstacleCounts]) -> Table[ObstacleCounts]:
+    """Return the columns of moving obstacles."""
+    columns = [column for column in ObstacleCounts.columns() if "moving" in column.name]
+    return Table(title, columns, rows, heading="sequence")
 
 
 def moving_counts(metrics: MotMetrics) -> ObstacleCounts:

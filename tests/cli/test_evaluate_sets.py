@@ -117,9 +117,11 @@ def test_obstacles_of_all_sequences_stand_beside_the_printed_ones(evaluate):
 def test_tracks_of_all_sequences_are_counted_together(evaluate):
     printed, written = evaluate("datmo", "--methods", "default", "--protocol.view", "all")
     results = written["results"]
-    assert list(results) == list(FRAMES)
+    assert list(results["sequences"]) == list(FRAMES)
+    assert results["thesis"]["Total"]["missed_moving"] == 3
     total = next(line for line in printed.splitlines() if line.startswith("Total")).split()
-    metrics = [one["default"]["by_distance"] for one in results.values()]
+    metrics = [one["default"]["by_distance"] for one in results["sequences"].values()]
+    assert results["total"]["default"]["TP"] == sum(one["TP"] for one in metrics)
     assert int(total[8]) == sum(one["TP"] for one in metrics)
     assert int(total[10]) == sum(one["FN"] for one in metrics)
     assert printed.count("Total") == 3
