@@ -68,7 +68,8 @@ class SampleDataConfig(DriveDataConfig):
 
     Attributes:
         batch_size: Samples per batch.
-        workers: Processes that load samples; 0 loads them in the training process.
+        workers: Processes that load samples; 0 loads them in the training process. Else 0 where a CPU trains, and one
+            a core, up to 8, where a GPU does.
         augment: Augment the training samples.
         training_fraction: Fraction of the training frames that is used, the first ones of each drive.
     """
@@ -76,13 +77,13 @@ class SampleDataConfig(DriveDataConfig):
     MIN_BATCH_SIZE: ClassVar[int] = 1
 
     batch_size: int = 16
-    workers: int = 0
+    workers: int | None = None
     augment: bool = True
     training_fraction: float = 1.0
 
     def __post_init__(self) -> None:
         """Validate the batch size, the number of workers and the fraction."""
-        if self.batch_size < self.MIN_BATCH_SIZE or self.workers < 0:
+        if self.batch_size < self.MIN_BATCH_SIZE or (self.workers or 0) < 0:
             raise UsageError(
                 "loading",
                 expected=f"a batch size from {self.MIN_BATCH_SIZE} and workers from 0",

@@ -10,6 +10,7 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from data.array_store import ArrayStore
+from data.results.documents import usable_cores
 from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, EpochSampler, SampleIndex
@@ -17,6 +18,8 @@ from data.samples.labelled_parts import LabelledParts, first_frames, open_parts
 from data.splits.training_frames import TrainingFrames
 from perception.errors import UsageError
 from perception.types import Drive, Progress
+
+_MAX_WORKERS = 8
 
 Frames = TypeVar("Frames", bound=CachedFrames)
 Samples = TypeVar("Samples", bound=Dataset[Any])
@@ -121,6 +124,23 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         return self.drives.names
 
     @property
+    def workers(self) -> int:
+        """Number of processes that load samples.
+
+        A batch of 16 images of 192x640 takes 0.07 s of one core to load and 1.2 s to train the compact detector on,
+        so that a CPU gains nothing by loading beside the training. A GPU trains faster than one core loads.
+        """
+        if self.config.workers is not None:
+            return int(self.config.workers)
+        if self.trainer is None or not self._is_on_gpu:
+            return 0
+        return min(usable_cores() // self.trainer.num_devices, _MAX_WORKERS)
+
+    @property
+    def _is_on_gpu(self) -> bool:
+        return self.trainer is not None and self.trainer.strategy.root_device.type != "cpu"
+
+    @property
     def augmentation(self) -> Any:  # noqa: ANN401 - the subclass' own configuration
         """Magnitudes of the augmentation, None without."""
         return self.config.augmentation if self.config.augment else None
@@ -157,17 +177,17 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         self, samples: Samples, sampler: Sampler[SampleIndex] | None = None
     ) -> DataLoader[Any]:
         """Return batches; workers leave the cores to each other."""
-        config, trainer = self.config, self.trainer
-        if config.workers > 0:
+        workers = self.workers
+        if workers > 0:
             # Set before the workers are forked: one that gave up OpenCV's threads itself, which exist in the
             # parent only, would wait for them forever.
             cv2.setNumThreads(1)
         return DataLoader(
             samples,
-            batch_size=config.batch_size,
+            batch_size=self.config.batch_size,
             sampler=sampler,
-            num_workers=config.workers,
-            persistent_workers=config.workers > 0,
-            pin_memory=trainer is not None and trainer.strategy.root_device.type != "cpu",
+            num_workers=workers,
+            persistent_workers=workers > 0,
+            pin_memory=self._is_on_gpu,
             collate_fn=self.collate,
         )

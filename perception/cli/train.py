@@ -65,7 +65,8 @@ class EverydayFlags:
         epochs: Number of epochs.
         steps: Number of steps, in place of epochs.
         batch_size: Samples per batch.
-        workers: Processes that load samples; 0 loads them in the training process.
+        workers: Processes that load samples; 0 loads them in the training process. Else 0 where a CPU trains, and one
+            a core, up to 8, where a GPU does.
         lr: Largest learning rate.
         out: Folder of the results; else results/ and the name of the training.
         resume: Checkpoint to resume from or to evaluate, or the word last for that of the folder.

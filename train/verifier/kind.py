@@ -68,7 +68,7 @@ def report(
         network, _ = load_verifier(checkpoint)
         parts = {"training": data.training, "validation": data.validation}
         metrics = {
-            name: evaluate(network, samples, data.config.workers) for name, samples in parts.items()
+            name: evaluate(network, samples, data.workers) for name, samples in parts.items()
         }
     else:
         name = "validation" if stage == "validate" else "test"

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -185,6 +186,21 @@ def busy_opencv() -> Iterator[None]:
     cv2.GaussianBlur(np.zeros((1500, 1500, 3), np.uint8), (0, 0), 3)
     yield
     cv2.setNumThreads(before)
+
+
+@pytest.mark.parametrize(
+    ("device", "workers", "expected"),
+    [("cpu", None, 0), ("cuda", None, 3), ("cuda", 0, 0), ("cpu", 2, 2)],
+)
+def test_a_gpu_has_a_loading_process_for_each_of_its_cores(
+    make_data: MakeData, monkeypatch: pytest.MonkeyPatch, device: str, workers: int, expected: int
+):
+    monkeypatch.setattr("data.samples.datamodule.usable_cores", lambda: 6)
+    data = make_data(workers=workers)
+    data.trainer = SimpleNamespace(
+        strategy=SimpleNamespace(root_device=torch.device(device)), num_devices=2
+    )
+    assert data.workers == expected
 
 
 @pytest.mark.usefixtures("busy_opencv")
