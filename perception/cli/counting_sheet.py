@@ -1,12 +1,11 @@
 """Random scans as overlay images with a sheet in which a person counts obstacles (7.1.1)."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.derived.obstacle_sequences import SequenceSet, table_3_1
-from perception.cli.evaluation import open_labelled_drive
 from perception.cli.flags import LabelledDriveFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.sequence_sets import find_sequences
@@ -88,13 +87,17 @@ class CountingJob:
         counted = sum(row.counts is not None for row in rows)
         return CountingReport(path, counts, len(rows), counted, table_3_1())
 
-    def _open_drives(self, root: Path, set: SequenceSet | None) -> list[Drive]:
-        """Open the drives with images."""
+    def _open_drives(self, root: Path, set: SequenceSet | None) -> Sequence[Drive]:
+        """Open the drives with images; a person needs no labels."""
+        from data.open_drive import open_drive
+
         chosen = [self.drive.sequence]
         if set is not None:
             chosen = [one.sequence for one in find_sequences(root, set, self.drive.sequence)[0]]
-        flags = [replace(self.drive, sequence=name) for name in chosen]
-        drives = [open_labelled_drive(root, one, images=True) for one in flags]
+        sensor = self.drive.sensor
+        drives = self.drive.select(
+            [open_drive(root, sequence=name, sensor=sensor, images=True) for name in chosen]
+        )
         for drive in drives:
             if not drive.has_images or drive.calibration is None:
                 raise DriveError(

@@ -189,12 +189,29 @@ def test_a_sheet_that_a_person_fills_in_is_read_and_kept(sequences: Path, tmp_pa
     assert sheet.read_text() == filled
 
 
-def test_a_drive_without_images_cannot_be_counted(sequences: Path, tmp_path: Path):
-    for name in ("velodyne/0000", "labels/0000", "label_02/0000.txt", "calib/0000.txt"):
-        link = tmp_path / "blind" / name
-        link.parent.mkdir(parents=True, exist_ok=True)
+def link_sequence(sequences: Path, folder: Path, *names: str) -> Path:
+    """Return a folder with some files of sequence 0000."""
+    for name in names:
+        link = folder / name
+        link.parent.mkdir(parents=True)
         link.symlink_to(sequences / "training" / name)
-    words = ["evaluate", "obstacles", tmp_path / "blind", "--counting-sheet", tmp_path / "counts"]
+    return folder
+
+
+def test_a_person_needs_no_labels(sequences: Path, tmp_path: Path):
+    names = ("velodyne/0000", "image_02/0000", "calib/0000.txt")
+    drive, folder = link_sequence(sequences, tmp_path / "bare", *names), tmp_path / "counts"
+    words = ["evaluate", "obstacles", drive, "--sensor", "VLP-16", "--counting-sheet", folder]
+    command(*words)
+    rows = read_counting_sheet(folder / "counting_sheet.csv")
+    assert [row.counts for row in rows] == [None] * 3
+    assert all((folder / row.image).is_file() for row in rows)
+
+
+def test_a_drive_without_images_cannot_be_counted(sequences: Path, tmp_path: Path):
+    names = ("velodyne/0000", "label_02/0000.txt", "calib/0000.txt")
+    blind = link_sequence(sequences, tmp_path / "blind", *names)
+    words = ["evaluate", "obstacles", blind, "--counting-sheet", tmp_path / "counts"]
     with fault(DriveError, expected="images and a camera calibration of 0000", found="none"):
         command(*words)
     assert not (tmp_path / "counts").exists()
