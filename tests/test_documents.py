@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from perception.cli.main import COMMANDS, GROUPS
+from perception.cli import train
+from perception.cli.main import COMMANDS, GROUPS, TrainingCommand
 from perception.cli.parser import parse
 from perception.errors import PerceptionError, UsageError
 
@@ -26,16 +27,20 @@ def commands(document: str) -> list[str]:
     return [command.replace("$$modality", "dm") for command in found]
 
 
-def fault_of(command: str) -> PerceptionError | None:
+def fault_of(line: str) -> PerceptionError | None:
     """Return the error by which a command is refused before it runs."""
     printing = ("--help", "--help-all", "--print-config")
-    words = [word for word in command.split()[1:] if word not in printing]
+    words = [word for word in line.split()[1:] if word not in printing]
     name = next((n for n in (" ".join(words[:2]), words[0]) if n in COMMANDS), None)
     if name is None:
         is_group = words[1:] == [] and words[0] in GROUPS
-        return None if is_group else UsageError(command, expected="a command", found="none")
+        return None if is_group else UsageError(line, expected="a command", found="none")
     try:
-        parse(f"trifuse {name}", COMMANDS[name].load(), words[len(name.split()) :])
+        rest = words[len(name.split()) :]
+        if isinstance(command := COMMANDS[name], TrainingCommand):
+            train.parse(command.target, rest)
+        else:
+            parse(f"trifuse {name}", command.load(), rest)
     except PerceptionError as error:
         return error
     return None

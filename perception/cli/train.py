@@ -43,14 +43,15 @@ _FULL_NAMES = {
 }
 _GROUPS = """\
 Groups of Lightning's command line, of which --help-all lists every flag:
-  --trainer.*          Lightning's Trainer: accelerator, devices, strategy, precision, gradient_clip_val, ...
-  --model.*            network, its input and its loss
-  --data.*             drives, batches, augmentation and cache
-  --optimizer CLASS    optimizer of torch, and its parameters: --optimizer SGD --optimizer.lr 0.001
-  --lr_scheduler CLASS WarmupCosine, StepDecay, DarknetSteps or a schedule of torch, and its parameters
-  --early_stopping.patience N, --ema.decay X
-  --config FILE        YAML file with such groups, default or thesis; several are read in turn
-  --print_config       print the effective configuration as YAML and exit"""
+  --trainer.*             Lightning's Trainer: accelerator, devices, strategy, precision, gradient_clip_val, ...
+  --model.*               Network, its input and its loss.
+  --data.*                Drives, batches, augmentation and cache.
+  --optimizer CLASS       Optimizer of torch; with its parameters: --optimizer SGD --optimizer.lr 0.001
+  --lr_scheduler CLASS    WarmupCosine, StepDecay, DarknetSteps or a schedule of torch, with its parameters.
+  --early_stopping.*      Patience: epochs without a better one after which training stops.
+  --ema.*                 Decay of an exponential moving average of the weights.
+  --config FILE           YAML file with such groups, or the word default or thesis; several are read in turn.
+  --print-config          Print the effective configuration as YAML and exit."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class EverydayFlags:
         split: File of `trifuse split` that says which frames train, validate and test.
         modality: Camera image, rgb; depth map, dm; or reflectance map, rm; of a detector.
         epochs: Number of epochs.
-        steps: Number of steps, in place of epochs.
+        steps: Number of steps, in place of any number of epochs that is not given beside it.
         batch_size: Samples per batch.
         workers: Processes that load samples; 0 loads them in the training process. Else 0 where a CPU trains, and one
             a core, up to 8, where a GPU does.
@@ -149,7 +150,8 @@ def help_text(name: str, *, everything: bool = False) -> str:
         from train.cli import TrainingCLI
 
         return TrainingCLI(TRAININGS[name].load()).parser.format_help().rstrip()
-    summary, _, example = TRAININGS[name].text.partition("\n\nExample: ")
+    text, _, example = TRAININGS[name].text.partition("\n\nExample: ")
+    summary = "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
     types = dict(nested_types(get_type_hints(EverydayFlags)))
     parser = ArgumentParser(
         prog=f"trifuse train {name}",

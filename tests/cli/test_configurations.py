@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 import yaml
 
-from perception.cli.main import COMMANDS, run_command_line
+from perception.cli import train
+from perception.cli.main import COMMANDS, TrainingCommand, run_command_line
 from perception.cli.parser import call, flag_types, parse
+from perception.cli.train import TRAININGS
 
 # Words that a command demands: of inputs, and of outputs, which are no part of a configuration.
 INPUTS = {
     "evaluate results": "x --labels y",
-    "train detector": "x --modality dm",
     **dict.fromkeys(("study reflectance-maps", "study detector-losses"), "x --validation y"),
     "study sim-to-real": "x --validation y",
     **dict.fromkeys(("demo", "synth", "bench"), ""),
@@ -36,7 +37,9 @@ def section_flags(types: dict[str, object], values: dict[str, object]) -> Iterat
             yield f"--{flag}={str(words).lower() if isinstance(words, bool) else words}"
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [name for name, one in COMMANDS.items() if not isinstance(one, TrainingCommand)]
+)
 def test_the_configuration_of_every_command_is_read_back(name, tmp_path):
     function, outputs = COMMANDS[name].load(), OUTPUTS.get(name, "").split()
     words = INPUTS.get(name, "x").split() + outputs
@@ -47,6 +50,26 @@ def test_the_configuration_of_every_command_is_read_back(name, tmp_path):
     # A flag of a section leaves the others as they are.
     flags = section_flags(flag_types(function), yaml.safe_load(file.read_text()))
     assert parse(name, function, [*words, *flags])[0] == arguments
+
+
+WORDS = {"detector": ["--modality", "dm"]}
+
+
+@pytest.mark.parametrize("kind", TRAININGS)
+def test_the_configuration_of_every_training_is_read_back(kind, tmp_path):
+    words = [*WORDS.get(kind, []), "x", "--validation", "y", "--epochs", "3"]
+    *_, cli = train.parse(kind, words)
+    cli.command_config.write(tmp_path)
+    *_, again = train.parse(kind, ["--config", str(tmp_path / "config.yaml")])
+    assert again.command_config == cli.command_config
+
+
+@pytest.mark.parametrize("kind", TRAININGS)
+def test_the_shipped_defaults_are_those_of_the_flags(kind):
+    words = WORDS.get(kind, [])
+    *_, cli = train.parse(kind, words)
+    *_, shipped = train.parse(kind, ["--config", "default", *words])
+    assert shipped.command_config == cli.command_config
 
 
 def test_a_configuration_is_printed(capsys):

@@ -1,8 +1,10 @@
 """What `trifuse train` says when a training is stopped, or finds the disk full."""
 
 import pytest
+import yaml
 
 from perception.cli.main import main
+from perception.cli.train import fit
 from perception.errors import UsageError, WriteError
 from tests.car_frames import write_car_frames
 from tests.faults import command, fault
@@ -13,13 +15,13 @@ WORDS = "train depthcn drive --out {out} --epochs 3"
 def ends_with(error, monkeypatch, out, *files):
     """Let a training end with an error, after it has written some files."""
 
-    def run_experiment(experiment, run, folder, progress):
-        folder.on_start()
+    def run(cli, stage, checkpoint, progress):
+        cli.command_config.write(out)
         for name in files:
             (out / name).touch()
         raise error
 
-    monkeypatch.setattr("train.verifier.run.run_experiment", run_experiment)
+    monkeypatch.setattr("train.cli.TrainingCLI.run", run)
     return WORDS.format(out=out).split()
 
 
@@ -32,11 +34,13 @@ def test_a_stopped_training_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     assert words.split() == ["train", "depthcn", *flags]
     taken = []
     monkeypatch.setattr(
-        "train.verifier.run.run_experiment",
-        lambda experiment, run, folder, progress: taken.append((run.epochs, folder.resume)),
+        "train.cli.TrainingCLI.run",
+        lambda cli, stage, checkpoint, progress: taken.append(
+            (cli.config["trainer"]["max_epochs"], stage, checkpoint)
+        ),
     )
     command(*words.split())
-    assert taken == [(3, out / "last.ckpt")]
+    assert taken == [(3, "fit", "last")]
 
 
 def test_a_training_stopped_in_its_first_epoch_is_not_resumed(tmp_path, monkeypatch):
@@ -73,3 +77,59 @@ def test_a_training_is_not_overwritten(tmp_path):
     with fault(UsageError, str(tmp_path), "a folder without a training", "last.ckpt", "--resume"):
         command(*WORDS.format(out=tmp_path).split())
     assert [path.name for path in tmp_path.iterdir()] == ["last.ckpt"]
+
+
+def test_everyday_flags_are_short_for_those_of_lightning(tmp_path, capsys):
+    words = (
+        "train detector fit a b --validation c,d --split s.json --modality rm --batch-size 3 --lr 0.5 "
+        "--workers 2 --out out --seed 7 --steps 9 --data.cache-gb 4 --data.no-augment "
+        "--model.classes Car,Van --lr_scheduler StepLR --lr_scheduler.step_size 3 --print-config"
+    )
+    command(*words.split())
+    printed = yaml.safe_load(capsys.readouterr().out)
+    data, model = printed["data"], printed["model"]
+    assert (data["drives"], data["validation"], data["split"]) == (["a", "b"], ["c", "d"], "s.json")
+    assert (data["batch_size"], data["workers"], data["cache_gb"]) == (3, 2, 4)
+    assert (data["augment"], model["modality"], model["classes"]) == (False, "rm", ["Car", "Van"])
+    assert (printed["trainer"]["max_steps"], printed["trainer"]["max_epochs"]) == (9, -1)
+    assert printed["optimizer"]["init_args"]["lr"] == 0.5
+    assert printed["lr_scheduler"]["init_args"]["step_size"] == 3
+    assert printed["seed_everything"] == 7
+    assert "default_root_dir" not in printed["trainer"]
+
+
+def test_several_configurations_are_read_in_turn(tmp_path, capsys):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("trainer: {max_epochs: 2}\noptimizer: {init_args: {lr: 0.25}}\n")
+    command("train", "depthcn", "x", "--config", "thesis", "--config", mine, "--print-config")
+    printed = yaml.safe_load(capsys.readouterr().out)
+    assert (printed["model"]["method"], printed["trainer"]["max_epochs"]) == ("thesis", 2)
+    assert printed["optimizer"]["init_args"]["lr"] == 0.25
+    assert printed["optimizer"]["init_args"]["weight_decay"] == 0.004
+
+
+@pytest.mark.parametrize(
+    ("flags", "where", "expected", "found"),
+    [
+        ("--epocs 3", "command line", "a flag such as --epochs", "--epocs"),
+        ("--epochs many", "--trainer.max-epochs", "a whole number", "many"),
+        ("--modality rm", "command line", "a flag", "--modality"),
+        ("--model.method other", "--model.method", "one of default, thesis", "other"),
+        ("--config none.yaml", "none.yaml", "a YAML file", "No such file"),
+        ("--lr_scheduler Cosine", "--lr-scheduler", "", "Cosine"),
+        ("--steps 0", "--steps", "at least 1", "0"),
+    ],
+)
+def test_a_wrong_flag_is_one_sentence(flags, where, expected, found):
+    with fault(UsageError, where, expected, found):
+        command("train", "depthcn", "x", *flags.split())
+
+
+def test_a_training_of_other_settings_is_not_resumed_by_a_study(tmp_path, monkeypatch):
+    words = ends_with(KeyboardInterrupt(), monkeypatch, tmp_path, "last.ckpt")
+    with pytest.raises(KeyboardInterrupt):
+        command(*words)
+    with fault(UsageError, str(tmp_path), "a training with the same settings"):
+        fit("depthcn", {"data.drives": ["other"], "trainer.max_epochs": 3}, tmp_path)
+    with pytest.raises(KeyboardInterrupt):  # it is resumed
+        fit("depthcn", {"data.drives": ["drive"], "trainer.max_epochs": 3}, tmp_path)
