@@ -43,8 +43,6 @@ class LearnedCounts:
 
     def __str__(self) -> str:
         """Return the counts in words: frames seen in training: 0 of 1496 (dm, rm), not known (rgb)."""
-        if not self.learned:
-            return "frames seen in training: none, as there is no network"
         names: dict[str, list[str]] = {}
         for name, count in self.learned.items():
             words = "not known" if count is None else f"{count} of {self.frames}"

@@ -95,7 +95,9 @@ def evaluate_vehicles(
     document = EvaluationDocument.of_networks("vehicles", data, PROTOCOL_WORDS, networks)
     learned = count_learned_frames(networks, labelled.select(range(data.first_frames)))
     learned.warn(labelled.name)
-    heading = f"{data}, detector {detector}, scores from {display_score:g}\n{learned}"
+    heading = f"{data}, detector {detector}, scores from {display_score:g}"
+    if networks:
+        heading = f"{heading}\n{learned}"
     publish_report(heading, metrics, document, config, report.json)
 
 
