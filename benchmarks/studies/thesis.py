@@ -24,7 +24,8 @@ from perception.types import MODALITIES
 from train.folder import LAST
 
 FULL_STEPS = 80_200  # of each detector (7.2.2)
-_SEQUENCE_FRAMES = 20
+# Tracked objects: a cyclist of KITTI's sequence 0000, and a pedestrian of the first synthetic street.
+_KITTI_TRACK, _SYNTHETIC_TRACK, _SYNTHETIC_FRAMES = 1, 22, 20
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ def thesis(*, experiments: ThesisExperiments, out: Path = Path("results/thesis")
 def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
     """Return the commands of the experiments by name, in their order."""
     split, seed = out / "split.json", f"--seed {experiments.seed}"
-    on_test = f"--split {split} --part test --recall-points 11 --iou 0.7"
+    data = _data_folder(experiments, out)
+    on_test = f"evaluate detection {data} --split {split} --part test --recall-points 11 --iou 0.7"
     models = " ".join(f"--detection.{name}-model {out / name}.onnx" for name in MODALITIES)
     lines = dict(_data_commands(experiments, out))
     lines |= dict(_detector_commands(experiments, out))
@@ -102,29 +104,35 @@ def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
         lines[name] = f"train fusion --split {split} {flags} --out {out / name}"
     depthcn = f"--detector depthcn --detection.depthcn.model {out / 'depthcn.onnx'}"
     lines["test of DepthCN"] = (
-        f"evaluate detection {on_test} {depthcn} --json {out / 'depthcn.json'}"
+        f"{on_test} {depthcn} --json {out / 'depthcn.json'}"
     )
     fusions = f"--fusions {out / 'scores/fusion.onnx'}"
     own = f"--detection.fusion.model {out / 'features/fusion.onnx'}"
     lines["test of the fusion"] = (
-        f"evaluate detection {on_test} {models} {own} {fusions} --json {out / 'fusion.json'}"
+        f"{on_test} {models} {own} {fusions} --json {out / 'fusion.json'}"
     )
     return {name: shlex.split(line) for name, line in lines.items()}
+
+
+def _data_folder(experiments: ThesisExperiments, out: Path) -> Path:
+    if experiments.data is not None:
+        return experiments.data
+    return out / "data" if experiments.kitti is None else experiments.kitti / "object"
 
 
 def _data_commands(experiments: ThesisExperiments, out: Path) -> Iterator[tuple[str, str]]:
     """Yield the commands that write frames where there are none, split them, and track one object."""
     seed, kitti = f"--seed {experiments.seed}", experiments.kitti
-    data = experiments.data or (kitti / "object" if kitti else out / "data")
+    data = _data_folder(experiments, out)
     if data == out / "data":
         yield "data", f"synth {data} --layout object --frames {experiments.frames} {seed}"
     yield "split", f"split {data} --shares 60,20,20 {seed} --out {out / 'split.json'}"
     sequence = kitti / "tracking" if kitti else out / "sequence"
     if kitti is None:
-        frames = f"--layout tracking --frames {_SEQUENCE_FRAMES}"
-        yield "sequence", f"synth {sequence} {frames} {seed}"
-    tracked = f"--sequence 0000 --tracker h-fus --out {out / 'tracked'} --overwrite"
-    yield "tracked", f"track {sequence} --track-id {1 if kitti else 0} {tracked}"
+        yield "sequence", f"synth {sequence} --layout tracking --frames {_SYNTHETIC_FRAMES}"
+    track = f"--sequence 0000 --track-id {_KITTI_TRACK if kitti else _SYNTHETIC_TRACK}"
+    flags = f"{track} --tracker h-fus --plots --out {out / 'tracked'} --overwrite"
+    yield "tracked", f"track {sequence} {flags}"
 
 
 def _detector_commands(experiments: ThesisExperiments, out: Path) -> Iterator[tuple[str, str]]:

@@ -70,8 +70,8 @@ def recognition_table(out: Path) -> Table[Any]:
     """Return Table 7.8: accuracy of DepthCN's network without and with augmentation."""
     rows = {}
     for name, published in TABLE_7_8.items():
-        metrics = json.loads((out / name / "metrics.json").read_text())
-        accuracy = [100 * metrics[part]["accuracy"] for part in ("training", "validation")]
+        parts = json.loads((out / name / "metrics.json").read_text())["parts"]
+        accuracy = [100 * parts[part]["accuracy"] for part in ("training", "validation")]
         rows[f"{name} augmentation"] = (*accuracy, *published)
     specs = dict.fromkeys(("training", "validation", "thesis training", "thesis validation"), ".2f")
     return formatted_table("Table 7.8: accuracy [%]", "", specs, rows)

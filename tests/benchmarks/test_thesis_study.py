@@ -76,8 +76,8 @@ def test_synthetic_frames_are_written_where_there_are_no_others(monkeypatch, tmp
 def test_recognition_stands_beside_table_7_8(tmp_path):
     for name, accuracy in (("without", 0.5), ("with", 0.75)):
         (tmp_path / name).mkdir()
-        metrics = {part: {"accuracy": accuracy} for part in ("training", "validation")}
-        (tmp_path / name / "metrics.json").write_text(json.dumps(metrics))
+        parts = {part: {"accuracy": accuracy} for part in ("training", "validation")}
+        (tmp_path / name / "metrics.json").write_text(json.dumps({"parts": parts}))
     rows = recognition_table(tmp_path).to_json()
     assert rows["with augmentation"]["validation"] == 75
     assert rows["without augmentation"]["thesis validation"] == 86.69
