@@ -46,6 +46,10 @@ STUDIES: Mapping[str, tuple[str, str]] = {
         "benchmarks.studies.tracker_parameters:tracker_parameters",
         "gate of 3D-KF and iterations of 3D-MS (App. A.1)",
     ),
+    "tracking-results": (
+        "benchmarks.studies.tracking_results:tracking_results",
+        "tracked objects in the image and in 3D over time (Figs 7.7, 7.8)",
+    ),
     "thesis": (
         "benchmarks.studies.thesis:thesis",
         "all of 7.2, trained and measured (Tables 7.8 to 7.10, Figs 7.8 to 7.16)",

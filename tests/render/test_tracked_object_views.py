@@ -14,6 +14,7 @@ from perception.render.tracked_object_composition import (
     TrackedObjectComposition,
     draw_speed_chart,
 )
+from perception.render.tracked_object_grid import draw_tracked_objects
 from perception.render.tracked_object_views import (
     STATUS_COLORS,
     TrackedObjectScene,
@@ -118,6 +119,17 @@ def test_the_view_from_above_holds_vehicle_and_object(follow_scene):
 def test_the_label_says_where_an_object_is_not_observed():
     text = {status: label_text(tracked_in(status)) for status in TrackStatus}
     assert text == {"seen": "18.0 km/h", "predicted": "predicted 18.0 km/h", "lost": "lost"}
+
+
+def test_objects_over_time_are_a_row_each_and_missing_instants_are_blank(follow_scene):
+    frame = replace(follow_scene.result.frame, image=None, calibration=None)
+    bare = replace(follow_scene, result=replace(follow_scene.result, frame=frame))
+    canvas = draw_tracked_objects({"van": [follow_scene, follow_scene], "cyclist": [bare]})
+    rows, columns = (slice(0, 512), slice(516, 1028)), (slice(0, 640), slice(644, 1284))
+    for row, column in ((rows[0], columns[0]), (rows[0], columns[1]), (rows[1], columns[0])):
+        assert count_of(canvas[row, column], palette.TRACKED_OBJECT) > 60
+    assert count_of(canvas[rows[0], columns[1]], palette.INSIDE, 90) > 200
+    assert (canvas[rows[1], columns[1]] == palette.BACKGROUND).all()
 
 
 def test_a_region_is_blue_and_its_ring_red():
