@@ -35,7 +35,7 @@ class CountedImage:
     counts: ObstacleCounts | None
 
 
-def draw_frames(sequence: str, frames: int, count: int, seed: int) -> Int:
+def choose_frames(sequence: str, frames: int, count: int, seed: int) -> Int:
     """Return the random numbers of frames of a sequence, each once and in order; all where there are fewer."""
     random = np.random.default_rng([seed, *sequence.encode()])
     return np.sort(random.permutation(frames)[:count])

@@ -111,13 +111,13 @@ class CountingJob:
     def _write(self, drive: Drive) -> "Iterator[CountedImage]":
         """Write the images of the random scans of a drive, and yield their rows."""
         from data.frames import frame_count
-        from data.results.counting_sheet import CountedImage, draw_frames
+        from data.results.counting_sheet import CountedImage, choose_frames
         from perception.atomic_file import write_jpeg
         from perception.cli.drive_results import drive_results
         from perception.render.counted_obstacles import draw_counted_obstacles
 
         count = frame_count(drive, self.drive.frames)
-        frames = {*draw_frames(drive.name, count, self.scans, self.seed).tolist()}
+        frames = {*choose_frames(drive.name, count, self.scans, self.seed).tolist()}
         measure, skips = self.measure_of(drive), self.drive.on_bad_frame
         last = max(frames) + 1
         for result in drive_results(drive, self.pipeline, limit=last, on_bad_frame=skips):

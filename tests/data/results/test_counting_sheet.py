@@ -4,7 +4,7 @@ import pytest
 
 from data.results.counting_sheet import (
     CountedImage,
-    draw_frames,
+    choose_frames,
     read_counting_sheet,
     write_counting_sheet,
 )
@@ -58,12 +58,12 @@ def test_another_table_is_an_error(sheet: Path):
         read_counting_sheet(sheet)
 
 
-def test_the_seed_draws_the_frames_of_each_sequence():
-    drawn = draw_frames("0000", 154, 25, seed=0).tolist()
-    assert len({*drawn}) == 25
-    assert drawn == sorted(drawn)
-    assert 0 <= drawn[0] < drawn[-1] < 154
-    assert drawn == draw_frames("0000", 154, 25, seed=0).tolist()
-    assert drawn != draw_frames("0000", 154, 25, seed=1).tolist()
-    assert drawn != draw_frames("0001", 154, 25, seed=0).tolist()
-    assert draw_frames("0000", 4, 25, seed=0).tolist() == [0, 1, 2, 3]
+def test_the_seed_chooses_the_frames_of_each_sequence():
+    chosen = choose_frames("0000", 154, 25, seed=0).tolist()
+    assert len({*chosen}) == 25
+    assert chosen == sorted(chosen)
+    assert 0 <= chosen[0] < chosen[-1] < 154
+    assert chosen == choose_frames("0000", 154, 25, seed=0).tolist()
+    assert chosen != choose_frames("0000", 154, 25, seed=1).tolist()
+    assert chosen != choose_frames("0001", 154, 25, seed=0).tolist()
+    assert choose_frames("0000", 4, 25, seed=0).tolist() == [0, 1, 2, 3]
