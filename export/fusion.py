@@ -4,7 +4,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import onnx
 import torch
 from torch import Tensor, nn
 
@@ -13,10 +12,9 @@ from export.result import ChosenVariant, ExportConfig, ExportResult
 from export.variants import compare_variants
 from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import CONTRACT
-from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
-from train.fusion.mlp import RescoringMlp, load_fusion
+from train.fusion.network import RescoringMlp, load_fusion
 
 TOLERANCES = {"scores": 1e-4}
 _ROWS = (0, 1, 2, 60)
@@ -37,7 +35,7 @@ class NamedScores(nn.Module):
 def export_fusion(config: ExportConfig) -> ExportResult:
     """Make the file of a checkpoint, and show it and the checkpoint the same features.
 
-    Its scores are not calibrated; training calibrates them on held-out detections.
+    Its scores are calibrated where the training has calibrated them on held-out detections.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
@@ -72,11 +70,3 @@ def export_fusion(config: ExportConfig) -> ExportResult:
         choice=ChosenVariant("fp32", "no other form is of use to so small a network"),
         timed_input=f"{_ROWS[-1]} combinations",
     )
-
-
-def with_calibrations(model: bytes, calibrations: FusionCalibration) -> bytes:
-    """Return the same file with other curves from scores to probabilities."""
-    loaded = onnx.load_from_string(model)
-    metadata = {entry.key: entry.value for entry in loaded.metadata_props}
-    onnx.helper.set_model_props(loaded, metadata | {"calibration": str(calibrations)})
-    return bytes(loaded.SerializeToString())

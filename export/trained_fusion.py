@@ -1,133 +1,132 @@
-"""Training of the fusion from cached detections to a calibrated model file (6.2.4)."""
+"""What follows a training of the fusion: a calibrated model file, its precision on held-out frames, and figures (6.2.4)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
+from lightning.pytorch import Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+
+from data.detections.detected_frames import DetectedFrames
 from data.detections.fused_frames import (
+    FusedFrames,
     boxes_by_detector,
     class_correctness,
     curves_by_detector,
     fuse_frames,
 )
-from data.detections.split_detections import SplitDetections, split_detections
-from export.fusion import export_fusion, with_calibrations
+from export.fusion import export_fusion
 from export.result import ExportConfig
 from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
-from perception.evaluation.detection.reliability import Reliability
-from perception.types import MODALITIES, Progress
-from train.checkpoints import program_revision, read_checkpoint
-from train.config import TrainingRun
+from perception.evaluation.detection.reliability import Reliability, measure_reliability
+from perception.evaluation.report import Column, Table
+from perception.render.figure import save_figure
+from perception.types import MODALITIES
+from train.checkpoint_writer import write_checkpoint
+from train.checkpoints import read_checkpoint
+from train.cli import Stage, TrainingKind
 from train.fusion.calibration import fit_calibration
-from train.fusion.config import MODEL, FusionExperiment
-from train.fusion.plots import (
-    plot_fusion_reliability,
-    plot_fusion_rescoring,
-    plot_fusion_sizes,
-    plot_fusion_steps,
-)
-from train.fusion.previous import TrainingFolder
-from train.fusion.sweep import SweptSize, hidden_sizes, sweep
-from train.fusion.targets import FusionSets, fusion_rows
-from train.fusion.training import FittedFusion, fit_fusion, write_calibrations
+from train.fusion.config import MODEL
+from train.fusion.datamodule import FusionDataModule, row_tensors
+from train.fusion.gauss_newton import mean_square
+from train.fusion.network import load_fusion
+from train.fusion.plots import fusion_figures
+from train.fusion.sweep import SweptSize, choose_size, swept_sizes
+from train.fusion.training import FusionTraining
 
-_SCORE_JITTERS = 2  # jittered copies of every frame, for the default variant
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_EVALUATED: Mapping[Stage, str] = {"fit": "test", "validate": "validation", "test": "test"}
+_DIFFICULTIES = ("easy", "moderate", "hard")
 
 
 @dataclass(frozen=True)
-class TrainedFusion:
-    """Result of a training.
+class FusionResult:
+    """Metrics of a checkpoint.
 
     Attributes:
-        file: Model file.
+        checkpoint: Checkpoint.
+        file: Model file; None where the checkpoint was only evaluated.
         metadata: Metadata of the model file.
-        fitted: Errors of the fit.
-        swept: Errors of the sizes that were tried.
-        counts: Frames and combinations of training, validation and test.
-        test_ap_percent: Average precision on the test frames, by detector and difficulty.
+        epoch: Number of the checkpoint's epoch, from 1.
+        part: Part of the frames that precision and reliability are of.
+        counts: Number of frames and of combinations, by part.
+        mean_square_error: Mean square error of the expected IoU, by part.
+        ap_percent: Average precision by detector and difficulty.
         expected_calibration_error: Expected calibration error of the scores of each detector.
         reliability: Reliability of the scores of each detector.
+        swept: Errors of the sizes that were tried.
     """
 
-    file: Path
+    checkpoint: Path
+    file: Path | None
     metadata: Mapping[str, str]
-    fitted: FittedFusion
-    swept: tuple[SweptSize, ...]
+    epoch: int
+    part: str
     counts: Mapping[str, int]
-    test_ap_percent: Mapping[str, Mapping[str, float]]
+    mean_square_error: Mapping[str, float]
+    ap_percent: Mapping[str, Mapping[str, float]]
     expected_calibration_error: Mapping[str, float]
     reliability: Mapping[str, Reliability]
+    swept: Sequence[SweptSize] = ()
+
+    @property
+    def table(self) -> Table[Mapping[str, float]]:
+        """Table of the average precision."""
+        variant, hidden = self.metadata["variant"], self.metadata["hidden"]
+        *_, error = self.mean_square_error.values()  # of the part that is not fitted
+        title = (
+            f"Fusion, {variant}, {hidden} neurons, mean square error {error:.4f}: "
+            f"AP [%] on {self.counts[f'{self.part}_frames']} {self.part} frames"
+        )
+        columns = [_column(name) for name in _DIFFICULTIES]
+        return Table(title, columns, self.ap_percent, "Car, min IoU 0.7")
 
 
-def run_experiment(
-    experiment: FusionExperiment,
-    run: TrainingRun,
-    folder: TrainingFolder,
-    progress: Progress = iter,
-) -> TrainedFusion:
-    """Train the fusion in a folder, and plot and measure it on the test frames.
+def report(
+    module: FusionTraining, data: FusionDataModule, stage: Stage, checkpoint: Path
+) -> FusionResult:
+    """Export, calibrate, draw and measure the best epoch of a training; of an evaluation, measure alone.
 
     Args:
-        experiment: All settings of the fusion.
-        run: Epochs and seed.
-        folder: Folder of the training.
-        progress: Wrapper of the loop over frames that may show its progress.
-
-    Raises:
-        UsageError: a detector was trained on one of the drives.
-        PerceptionError: drives, models or a checkpoint cannot be used.
+        module: Module of the training or of the evaluation.
+        data: Its data.
+        stage: Subcommand.
+        checkpoint: Checkpoint of the best epoch, or the one that was evaluated.
     """
-    if folder.resume is not None:
-        read_checkpoint(folder.resume, MODEL)  # detecting takes long
-    detections = split_detections(
-        experiment.drives, experiment.models, experiment.data, run.seed, progress
-    )
-    sets = FusionSets(
-        fusion_rows(detections.training, experiment.training.variant, score_jitters=_SCORE_JITTERS),
-        fusion_rows(detections.validation, experiment.training.variant),
-    )
-    config = replace(
-        experiment.training,
-        seed=run.seed,
-        training_data=experiment.drives.names,
-        detectors=detections.detectors,
-        class_names=detections.class_names,
-        revision=program_revision(),
-    )
-    sizes = hidden_sizes(experiment.sweep, experiment.sweep_two)
-    swept = tuple(sweep(sets, config, sizes))
-    if swept:
-        best = min(swept, key=lambda one: one.validation)
-        config = replace(config, hidden=best.hidden)
-    fitted, out = fit_fusion(sets, config, run, folder), folder.out
-    file, metadata = out / "fusion.onnx", _export(fitted.checkpoint, out / "fusion.onnx")
-    if experiment.training.variant == "default":  # the thesis' scores are not calibrated
-        metadata = metadata | {"calibration": _calibrate(file, fitted.checkpoint, detections)}
-    counts = {
-        "training_frames": len(detections.training),
-        "training_combinations": len(sets.training),
-        "validation_frames": len(detections.validation),
-        "validation_combinations": len(sets.validation),
-        "test_frames": len(detections.test),
+    file, parts, measured = None, [_EVALUATED[stage]], _EVALUATED[stage]
+    if stage == "fit":
+        if module.variant == "default":  # the thesis' scores are not calibrated
+            _calibrate(checkpoint, data)
+        file, parts = checkpoint.parent / "fusion.onnx", ["training", "validation"]
+        write_atomically(file, _exported(checkpoint))
+    frames: DetectedFrames = getattr(data.detections, measured)
+    network, (fusion, fused) = load_fusion(checkpoint)[0], _fuse(checkpoint, frames)
+    reliability = {
+        name: measure_reliability(class_correctness(frames, found, data.detections.class_names))
+        for name, found in boxes_by_detector(frames, fused).items()
     }
-    frames, network = detections.test, Fusion(file)
-    fused = fuse_frames(frames.scenes, network)
-    plot_fusion_rescoring(out / "rescoring.png", frames, network)
-    plot_fusion_steps(out / "steps.png", frames, fused)
-    reliability = plot_fusion_reliability(
-        out / "reliability.png", frames, fused, detections.class_names
-    )
-    if swept:
-        plot_fusion_sizes(out / "sizes.png", swept)
-    return TrainedFusion(
+    swept: list[SweptSize] = []
+    if stage == "fit":
+        swept = swept_sizes(checkpoint.parent, module.sweep.sizes)
+        figures = fusion_figures(frames, fusion, fused, reliability, swept)
+        _write_figures(figures, checkpoint.parent, module.trainer)
+    return FusionResult(
+        checkpoint,
         file,
-        metadata,
-        fitted,
-        swept,
-        counts,
-        test_ap_percent={
+        fusion.metadata,
+        epoch=read_checkpoint(checkpoint, MODEL)["epoch"] + 1,
+        part=measured,
+        counts={f"{measured}_frames": len(frames)} | _counts(data, parts),
+        mean_square_error={
+            part: float(mean_square(network, row_tensors(getattr(data, part)))) for part in parts
+        },
+        ap_percent={
             name: {difficulty: curve.ap() for difficulty, curve in found.items()}
             for name, found in curves_by_detector(frames, fused).items()
         },
@@ -135,28 +134,72 @@ def run_experiment(
             name: one.expected_calibration_error for name, one in reliability.items()
         },
         reliability=reliability,
+        swept=swept,
     )
 
 
-def _export(checkpoint: Path, file: Path) -> dict[str, str]:
-    """Write the model file of a checkpoint; return its metadata."""
-    exported = export_fusion(ExportConfig(checkpoint))
-    exported.require_parity(file.name)
-    write_atomically(file, exported.models["fp32"])
-    return exported.metadata
-
-
-def _calibrate(file: Path, checkpoint: Path, detections: SplitDetections) -> str:
-    """Write the curves from scores to probabilities into a model file and its checkpoint; return them."""
-    frames = detections.validation
-    boxes = boxes_by_detector(frames, fuse_frames(frames.scenes, Fusion(file)))
+def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
+    """Fit the curves from scores to probabilities to the validation frames; write them into the checkpoint."""
+    frames, class_names = data.detections.validation, data.detections.class_names
+    content = read_checkpoint(checkpoint, MODEL)
+    write_checkpoint(checkpoint, content | {"calibration": str(FusionCalibration())})
+    _, fused = _fuse(checkpoint, frames)
     curves = {
-        name: fit_calibration(class_correctness(frames, found, detections.class_names))
-        for name, found in boxes.items()
+        name: fit_calibration(class_correctness(frames, found, class_names))
+        for name, found in boxes_by_detector(frames, fused).items()
     }
-    calibrations = FusionCalibration(
-        joint=curves["fusion"], alone={name: curves[name] for name in MODALITIES if name in curves}
-    )
-    write_atomically(file, with_calibrations(file.read_bytes(), calibrations))
-    write_calibrations(checkpoint, calibrations)
-    return str(calibrations)
+    alone = {name: curves[name] for name in MODALITIES if name in curves}
+    calibration = str(FusionCalibration(curves["fusion"], alone))
+    write_checkpoint(checkpoint, content | {"calibration": calibration})
+
+
+def _fuse(checkpoint: Path, frames: DetectedFrames) -> tuple[Fusion, FusedFrames]:
+    """Return the fusion of a checkpoint, and what it makes of some frames."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "fusion.onnx")
+        file.write_bytes(_exported(checkpoint))
+        fusion = Fusion(file)
+    return fusion, fuse_frames(frames.scenes, fusion)
+
+
+def _exported(checkpoint: Path) -> bytes:
+    """Return the model file of a checkpoint."""
+    exported = export_fusion(ExportConfig(checkpoint))
+    exported.require_parity(checkpoint.name)
+    return exported.models["fp32"]
+
+
+def _write_figures(figures: "Mapping[str, Figure]", out: Path, trainer: Trainer) -> None:
+    """Write figures as PNG, and into TensorBoard."""
+    loggers = [one for one in trainer.loggers if isinstance(one, TensorBoardLogger)]
+    for name, figure in figures.items():
+        save_figure(figure, out / f"{name}.png")
+        for logger in loggers:
+            logger.experiment.add_figure(f"test/{name}", figure, trainer.global_step)
+    for logger in loggers:
+        logger.experiment.close()
+
+
+def _counts(data: FusionDataModule, parts: Sequence[str]) -> dict[str, int]:
+    frames = {f"{part}_frames": len(getattr(data.detections, part)) for part in parts}
+    return frames | {f"{part}_combinations": len(getattr(data, part)) for part in parts}
+
+
+def _column(name: str) -> Column[Mapping[str, float]]:
+    return Column(name, lambda row: row.get(name), ".2f", name)
+
+
+FUSION = TrainingKind(
+    "fusion",
+    FusionTraining,
+    FusionDataModule,
+    report,
+    # Levenberg-Marquardt needs doubles, and so small a network is no slower by them.
+    defaults={
+        "trainer.max_epochs": 4,
+        "trainer.precision": "64-true",
+        "trainer.accelerator": "cpu",
+    },
+    links={"variant": "variant", "max_partners": "max_partners"},
+    before_fit=choose_size,
+)

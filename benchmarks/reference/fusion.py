@@ -29,7 +29,7 @@ def reference_tri_boxes(scene: DetectedScene, config: TriBoxConfig) -> Int:
         for column in range(len(MODALITIES)):
             others = [other for other in together if other[0] == column]
             others.sort(key=lambda b: (-iou[box, b], -float(parts[b[0]].scores[b[1]]), b[1]))
-            chosen = [row for _, row in others[: config.max_partners]] or [-1]
+            chosen = [row for _, row in others[: config.max_partners or None]] or [-1]
             choices.append([box[1]] if column == box[0] else chosen)
         rows.update(product(*choices))
     return np.array(sorted(rows), np.int64).reshape(-1, len(MODALITIES))

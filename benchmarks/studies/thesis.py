@@ -98,7 +98,7 @@ def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
     neurons = ",".join(map(str, experiments.neurons))
     for name, of_variant in (
         ("scores", "--variant scores --model.hidden 41"),
-        ("features", f"--variant features --sweep {neurons}"),
+        ("features", f"--variant features --model.sweep.one {neurons}"),
     ):
         flags = f"--config thesis {of_variant} {fused} {seed}"
         lines[name] = f"train fusion --split {split} {flags} --out {out / name}"

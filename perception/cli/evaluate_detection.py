@@ -81,11 +81,12 @@ def evaluate_detection(
 
         plot_curves(plot, opened.title, measured.panels(), share_y="all")
     if reliability_plot is not None:
-        from perception.render.fusion_plots import plot_reliability
+        from perception.render.figure import save_figure
+        from perception.render.fusion_plots import reliability_figure
 
         info, first = measured.drives[0]
         title = f"{info.title}, IoU over {metric.iou[0]:g}"
-        plot_reliability(reliability_plot, title, first.reliability)
+        save_figure(reliability_figure(title, first.reliability), reliability_plot)
 
 
 def resample_bar() -> Callable[[Iterable[int]], Iterable[int]]:

@@ -120,7 +120,7 @@ SUMMARIES: Mapping[str, str] = {
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "train", "study")
-_TRAININGS = ("detector", "depthcn")
+_TRAININGS = ("detector", "depthcn", "fusion")
 COMMANDS: Mapping[str, Command] = {
     **{
         name: Command(f"perception.cli.{function}:{function}", summary)

@@ -19,6 +19,7 @@ from data.results.command_config import read_config
 from perception.cli.help import help_formatter
 from perception.cli.parser import nested_types
 from perception.cli.words import read_words, usage_error
+from perception.detection.config import FusionVariant
 from perception.errors import MissingDependencyError, UsageError, WriteError
 from perception.types import Modality
 
@@ -33,6 +34,7 @@ _FULL_NAMES = {
     "validation": "data.validation",
     "split": "data.split",
     "modality": "model.modality",
+    "variant": "model.variant",
     "epochs": "trainer.max_epochs",
     "steps": "trainer.max_steps",
     "batch_size": "data.batch_size",
@@ -63,6 +65,7 @@ class EverydayFlags:
         validation: Labelled drives for validation, with commas between them; else a part of the frames.
         split: File of `trifuse split` that says which frames train, validate and test.
         modality: Camera image, rgb; depth map, dm; or reflectance map, rm; of a detector.
+        variant: Features of a combination of boxes: default, features or scores; of the fusion.
         epochs: Number of epochs.
         steps: Number of steps, in place of any number of epochs that is not given beside it.
         batch_size: Samples per batch.
@@ -78,6 +81,7 @@ class EverydayFlags:
     validation: list[Path] | None = None
     split: Path | None = None
     modality: Modality | None = None
+    variant: FusionVariant | None = None
     epochs: int | None = None
     steps: int | None = None
     batch_size: int | None = None
@@ -140,6 +144,18 @@ metrics.json. validate and test evaluate best.ckpt, or the one of --resume, on t
 the best one with: trifuse export OUT/best.ckpt --out depthcn.onnx
 
 Example: trifuse train depthcn synth/train --validation synth/val --out results/depthcn""",
+    ),
+    "fusion": Training(
+        "export.trained_fusion:FUSION",
+        "detections",
+        """Train the fusion of the three modalities' detections; watch it with: tensorboard --logdir OUT.
+
+The detectors run once on every frame; their detections are cached. It writes fusion.onnx and best.ckpt, of the lowest
+error on the validation part, last.ckpt to resume from, config.yaml, metrics.json, and figures of the test part:
+rescoring.png (Fig. 7.12), steps.png (7.14), precision.png, reliability.png, and with --model.sweep.one 5,10,20 sizes.png
+(7.13). validate and test evaluate best.ckpt, or the one of --resume, on the part of that name.
+
+Example: trifuse train fusion synth/fusion --config thesis --out results/fusion""",
     ),
 }
 

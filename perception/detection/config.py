@@ -144,7 +144,7 @@ class TriBoxOverrides:
         by_set: Combine all boxes of a set that overlaps connect, as the thesis does; else only boxes that
             overlap each other.
         max_partners: Number of boxes of each other modality that a box is combined with, those of the
-            largest overlap.
+            largest overlap; 0 for all.
     """
 
     min_iou: float | None = None
@@ -170,10 +170,10 @@ class TriBoxConfig(TriBoxOverrides):
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
-        if not (0 <= self.min_iou < 1 and self.max_partners >= 1):
+        if not (0 <= self.min_iou < 1 and self.max_partners >= 0):
             raise UsageError(
                 "tri-boxes",
-                expected="min_iou from 0 to below 1 and max_partners of at least 1",
+                expected="min_iou from 0 to below 1 and max_partners from 0",
                 found=f"{self.min_iou:g} and {self.max_partners}",
             )
 
@@ -183,6 +183,11 @@ TRI_BOX_CONFIGS: Mapping[FusionVariant, TriBoxConfig] = {
     "features": TriBoxConfig(),
     "default": TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
 }
+
+
+def tri_box_config(variant: FusionVariant, max_partners: int | None = None) -> TriBoxConfig:
+    """Return the combinations of a variant, with another number of partners where it is given."""
+    return TriBoxOverrides(max_partners=max_partners).over(TRI_BOX_CONFIGS[variant])
 
 
 @dataclass(frozen=True)

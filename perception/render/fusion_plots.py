@@ -1,27 +1,26 @@
-"""Figures of the fusion: rescoring, size of the network, and reliability of the scores."""
+"""Figures of the fusion: rescoring, sizes of the network, and reliability of the scores."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from perception.evaluation.detection.reliability import Reliability
 from perception.render import palette
-from perception.render.figure import legend_below, new_figure, rgb, save_figure
+from perception.render.figure import legend_below, new_figure, rgb
 from perception.types import MODALITIES, Float64
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _NAMES = dict(zip(MODALITIES, ("color", "depth", "reflectance"), strict=True))
 
 
-def plot_rescoring(path: Path, title: str, levels: Float64, overlaps: Float64) -> None:
-    """Draw the expected overlap of the box of each modality over the three scores (Fig. 7.12).
+def rescoring_figure(title: str, levels: Float64, overlaps: Float64) -> "Figure":
+    """Return the expected overlap of the box of each modality over the three scores (Fig. 7.12).
 
     Args:
-        path: Path of the PNG.
         title: Title of the figure.
         levels: (S,) scores along each axis.
         overlaps: (S, S, S, 3) expected IoU, by the scores of the three modalities in their order.
@@ -39,19 +38,17 @@ def plot_rescoring(path: Path, title: str, levels: Float64, overlaps: Float64) -
         axes_of_panels.append(axes)
     assert drawn is not None  # there are three
     figure.colorbar(drawn, ax=axes_of_panels, label="expected IoU", shrink=0.7)
-    save_figure(figure, path)
+    return figure
 
 
-def plot_sizes(
-    path: Path,
+def sizes_figure(
     title: str,
     one_layer: Mapping[int, tuple[float, float]],
     two_layers: Mapping[tuple[int, int], float],
-) -> None:
-    """Draw the mean squared error over the sizes of the hidden layers (Fig. 7.13).
+) -> "Figure":
+    """Return the mean squared error over the sizes of the hidden layers (Fig. 7.13).
 
     Args:
-        path: Path of the PNG.
         title: Title of the figure.
         one_layer: Errors of training and validation by the number of neurons.
         two_layers: Errors of validation by the numbers of neurons of both layers; may be empty.
@@ -63,11 +60,11 @@ def plot_sizes(
         _draw_one_layer(next(axes_of_panels), one_layer)
     if two_layers:
         _draw_two_layers(next(axes_of_panels), two_layers)
-    save_figure(figure, path)
+    return figure
 
 
-def plot_reliability(path: Path, title: str, found: Mapping[str, Reliability]) -> None:
-    """Draw the share of correct detections over their score; calibrated scores lie on the diagonal."""
+def reliability_figure(title: str, found: Mapping[str, Reliability]) -> "Figure":
+    """Return the share of correct detections over their score; calibrated scores lie on the diagonal."""
     figure = new_figure(5.2, 5.0, title)
     axes = figure.add_subplot()
     axes.plot([0, 1], [0, 1], color="grey", linewidth=1)
@@ -80,7 +77,7 @@ def plot_reliability(path: Path, title: str, found: Mapping[str, Reliability]) -
     axes.set(xlabel="score", ylabel="share of correct detections", xlim=(0, 1), ylim=(0, 1.02))
     axes.grid(alpha=0.25)
     legend_below(axes, columns=2)
-    save_figure(figure, path)
+    return figure
 
 
 def _draw_one_layer(axes: "Axes", errors: Mapping[int, tuple[float, float]]) -> None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.split_detections import split_detections
@@ -40,7 +41,7 @@ def models(tmp_path_factory):
     for modality in ("rgb", "dm", "rm"):
         file = folder / f"{modality}.onnx"
         file.write_bytes(bright_cells(modality, training_data="other/streets"))
-        words += [f"--models.{modality}", str(file)]
+        words += [f"--data.models.{modality}", str(file)]
     return words
 
 
@@ -59,8 +60,17 @@ def train(*arguments):
 
 
 SHORT = {
-    "default": ["--variant", "default", "--epochs", "2", "--fit.hidden", "4"],
-    "scores": ["--variant", "scores", "--sweep", "2,3"],
+    "default": ["--epochs", "2", "--model.hidden", "4"],
+    "scores": [
+        "--config",
+        "thesis",
+        "--variant",
+        "scores",
+        "--epochs",
+        "4",
+        "--model.sweep.one",
+        "2,3",
+    ],
 }
 
 
@@ -86,12 +96,20 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert [counts[f"{part}_frames"] for part in ("training", "validation", "test")] == [4, 1, 1]
     assert metrics["metadata"]["calibration"] == fusion.metadata["calibration"]
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert written["variant"] == variant
+    assert written["model"]["variant"] == variant
     pictures = {path.stem for path in out.glob("*.png")}
-    assert {"rescoring", "steps", "reliability"} <= pictures
+    figures = {"rescoring", "steps", "precision", "reliability"}
+    assert figures <= pictures
+    events = EventAccumulator(str(out)).Reload()
+    assert {f"test/{name}" for name in figures} <= set(events.Tags()["images"])
     assert ("sizes" in pictures) == (variant == "scores")
     if variant == "scores":
-        assert len(metrics["swept"]) == 2
+        errors = {tuple(one["hidden"]): one["validation"] for one in metrics["swept"]}
+        assert list(errors) == [(2,), (3,)]
+        assert fusion.metadata["hidden"] == str(*min(errors, key=errors.__getitem__))
+        assert metrics["mean_square_error"]["validation"] == pytest.approx(min(errors.values()))
+        assert fusion.metadata["max_partners"] == "0"
+        assert fusion.tri_boxes.max_partners == 0
         assert fusion.metadata["calibration"] == "1.0,1.0,0.0"
 
 
@@ -123,9 +141,22 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
     assert after.calibrations == before.calibrations
     config = (out / "config.yaml").read_bytes()
     other = {"default": "8", "scores": "9"}[variant]
-    words = ["--variant", variant, "--fit.hidden", other, "--resume", "last"]
-    assert train(drive, models, cache, out, *words) == 2
+    words = ["--variant", variant, "--model.hidden", other, "--resume", "last"]
+    with fault(ModelError, "last.ckpt", expected="whose hidden is"):
+        command(*words_of(drive, models, cache, out, *words, "--model.sweep.one", "[]"))
     assert (out / "config.yaml").read_bytes() == config
+
+
+@pytest.mark.parametrize(("stage", "part"), [("validate", "validation"), ("test", "test")])
+def test_a_checkpoint_is_evaluated_on_a_part(trained, stage, part, capsys):
+    _, out, _ = trained
+    assert main(["train", "fusion", stage, "--resume", str(out / "best.ckpt")]) == 0
+    metrics = json.loads((out / f"metrics_{stage}.json").read_text())
+    assert metrics["part"] == part
+    assert list(metrics["mean_square_error"]) == [part]
+    assert f"1 {part} frames" in capsys.readouterr().out
+    if stage == "test":
+        assert metrics["ap_percent"] == json.loads((out / "metrics.json").read_text())["ap_percent"]
 
 
 def test_the_test_needs_frames_of_its_own(drive, models, cache):
@@ -156,6 +187,6 @@ def test_detections_are_cached(drive, models, cache, monkeypatch):
 
 
 def test_a_model_of_another_modality_is_refused(drive, models, cache, tmp_path):
-    words = ["--models.rgb", models[3], *models[2:]]
+    words = ["--data.models.rgb", models[3], *models[2:]]
     with fault(ModelError, expected="a detector of modality rgb"):
         command(*words_of(drive, words, cache, tmp_path))

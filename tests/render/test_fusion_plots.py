@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from perception.evaluation.detection.reliability import Reliability
-from perception.render.fusion_plots import plot_reliability, plot_rescoring, plot_sizes
+from perception.render.figure import save_figure
+from perception.render.fusion_plots import reliability_figure, rescoring_figure, sizes_figure
 
 
 @pytest.fixture
@@ -14,9 +15,8 @@ def path(tmp_path):
 
 def test_the_surfaces_of_rescoring(path):
     levels = np.linspace(0, 1, 4)
-    plot_rescoring(
-        path, "Joint rescoring", levels, np.random.default_rng(0).uniform(size=(4,) * 3 + (3,))
-    )
+    overlaps = np.random.default_rng(0).uniform(size=(4,) * 3 + (3,))
+    save_figure(rescoring_figure("Joint rescoring", levels, overlaps), path)
     assert path.stat().st_size > 10_000
 
 
@@ -29,12 +29,12 @@ def test_the_surfaces_of_rescoring(path):
     ],
 )
 def test_the_sizes_of_networks(path, one, two):
-    plot_sizes(path, "Neurons", one, two)
+    save_figure(sizes_figure("Neurons", one, two), path)
     assert path.stat().st_size > 5_000
 
 
 def test_reliability(path):
     found = Reliability(np.array([0.2, 0.8]), np.array([0.1, 0.9]), np.array([10, 40]))
     none = Reliability(np.zeros(0), np.zeros(0), np.zeros(0, int))
-    plot_reliability(path, "Scores", {"fusion": found, "nothing": none})
+    save_figure(reliability_figure("Scores", {"fusion": found, "nothing": none}), path)
     assert path.stat().st_size > 5_000

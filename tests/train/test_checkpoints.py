@@ -14,7 +14,7 @@ from perception.errors import ModelError
 from tests.faults import fault
 from train.checkpoints import read_checkpoint
 from train.detector.networks import load_detector
-from train.fusion.mlp import load_fusion
+from train.fusion.network import load_fusion
 from train.networks.depthcn import load_verifier
 
 LOADERS = {"detector": load_detector, "depthcn": load_verifier, "fusion": load_fusion}

@@ -13,7 +13,9 @@ _MIN_SLOPE = 1e-3  # so that the order of the scores is kept
 def fit_calibration(found: Correctness) -> BetaCalibration:
     """Return the beta calibration of the greatest likelihood; where all are alike, scores stay as they are.
 
-    Its logit is linear in the parameters, and so the likelihood has one summit.
+    Its logit is linear in the parameters, and so the likelihood has one summit. Within the bounds of the slopes this is
+    scikit-learn's `LogisticRegression` on the logarithms, which knows no bounds: a curve that falls would turn the
+    order of the scores.
     """
     right = found.is_correct.astype(np.float64)
     if not 0 < right.sum() < len(right):

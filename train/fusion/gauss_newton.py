@@ -1,6 +1,6 @@
-"""JᵀJ and Jᵀr of a network of fully connected layers, without its Jacobian.
+"""JᵀJ and Jᵀr of the fusion's network over many rows, without its Jacobian, on the device of the network.
 
-A residual goes with the weight from value v to neuron w as back[w] x value[v]. So for two layers
+A residual changes with the weight from value v to neuron w by back[w] x value[v]. So for two layers
 
     sum over residuals  back[w] value[v] back'[w'] value'[v']
       = sum over rows  (sum over outputs  back[w] back'[w'])  (value[v] value'[v'])
@@ -9,19 +9,25 @@ which is a product of two matrices: one has the pairs of neurons, the other the 
 Within one layer both are symmetric.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from perception.types import Float64, Int
+from train.fusion.levenberg_marquardt import NormalEquations
+from train.fusion.network import RescoringMlp
+
+Rows = Sequence[Tensor]
+"""(T, F) features, (T, 3) targets and (T, 3) weights."""
+
+# Rows at a time: on a CPU what its cache holds, on a GPU what keeps it busy within 1 GB.
+_CPU_ROWS, _GPU_ROWS = 512, 16_384
 
 
 @dataclass(frozen=True)
-class LayerFactors:
+class _LayerFactors:
     """Derivatives of the residuals of R rows by the parameters of a layer of W neurons.
 
     Attributes:
@@ -48,99 +54,135 @@ class _Pairs:
     number: Tensor
 
     @classmethod
-    def of(cls, first: int, second: int, *, is_same: bool) -> Self:
-        """Count them."""
+    def of(cls, first: int, second: int, device: torch.device, *, is_same: bool) -> Self:
+        """Number them."""
         if not is_same:
-            number = torch.arange(first * second).view(first, second)
-            ones = torch.arange(first).repeat_interleave(second)
-            others = torch.arange(second).repeat(first)
+            number = torch.arange(first * second, device=device).view(first, second)
+            ones = torch.arange(first, device=device).repeat_interleave(second)
+            others = torch.arange(second, device=device).repeat(first)
             return cls(ones, others, number)
-        ones, others = torch.triu_indices(first, first)
-        number = torch.zeros(first, first, dtype=torch.int64)
-        number[ones, others] = number[others, ones] = torch.arange(len(ones))
+        ones, others = torch.triu_indices(first, first, device=device)
+        number = ones.new_zeros(first, first)
+        number[ones, others] = number[others, ones] = torch.arange(len(ones), device=device)
         return cls(ones, others, number)
 
 
 class _Block:
-    """The curvature between the parameters of two layers, of which the second may be the first."""
+    """JᵀJ between the parameters of two layers, of which the second may be the first."""
 
-    def __init__(self, one: torch.Size, other: torch.Size, *, is_same: bool) -> None:
-        """Begin with no rows.
+    def __init__(self, one: Tensor, other: Tensor) -> None:
+        """Start without rows, for layers by their (W, V) weights without biases."""
+        is_same, device = one is other, one.device
+        self._neurons = _Pairs.of(len(one), len(other), device, is_same=is_same)
+        self._values = _Pairs.of(one.shape[1] + 1, other.shape[1] + 1, device, is_same=is_same)
+        self._sums = one.new_zeros(len(self._neurons.first), len(self._values.first))
 
-        Args:
-            one: (W, V) shape of the first layer, with a bias among the values.
-            other: Shape of the second layer.
-            is_same: Whether both are the same layer.
-        """
-        self._neurons = _Pairs.of(one[0], other[0], is_same=is_same)
-        self._values = _Pairs.of(one[1], other[1], is_same=is_same)
-        shape = len(self._neurons.first), len(self._values.first)
-        self._sums = torch.zeros(shape, dtype=torch.float64)
-
-    def add(self, one: LayerFactors, other: LayerFactors) -> None:
+    def add(self, one: _LayerFactors, other: _LayerFactors) -> None:
+        """Add R rows."""
         neurons, values = self._neurons, self._values
-        across = (one.back[:, neurons.first] * other.back[:, neurons.second]).sum(dim=0)
-        pairs = one.values[values.first] * other.values[values.second]
+        across = one.back[:, neurons.first].mul_(other.back[:, neurons.second]).sum(dim=0)
+        pairs = one.values[values.first].mul_(other.values[values.second])
         self._sums.addmm_(across, pairs.T)
 
     @property
-    def normal_matrix(self) -> Tensor:
-        """(W V, W' V')."""
+    def matrix(self) -> Tensor:
+        """(W (V + 1), W' (V' + 1)) sums."""
         spread = self._sums[self._neurons.number][:, :, self._values.number]  # (W, W', V, V')
         return spread.permute(0, 2, 1, 3).flatten(0, 1).flatten(1)
 
 
-class GaussNewtonSums:
-    """Sums over rows that come part by part.
+def weighted_squares(network: RescoringMlp, rows: Rows) -> Tensor:
+    """Return the sum of the weighted squared errors, and the sum of the weights."""
+    features, targets, weights = rows
+    squares = weights * (network(features) - targets).square()
+    return torch.stack([squares.sum(), weights.sum()])
 
-    Parameters are in the order of torch: layer after layer, the weights neuron by neuron, then the biases.
+
+@torch.no_grad()
+def mean_square(
+    network: RescoringMlp, rows: Rows, reduce: Callable[[Tensor], Tensor] = torch.clone
+) -> Tensor:
+    """Return the weighted mean of the squared errors.
+
+    Args:
+        network: Network to evaluate.
+        rows: Rows of this process.
+        reduce: Function that adds a tensor up over all processes.
     """
+    sums = torch.stack([weighted_squares(network, part) for part in _parts(rows)]).sum(dim=0)
+    square, weight = reduce(sums).unbind()
+    return square / weight
 
-    def __init__(self, weight_shapes: Sequence[torch.Size]) -> None:
-        """Begin with no rows, for layers of (W, V) weights without their biases."""
-        shapes = [torch.Size((neurons, values + 1)) for neurons, values in weight_shapes]
-        self._slopes = [torch.zeros(shape, dtype=torch.float64) for shape in shapes]
-        self._blocks = {
-            (one, other): _Block(shapes[one], shapes[other], is_same=one == other)
-            for one in range(len(shapes))
-            for other in range(one, len(shapes))
-        }
-        ends = np.cumsum([shape.numel() for shape in shapes])
-        self._places = [
-            _places(shape) + int(end) - shape.numel()
-            for shape, end in zip(shapes, ends, strict=True)
-        ]
-        self._count = int(ends[-1])
 
-    def add(self, residuals: Tensor, factors: Sequence[LayerFactors]) -> None:
-        """Add R rows by their (outputs, R) residuals and the factors of each layer."""
-        for slope, factor in zip(self._slopes, factors, strict=True):
+@torch.no_grad()
+def normal_equations(
+    network: RescoringMlp, rows: Rows, reduce: Callable[[Tensor], Tensor] = torch.clone
+) -> NormalEquations:
+    """Return the same error with its derivatives; arguments as of `mean_square`."""
+    weights = [layer.weight for layer in network.linear_layers]
+    slopes = [one.new_zeros(len(one), one.shape[1] + 1) for one in weights]
+    blocks = {
+        (one, other): _Block(weights[one], weights[other])
+        for one in range(len(weights))
+        for other in range(one, len(weights))
+    }
+    sums = weights[0].new_zeros(2)
+    for part in _parts(rows):
+        residuals, factors = _factors(network, part)
+        sums += torch.stack([residuals.square().sum(), part[2].sum()])
+        for slope, factor in zip(slopes, factors, strict=True):
             slope.addmm_((factor.back * residuals[:, None]).sum(dim=0), factor.values.T)
-        for (one, other), block in self._blocks.items():
+        for (one, other), block in blocks.items():
             block.add(factors[one], factors[other])
+    matrix = torch.cat(
+        [
+            torch.cat(
+                [
+                    blocks[one, other].matrix if one <= other else blocks[other, one].matrix.T
+                    for other in range(len(weights))
+                ],
+                dim=1,
+            )
+            for one in range(len(weights))
+        ]
+    )
+    order = _torch_order(weights)
+    gradient = torch.cat([slope.flatten() for slope in slopes])[order]
+    square, weight = reduce(sums).unbind()
+    return NormalEquations(
+        square / weight, reduce(gradient) / weight, reduce(matrix[order][:, order]) / weight
+    )
 
-    @property
-    def gradient(self) -> Float64:
-        """(P,) Jᵀr."""
-        found = np.empty(self._count)
-        for places, slope in zip(self._places, self._slopes, strict=True):
-            found[places] = slope.flatten().numpy()
-        return found
 
-    @property
-    def normal_matrix(self) -> Float64:
-        """(P, P) JᵀJ."""
-        found = np.empty((self._count, self._count))
-        for (one, other), block in self._blocks.items():
-            between = block.normal_matrix.numpy()
-            found[np.ix_(self._places[one], self._places[other])] = between
-            found[np.ix_(self._places[other], self._places[one])] = between.T
-        return found
+def _factors(network: RescoringMlp, rows: Rows) -> tuple[Tensor, list[_LayerFactors]]:
+    """Return the (outputs, R) residuals of R rows, and the factors of each layer."""
+    features, targets, weights = rows
+    *inputs, outputs = network.activations(features)
+    roots = weights.sqrt()
+    slopes = outputs * (1 - outputs) if network.is_bounded else torch.ones_like(outputs)
+    # An output changes with what enters its own bend, and with no other's.
+    back = (slopes * roots).diag_embed().permute(1, 2, 0).contiguous()
+    factors: list[_LayerFactors] = []
+    for layer, entered in zip(reversed(network.linear_layers), reversed(inputs), strict=True):
+        values = entered.T.contiguous()
+        factors.insert(0, _LayerFactors(back, torch.cat([values, torch.ones_like(values[:1])])))
+        # Through the layer, and through the tanh before it: 1 - tanh².
+        back = (layer.weight.T @ back) * (1 - values.square())
+    return ((outputs - targets) * roots).T, factors
 
 
-def _places(shape: torch.Size) -> Int:
-    """Return (W V,) where torch keeps the parameters of a layer, whose biases come last."""
-    neurons, values = shape[0], shape[1] - 1
-    weights = np.arange(neurons * values).reshape(neurons, values)
-    biases = neurons * values + np.arange(neurons)
-    return np.column_stack([weights, biases]).ravel()
+def _torch_order(weights: Sequence[Tensor]) -> Tensor:
+    """Return the places of torch's parameters, biases after weights, in layers of biases beside weights."""
+    order, start = [], 0
+    for one in weights:
+        shape = len(one), one.shape[1] + 1
+        places = start + torch.arange(shape[0] * shape[1], device=one.device).view(shape)
+        order += [places[:, :-1].flatten(), places[:, -1]]
+        start += places.numel()
+    return torch.cat(order)
+
+
+def _parts(rows: Rows) -> Iterator[tuple[Tensor, ...]]:
+    """Yield rows by parts that bound the memory."""
+    size = _CPU_ROWS if rows[0].device.type == "cpu" else _GPU_ROWS
+    return zip(*(torch.split(column, size) for column in rows), strict=True)

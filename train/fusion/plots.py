@@ -1,78 +1,93 @@
-"""Plots of a trained fusion: Figs. 7.12, 7.13 and 7.14, and the reliability of the scores."""
+"""Figures of a trained fusion: Figs. 7.12, 7.13 and 7.14, precision over recall, and reliability of the scores."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
-from data.detections.fused_frames import (
-    FusedFrames,
-    boxes_by_detector,
-    class_correctness,
-    precision_curves,
-)
-from perception.detection.config import TRI_BOX_CONFIGS
+from data.detections.fused_frames import FusedFrames, boxes_by_detector, precision_curves
 from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.tri_boxes import tri_boxes
+from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.protocol import DIFFICULTIES
-from perception.evaluation.detection.reliability import Reliability, measure_reliability
-from perception.render.curve_plots import plot_curves, precision_panel
-from perception.render.fusion_plots import plot_reliability, plot_rescoring, plot_sizes
+from perception.evaluation.detection.reliability import Reliability
+from perception.render.curve_plots import curve_figure, precision_panel
+from perception.render.fusion_plots import reliability_figure, rescoring_figure, sizes_figure
 from perception.types import Float64
 from train.fusion.sweep import SweptSize
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _LEVELS = np.linspace(0, 1, 11)
 
 
-def plot_fusion_rescoring(path: Path, frames: DetectedFrames, fusion: Fusion) -> None:
-    """Plot the expected IoUs over the three scores, at the mean of the other features of full tri-boxes."""
-    mean = _mean_features(frames, fusion)
+def fusion_figures(
+    frames: DetectedFrames,
+    fusion: Fusion,
+    fused: FusedFrames,
+    reliability: Mapping[str, Reliability],
+    swept: Sequence[SweptSize] = (),
+) -> "dict[str, Figure]":
+    """Return all figures by name.
+
+    Args:
+        frames: Test frames.
+        fusion: Network.
+        fused: Frames fused by the network.
+        reliability: Reliability of the scores of each detector and of the fusion.
+        swept: Errors of the sizes that were tried.
+    """
+    count = f"{len(frames)} test frames"
+    figures = {
+        "rescoring": _rescoring(frames, fusion),
+        "steps": _precision(f"Fusion step by step, {count}", frames, fused.steps),
+        "precision": _precision(
+            f"Detectors and fusion, {count}", frames, boxes_by_detector(frames, fused)
+        ),
+        "reliability": reliability_figure(f"Scores of {count}", reliability),
+    }
+    return figures | ({"sizes": _sizes(swept)} if swept else {})
+
+
+def _rescoring(frames: DetectedFrames, fusion: Fusion) -> "Figure":
+    """Return the expected IoUs over the three scores, at the mean of the other features of full tri-boxes."""
     scores = np.stack(np.meshgrid(*[_LEVELS] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    features = np.tile(mean, (len(scores), 1))
+    features = np.tile(_mean_features(frames, fusion), (len(scores), 1))
     features[:, :3] = scores
     overlaps = fusion.expected_ious(features).reshape(*[len(_LEVELS)] * 3, 3)
-    plot_rescoring(path, f"Joint rescoring, {fusion.variant}", _LEVELS, overlaps)
+    return rescoring_figure(f"Joint rescoring, {fusion.variant}", _LEVELS, overlaps)
 
 
-def plot_fusion_steps(path: Path, frames: DetectedFrames, fused: FusedFrames) -> None:
-    """Plot precision over recall of merged, rescored and fused boxes."""
-    steps = {
+def _precision(
+    title: str, frames: DetectedFrames, detections: Mapping[str, DetectedBoxes]
+) -> "Figure":
+    """Return precision over recall of each of several sets of boxes, a panel for each difficulty."""
+    curves = {
         name: precision_curves(frames.truth, boxes, len(frames))
-        for name, boxes in fused.steps.items()
+        for name, boxes in detections.items()
     }
     panels = [
         precision_panel(
             one.name,
             {
-                f"{name}: AP {curves[one.name].ap():.1f}": curves[one.name].precision
-                for name, curves in steps.items()
-                if one.name in curves
+                f"{name}: AP {found[one.name].ap():.1f}": found[one.name].precision
+                for name, found in curves.items()
+                if one.name in found
             },
         )
         for one in DIFFICULTIES
     ]
-    plot_curves(path, f"Fusion step by step, {len(frames)} test frames", panels)
+    return curve_figure(title, panels)
 
 
-def plot_fusion_sizes(path: Path, swept: Sequence[SweptSize]) -> None:
-    """Plot the errors of networks over their sizes."""
+def _sizes(swept: Sequence[SweptSize]) -> "Figure":
+    """Return the errors of networks over their sizes."""
     one = {s.hidden[0]: (s.training, s.validation) for s in swept if len(s.hidden) == 1}
     two = {(s.hidden[0], s.hidden[1]): s.validation for s in swept if len(s.hidden) == 2}
-    plot_sizes(path, "Neurons of the fusion's network", one, two)
-
-
-def plot_fusion_reliability(
-    path: Path, frames: DetectedFrames, fused: FusedFrames, class_names: Sequence[str]
-) -> dict[str, Reliability]:
-    """Plot and return the reliability of the scores of each detector and of the fusion."""
-    found = {
-        name: measure_reliability(class_correctness(frames, boxes, class_names))
-        for name, boxes in boxes_by_detector(frames, fused).items()
-    }
-    plot_reliability(path, f"Scores of {len(frames)} test frames", found)
-    return found
+    return sizes_figure("Neurons of the fusion's network", one, two)
 
 
 def _mean_features(frames: DetectedFrames, fusion: Fusion) -> Float64:
@@ -80,7 +95,7 @@ def _mean_features(frames: DetectedFrames, fusion: Fusion) -> Float64:
     means = []
     for min_boxes in (3, 1):
         for scene in frames.scenes:
-            rows = tri_boxes(scene, TRI_BOX_CONFIGS[fusion.variant])
+            rows = tri_boxes(scene, fusion.tri_boxes)
             rows = rows[(rows >= 0).sum(axis=1) >= min_boxes]
             means.append(tri_box_features(scene, rows, fusion.variant))
         if any(map(len, means)):

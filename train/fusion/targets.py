@@ -1,24 +1,33 @@
-"""Training targets of the fusion: IoU of each box of a combination with the object (6.5), (6.6)."""
+"""Training rows of the fusion: features and targets of combinations, the IoU of each box with the object (6.5), (6.6).
+
+The default also learns from frames without one of the detectors, and from jittered scores: on roads that they were not
+trained on, the scores of detectors are miscalibrated by different amounts. Trained on jittered scores, the fusion
+relies more on agreement and on the depth of the boxes.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
-from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant
+from perception.detection.config import FusionVariant, TriBoxConfig, tri_box_config
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import tri_box_features
+from perception.detection.fusion.score_calibration import BetaCalibration
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
-from perception.types import ArrayTable, Bool, Float32, Float64
-from train.fusion.augmentation import DROPPED_MODALITIES, jitter_scores
+from perception.types import ArrayTable, Bool, Float32, Float64, Modality
 
 _MIN_IGNORED_IOU = 0.5  # with a neighbouring type or DontCare region, above which a box is ignored
+# Modalities that are dropped; with a single one left there is nothing to fuse.
+DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
+# Largest stretch of the scores' logits, and standard deviation of their shift, for each frame and modality.
+_MAX_STRETCH, _SHIFT = 0.15, 0.45
 
 
 @dataclass(frozen=True)
@@ -49,19 +58,6 @@ class FusionRows(ArrayTable):
     weights: Annotated[Float32, 3]
 
 
-@dataclass(frozen=True)
-class FusionSets:
-    """Combinations for training and for validation.
-
-    Attributes:
-        training: Rows to fit.
-        validation: Rows that decide when to stop.
-    """
-
-    training: FusionRows
-    validation: FusionRows
-
-
 def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     """Return the truth of all boxes of a scene, in the order of `DetectedScene.merged`."""
     found = scene.merged.detections
@@ -81,7 +77,10 @@ def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
 
 
 def fusion_rows(
-    frames: DetectedFrames, variant: FusionVariant, score_jitters: int = 0
+    frames: DetectedFrames,
+    variant: FusionVariant,
+    max_partners: int | None = None,
+    score_jitters: int = 0,
 ) -> FusionRows:
     """Return all combinations of all frames with their targets.
 
@@ -91,37 +90,67 @@ def fusion_rows(
     Args:
         frames: Frames with labels.
         variant: Features of a combination.
+        max_partners: Maximum number of boxes of each other modality that a box is combined with, 0 for all; else
+            that of the variant.
         score_jitters: Number of copies with jittered scores, for the default variant.
 
     Raises:
         UsageError: there is no combination.
     """
-    parts: list[FusionRows] = []
-    if variant != "default":
-        parts += _rows_of(frames, variant, 1.0)
-    else:
-        for version in (frames, *(jitter_scores(frames, seed) for seed in range(score_jitters))):
-            parts += _rows_of(version, variant, 1.0)
-            for missing in DROPPED_MODALITIES:
-                parts += _rows_of(version.without(*missing), variant, 1 / len(DROPPED_MODALITIES))
-    rows = FusionRows.concatenate(parts)
+    weighted = [(frames, 1.0)]
+    if variant == "default":
+        versions = (frames, *(jitter_scores(frames, seed) for seed in range(score_jitters)))
+        share = 1 / len(DROPPED_MODALITIES)
+        weighted = [
+            one
+            for whole in versions
+            for one in (
+                (whole, 1.0),
+                *((whole.without(*missing), share) for missing in DROPPED_MODALITIES),
+            )
+        ]
+    config = tri_box_config(variant, max_partners)
+    rows = FusionRows.concatenate(
+        one for part, weight in weighted for one in _rows_of(part, variant, config, weight)
+    )
     if not len(rows):
         raise UsageError("fusion", expected="frames with detections", found="none")
     return rows
 
 
-def _rows_of(frames: DetectedFrames, variant: FusionVariant, weight: float) -> Sequence[FusionRows]:
+def jitter_scores(frames: DetectedFrames, seed: int) -> DetectedFrames:
+    """Return the same boxes with scores that other detectors might have given them, in the same order."""
+    rng = np.random.default_rng(seed)
+    return replace(frames, scenes=tuple(_jitter_scene(scene, rng) for scene in frames.scenes))
+
+
+def _jitter_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
+    modality_detections = {}
+    for name, found in scene.modality_detections.items():
+        stretch = 1 + _MAX_STRETCH * rng.uniform(-1, 1)
+        other = BetaCalibration(stretch, stretch, _SHIFT * rng.standard_normal())
+        modality_detections[name] = replace(found, scores=other.probabilities(found.scores))
+    return replace(scene, modality_detections=modality_detections)
+
+
+def _rows_of(
+    frames: DetectedFrames, variant: FusionVariant, config: TriBoxConfig, weight: float
+) -> Sequence[FusionRows]:
     return [
-        _scene_rows(scene, frames.truth_of(number), variant, weight)
+        _scene_rows(scene, frames.truth_of(number), variant, config, weight)
         for number, scene in enumerate(frames.scenes)
         if len(scene.merged.detections)
     ]
 
 
 def _scene_rows(
-    scene: DetectedScene, truth: TrueBoxes, variant: FusionVariant, weight: float
+    scene: DetectedScene,
+    truth: TrueBoxes,
+    variant: FusionVariant,
+    config: TriBoxConfig,
+    weight: float,
 ) -> FusionRows:
-    rows = tri_boxes(scene, TRI_BOX_CONFIGS[variant])
+    rows = tri_boxes(scene, config)
     places = scene.merged.places(rows)
     is_observed = places >= 0
     targets = box_targets(scene, truth)

@@ -1,125 +1,168 @@
-"""Training of the fusion's network: by Levenberg-Marquardt as in 7.2.2, or by AdamW.
+"""Training of the fusion's network: by Levenberg-Marquardt as in 7.2.2, or by any optimizer of torch."""
 
-Both write OUT/best.ckpt of the lowest validation error, OUT/last.ckpt to resume from, and TensorBoard events.
-"""
-
-from contextlib import closing
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import torch
+from lightning.pytorch import LightningModule
+from lightning.pytorch.cli import LRSchedulerCallable, OptimizerCallable
+from torch import Tensor
+from torch.optim import AdamW
 
-from perception.detection.fusion.score_calibration import FusionCalibration
-from perception.types import Float64
-from train.best_epoch import Criterion
-from train.checkpoint_writer import write_checkpoint
-from train.checkpoints import read_checkpoint
-from train.config import TrainingRun
-from train.events import event_logger, log_hyperparameters, writing_events
-from train.fusion.config import MODEL, FusionTrainingConfig
-from train.fusion.fit_adamw import FusionBatches, FusionTraining
-from train.fusion.fit_lm import LevenbergMarquardtState, fit_levenberg_marquardt
-from train.fusion.mlp import initial_network
-from train.fusion.mlp_least_squares import MlpLeastSquares
-from train.fusion.previous import TrainingFolder, fit, require_same_training
-from train.fusion.targets import FusionSets
-from train.progress import step_bar
+from perception.detection.config import FusionVariant
+from perception.errors import UsageError
+from train.best_epoch import Criterion, Ranking
+from train.checkpoints import program_revision
+from train.fusion.config import MODEL, Hidden, SweepConfig
+from train.fusion.gauss_newton import mean_square, normal_equations, weighted_squares
+from train.fusion.levenberg_marquardt import LevenbergMarquardt, NormalEquations
+from train.fusion.network import RescoringMlp
+from train.optimization import WarmupCosine, configure_optimizers
 
-RANKING = (Criterion("validation/mse", is_lower_better=True),)
-_LM_STATE = "fit_state"  # entry of a checkpoint from which Levenberg-Marquardt is resumed
+_NO_SWEEP = SweepConfig()
 
 
-@dataclass(frozen=True)
-class FittedFusion:
-    """Result of a fit.
+class FusionTraining(LightningModule):
+    """The fusion's network, its error and its optimizer.
 
     Attributes:
-        checkpoint: Checkpoint of the lowest validation error.
-        epoch: Its epoch or step, from 0.
-        training: Mean square error of the training rows there.
-        validation: Mean square error of the validation rows there.
+        ranking: Criteria of the best epoch.
+        identity: Hyperparameters that a checkpoint must share to be resumed.
+        metrics: Metrics of the last validation or test.
     """
 
-    checkpoint: Path
-    epoch: int
-    training: float
-    validation: float
+    ranking: ClassVar[Ranking] = (Criterion("validation/mse", is_lower_better=True),)
+    identity: ClassVar[tuple[str, ...]] = ("variant", "hidden", "max_partners")
 
+    def __init__(  # noqa: PLR0913 - the flags of a group
+        self,
+        *,
+        variant: FusionVariant = "default",
+        hidden: Hidden = (32, 16),
+        max_partners: int | None = None,
+        sweep: SweepConfig = _NO_SWEEP,
+        seed: int = 0,
+        optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.01, weight_decay=0.1),
+        lr_scheduler: LRSchedulerCallable | None = WarmupCosine,
+    ) -> None:
+        """Make the network with random weights.
 
-def fit_fusion(
-    sets: FusionSets, config: FusionTrainingConfig, run: TrainingRun, folder: TrainingFolder
-) -> FittedFusion:
-    """Fit a network in a folder; epochs and devices matter to AdamW only.
-
-    Args:
-        sets: Combinations for training and validation.
-        config: Network, and how it is fitted.
-        run: Epochs and devices.
-        folder: Folder of the training.
-
-    Raises:
-        ModelError: the checkpoint is damaged, or of another network or method.
-    """
-    torch.manual_seed(config.seed)
-    module = FusionTraining(config, initial_network(config, sets.training.features))
-    if config.method == "lm":
-        return _fit_by_levenberg_marquardt(sets, module, folder)
-    fit(module, FusionBatches(sets, config), RANKING, run, folder)
-    content = read_checkpoint(folder.best, MODEL)
-    module.load_state_dict(content["state_dict"])
-    errors = [MlpLeastSquares(module.network, rows) for rows in (sets.training, sets.validation)]
-    training, validation = (problem.mean_square(problem.start) for problem in errors)
-    return FittedFusion(folder.best, content["epoch"], training, validation)
-
-
-def write_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> None:
-    """Write calibration curves into a checkpoint, for its export."""
-    content = read_checkpoint(checkpoint, MODEL)
-    write_checkpoint(checkpoint, content | {"calibration": str(calibrations)})
-
-
-def _fit_by_levenberg_marquardt(
-    sets: FusionSets, module: FusionTraining, folder: TrainingFolder
-) -> FittedFusion:
-    config, problem = module.config, MlpLeastSquares(module.network, sets.training)
-    state = None
-    if folder.resume is not None:
-        require_same_training(folder.resume, module, _LM_STATE)
-        state = LevenbergMarquardtState.from_dict(read_checkpoint(folder.resume, MODEL)[_LM_STATE])
-    folder.on_start()
-
-    def content(parameters: Float64, step: int) -> dict[str, Any]:
-        weights = problem.network_of(parameters).state_dict()
-        state = {f"network.{name}": weight for name, weight in weights.items()}
-        return {"state_dict": state, "hyper_parameters": config.hyper_parameters, "epoch": step}
-
-    def keep(found: LevenbergMarquardtState, validation: float) -> None:
-        last, best = found.last, found.best
-        metrics = {
-            "train/mse": last.mean_square,
-            "validation/mse": validation,
-            "train/gradient_norm": last.gradient,
-            "train/damping": last.damping,
-        }
-        logger.log_metrics(metrics, last.number)
-        if best.step == last.number:
-            write_checkpoint(folder.best, content(best.parameters, best.step))
-        write_checkpoint(
-            folder.last, content(last.parameters, last.number) | {_LM_STATE: found.as_dict}
+        Args:
+            variant: Features of a combination: default, with distances, overlaps and missing detectors; features
+                or scores, as in the thesis.
+            hidden: Neurons of each hidden layer.
+            max_partners: Maximum number of boxes of each other modality that a box is combined with, 0 for all
+                combinations; else that of the variant.
+            sweep: Sizes of the network to try first; the best of them is taken in place of `hidden`.
+            seed: Seed of the initial weights.
+            optimizer: Optimizer of the weights; LevenbergMarquardt takes all rows at once.
+            lr_scheduler: Schedule of the learning rate; LevenbergMarquardt has none.
+        """
+        super().__init__()
+        torch.manual_seed(seed)
+        self.network = RescoringMlp(variant, hidden)
+        self.optimizer, self.lr_scheduler = optimizer, lr_scheduler
+        made = optimizer(self.network.parameters())
+        self.automatic_optimization = not isinstance(made, LevenbergMarquardt)
+        self.save_hyperparameters(
+            {
+                "model": MODEL,
+                "variant": variant,
+                "hidden": list(hidden),
+                "max_partners": max_partners,
+                "seed": seed,
+                "optimizer": {"class_path": type(made).__name__},
+                "training_data": "unknown",
+                "detectors": "unknown",
+                "classes": "Car",
+                "revision": program_revision(),
+            }
         )
-        bar.update(last.number - bar.n)
-        bar.set_postfix(train=f"{last.mean_square:.5f}", validation=f"{validation:.5f}")
+        self.variant, self.max_partners, self.sweep = variant, max_partners, sweep
+        self.metrics: dict[str, float] = {}
 
-    if state is not None:
-        write_checkpoint(folder.best, content(state.best.parameters, state.best.step))
-    logger = event_logger(folder.out)
-    first = 0 if state is None else state.last.number
-    with (
-        writing_events(folder.out),
-        closing(logger.experiment),
-        step_bar(config.lm.max_steps, first) as bar,
-    ):
-        best = fit_levenberg_marquardt(sets, config, keep, state)
-        log_hyperparameters(logger, config.hyper_parameters, {"validation/mse": best.validation})
-    return FittedFusion(folder.best, best.step, best.training, best.validation)
+    def setup(self, stage: str) -> None:
+        """Scale the inputs to the training rows, and note what the detections are of.
+
+        Raises:
+            UsageError: Levenberg-Marquardt is asked for in batches.
+        """
+        if stage != "fit":
+            return
+        data = self.trainer.datamodule  # type: ignore[attr-defined]
+        batch_size = data.config.batch_size
+        if not self.automatic_optimization and batch_size is not None:
+            raise UsageError(
+                "--data.batch_size",
+                expected="null with LevenbergMarquardt, which takes all rows at once",
+                found=str(batch_size),
+            )
+        self.network.fit_inputs(data.training.features)
+        found = data.detections
+        self.hparams.update(
+            detectors=found.detectors, classes=",".join(found.class_names), **found.provenance
+        )
+
+    def configure_model(self) -> None:
+        """Convert the network to the trainer's precision, before a checkpoint would be rounded to another."""
+        self.trainer.precision_plugin.convert_module(self)
+
+    def training_step(self, batch: list[Tensor], batch_idx: int) -> Tensor | None:
+        """Return the error of a batch; by Levenberg-Marquardt, take a step."""
+        if not self.automatic_optimization:
+            self._take_step(batch)
+            return None
+        square, weight = weighted_squares(self.network, batch)
+        # The gradient is the mean of those of all processes.
+        error: Tensor = self.trainer.world_size * square / self._sum(weight).clamp(min=1e-6)
+        self._log("train/mse", error, len(batch[0]))
+        return error
+
+    def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:
+        """Log the error of the validation rows."""
+        self._evaluate("validation", batch)
+
+    def test_step(self, batch: list[Tensor], batch_idx: int) -> None:
+        """Log the error of the test rows."""
+        self._evaluate("test", batch)
+
+    def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
+        """Return optimizer and schedule; the damping of Levenberg-Marquardt is its schedule."""
+        if not self.automatic_optimization:
+            return self.optimizer(self.network.parameters())
+        return configure_optimizers(self, self.network, self.optimizer, self.lr_scheduler)
+
+    def _take_step(self, rows: list[Tensor]) -> None:
+        def equations() -> NormalEquations:
+            found = normal_equations(self.network, rows, self._sum)
+            self._write_gradient(2 * found.gradient)  # for those who log it
+            return found
+
+        optimizer: Any = self.optimizers()
+        error = optimizer.step(
+            equations, mean_square=partial(mean_square, self.network, rows, self._sum)
+        )
+        self._log("train/mse", error, len(rows[0]))
+        self._log("train/damping", optimizer.param_groups[0]["damping"], len(rows[0]))
+        if optimizer.optimizer.has_converged:
+            self.trainer.should_stop = True
+
+    def _evaluate(self, part: str, rows: list[Tensor]) -> None:
+        error = mean_square(self.network, rows)
+        self.metrics = {"mse": float(error)}
+        self._log(f"{part}/mse", error, len(rows[0]))
+
+    def _log(self, name: str, value: Tensor | float, rows: int) -> None:
+        self.log(name, value, on_step=False, on_epoch=True, batch_size=rows, sync_dist=True)
+
+    def _sum(self, values: Tensor) -> Tensor:
+        """Return the sum over all processes."""
+        found = self.trainer.strategy.reduce(values.detach().clone(), reduce_op="sum")
+        assert isinstance(found, Tensor)  # as it was given
+        return found
+
+    def _write_gradient(self, gradient: Tensor) -> None:
+        weights = list(self.network.parameters())
+        parts = torch.split(gradient, [weight.numel() for weight in weights])
+        for weight, part in zip(weights, parts, strict=True):
+            weight.grad = part.view_as(weight)

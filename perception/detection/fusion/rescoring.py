@@ -9,7 +9,7 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant, NmsConfig, TriBoxOverrides
+from perception.detection.config import FusionVariant, NmsConfig, TriBoxOverrides, tri_box_config
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.score_calibration import FusionCalibration
@@ -90,7 +90,10 @@ class Fusion:
         """Classes of its training."""
         self.max_iou = max_iou
         """Overlap (IoU) above which two boxes show the same object."""
-        self._tri_boxes = tri_boxes.over(TRI_BOX_CONFIGS[self.variant])
+        self.tri_boxes = tri_boxes.over(
+            tri_box_config(self.variant, _max_partners(self.metadata.get("max_partners")))
+        )
+        """Combinations of boxes."""
         self.calibrations = _calibrations(self._model)
         """Calibration from scores to probabilities."""
 
@@ -107,7 +110,7 @@ class Fusion:
             scene: Detections of one frame, at least one box.
         """
         merged = scene.merged
-        rows = tri_boxes(scene, self._tri_boxes)
+        rows = tri_boxes(scene, self.tri_boxes)
         places = merged.places(rows)
         tri_scores = self._tri_scores(scene, rows)
         flat, is_observed = places.ravel(), places.ravel() >= 0
@@ -206,6 +209,11 @@ def _variant(model: OnnxModel) -> FusionVariant:
         found=f"{stated} with {input_count} inputs",
         advice="retrain it with `trifuse train fusion`",
     )
+
+
+def _max_partners(stated: str | None) -> int | None:
+    """Return the number of partners that a file states, None where it is that of its variant."""
+    return int(stated) if stated is not None and stated.isdigit() else None
 
 
 def _calibrations(model: OnnxModel) -> FusionCalibration:

@@ -19,7 +19,7 @@ from perception.types import MODALITIES, Bool, Float64, Int
 def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["features"]) -> Int:
     """Return the (T, 3) rows in the detections of each of `MODALITIES`, -1 where a modality has no box.
 
-    Each of the M boxes is in at least one combination, and in at most K² for K partners.
+    Each of the M boxes is in at least one combination, and in at most K² for at most K partners.
 
     Args:
         scene: Detections of one frame.
@@ -33,18 +33,19 @@ def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["feat
     is_same = (iou > config.min_iou) & (types[:, None] == types)
     if config.by_set:
         is_same = _in_one_set(is_same)
-    partners, is_valid = _partners(scene, np.where(is_same, iou, -1.0), config.max_partners)
-    # Every choice of one of the K of each modality, for every box: (M, K, K, K).
-    first, second, third = (partners[:, column] for column in range(len(MODALITIES)))
-    is_row: Bool = (
-        is_valid[:, 0, :, None, None] & is_valid[:, 1, None, :, None] & is_valid[:, 2, None, None]
-    )
+    partners, counts = _partners(scene, np.where(is_same, iou, -1.0), config.max_partners)
+    # Every choice of one partner in each modality, for every box: the digits of one number for each choice.
+    choices = counts.prod(axis=1)
+    box = np.repeat(np.arange(len(counts)), choices)
+    left = np.arange(len(box)) - np.repeat(np.cumsum(choices) - choices, choices)
+    rows = np.empty((len(box), len(MODALITIES)), np.int64)
+    for column in range(len(MODALITIES)):
+        left, digit = np.divmod(left, counts[box, column])
+        rows[:, column] = partners[box, column, digit]
     # One number for each row removes duplicates, which the boxes of a row produce.
-    sizes = np.bincount(merged.columns, minlength=len(MODALITIES)) + 1
-    codes = ((first[:, :, None, None] + 1) * sizes[1] + second[:, None, :, None] + 1) * sizes[2] + (
-        third[:, None, None] + 1
-    )
-    return np.stack(np.unravel_index(np.unique(codes[is_row]), tuple(sizes)), axis=1) - 1
+    sizes = tuple(np.bincount(merged.columns, minlength=len(MODALITIES)) + 1)
+    codes = np.unique(np.ravel_multi_index(tuple(rows.T + 1), sizes))
+    return np.stack(np.unravel_index(codes, sizes), axis=1) - 1
 
 
 def _in_one_set(is_same: Bool) -> Bool:
@@ -57,31 +58,31 @@ def _in_one_set(is_same: Bool) -> Bool:
         is_same = is_connected
 
 
-def _partners(scene: DetectedScene, overlap: Float64, max_partners: int) -> tuple[Int, Bool]:
-    """Return the (M, 3, K) rows of the best partners of each box, and the mask of the valid entries.
+def _partners(scene: DetectedScene, overlap: Float64, max_partners: int) -> tuple[Int, Int]:
+    """Return the (M, 3, K) rows of the best partners of each box, and the (M, 3) number of them.
 
-    A box is its own partner; where a modality has no partner, the first entry is -1 and valid.
+    A box is its own partner; where a modality has no partner, the only entry is -1.
 
     Args:
         scene: Detections of one frame, M boxes.
         overlap: (M, M) overlap of two boxes, below 0 where they cannot show the same object.
-        max_partners: Maximum number of partners in each modality, K.
+        max_partners: Maximum number of partners in each modality; 0 for all.
     """
     merged = scene.merged
     box_count = len(merged.columns)
-    partners = np.full((box_count, len(MODALITIES), max_partners), -1)
-    is_valid = np.zeros(partners.shape, bool)
-    is_valid[:, :, 0] = True
+    most = max_partners or int(np.bincount(merged.columns).max())
+    partners = np.full((box_count, len(MODALITIES), most), -1)
+    counts = np.ones((box_count, len(MODALITIES)), np.int64)
     by_score = np.argsort(-merged.detections.scores, kind="stable")  # order of equal overlaps
     for column in range(len(MODALITIES)):
         others = by_score[merged.columns[by_score] == column]
-        order = np.argsort(-overlap[:, others], axis=1, kind="stable")[:, :max_partners]
+        order = np.argsort(-overlap[:, others], axis=1, kind="stable")[:, :most]
         best = others[order]
         is_partner = np.take_along_axis(overlap, best, axis=1) >= 0
         rows = np.where(is_partner, best - merged.starts[column], -1)
         partners[:, column, : rows.shape[1]] = rows
-        is_valid[:, column, 1 : rows.shape[1]] = is_partner[:, 1:]
+        counts[:, column] = np.maximum(is_partner.sum(axis=1), 1)
     own = np.arange(box_count)
     partners[own, merged.columns, 0] = own - merged.starts[merged.columns]
-    is_valid[own, merged.columns, 1:] = False
-    return partners, is_valid
+    counts[own, merged.columns] = 1
+    return partners, counts

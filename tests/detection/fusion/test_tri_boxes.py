@@ -12,6 +12,7 @@ from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
 CONFIGS_TO_TRY = [
     TriBoxConfig(),
     TriBoxConfig(max_partners=2),
+    TriBoxConfig(max_partners=0),
     TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
     TriBoxConfig(min_iou=0.1, by_set=False, max_partners=3),
 ]

@@ -1,28 +1,33 @@
-"""A small fusion of each kind, fitted once to simulated detectors."""
+"""A small fusion, fitted once to simulated detectors."""
+
+from functools import cached_property
 
 import pytest
 
+from data.detections.split_detections import SplitDetections
 from export.fusion import export_fusion
 from export.result import ExportConfig
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
-from train.config import TrainingRun
-from train.folder import TrainingFolder
-from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig
-from train.fusion.targets import FusionSets, fusion_rows
-from train.fusion.training import fit_fusion
+from tests.train.fusion.toy_rows import toy_words, train_toy
+from train.fusion.datamodule import FusionDataModule
+
+
+class SimulatedRows(FusionDataModule):
+    training_data = "simulated"
+
+    @cached_property
+    def detections(self) -> SplitDetections:
+        parts = [simulated_frames(count, seed) for seed, count in ((1, 50), (2, 25), (3, 25))]
+        return SplitDetections(*parts, class_names=("Car",), detectors="simulated", provenance={})
 
 
 @pytest.fixture(scope="session")
 def fitted(tmp_path_factory):
-    """Return the fusion of all features with losses, fitted by 20 steps to 50 frames."""
+    """Return the fusion of all features, fitted by 20 steps to 50 frames and their losses."""
     out = tmp_path_factory.mktemp("fitted")
-    sets = FusionSets(
-        fusion_rows(simulated_frames(50, 1), "default"),
-        fusion_rows(simulated_frames(25, 2), "default"),
-    )
-    config = FusionTrainingConfig((8,), "lm", lm=LevenbergMarquardtConfig(max_steps=20))
-    found = fit_fusion(sets, config, TrainingRun(), TrainingFolder(out))
+    words = ["--model.variant=default", "--model.hidden=[8]", "--data.score_jitters=0"]
+    train_toy(out, [*toy_words(epochs=20), *words], data=SimulatedRows)
     file = out / "fusion.onnx"
-    file.write_bytes(export_fusion(ExportConfig(found.checkpoint)).models["fp32"])
+    file.write_bytes(export_fusion(ExportConfig(out / "best.ckpt")).models["fp32"])
     return Fusion(file)

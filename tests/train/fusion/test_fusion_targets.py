@@ -9,8 +9,7 @@ from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
 from tests.faults import fault
-from train.fusion.augmentation import DROPPED_MODALITIES, jitter_scores
-from train.fusion.targets import box_targets, fusion_rows
+from train.fusion.targets import DROPPED_MODALITIES, box_targets, fusion_rows, jitter_scores
 
 SIZE_PX = (1000, 300)
 
@@ -52,7 +51,7 @@ def frames() -> DetectedFrames:
         "rm": detections([]),
     }
     truth = truth_of(("Car", [0, 0, 20, 10]))
-    return DetectedFrames((DetectedScene(modality_detections, SIZE_PX),), truth, np.zeros(1, int))
+    return DetectedFrames((DetectedScene(modality_detections, SIZE_PX),), truth)
 
 
 def test_the_thesis_asks_zero_of_what_is_not_there():
@@ -91,7 +90,7 @@ def test_the_default_sees_all_again_by_detectors_that_are_doubted():
 
 def test_a_doubted_detector_keeps_its_order():
     scene = DetectedScene({"rgb": detections([[0, 0, 20, 10]] * 5)}, SIZE_PX)
-    one = DetectedFrames((scene,) * 40, truth_of()[[]], np.zeros(40, int))
+    one = DetectedFrames((scene,) * 40, truth_of()[[]])
     scores = np.array(
         [other.modality_detections["rgb"].scores for other in jitter_scores(one, 3).scenes]
     )
@@ -106,6 +105,6 @@ def test_a_doubted_detector_keeps_its_order():
 
 def test_frames_without_detections_teach_nothing():
     scene = DetectedScene({"rgb": detections([])}, SIZE_PX)
-    empty = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])), np.zeros(1, int))
+    empty = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])))
     with fault(UsageError, expected="frames with detections", found="none"):
         fusion_rows(empty, "features")

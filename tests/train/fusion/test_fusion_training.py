@@ -1,183 +1,214 @@
-"""Training of the fusion by both methods, and calibration of its scores."""
+"""Training of the fusion's network by Levenberg-Marquardt and by AdamW."""
 
-from dataclasses import replace
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from export.fusion import export_fusion, with_calibrations
+from export.fusion import export_fusion
 from export.result import ExportConfig
-from perception.detection.fusion.rescoring import Fusion
-from perception.detection.fusion.score_calibration import BetaCalibration, FusionCalibration
 from perception.errors import ModelError, UsageError
-from perception.evaluation.detection.reliability import Correctness, measure_reliability
 from tests.faults import fault
 from tests.train.events import hyperparameters_of
-from tests.train.fusion.test_mlp_least_squares import toy_rows
-from train.config import TrainingRun
-from train.folder import TrainingFolder
-from train.fusion.calibration import fit_calibration
-from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig
-from train.fusion.fit_adamw import FusionTraining
-from train.fusion.fit_lm import fit_levenberg_marquardt
-from train.fusion.mlp import load_fusion
-from train.fusion.mlp_least_squares import MlpLeastSquares
-from train.fusion.sweep import hidden_sizes, sweep
-from train.fusion.targets import FusionSets
-from train.fusion.training import fit_fusion, write_calibrations
+from tests.train.fusion.toy_rows import LM, KilledFusion, toy_rows, toy_words, train_toy
+from tests.train.together import train_together
+from train.checkpoints import read_checkpoint
+from train.events import read_scalars
+from train.fusion.datamodule import RowBatches, row_tensors
+from train.fusion.gauss_newton import mean_square
+from train.fusion.network import RescoringMlp, load_fusion
 
-SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
+OPTIMIZERS = [LM, "AdamW"]
+ROOT = Path(__file__).parents[3]
 
 
-def config_of(**changes) -> FusionTrainingConfig:
-    return FusionTrainingConfig(
-        (4,), **{"method": "lm"} | changes, variant="scores", training_data="toys"
-    )
+def state_of(folder, name="last.ckpt"):
+    return read_checkpoint(folder / name, "fusion")
 
 
-@pytest.mark.parametrize("method", ["lm", "adamw"])
-def test_both_methods_write_a_network_to_export(tmp_path, method):
-    config = config_of(method=method, lm=LevenbergMarquardtConfig(max_steps=8), batch_size=20)
-    fitted = fit_fusion(SETS, config, TrainingRun(epochs=8), TrainingFolder(tmp_path))
-    first = fit_levenberg_marquardt(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=0)))
-    assert fitted.validation < 0.5 * first.validation
-    _, metadata = load_fusion(fitted.checkpoint)
-    assert metadata["hidden"] == "4"
-    assert metadata["optimiser"] == method
-    assert metadata["training_data"] == "toys"
-    events = EventAccumulator(str(tmp_path)).Reload()
-    assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
-    assert len(events.Scalars("validation/mse")) >= 2
-    assert {"train/gradient_norm"} <= set(events.Tags()["scalars"])
-    shown, best = hyperparameters_of(tmp_path)
-    assert (shown["variant"], shown["optimiser"]) == ("scores", method)
-    assert best["best/validation/mse"] == pytest.approx(fitted.validation, rel=1e-3)
-    exported = export_fusion(ExportConfig(fitted.checkpoint))
+def require_equal(ours, theirs):
+    """Require the same weights, epoch and state of the optimizer, to the last digit."""
+    for name, weight in theirs["state_dict"].items():
+        torch.testing.assert_close(ours["state_dict"][name], weight, rtol=0, atol=0, msg=name)
+    groups = [one["optimizer_states"][0]["param_groups"] for one in (ours, theirs)]
+    assert groups[0] == groups[1]
+    assert [ours[name] for name in ("epoch", "global_step")] == [
+        theirs[name] for name in ("epoch", "global_step")
+    ]
+
+
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+def test_every_optimizer_writes_a_network_to_export(tmp_path, optimizer):
+    train_toy(tmp_path, toy_words(optimizer))
+    network, metadata = load_fusion(tmp_path / "best.ckpt")
+    torch.manual_seed(0)
+    first = RescoringMlp("scores", (4,))
+    first.fit_inputs(toy_rows(80, 0).features)
+    rows = row_tensors(toy_rows(40, 1))
+    best = float(mean_square(network, rows))
+    assert best < 0.5 * float(mean_square(first, rows))
+    stated = {
+        name: metadata[name] for name in ("hidden", "optimizer", "training_data", "detectors")
+    }
+    assert list(stated.values()) == ["4", optimizer, "toys", "toy"]
+    names = ["train/mse", "validation/mse", "train/gradient_norm"]
+    logged = read_scalars(tmp_path, names)
+    assert [len(logged[name]) for name in names] == [8, 8, 8]
+    assert min(logged["validation/mse"]) == pytest.approx(best, rel=1e-3)
+    shown, found = hyperparameters_of(tmp_path)
+    assert shown["variant"] == "scores"
+    assert found["best/validation/mse"] == pytest.approx(best, rel=1e-3)
+    exported = export_fusion(ExportConfig(tmp_path / "best.ckpt"))
     exported.require_parity("toy")
     assert exported.variants["fp32"].parity["features"].rows == 63
 
 
-def killed(monkeypatch, config, at):
-    """Let a fit end as by Ctrl-C at a step."""
-    steps = iter(range(at))
-
-    def one_less(self, *asked):
-        if next(steps, None) is None:
-            raise KeyboardInterrupt
-        return original(self, *asked)
-
-    owner, name = {
-        "lm": (MlpLeastSquares, "normal_equations"),
-        "adamw": (FusionTraining, "training_step"),
-    }[config.method]
-    original = getattr(owner, name)
-    monkeypatch.setattr(owner, name, one_less)
+def test_levenberg_marquardt_lowers_the_error_at_every_step(tmp_path):
+    train_toy(tmp_path, toy_words())
+    logged = read_scalars(tmp_path, ["train/mse", "train/damping"])
+    assert (logged["train/mse"][1:] < logged["train/mse"][:-1]).all()
+    assert logged["train/damping"][-1] == pytest.approx(
+        state_of(tmp_path)["optimizer_states"][0]["param_groups"][0]["damping"]
+    )
 
 
-@pytest.mark.parametrize("method", ["lm", "adamw"])
-def test_a_killed_fit_resumes_exactly(tmp_path, monkeypatch, method):
-    # Of lm steps, and of adamw batches of which there are four an epoch.
-    config = config_of(method=method, lm=LevenbergMarquardtConfig(max_steps=9), batch_size=20)
-    run = TrainingRun(epochs=3)
-    whole = fit_fusion(SETS, config, run, TrainingFolder(tmp_path / "whole"))
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+def test_a_killed_training_resumes_exactly(tmp_path, optimizer, monkeypatch):
+    words = toy_words(optimizer, 5)
+    train_toy(tmp_path / "whole", words)
+    # Four batches an epoch by AdamW.
+    monkeypatch.setattr(KilledFusion, "at", 3 if optimizer == LM else 10, raising=False)
     out = tmp_path / "killed"
-    with monkeypatch.context() as patch:
-        killed(patch, config, at=6)
-        with pytest.raises(KeyboardInterrupt):
-            fit_fusion(SETS, config, run, TrainingFolder(out))
+    with pytest.raises(KeyboardInterrupt):
+        train_toy(out, words, module=KilledFusion)
+    assert state_of(out)["epoch"] == (2 if optimizer == LM else 1)
+    train_toy(out, words, resume=out / "last.ckpt")
     for name in ("best.ckpt", "last.ckpt"):
-        load_fusion(out / name)
-    resumed = fit_fusion(SETS, config, run, TrainingFolder(out, out / "last.ckpt"))
-    assert replace(resumed, checkpoint=whole.checkpoint) == whole
-    for name in ("best.ckpt", "last.ckpt"):
-        expected, found = (load_fusion(tmp_path / of / name)[0] for of in ("whole", "killed"))
-        for ours, theirs in zip(found.parameters(), expected.parameters(), strict=True):
-            assert torch.equal(ours, theirs)
+        require_equal(state_of(out, name), state_of(tmp_path / "whole", name))
 
 
-def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
-    config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
-    fit_fusion(SETS, config, TrainingRun(), TrainingFolder(tmp_path))
-    last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
-    wider = FusionTrainingConfig((5,), "lm", variant="scores")
-    for other, checkpoint, found in (
-        (wider, last, "that of another network"),
-        (config_of(method="adamw"), last, "one without the state of this optimizer"),
-        (config, best, "one without the state of this optimizer"),
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+import torch
+from tests.train.fusion.toy_rows import FusionTraining, toy_words, train_toy
+torch.set_num_threads(int(sys.argv[3]))
+class Killed(FusionTraining):
+    def training_step(self, batch, batch_idx):
+        if self.trainer.global_step == 10:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().training_step(batch, batch_idx)
+train_toy(Path(sys.argv[1]), toy_words(sys.argv[2], 14), module=Killed)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("optimizer", OPTIMIZERS)
+def test_a_training_resumes_exactly_after_a_signal_that_nothing_survives(tmp_path, optimizer):
+    out, words = tmp_path / "killed", toy_words(optimizer, 14)
+    command = [sys.executable, "-c", KILLED, str(out), optimizer, str(torch.get_num_threads())]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ran = subprocess.run(command, cwd=ROOT, env=environment, timeout=300, check=False)
+    assert ran.returncode == -signal.SIGKILL
+    train_toy(out, words, resume=out / "last.ckpt")
+    train_toy(tmp_path / "whole", words)
+    require_equal(state_of(out), state_of(tmp_path / "whole"))
+
+
+TOGETHER = """
+import sys
+from pathlib import Path
+import torch
+from tests.train.fusion.toy_rows import LM, toy_words, train_toy
+torch.set_num_threads(1)
+out = Path(sys.argv[1])
+two = ["--trainer.devices=2", "--trainer.strategy=ddp"]
+for optimizer in (LM, "AdamW"):
+    module = train_toy(out / optimizer, [*toy_words(optimizer, 4), *two])
+    if module.trainer.is_global_zero:
+        print(module.trainer.world_size)
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_equal_one(tmp_path):
+    assert train_together(TOGETHER, tmp_path) == ["2", "2"]
+    for optimizer in OPTIMIZERS:
+        train_toy(tmp_path / optimizer, toy_words(optimizer, 4))
+        ours, theirs = (state_of(folder / optimizer) for folder in (tmp_path / "out", tmp_path))
+        for name, weight in theirs["state_dict"].items():
+            torch.testing.assert_close(ours["state_dict"][name], weight, msg=name)
+
+
+def test_it_stops_early_by_the_validation_error(tmp_path):
+    words = toy_words(LM, 200, "--early_stopping.patience=2")
+    train_toy(tmp_path, words)
+    errors = read_scalars(tmp_path, ["validation/mse"])["validation/mse"]
+    assert len(errors) < 200
+    assert len(errors) - 1 - errors.argmin() in (0, 2)  # no way down, or two epochs in vain
+    assert state_of(tmp_path, "best.ckpt")["epoch"] == errors.argmin()
+
+
+def test_where_no_step_lowers_the_error_it_ends(tmp_path):
+    words = toy_words(LM, 50, "--optimizer.max_damping=1e-4")
+    train_toy(tmp_path, words)
+    assert state_of(tmp_path)["epoch"] == 0
+
+
+def test_single_precision_ends_near_double(tmp_path):
+    errors = {}
+    for precision in ("64-true", "32-true"):
+        out = tmp_path / precision
+        module = train_toy(out, toy_words(LM, 6, f"--trainer.precision={precision}"))
+        errors[precision] = float(module.trainer.callback_metrics["validation/mse"])
+    assert state_of(tmp_path / "64-true")["state_dict"]["network.layers.0.weight"].dtype == (
+        torch.float64
+    )
+    assert errors["32-true"] == pytest.approx(errors["64-true"], rel=0.01)
+
+
+def test_a_checkpoint_of_another_training_is_refused(tmp_path):
+    train_toy(tmp_path, toy_words(LM, 1))
+    last = tmp_path / "last.ckpt"
+    for words, found in (
+        (toy_words("AdamW"), "that of another optimizer"),
+        (toy_words(LM, 2, "--model.max_partners=0"), "None"),
+        (toy_words(LM, 2, "--model.hidden=[5]"), "[4]"),
     ):
-        with fault(ModelError, checkpoint.name, "the training of this fusion", found, "last.ckpt"):
-            fit_fusion(SETS, other, TrainingRun(), TrainingFolder(tmp_path / "out", checkpoint))
+        with fault(ModelError, last.name, found=found):
+            train_toy(tmp_path / "out", words, resume=last)
     assert not (tmp_path / "out").exists()
 
 
-def test_it_stops_early_by_the_validation_error():
-    seen = []
-    best = fit_levenberg_marquardt(
-        SETS,
-        config_of(lm=LevenbergMarquardtConfig(patience=2)),
-        lambda state, error: seen.append(error),
-    )
-    assert best.validation == min(seen)
-    assert len(seen) - 1 - int(np.argmin(seen)) in (0, 2)  # no way down, or two checks in vain
+def test_levenberg_marquardt_refuses_batches(tmp_path):
+    with fault(UsageError, "--data.batch_size", "null", "20"):
+        train_toy(tmp_path, toy_words(LM, 1, "--data.batch_size=20"))
+    assert not (tmp_path / "config.yaml").exists()
 
 
-def test_the_same_seed_fits_the_same_parameters():
-    first, second = (
-        fit_levenberg_marquardt(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=5)))
-        for _ in range(2)
-    )
-    np.testing.assert_array_equal(first.parameters, second.parameters)
-
-
-def test_a_sweep_fits_every_size():
-    sizes = hidden_sizes([2, 3], [2, 3, 4])
-    assert sizes == [(2,), (3,), (3, 2), (4, 2), (4, 3)]
-    swept = sweep(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=3)), sizes[1:3])
-    assert [one.hidden for one in swept] == [(3,), (3, 2)]
-    assert all(0 < one.validation < 0.1 for one in swept)
-
-
-def test_a_calibration_finds_the_curve_that_made_the_scores():
-    rng = np.random.default_rng(0)
-    made = BetaCalibration(0.6, 1.8, -0.4)
-    scores = rng.uniform(0, 1, 60_000)
-    found = Correctness(scores, rng.uniform(size=60_000) < made.probabilities(scores))
-    curve = fit_calibration(found)
-    np.testing.assert_allclose([curve.a, curve.b, curve.c], [0.6, 1.8, -0.4], atol=0.06)
-    before = measure_reliability(found).expected_calibration_error
-    after = measure_reliability(Correctness(curve.probabilities(scores), found.is_correct))
-    assert after.expected_calibration_error < 0.01 < before
-
-
-def test_where_all_are_right_scores_stay():
-    assert fit_calibration(Correctness(np.array([0.2, 0.9]), np.ones(2, bool))) == BetaCalibration()
-
-
-def test_a_calibration_keeps_the_order_whatever_it_is_shown():
-    scores = np.linspace(0.01, 0.99, 200)
-    curve = fit_calibration(Correctness(scores, scores < 0.5))  # the surer, the wronger
-    assert (np.diff(curve.probabilities(scores)) > 0).all()
+@pytest.mark.parametrize("flag", ["gradient_clip_val=1.0", "accumulate_grad_batches=2"])
+def test_levenberg_marquardt_refuses_what_is_of_batches(tmp_path, flag):
     with pytest.raises(UsageError) as raised:
-        BetaCalibration(-1.0, 1.0, 0.0)
-    assert (raised.value.where, raised.value.found) == ("calibration", "-1.0,1.0,0.0")
-
-
-def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
-    config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
-    checkpoint = fit_fusion(SETS, config, TrainingRun(), TrainingFolder(tmp_path)).checkpoint
-    model = export_fusion(ExportConfig(checkpoint)).models["fp32"]
-    file = tmp_path / "fusion.onnx"
-    curves = FusionCalibration(
-        BetaCalibration(2.0, 0.5, 0.25), {"dm": BetaCalibration(1.0, 0.0, -1.0)}
-    )
-    file.write_bytes(with_calibrations(model, curves))
-    assert Fusion(file).calibrations == curves
-    write_calibrations(checkpoint, curves)
-    assert load_fusion(checkpoint)[1]["calibration"] == "2.0,0.5,0.25 dm=1.0,0.0,-1.0"
+        train_toy(tmp_path, toy_words(LM, 1, f"--trainer.{flag}"))
+    assert "manual" in str(raised.value)
 
 
 def test_other_checkpoints_are_refused(tmp_path):
     with fault(ModelError, expected="a checkpoint of fusion", found="no such file"):
         load_fusion(tmp_path / "none.ckpt")
+
+
+def test_every_row_is_in_a_batch_of_one_process():
+    first, second = (RowBatches(11, 4, seed=1, process=part, processes=2) for part in range(2))
+    batches = [[*one, *other] for one, other in zip(first, second, strict=True)]
+    assert [len(one) for one in batches] == [4, 4, 3]
+    assert len(first) == 3
+    assert sorted(row for one in batches for row in one) == list(range(11))
+    order = [row for one in first for row in one]
+    assert order == [row for one in first for row in one]
+    first.set_epoch(1)
+    assert order != [row for one in first for row in one]
