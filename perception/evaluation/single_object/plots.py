@@ -64,7 +64,7 @@ def write_plots(folder: Path, title: str, report: SingleObjectReport) -> list[Pa
     }
     for name, what in figures.items():
         shown = panels.get(name) or _cumulative_panels(report, name)
-        plot_curves(folder / f"{name}.png", f"{title}: {what}", shown)
+        plot_curves(folder / f"{name}.png", f"{title}:\n{what}", shown)
     return [folder / f"{name}.png" for name in figures]
 
 
