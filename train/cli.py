@@ -113,7 +113,7 @@ class TrainingCLI(LightningCLI):
                 "default_root_dir": str(Path("results") / kind.name),
             },
             seed_everything_default=0,
-            parser_kwargs={"exit_on_error": False},
+            parser_kwargs={"exit_on_error": False, "prog": f"trifuse train {kind.name}"},
             args=list(self.words),
             run=False,
             auto_configure_optimizers=False,

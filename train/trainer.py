@@ -115,6 +115,8 @@ def silence_lightning() -> None:
         ".*smaller than the logging interval.*",
         ".*GPU available but not used.*",
         ".*`isinstance.treespec, LeafSpec.` is deprecated.*",
+        ".*loading a checkpoint outside the 'fit' stage.*",
+        ".*loading a checkpoint outside the fit stage.*",
         ".*args parameter is intended to run from within Python.*",
     ):
         warnings.filterwarnings("ignore", about)

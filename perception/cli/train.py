@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from train.cli import Stage, TrainingCLI, TrainingKind
 
 _STAGES = ("fit", "validate", "test")
+_CHECKPOINT = ("resume", "ckpt_path")
 _PRINT_CONFIG = {"--print-config", "--print_config"}
 # Full names of the flags of `EverydayFlags`, but for --resume.
 _FULL_NAMES = {
@@ -163,9 +164,10 @@ Example: trifuse train fusion synth/fusion --config thesis --out results/fusion"
 def help_text(name: str, *, everything: bool = False) -> str:
     """Return the help of a training; all groups need torch and Lightning."""
     if everything:
+        kind = TRAININGS[name].load()
         from train.cli import TrainingCLI
 
-        return TrainingCLI(TRAININGS[name].load()).parser.format_help().rstrip()
+        return TrainingCLI(kind).parser.format_help().rstrip()
     text, _, example = TRAININGS[name].text.partition("\n\nExample: ")
     summary = "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
     types = dict(nested_types(get_type_hints(EverydayFlags)))
@@ -207,25 +209,23 @@ def parse(name: str, words: Sequence[str]) -> "tuple[Stage, str | None, Training
     Raises:
         UsageError: A flag is unknown, or its value is not of its type.
     """
-    from train.cli import TrainingCLI, as_words
-
     kind, prog = TRAININGS[name].load(), f"trifuse train {name}"
+    from train.cli import TrainingCLI
+
     types = dict(_types(kind))
     stage, rest = (words[0], words[1:]) if words[:1] and words[0] in _STAGES else ("fit", words)
     given = read_words(prog, rest, types, ["drives"])
-    flags = {name: value for name, value in given if name != "config"}
-    checkpoint = flags.pop("resume", flags.pop("ckpt_path", None))
-    if "steps" in flags and "epochs" not in flags:
-        flags["epochs"] = "-1"
-    if checkpoint not in (None, "last") and stage != "fit" and "out" not in flags:
-        flags["out"] = str(Path(str(checkpoint)).parent)
     files = [_config_file(name, value) for key, value in given if key == "config"]
-    configs = [read_config(file) for file in [*_config_beside(checkpoint, flags), *files]]
-    full = {_FULL_NAMES.get(key, key): value for key, value in flags.items()}
+    flags = [(key, value) for key, value in given if key not in ("config", *_CHECKPOINT)]
+    typed, checkpoint = dict(flags), next((v for key, v in given if key in _CHECKPOINT), None)
+    if "steps" in typed and "epochs" not in typed:
+        flags.append(("epochs", "-1"))
+    if checkpoint not in (None, "last") and stage != "fit" and "out" not in typed:
+        flags.append(("out", str(Path(str(checkpoint)).parent)))
+    configs = [read_config(file) for file in [*_config_beside(checkpoint, typed), *files]]
+    full = [f"--{_FULL_NAMES.get(key, key)}={value}" for key, value in flags]
     try:
-        cli = TrainingCLI(
-            kind, [*(f"--config={json.dumps(config)}" for config in configs), *as_words(full)]
-        )
+        cli = TrainingCLI(kind, [*(f"--config={json.dumps(one)}" for one in configs), *full])
     except argparse.ArgumentError as error:
         raise usage_error(prog, str(error), types, ["drives"]) from error
     return cast("Stage", stage), checkpoint, cli

@@ -37,7 +37,8 @@ def read_words(
             bare.append(word)
             continue
         typed, equals, value = word[2:].partition("=")
-        name, is_negated = _full_name(typed.replace("-", "_"), types)
+        stem = typed.removesuffix("+")  # appends to a list
+        name, is_negated = _full_name(stem.replace("-", "_"), types)
         kind = types.get(name)
         if name != "config" and not _is_known(name, types):
             raise _refused(prog, "command line", _near(word, types), word)
@@ -49,7 +50,8 @@ def read_words(
                 raise _refused(prog, flag_words(name), type_words(kind), "no value")
             value = pending.pop(0)
         item = item_type(kind)
-        flags.append((name, value if item is None else _as_list(value, item)))
+        value = value if item is None else _as_list(value, item)
+        flags.append((f"{name}{typed[len(stem) :]}", value))
     # A list takes all words that are left.
     arguments = []
     for name in places[: len(bare)]:

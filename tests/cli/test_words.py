@@ -13,6 +13,7 @@ TYPES = {
     "iou": tuple[float, ...],
     "names": list[str],
     "video": bool,
+    "model": object,
     "pipeline.parallel": bool,
     "pipeline.motion.voxel_size_m": float,
 }
@@ -32,6 +33,11 @@ TYPES = {
         (["--pipeline.no-parallel"], [("pipeline.parallel", "false")]),
         (["--pipeline.motion", "motion.yaml"], [("pipeline.motion", "motion.yaml")]),
         (["--pipeline.motion.voxel", "1"], [("pipeline.motion.voxel_size_m", "1")]),
+        (["--names+=b"], [("names+", '["b"]')]),
+        (
+            ["--model", "Net", "--model.layer-count=3"],
+            [("model", "Net"), ("model.layer_count", "3")],
+        ),
     ],
 )
 def test_words_become_names_and_values(words, values):
