@@ -83,7 +83,7 @@ def test_everyday_flags_are_short_for_those_of_lightning(tmp_path, capsys):
     words = (
         "train detector fit a b --validation c,d --split s.json --modality rm --batch-size 3 --lr 0.5 "
         "--workers 2 --out out --seed 7 --steps 9 --data.cache-gb 4 --data.no-augment "
-        "--trainer.callbacks+=lightning.pytorch.callbacks.Timer --model.classes Car,Van --lr_scheduler StepLR --lr_scheduler.step_size 3 --print-config"
+        "--trainer.callbacks+=lightning.pytorch.callbacks.DeviceStatsMonitor --model.classes Car,Van --lr_scheduler StepLR --lr_scheduler.step_size 3 --print-config"
     )
     command(*words.split())
     printed = yaml.safe_load(capsys.readouterr().out)
@@ -96,7 +96,7 @@ def test_everyday_flags_are_short_for_those_of_lightning(tmp_path, capsys):
     assert printed["lr_scheduler"]["init_args"]["step_size"] == 3
     assert printed["seed_everything"] == 7
     (callback,) = printed["trainer"]["callbacks"]
-    assert callback["class_path"] == "lightning.pytorch.callbacks.Timer"
+    assert callback["class_path"] == "lightning.pytorch.callbacks.DeviceStatsMonitor"
     assert "default_root_dir" not in printed["trainer"]
 
 
