@@ -11,12 +11,13 @@ metrics.json             metrics of the best epoch; those of the subcommand test
 events.out.tfevents...   TensorBoard events
 """
 
+import inspect
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import yaml
 from lightning.fabric.utilities.exceptions import MisconfigurationException
@@ -254,6 +255,25 @@ class TrainingCLI(LightningCLI):
             count = trainer[name]
             if count is not None and (count == 0 or count < -1):
                 raise UsageError(flag, expected="at least 1", found=str(count))
+
+
+def group_hints(kind: TrainingKind) -> dict[str, dict[str, Any]]:
+    """Return the type of each flag of each group by its name, but for those that are linked or classes of torch."""
+    linked = {"return", "seed", "optimizer", "lr_scheduler", *kind.links.values()}
+    hints = {
+        "trainer": get_type_hints(inspect.unwrap(Trainer.__init__)),
+        "model": get_type_hints(kind.module.__init__),
+        # The fields of the data module's configuration stand for its **config.
+        "data": get_type_hints(kind.data.__init__)
+        | get_type_hints(get_type_hints(kind.data)["config"]),
+        "early_stopping": get_type_hints(BestEpoch.__init__),
+        "ema": get_type_hints(exponential_moving_average),
+    }
+    hints["data"].pop("config")
+    return {
+        group: {name: hint for name, hint in of_group.items() if name not in linked}
+        for group, of_group in hints.items()
+    }
 
 
 @contextmanager

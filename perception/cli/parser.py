@@ -10,12 +10,11 @@ import argparse
 import dataclasses
 import inspect
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from types import NoneType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from jsonargparse import ArgumentParser, Namespace
 
@@ -25,7 +24,6 @@ from perception.cli.help import help_formatter, place_words
 from perception.cli.words import flag_words, read_words, usage_error
 
 CommandFunction = Callable[..., None]
-Function = TypeVar("Function", bound=CommandFunction)
 
 _OUTPUT_FILES = {"json", "plot", "reliability_plot"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
@@ -33,28 +31,10 @@ _OUTPUTS = {
     *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "worst_frames",
 }  # fmt: skip
 _PRINT_CONFIG = {"--print-config", "--print_config"}
-_PRESETS: dict[CommandFunction, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
 
 
 class FlagGroup:
     """Base of the dataclasses whose fields become flat flags of every command that takes one."""
-
-
-def defaults_by(
-    flag: str, presets: Mapping[str, Mapping[str, object]]
-) -> Callable[[Function], Function]:
-    """Return a decorator that gives a command other defaults for each value of a flag.
-
-    Args:
-        flag: Name of the flag, such as `preset`.
-        presets: Defaults by value of the flag, then by name of a flag or a section; what is typed wins.
-    """
-
-    def decorate(function: Function) -> Function:
-        _PRESETS[function] = flag, presets
-        return function
-
-    return decorate
 
 
 def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
@@ -88,9 +68,7 @@ def parse(
     given = read_words(prog, words, types, places)
     configs = [read_config(Path(value)) for name, value in given if name == "config"]
     flags = [(name, value) for name, value in given if name != "config"]
-    parser = build_parser(
-        prog, function, preset=_preset(function, [*map(dict.items, configs), flags])
-    )
+    parser = build_parser(prog, function)
     try:
         files = [f"--config={json.dumps(config)}" for config in configs]
         parsed = parser.parse_args([*files, *(f"--{name}={value}" for name, value in flags)])
@@ -118,7 +96,7 @@ def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
 
 @cache
 def build_parser(
-    prog: str, function: CommandFunction, *, skip: tuple[str, ...] = (), preset: str = ""
+    prog: str, function: CommandFunction, *, skip: tuple[str, ...] = ()
 ) -> ArgumentParser:
     """Return the parser of a command.
 
@@ -126,7 +104,6 @@ def build_parser(
         prog: Words that call the command.
         function: The command.
         skip: Sections that get no flags; the help names them.
-        preset: Value of the flag that chooses defaults.
     """
     summary, example = _summary_and_example(function)
     parser = ArgumentParser(
@@ -147,7 +124,6 @@ def build_parser(
     parser.add_function_arguments(function, skip={*groups, *injected, *skip}, fail_untyped=True)
     for kind in groups.values():
         parser.add_class_arguments(kind, nested_key=None)
-    parser.set_defaults(_preset_defaults(function, preset))
     sections = ", ".join(f"{flag_words(name)}.*" for name in skip)
     note = f"{sections}: parameters of the method, listed by --help-all." if skip else None
     parser.epilog = "\n".join(filter(None, [note, example]))
@@ -177,21 +153,6 @@ def nested_types(hints: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[s
             yield f"{prefix}{name}", kind
 
 
-def _preset(function: CommandFunction, given: Iterable[Iterable[tuple[str, Any]]]) -> str:
-    """Return the preset that files and words choose, the last one of all."""
-    flag, _ = _PRESETS.get(function, ("", {}))
-    return str(dict(chain.from_iterable(given)).get(flag, ""))
-
-
-def _preset_defaults(function: CommandFunction, preset: str) -> dict[str, object]:
-    """Return the defaults of a preset by full name."""
-    _, presets = _PRESETS.get(function, ("", {}))
-    defaults: dict[str, object] = {}
-    for name, section in presets.get(preset, {}).items():
-        defaults |= dict(_leaves(name, section))
-    return defaults
-
-
 def _flat_values(
     function: CommandFunction, arguments: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any]]:
@@ -199,14 +160,6 @@ def _flat_values(
     flat = _sections(function)[0]
     for name, value in arguments.items():
         yield from vars(value).items() if name in flat else [(name, value)]
-
-
-def _leaves(name: str, value: object) -> Iterator[tuple[str, object]]:
-    if dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            yield from _leaves(f"{name}.{field.name}", getattr(value, field.name))
-    else:
-        yield name, value
 
 
 def _sections(function: CommandFunction) -> tuple[dict[str, type], dict[str, type]]:

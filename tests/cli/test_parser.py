@@ -10,9 +10,7 @@ from data.results.command_config import CommandConfig
 from perception.cli.parser import (
     FlagGroup,
     call,
-    defaults_by,
     help_text,
-    parse,
 )
 from perception.errors import UsageError
 from tests.faults import fault
@@ -94,16 +92,6 @@ def several(drives: list[Path], *, out: Path = Path("out")) -> None:
     CALLS.append((drives, out))
 
 
-@defaults_by("preset", {"fine": {"motion": Motion(0.05, parallel=False)}})
-def chosen(*, preset: Literal["coarse", "fine"] = "coarse", motion: Motion = _MOTION) -> None:
-    """Do something by a preset.
-
-    Args:
-        preset: Defaults of the motion.
-        motion: Motion of points.
-    """
-
-
 def writing(drive: Path, *, config: CommandConfig, out: Path | None = None) -> None:  # noqa: D417 - no flag
     """Do something and write it.
 
@@ -160,14 +148,6 @@ def test_what_is_typed_wins_over_a_file_wherever_it_stands(tmp_path):
     file = tmp_path / "flags.yaml"
     file.write_text("frames: 5\n")
     assert called("a", "--frames", "7", "--config", str(file))[1].frames == 7
-
-
-@pytest.mark.parametrize("words", [["--preset", "fine"], ["--config", "flags.yaml"]])
-def test_a_preset_gives_the_defaults_of_a_section(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("flags.yaml").write_text("preset: fine\n")
-    arguments, _ = parse("do", chosen, [*words, "--motion.voxel-size", "0.07"])
-    assert arguments == {"preset": "fine", "motion": Motion(0.07, parallel=False)}
 
 
 def test_a_file_of_a_section_gives_its_values(tmp_path):

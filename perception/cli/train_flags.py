@@ -1,0 +1,117 @@
+"""Short names of the flags of a training that are typed every day, and the help that lists them without torch."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_type_hints
+
+from jsonargparse import ArgumentParser
+
+from perception.cli.help import help_formatter
+from perception.cli.parser import nested_types
+from perception.detection.config import FusionVariant
+from perception.types import Modality
+
+# Full names of the flags of `EverydayFlags`, but for --resume.
+FULL_NAMES = {
+    "drives": "data.drives",
+    "validation": "data.validation",
+    "split": "data.split",
+    "modality": "model.modality",
+    "variant": "model.variant",
+    "epochs": "trainer.max_epochs",
+    "steps": "trainer.max_steps",
+    "batch_size": "data.batch_size",
+    "workers": "data.workers",
+    "lr": "optimizer.lr",
+    "out": "trainer.default_root_dir",
+    "seed": "seed_everything",
+}
+_GROUPS = """\
+Groups of Lightning's command line, of which --help-all lists every flag:
+  --trainer.*             Lightning's Trainer: accelerator, devices, strategy, precision, gradient_clip_val, ...
+  --model.*               Network, its input and its loss.
+  --data.*                Drives, batches, augmentation and cache.
+  --optimizer CLASS       Optimizer of torch; with its parameters: --optimizer SGD --optimizer.lr 0.001
+  --lr_scheduler CLASS    WarmupCosine, StepDecay, DarknetSteps or a schedule of torch, with its parameters.
+  --early_stopping.*      Patience: epochs without a better one after which training stops.
+  --ema.*                 Decay of an exponential moving average of the weights.
+  --config FILE           YAML file with such groups, or the word default or thesis; several are read in turn.
+  --print-config          Print the effective configuration as YAML and exit."""
+
+
+@dataclass(frozen=True)
+class EverydayFlags:
+    """Everyday flags.
+
+    Attributes:
+        drives: Labelled drives of any layout; of a folder of several, all are taken.
+        validation: Labelled drives for validation, with commas between them; else a part of the frames.
+        split: File of `trifuse split` that says which frames train, validate and test.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm; of a detector.
+        variant: Features of a combination of boxes: default, features or scores; of the fusion.
+        epochs: Number of epochs.
+        steps: Number of steps, in place of any number of epochs that is not given beside it.
+        batch_size: Samples per batch.
+        workers: Processes that load samples; 0 loads them in the training process. Else 0 where a CPU trains, and one
+            a core, up to 8, where a GPU does.
+        lr: Largest learning rate.
+        out: Folder of the results; else results/ and the name of the training.
+        resume: Checkpoint to resume from or to evaluate, or the word last for that of the folder.
+        seed: Seed of weights, split, order and augmentation.
+    """
+
+    drives: list[Path] | None = None
+    validation: list[Path] | None = None
+    split: Path | None = None
+    modality: Modality | None = None
+    variant: FusionVariant | None = None
+    epochs: int | None = None
+    steps: int | None = None
+    batch_size: int | None = None
+    workers: int | None = None
+    lr: float | None = None
+    out: Path | None = None
+    resume: str | None = None
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class TrainingText:
+    """What the help of a training says.
+
+    Attributes:
+        summary: First sentence, without its full stop.
+        best: What the checkpoint of the best epoch has.
+        more: What else there is to know.
+        example: Example command.
+    """
+
+    summary: str
+    best: str
+    more: str
+    example: str
+
+    @property
+    def description(self) -> str:
+        """Text above the flags."""
+        return (
+            f"{self.summary}; watch it with: tensorboard --logdir OUT.\n\n"
+            f"It writes best.ckpt, of the {self.best} on the validation part, last.ckpt to resume from, config.yaml and "
+            "metrics.json. validate and test evaluate best.ckpt, or the one of --resume, on the part of that name. "
+            f"{self.more}"
+        )
+
+
+def everyday_help(prog: str, text: TrainingText) -> str:
+    """Return the help of a training: its text, the short flags, and the groups of Lightning's command line."""
+    types = dict(nested_types(get_type_hints(EverydayFlags)))
+    parser = ArgumentParser(
+        prog=prog,
+        usage=f"{prog} [fit|validate|test] DRIVES ... [flags]",
+        description=text.description,
+        epilog=f"{_GROUPS}\n\nExample: {text.example}",
+        formatter_class=help_formatter(types, ("drives",), ""),
+        add_help=False,
+    )
+    parser.add_class_arguments(EverydayFlags)
+    return parser.format_help().rstrip()
