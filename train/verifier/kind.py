@@ -49,7 +49,8 @@ class VerifierResult:
 
 def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -> MetricValues:
     """Return the metrics of a network on samples without augmentation."""
-    metrics = VerifierMetrics()
+    # One process of a training evaluates, when the others may have ended.
+    metrics = VerifierMetrics(sync_on_compute=False)
     loader = DataLoader(samples, _EVALUATION_BATCH, num_workers=workers)
     with torch.inference_mode():
         for batch in loader:

@@ -25,8 +25,13 @@ class VerifierMetrics(Metric):
     good_boxes: Tensor
     boxes: Tensor
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, *, sync_on_compute: bool = True) -> None:
+        """Start without a batch.
+
+        Args:
+            sync_on_compute: Whether all processes of a training sum their counts, and so all have to ask for them.
+        """
+        super().__init__(sync_on_compute=sync_on_compute)
         # By what they are: not vehicles, vehicles.
         for name in ("is_right", "is_wrong"):
             self.add_state(name, torch.zeros(2, dtype=torch.long), dist_reduce_fx="sum")

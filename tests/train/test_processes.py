@@ -1,0 +1,113 @@
+"""Trainings in real processes: two train as one does, and a killed one resumes as if nothing had happened."""
+
+import json
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from perception.detection.detectors.postprocess import postprocess_detections
+from tests.car_frames import write_car_frames
+from tests.train.forked import Job, run_jobs
+from tests.train.toy_images import SIZE, TINY, ToyImages, tiny_network
+from train.checkpoints import read_checkpoint
+from train.detector import networks
+from train.detector.metrics import ValidationBoxes, measure, precision_table
+from train.detector.networks import MODEL, load_detector
+
+EPOCHS = 2
+# Batches of an epoch, by kind of training.
+BATCHES = {"detector": 2, "depthcn": 4}
+# Pictures over and over, of which each process gets a half.
+SHARED = ("--data.count=4", "--data.repeats=16", "--optimizer.lr=0.02", "--model.scales=[1.0,1.0]")
+
+
+@pytest.fixture(scope="module")
+def words(tmp_path_factory) -> dict[str, list[str]]:
+    """Return the flags of each kind of training, on frames with cars and with the same bodies of another class."""
+    folder = tmp_path_factory.mktemp("drives")
+    write_car_frames(folder / "cars", frames=6)
+    write_car_frames(folder / "others", frames=4, kind="Pedestrian")
+    drives = json.dumps([str(folder / "cars"), str(folder / "others")])
+    crops = [f"--data.drives={drives}", f"--data.cache={folder / 'cache'}", "--data.batch_size=8"]
+    # What is dropped is drawn differently in each process.
+    return {"detector": [*TINY], "depthcn": [*crops, "--data.shares=[60,40]", "--model.dropout=0"]}
+
+
+@pytest.fixture(scope="module")
+def trained(words, tmp_path_factory) -> Path:
+    """Return a folder with every training: whole, killed and resumed, and by two processes."""
+    folder, jobs = tmp_path_factory.mktemp("trained"), []
+    random = np.random.default_rng(0)
+    for kind, flags in words.items():
+        out = {name: str(folder / kind / name) for name in ("whole", "resumed", "together")}
+        killed_after = int(random.integers(BATCHES[kind], EPOCHS * BATCHES[kind]))
+        jobs += [
+            Job(kind, out["whole"], flags, EPOCHS),
+            Job(kind, out["resumed"], flags, EPOCHS, killed_after=killed_after),
+            Job(kind, out["resumed"], flags, EPOCHS, resumes=True),
+            Job(kind, out["together"], flags, EPOCHS, processes=2, sees_all=True),
+        ]
+    shared = {kind: str(folder / kind / "shared") for kind in words}
+    jobs += [
+        Job("detector", shared["detector"], [*words["detector"], *SHARED], 2, processes=2),
+        Job("depthcn", shared["depthcn"], words["depthcn"], 1, processes=2, started_by="lightning"),
+    ]
+    codes = run_jobs(jobs, folder)
+    logs = [(folder / f"{number}.log").read_text() for number in range(len(jobs))]
+    assert codes == [*([[0], [-signal.SIGKILL], [0], [0, 0]] * len(words)), [0, 0], [0]], logs
+    return folder
+
+
+@pytest.mark.parametrize("kind", BATCHES)
+@pytest.mark.parametrize("name", ["resumed", "together"])
+def test_the_result_is_that_of_one_uninterrupted_process(trained, kind, name):
+    whole, other = (
+        read_checkpoint(trained / kind / which / "last.ckpt", kind) for which in ("whole", name)
+    )
+    assert (whole["epoch"], whole["global_step"]) == (EPOCHS - 1, EPOCHS * BATCHES[kind])
+    for part in ("state_dict", "current_model_state"):
+        assert whole.get(part, {}).keys() == other.get(part, {}).keys()
+        for key, weight in whole.get(part, {}).items():
+            torch.testing.assert_close(other[part][key], weight, rtol=0, atol=0, msg=key)
+    for key in ("epoch", "global_step", "lr_schedulers"):
+        assert other[key] == whole[key]
+    metrics = [
+        {**json.loads((trained / kind / which / "metrics.json").read_text()), "checkpoint": None}
+        for which in ("whole", name)
+    ]
+    assert metrics[0] == metrics[1]
+
+
+def test_processes_of_a_detector_share_the_batches_and_measure_what_all_have_seen(
+    trained, monkeypatch
+):
+    monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
+    file = trained / "detector/shared/last.ckpt"
+    (detector, _), saved = load_detector(file), read_checkpoint(file, MODEL)
+    assert saved["global_step"] == 2 * 16 / 2
+    # Both saw every picture; a measure that counted them twice would call every second detection wrong.
+    samples, boxes = ToyImages(4, repeats=1).training, ValidationBoxes(("Car",))
+    for row in range(len(samples)):
+        with torch.inference_mode():
+            decoded = detector.decode(detector(samples[row]["images"][None]))
+        seen = postprocess_detections(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
+        boxes.update([seen], torch.tensor([row]), process=0)
+    found = boxes.gathered(SIZE, np.array([samples.image_size_px(0)] * len(samples)))
+    alone = precision_table(measure(samples.truth(), found, len(samples), ("Car",)))
+    for name, of_difficulty in alone.items():
+        assert saved["precision"][name] == pytest.approx(of_difficulty, abs=0.01)
+    assert alone["Car 0.5"]["moderate"] > 1
+
+
+def test_lightning_starts_the_second_process_and_the_first_one_reports(trained):
+    (log,) = sorted(trained.glob("*.log"), key=lambda file: int(file.stem))[-1:]
+    assert log.read_text().count(" steps") == 1
+    assert "Warning" not in log.read_text()
+    assert "recommended" not in log.read_text()
+    out = trained / "depthcn/shared"
+    assert read_checkpoint(out / "last.ckpt", "depthcn")["global_step"] == BATCHES["depthcn"] // 2
+    accuracy = json.loads((out / "metrics.json").read_text())["parts"]["validation"]["accuracy"]
+    assert 0 <= accuracy <= 1
