@@ -22,6 +22,7 @@ _ROOT = Path(__file__).parents[2]
 _KINDS = {
     "detector": "tests.train.toy_images:TOY_DETECTOR",
     "depthcn": "train.verifier.kind:DEPTHCN",
+    "fusion": "tests.train.fusion.toy_rows:TOY_FUSION",
 }
 
 
@@ -30,7 +31,7 @@ class Job:
     """One training on the CPU.
 
     Attributes:
-        kind: Kind of training: detector or depthcn.
+        kind: Kind of training: detector, depthcn or fusion.
         out: Folder of the training.
         words: Flags by their full names.
         epochs: Number of epochs.
@@ -44,7 +45,7 @@ class Job:
     kind: str
     out: str
     words: Sequence[str]
-    epochs: int = 2
+    epochs: int = 3
     resumes: bool = False
     processes: int = 1
     started_by: Literal["torchrun", "lightning"] = "torchrun"

@@ -1,11 +1,5 @@
 """Training of the fusion's network by Levenberg-Marquardt and by AdamW."""
 
-import os
-import signal
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 import torch
 
@@ -15,7 +9,6 @@ from perception.errors import ModelError, UsageError
 from tests.faults import fault
 from tests.train.events import hyperparameters_of
 from tests.train.fusion.toy_rows import LM, KilledFusion, toy_rows, toy_words, train_toy
-from tests.train.together import train_together
 from train.checkpoints import read_checkpoint
 from train.events import read_scalars
 from train.fusion.datamodule import RowBatches, row_tensors
@@ -23,7 +16,6 @@ from train.fusion.gauss_newton import mean_square
 from train.fusion.network import RescoringMlp, load_fusion
 
 OPTIMIZERS = [LM, "AdamW"]
-ROOT = Path(__file__).parents[3]
 
 
 def state_of(folder, name="last.ckpt"):
@@ -89,59 +81,6 @@ def test_a_killed_training_resumes_exactly(tmp_path, optimizer, monkeypatch):
     train_toy(out, words, resume=out / "last.ckpt")
     for name in ("best.ckpt", "last.ckpt"):
         require_equal(state_of(out, name), state_of(tmp_path / "whole", name))
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-import torch
-from tests.train.fusion.toy_rows import FusionTraining, toy_words, train_toy
-torch.set_num_threads(int(sys.argv[3]))
-class Killed(FusionTraining):
-    def training_step(self, batch, batch_idx):
-        if self.trainer.global_step == 10:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().training_step(batch, batch_idx)
-train_toy(Path(sys.argv[1]), toy_words(sys.argv[2], 14), module=Killed)
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("optimizer", OPTIMIZERS)
-def test_a_training_resumes_exactly_after_a_signal_that_nothing_survives(tmp_path, optimizer):
-    out, words = tmp_path / "killed", toy_words(optimizer, 14)
-    command = [sys.executable, "-c", KILLED, str(out), optimizer, str(torch.get_num_threads())]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    ran = subprocess.run(command, cwd=ROOT, env=environment, timeout=300, check=False)
-    assert ran.returncode == -signal.SIGKILL
-    train_toy(out, words, resume=out / "last.ckpt")
-    train_toy(tmp_path / "whole", words)
-    require_equal(state_of(out), state_of(tmp_path / "whole"))
-
-
-TOGETHER = """
-import sys
-from pathlib import Path
-import torch
-from tests.train.fusion.toy_rows import LM, toy_words, train_toy
-torch.set_num_threads(1)
-out = Path(sys.argv[1])
-two = ["--trainer.devices=2", "--trainer.strategy=ddp"]
-for optimizer in (LM, "AdamW"):
-    module = train_toy(out / optimizer, [*toy_words(optimizer, 4), *two])
-    if module.trainer.is_global_zero:
-        print(module.trainer.world_size)
-"""
-
-
-@pytest.mark.slow
-def test_two_processes_equal_one(tmp_path):
-    assert train_together(TOGETHER, tmp_path) == ["2", "2"]
-    for optimizer in OPTIMIZERS:
-        train_toy(tmp_path / optimizer, toy_words(optimizer, 4))
-        ours, theirs = (state_of(folder / optimizer) for folder in (tmp_path / "out", tmp_path))
-        for name, weight in theirs["state_dict"].items():
-            torch.testing.assert_close(ours["state_dict"][name], weight, msg=name)
 
 
 def test_it_stops_early_by_the_validation_error(tmp_path):

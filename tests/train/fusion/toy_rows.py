@@ -68,6 +68,9 @@ def toy_words(optimizer: str = LM, epochs: int = 8, *more: str) -> list[str]:
     return [*words, *more]
 
 
+TOY_FUSION = replace(FUSION, data=ToyRows, report=lambda *_: {})
+
+
 def train_toy(
     out: Path,
     words: list[str],
@@ -76,7 +79,7 @@ def train_toy(
     data: type[FusionDataModule] = ToyRows,
 ) -> FusionTraining:
     """Train in a folder; return the module."""
-    kind = replace(FUSION, module=module, data=data, report=lambda *_: {})
+    kind = replace(TOY_FUSION, module=module, data=data)
     cli = TrainingCLI(kind, [*words, f"--trainer.default_root_dir={out}"])
     cli.run("fit", resume)
     return cli.model
