@@ -11,7 +11,7 @@ help:
 	@echo "make quick  the tests that take less than five seconds, read no KITTI frames and train nothing"
 	@echo "make lint   ruff and mypy"
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
-	@echo "make thesis train and measure all of the thesis' section 7.2; make thesis STEPS=200 for a short try"
+	@echo "make thesis train and measure all of the thesis' section 7.2, as long as STEPS says"
 	@echo "make bench  every stage beside its reference implementation and the best library"
 
 demo: $(VENV)/.installed
@@ -51,7 +51,8 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
 
-# All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU.
+# All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU; what is done is not
+# done again. Two cores: make thesis STEPS=150 FRAMES=150 FLAGS="--detectors default --epochs 10"
 STEPS ?= 80200
 FRAMES ?= 300
 FLAGS ?=

@@ -15,6 +15,7 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from perception.cli.flags import require_positive
 from perception.cli.main import run_command_line
@@ -35,27 +36,26 @@ class ThesisExperiments(FlagGroup):
     Attributes:
         data: Labelled object frames; else those in the folder KITTI_ROOT; else synthetic ones.
         frames: Number of synthetic frames.
-        steps: Maximum number of steps of each network; DepthCN's and the fusions' may end earlier.
-        network: Network of the three detectors: yolov2, as in the thesis, or compact.
-        size: Height and width of the detectors' input.
-        batch_size: Images per batch of the detectors; else as in the thesis.
+        detectors: Configuration of the three detectors: thesis, which is YOLOv2 as in 7.2.2; or default, a network
+            that two cores can train.
+        steps: Number of steps of each detector.
+        epochs: Number of epochs of DepthCN's network.
         neurons: Numbers of neurons of one hidden layer that are compared (Fig. 7.13).
         seed: Seed of frames, split and trainings.
     """
 
     data: Path | None = None
     frames: int = 300
+    detectors: Literal["thesis", "default"] = "thesis"
     steps: int = FULL_STEPS
-    network: str = "yolov2"
-    size: str = "416x416"
-    batch_size: int | None = None
+    epochs: int = 40
     neurons: tuple[int, ...] = (5, 11, 17, 23, 29, 35, 41)
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Validate the numbers of frames and steps."""
-        require_positive("--frames", self.frames)
-        require_positive("--steps", self.steps)
+        """Validate the numbers of frames, steps and epochs."""
+        for name in ("frames", "steps", "epochs"):
+            require_positive(f"--{name}", getattr(self, name))
 
     @property
     def kitti(self) -> Path | None:
@@ -69,7 +69,7 @@ def thesis(*, experiments: ThesisExperiments, out: Path = Path("results/thesis")
 
     A command that is done is not repeated, and a training that was stopped is resumed.
 
-    Example: trifuse study thesis --steps 20 --frames 60 --network compact --size 192x640
+    Example: trifuse study thesis --detectors default --steps 150 --epochs 10 --frames 150
 
     Args:
         out: Folder of the results.
@@ -91,7 +91,7 @@ def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
     lines = dict(_data_commands(experiments, out))
     lines |= dict(_detector_commands(experiments, out))
     for name, flag in (("without", "--data.augment false"), ("with", "--data.augment true")):
-        flags = f"--config thesis {flag} --steps {experiments.steps} {seed}"
+        flags = f"--config thesis {flag} --epochs {experiments.epochs} {seed}"
         lines[name] = f"train depthcn --split {split} {flags} --out {out / name}"
     lines["depthcn"] = f"export {out / 'with/best.ckpt'} --out {out / 'depthcn.onnx'}"
     fused = " ".join(f"--data.models.{name} {out / name}.onnx" for name in MODALITIES)
@@ -133,10 +133,8 @@ def _data_commands(experiments: ThesisExperiments, out: Path) -> Iterator[tuple[
 
 def _detector_commands(experiments: ThesisExperiments, out: Path) -> Iterator[tuple[str, str]]:
     """Yield the commands that train the three detectors and write their model files."""
-    flags = f"--config thesis --model.network {experiments.network} --model.size {experiments.size}"
-    flags += f" --steps {experiments.steps} --seed {experiments.seed}"
-    if experiments.batch_size is not None:
-        flags += f" --batch-size {experiments.batch_size} --trainer.accumulate_grad_batches 1"
+    flags = f"--config {experiments.detectors} --steps {experiments.steps}"
+    flags += f" --seed {experiments.seed}"
     for name in MODALITIES:
         train = f"train detector --split {out / 'split.json'} --modality {name}"
         yield name, f"{train} {flags} --out {out / name}"

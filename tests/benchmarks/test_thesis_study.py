@@ -18,7 +18,7 @@ from benchmarks.studies.thesis_report import (
 from perception.errors import UsageError
 from tests.faults import fault
 
-EXPERIMENTS = ThesisExperiments(steps=3, frames=12, network="compact", size="64x224")
+EXPERIMENTS = ThesisExperiments(steps=3, frames=12, detectors="default")
 MODALITIES = ("color", "depth", "reflectance")
 
 
