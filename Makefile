@@ -57,7 +57,7 @@ STEPS ?= 80200
 FRAMES ?= 300
 FLAGS ?=
 thesis: $(VENV)/.installed-dev
-	$(BIN)/trifuse study thesis --steps $(STEPS) --frames $(FRAMES) $(FLAGS)
+	$(BIN)/python -m perception study thesis --steps $(STEPS) --frames $(FRAMES) $(FLAGS)
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff check --fix .

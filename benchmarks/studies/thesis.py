@@ -25,8 +25,7 @@ from perception.types import MODALITIES
 from train.folder import LAST
 
 FULL_STEPS = 80_200  # of each detector (7.2.2)
-# Tracked objects: a cyclist of KITTI's sequence 0000, and a pedestrian of the first synthetic street.
-_KITTI_TRACK, _SYNTHETIC_TRACK, _SYNTHETIC_FRAMES = 1, 22, 20
+_SYNTHETIC_FRAMES, _SYNTHETIC_TRACK = 20, 22  # a pedestrian of the first synthetic street
 
 
 @dataclass(frozen=True)
@@ -123,12 +122,12 @@ def _data_commands(experiments: ThesisExperiments, out: Path) -> Iterator[tuple[
     if data == out / "data":
         yield "data", f"synth {data} --layout object --frames {experiments.frames} {seed}"
     yield "split", f"split {data} --shares 60,20,20 {seed} --out {out / 'split.json'}"
-    sequence = kitti / "tracking" if kitti else out / "sequence"
+    objects = f"{kitti}/tracking"
     if kitti is None:
+        sequence = out / "sequence"
         yield "sequence", f"synth {sequence} --layout tracking --frames {_SYNTHETIC_FRAMES}"
-    track = f"--sequence 0000 --track-id {_KITTI_TRACK if kitti else _SYNTHETIC_TRACK}"
-    flags = f"{track} --tracker h-fus --plots --out {out / 'tracked'} --overwrite"
-    yield "tracked", f"track {sequence} {flags}"
+        objects = f"{sequence} --set present --track-id {_SYNTHETIC_TRACK}"
+    yield "tracked", f"study tracking-results {objects} --out {out / 'figure-7.8.jpg'}"
 
 
 def _detector_commands(experiments: ThesisExperiments, out: Path) -> Iterator[tuple[str, str]]:

@@ -32,9 +32,8 @@ _IMAGES = 4  # of Figs 7.10 and 7.16
 _STEPS = {"merged": "merged", "rescored": "re-scored", "rescored and suppressed": "and suppressed"}
 # The fusion that is measured first has this name, whatever its features are.
 _MEASURED = VARIANT_NAMES["default"]
-# Figures that trainings and the tracker have drawn.
+# Figures that trainings have drawn.
 _DRAWN = {
-    "figure-7.8.jpg": "tracked/preview.jpg",
     "figure-7.12.png": "scores/rescoring.png",
     "figure-7.13.png": "features/sizes.png",
 }
