@@ -48,6 +48,7 @@ ELSEWHERE = {
     "study augmentation": "tests/cli/test_train_depthcn.py",
     "study datmo-film": "tests/benchmarks/test_datmo_film.py",
     "study tracker-parameters": "tests/benchmarks/test_tracker_parameters_study.py",
+    "study tracking-results": "tests/benchmarks/test_tracking_results_study.py",
     "study ins-error": "tests/benchmarks/test_tracking_studies.py",
     "study reflectance-maps": "tests/benchmarks/test_detector_studies.py",
     "train depthcn": "tests/cli/test_train_depthcn.py",
