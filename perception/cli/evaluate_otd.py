@@ -51,6 +51,7 @@ def evaluate_otd(
     """
     from data.derived.otd_objects import ObjectSetConfig, find_objects
     from perception.evaluation.single_object.measure import PROTOCOL, SingleObjectMeasure
+    from perception.evaluation.single_object.parameters import fusion_parameters
     from perception.evaluation.single_object.plots import write_plots
     from perception.evaluation.single_object.tracker_runs import named_trackers
 
@@ -76,6 +77,8 @@ def evaluate_otd(
         PROTOCOL,
     )
     heading = "\n".join([f"{heading}; absent:", *absent]) if absent else heading
+    if "h-fus" in names:
+        heading = f"{heading}\n\n{fusion_parameters(tracker).text()}"
     publish_report(heading, metrics, document, config, report.json)
     if plots is not None:
         for path in write_plots(plots, f"{root.name}, set {set}", metrics):

@@ -17,11 +17,17 @@ from perception.evaluation.single_object.metrics import (
     single_object_metrics,
     success_curve,
 )
+from perception.evaluation.single_object.parameters import fusion_parameters
 from perception.evaluation.single_object.track import (
     ObjectSequence,
     PredictedTrack,
     TargetObject,
     TrueTrack,
+)
+from perception.tracking.single_object.config import (
+    FusionTrackerConfig,
+    ImageMeanShiftConfig,
+    SingleObjectTrackerConfig,
 )
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration
@@ -247,6 +253,13 @@ def test_no_frame_gives_no_figure():
     assert scores.frames == 0
     assert np.isnan([scores.center_m, scores.success, scores.drifted, scores.ms_p99]).all()
     assert scores.lost_from_frame is None
+
+
+def test_the_default_parameters_of_the_fusion_tracker_are_those_of_the_thesis():
+    rows = fusion_parameters(SingleObjectTrackerConfig()).rows
+    assert rows["h-fus"] == rows["thesis"]
+    fewer = SingleObjectTrackerConfig(fusion=FusionTrackerConfig(image=ImageMeanShiftConfig(2)))
+    assert fusion_parameters(fewer).rows["h-fus"]["shifts in the image"] == 2
 
 
 def test_what_the_thesis_prints_stands_below_the_measured_values():
