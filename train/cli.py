@@ -203,30 +203,30 @@ class TrainingCLI(LightningCLI):
         Raises:
             UsageError: a setting does not fit another, or the devices are not there.
         """
-        given, seed = self.config_init["trainer"], self.config["seed_everything"]
+        given = self.config_init["trainer"]
         require_devices(given["accelerator"], given["devices"])
         if given["precision"] is None:
             settings["precision"] = fastest_precision(given["accelerator"])
-        bars = [] if given["enable_progress_bar"] is False else [TrainingBar()]
-        ours = [
-            SeedEachStep(seed),
+        loggers = self._loggers(given["logger"])
+        callbacks = [
+            SeedEachStep(self.config["seed_everything"]),
             LambdaCallback(on_train_start=self._on_train_start),
             TrainingStatistics(),
-            *bars,
+            *([LearningRateMonitor("epoch")] if loggers else []),
+            *([] if given["enable_progress_bar"] is False else [TrainingBar()]),
+            *_as_list(given["callbacks"]),
         ]
-        loggers = _as_list(given["logger"])
-        if self._stage != "fit":
-            loggers = [False]
-        elif given["logger"] is not False:
-            ours.append(LearningRateMonitor("epoch"))
-            loggers = [event_logger(self.folder.out), *(one for one in loggers if one is not True)]
-        with _settings_checked():
+        plugins = [AtomicCheckpointIO(), *_as_list(given["plugins"])]
+        with _settings_checked(TypeError, ValueError):
             return super().instantiate_trainer(
-                logger=loggers if loggers != [False] else False,
-                callbacks=[*ours, *_as_list(given["callbacks"])],
-                plugins=[AtomicCheckpointIO(), *_as_list(given["plugins"])],
-                **settings,
+                logger=loggers or False, callbacks=callbacks, plugins=plugins, **settings
             )
+
+    def _loggers(self, given: Any) -> list[Any]:  # noqa: ANN401 - as of Lightning's Trainer
+        """Return TensorBoard's logger and those that are asked for; none for an evaluation."""
+        if given is False or self._stage != "fit":
+            return []
+        return [event_logger(self.folder.out), *(one for one in _as_list(given) if one is not True)]
 
     def _run_stage(self, stage: Stage, checkpoint: Path | None) -> None:
         run = {"datamodule": self.datamodule, "ckpt_path": checkpoint, "weights_only": True}
@@ -277,15 +277,19 @@ def group_hints(kind: TrainingKind) -> dict[str, dict[str, Any]]:
 
 
 @contextmanager
-def _settings_checked() -> Iterator[None]:
+def _settings_checked(*kinds: type[Exception]) -> Iterator[None]:
     """Turn what Lightning says of its settings into a sentence.
+
+    Args:
+        kinds: Errors that only a setting can cause here, beside Lightning's own.
 
     Raises:
         UsageError: a setting does not fit another.
     """
+    refusals: tuple[type[Exception], ...] = (MisconfigurationException, *kinds)
     try:
         yield
-    except MisconfigurationException as error:
+    except refusals as error:
         raise UsageError(
             "--trainer",
             expected="settings that Lightning takes together",

@@ -85,8 +85,18 @@ def test_a_detector_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     ("flags", "refusal"),
     [
         ("--epochs 0", (UsageError, "--epochs", "at least 1", "0")),
-        ("--trainer.num_nodes 0", (UsageError, "--trainer", "Lightning's Trainer", "num_nodes")),
-        ("--trainer.strategy none", (UsageError, "--trainer", "Lightning's Trainer", "none")),
+        (
+            "--trainer.num_nodes 0",
+            (UsageError, "--trainer", "settings that Lightning takes", "num_nodes"),
+        ),
+        (
+            "--trainer.strategy none",
+            (UsageError, "--trainer", "settings that Lightning takes", "none"),
+        ),
+        (
+            "--trainer.devices x",
+            (UsageError, "--trainer", "settings that Lightning takes", "devices"),
+        ),
         ("--trainer.precision 7", (UsageError, "--trainer.precision", "", "7")),
         ("--trainer.epochs 7", (UsageError, "command line", "a flag such as", "--trainer.epochs")),
         ("--optimizer Adm", (UsageError, "--optimizer", "", "Adm")),

@@ -13,7 +13,7 @@ from perception.errors import ModelError, WriteError
 from tests.faults import fault
 from tests.train.events import hyperparameters_of, require_costs
 from tests.train.toy_crops import TOY_DEPTHCN, toy_batch
-from tests.train.trainings import killed_after, run
+from tests.train.trainings import run
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
@@ -60,20 +60,21 @@ def test_a_batch_is_overfitted():
     assert paired_iou(shares[is_vehicle], batch["normalized_box"][is_vehicle]).mean() > 0.85
 
 
-def weights_after(folder, epochs, killed_at):
-    train(folder / "whole", epochs=epochs)
-    with pytest.raises(KeyboardInterrupt):
-        train(folder / "killed", *killed_after(killed_at), epochs=epochs)
-    train(folder / "killed", epochs=epochs, resume=folder / "killed" / "last.ckpt")
-    return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
-
-
-def test_a_killed_training_resumes_exactly(tmp_path):
-    whole, resumed = weights_after(tmp_path, epochs=3, killed_at=4 + 2)
-    for name, weight in whole["state_dict"].items():
-        torch.testing.assert_close(resumed["state_dict"][name], weight, rtol=0, atol=0, msg=name)
-    for key in ("epoch", "global_step", "lr_schedulers"):
-        assert resumed[key] == whole[key]
+def test_loggers_and_callbacks_are_added_to_ours(tmp_path):
+    words = [
+        "--trainer.logger=lightning.pytorch.loggers.CSVLogger",
+        f"--trainer.logger.save_dir={tmp_path / 'csv'}",
+        "--trainer.callbacks+=lightning.pytorch.callbacks.ModelSummary",
+        "--data.count=8",
+    ]
+    cli, _ = train(tmp_path, *words)
+    assert [type(one).__name__ for one in cli.trainer.loggers] == ["TensorBoardLogger", "CSVLogger"]
+    names = [type(one).__name__ for one in cli.trainer.callbacks]
+    assert {"ModelSummary", "BestEpoch", "TrainingBar"} <= set(names)
+    assert list(tmp_path.glob("events*"))
+    silent, _ = train(tmp_path / "silent", "--trainer.logger=false", "--data.count=8")
+    assert silent.trainer.loggers == []
+    assert not list((tmp_path / "silent").glob("events*"))
 
 
 def test_the_best_epoch_and_the_last_are_kept(tmp_path):
