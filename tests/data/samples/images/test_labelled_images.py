@@ -15,12 +15,19 @@ from data.samples.images import labelled_images
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from perception.detection.detectors.input_size import InputSize, stretch
-from perception.detection.detectors.modalities import MapFilling, fill_maps, map_image
+from perception.detection.detectors.modalities import (
+    MapFilling,
+    fill_maps,
+    map_image,
+    modality_image,
+)
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import ImageError, LabelError, ScanError, UsageError
 from perception.maps.projection import project_frame
-from perception.types import Modality
+from perception.types import MODALITIES, Modality
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.data.samples.images.conftest import SMALL
+from tests.detection.bright_cells import bright_cells
 from tests.faults import fault
 
 Make = Callable[..., LabelledImages]
@@ -138,6 +145,19 @@ def test_jpeg_leaves_its_traces_as_opencv_writes_them(make_images: Make):
     expected = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
     np.testing.assert_array_equal(frames.image(0)[..., 0], expected)
     assert (expected != map_image(dense, "rm")[..., 0]).any()
+
+
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_a_network_runs_on_the_images_that_it_was_trained_on(
+    make_images: Make, tmp_path: Path, modality: Modality
+):
+    model = tmp_path / "thesis.onnx"
+    model.write_bytes(bright_cells(modality, size=(96, 320), filling="thesis", jpeg_quality="75"))
+    detector = ModalityDetector(model)
+    frames = make_images(modality, filling="thesis", jpeg_quality=75)
+    image = modality_image(frames.drives[0][0], modality, detector.filling)
+    trained_on = frames.image(0).transpose(2, 0, 1)
+    np.testing.assert_array_equal(detector.preprocess(image)[0], trained_on)
 
 
 def test_jpeg_keeps_colours_in_their_order(make_images: Make):
