@@ -20,7 +20,7 @@ SHORT = {
     "evaluate robustness": ["--frames", "1"],
     "track": ["--frames", "3"],
     "bench": ["--frames", "3", "--chain-frames", "3"],
-    "study": ["--frame", "2"],
+    "study": ["--frame", "2", "--sensor", "VLP-16"],
     "synth": ["--frames", "2"],
     "detect": ["--frames", "3"],
     "train": ["--epochs", "1"],

@@ -16,6 +16,7 @@ from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.verifier import Verifier
 from perception.errors import ModelError, UsageError, WriteError
+from tests.car_frames import write_car_frames
 from tests.faults import command, fault
 from tests.full_disk import file_size_limit
 
@@ -69,11 +70,7 @@ def test_report_lies_beside_the_file(exported):
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    root = tmp_path_factory.mktemp("street")
-    assert (
-        main(["synth", str(root), "--frames", "1", "--layout", "object", "--images", "false"]) == 0
-    )
-    return root
+    return write_car_frames(tmp_path_factory.mktemp("drive") / "cars", frames=1)
 
 
 def test_proposals_of_a_drive_are_compared_in_8_bits_too(

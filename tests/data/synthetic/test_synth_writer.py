@@ -1,10 +1,13 @@
 """What is written is read back the same, in all three layouts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, draw_drive, write_drives
+from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import SemanticClass
 from data.synthetic.writer import DATE, semantic_kitti_labels
 from perception.errors import UsageError
@@ -12,16 +15,23 @@ from perception.sensor import VLP_16
 from tests.faults import fault
 
 FRAMES = 2
+SEQUENCE = SynthConfig(frames=FRAMES, sensor=VLP_16, seed=7)
+
+
+@pytest.fixture(scope="module")
+def made() -> SyntheticDrive:
+    """Return the drive that is written, made again; the layout does not change it."""
+    return draw_drive(SEQUENCE, 0, FRAMES)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", ["raw", "tracking"])
-def test_a_sequence_round_trip(tmp_path, layout):
-    synth_config = SynthConfig(layout=layout, frames=FRAMES, sensor=VLP_16, seed=7)
+def test_a_sequence_round_trip(made, tmp_path, layout):
+    synth_config = replace(SEQUENCE, layout=layout)
     done = []
     [folder] = write_drives(tmp_path, synth_config, lambda: done.append(1))
     assert len(done) == synth_config.total_frames == FRAMES
-    read, made = open_drive(folder), draw_drive(synth_config, 0, FRAMES)
+    read = open_drive(folder)
     assert (len(read), read.sensor.name) == (FRAMES, "VLP-16")
     for index in range(FRAMES):
         ours, theirs = made[index], read[index]
@@ -44,12 +54,10 @@ def test_a_sequence_round_trip(tmp_path, layout):
     assert not list(tmp_path.rglob("*.part"))
 
 
-def test_raw_has_truth_poses_and_stamps(tmp_path):
-    synth_config = SynthConfig(frames=FRAMES, sensor=VLP_16, seed=7, images=False)
-    [folder] = write_drives(tmp_path, synth_config)
+def test_raw_has_truth_poses_and_stamps(made, tmp_path):
+    [folder] = write_drives(tmp_path, replace(SEQUENCE, images=False))
     assert folder == tmp_path / DATE / f"{DATE}_drive_0000_sync"
     poses = np.loadtxt(folder / "truth_poses.txt").reshape(-1, 3, 4)
-    made = draw_drive(synth_config, 0, FRAMES)
     assert poses[1] == pytest.approx(made.true_world_SE3_velo(1)[:3], abs=1e-6)
     assert open_drive(folder)[1].stamp_s == pytest.approx(0.1)
     assert not (folder / "image_02").exists()
