@@ -13,6 +13,7 @@ from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, pu
 from benchmarks.studies.tracking_metrics import PROTOCOL, tracking_values
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
+from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.report import Table, Value
 from perception.pipeline import PipelineConfig
 from perception.sensor import load_sensor
@@ -85,7 +86,11 @@ def datmo_film(
         out,
         "Fig. 7.6",
         {"tracks": _table(title, reports)},
-        {"config": config, "detector": PRESETS[config.preset], "protocol": PROTOCOL},
+        {
+            "config": config,
+            "detector": PRESETS[config.preset],
+            "protocols": {name: one and one.protocol for name, one in reports.items()},
+        },
     )
     print(out.with_suffix(".mp4"))
 
@@ -127,9 +132,11 @@ class FilmedScene:
         self._datmo = Datmo(self._detector, tracker, uses_ins_poses=True)
         self._composition = Composition(area=config.area, turn_s=1 / drive.sensor.rate_hz)
         self._history = SceneHistory()
+        # Labels of a recorded drive are of what the camera sees.
+        protocol = DatmoProtocol() if drive.point_truth(0) is None else PROTOCOL
         has_truth = drive.has_labels and drive.has_poses
-        truth = moving_truth(drive, PROTOCOL.view, PROTOCOL.motion) if has_truth else None
-        self._measure = None if truth is None else DatmoMeasure(truth, PROTOCOL)
+        truth = moving_truth(drive, protocol.view, protocol.motion) if has_truth else None
+        self._measure = None if truth is None else DatmoMeasure(truth, protocol)
 
     def draw(self, frame: Frame, title: str) -> UInt8:
         """Return the image of the next frame: the motion grid in place of voxels, with boxes and paths."""

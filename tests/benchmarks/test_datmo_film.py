@@ -9,6 +9,7 @@ import pytest
 from benchmarks.studies.datmo_film import DatmoFilmConfig, datmo_film
 from data.synthetic import traffic_scenes
 from data.synthetic.drive import CachedDrive
+from perception.cli.main import main
 from perception.errors import UsageError
 from perception.sensor import VLP_16
 from tests.faults import fault
@@ -43,6 +44,15 @@ def test_three_scenes_follow_each_other_in_one_film(drive, tmp_path, monkeypatch
     (row,) = document["results"]["tracks"].values()
     assert row["frames"] == 4
     assert row["never tracked"] <= row["moving objects"]
+
+
+def test_a_recorded_drive_is_measured_in_the_camera_s_view(kitti_root, tmp_path):
+    out = tmp_path / "film.jpg"
+    words = [str(kitti_root / "tracking"), "--sequence", "0000", "--frames", "4"]
+    assert main(["study", "datmo-film", *words, "--out", str(out)]) == 0
+    document = json.loads(out.with_suffix(".json").read_text())
+    assert document["conditions"]["protocols"]["0000"]["view"] == "camera"
+    assert document["results"]["tracks"]["0000"]["frames"] == 4
 
 
 def test_a_film_without_frames_is_refused():
