@@ -16,10 +16,12 @@ from scipy import ndimage
 
 from data.kitti.sequence import KittiSequence
 from perception.errors import PoseError
-from perception.evaluation.config import MotionLabelConfig
+from perception.evaluation.config import MotionLabelConfig, ObstacleProtocol
 from perception.evaluation.objects import MotionState
+from perception.evaluation.obstacle_measure import ObstacleMeasure
 from perception.geometry.boxes import transform_boxes
-from perception.types import Bool, Float64, Int, Labels
+from perception.geometry.grids import LocalArea
+from perception.types import Bool, Drive, Float64, Int, Labels
 
 _TIME_SLACK_S = 1e-3  # stamps a frame apart differ by rounding
 
@@ -100,6 +102,20 @@ class MotionLabels:
     def moving_tracks(self) -> list[int]:
         """Return the ids of the tracks that move at any time, in ascending order."""
         return sorted(set(self.track_ids[self.motions == MotionState.MOVING].tolist()))
+
+
+def obstacle_measure(drive: Drive, area: LocalArea, protocol: ObstacleProtocol) -> ObstacleMeasure:
+    """Return the measure of a drive's obstacles, which knows what moves where there are labels and poses.
+
+    Args:
+        drive: Drive, with or without labels.
+        area: Area over which objects count.
+        protocol: Protocol of the evaluation.
+    """
+    motion = None
+    if isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses:
+        motion = label_drive_motion(drive, protocol.motion)
+    return ObstacleMeasure(area, protocol.objects, motion)
 
 
 def label_drive_motion(

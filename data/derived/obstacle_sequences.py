@@ -5,9 +5,11 @@ objects it flagged as static and as moving was never published, only how many.
 """
 
 from functools import cache
+from pathlib import Path
 from typing import Literal
 
 from data.derived.tables import table_rows
+from perception.errors import DriveError
 from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
 
 SequenceSet = Literal["table-3.1"]
@@ -20,6 +22,35 @@ _PRINTED = "printed_"
 def table_3_1() -> tuple[ObstacleSequence, ...]:
     """Return the 8 sequences on which the thesis evaluates ground and obstacles."""
     return tuple(_parse(row) for row in table_rows("table_3_1.csv"))
+
+
+def find_sequences(
+    root: Path, set: SequenceSet, sequence: str | None
+) -> tuple[list[ObstacleSequence], list[ObstacleSequence]]:
+    """Return the sequences of a set that a folder holds, and those that it does not.
+
+    Args:
+        root: Folder of tracking sequences.
+        set: Name of the set.
+        sequence: Name of the only sequence, or None for all.
+
+    Raises:
+        DriveError: The folder holds none of them.
+    """
+    from data.open_drive import sequences_in  # what reads drives is not needed for a flag's type
+
+    asked = [one for one in table_3_1() if sequence is None or one.sequence == sequence.zfill(4)]
+    here = sequences_in(root)
+    present = [one for one in asked if one.sequence in here]
+    if not present:
+        names = ", ".join(one.sequence for one in table_3_1())
+        raise DriveError(
+            root,
+            expected=f"KITTI tracking sequences of the set {set}: {names}",
+            found=", ".join(name for name in here if name) or "one drive",
+            advice=f"name a tracking folder, or evaluate one drive without --set {set}",
+        )
+    return present, [one for one in asked if one not in present]
 
 
 def _parse(row: dict[str, str]) -> ObstacleSequence:

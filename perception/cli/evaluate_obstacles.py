@@ -1,27 +1,50 @@
 """`trifuse evaluate obstacles`."""
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from data.derived.obstacle_sequences import SequenceSet, table_3_1
+from data.derived.obstacle_sequences import SequenceSet, find_sequences, table_3_1
 from data.results.command_config import CommandConfig
-from perception.cli.counting_sheet import CountingFlags, CountingJob
 from perception.cli.evaluation import (
     EvaluatedDrive,
     EvaluationDocument,
     evaluate_drive,
     publish_report,
 )
-from perception.cli.flags import LabelledDriveFlags, ReportFlags
+from perception.cli.flags import LabelledDriveFlags, ReportFlags, require_positive
+from perception.cli.parser import FlagGroup
 from perception.cli.sequence_sets import evaluate_drives
 from perception.evaluation.config import ObstacleProtocol
 from perception.pipeline import PipelineConfig
-from perception.types import Drive
+from perception.types import Drive, Result
 
 if TYPE_CHECKING:
-    from perception.evaluation.obstacle_measure import ObstacleMeasure, ObstacleReport
+    from perception.evaluation.obstacle_measure import ObstacleReport
+    from perception.evaluation.obstacle_sets import CountingReport
 
 _PIPELINE, _PROTOCOL = PipelineConfig.for_obstacles(), ObstacleProtocol()
+
+
+@dataclass(frozen=True)
+class CountingFlags(FlagGroup):
+    """Counting by a person.
+
+    Attributes:
+        counting_sheet: Folder of a counting sheet: the first call writes overlay images of random scans and a sheet
+            with empty counts, which exact truth fills in; every call prints the sheet in the form of Table 7.2.
+        scans: Number of random scans of each sequence.
+        seed: Seed of the choice of scans.
+    """
+
+    counting_sheet: Path | None = None
+    scans: int = 25
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Validate the number of scans."""
+        require_positive("--scans", self.scans)
 
 
 def evaluate_obstacles(
@@ -48,24 +71,19 @@ def evaluate_obstacles(
         pipeline: Pipeline configuration.
         protocol: Protocol of the evaluation.
     """
+    from data.derived.motion_labels import obstacle_measure
     from perception.evaluation.obstacle_measure import PROTOCOL_WORDS
     from perception.evaluation.obstacle_sets import ObstacleSetReport
 
-    def measure_of(labelled: Drive) -> "ObstacleMeasure":
-        return obstacle_measure(labelled, pipeline, protocol)
-
     words = {**PROTOCOL_WORDS, "values": protocol}
     if counting.counting_sheet is not None:
-        job = CountingJob(
-            counting.counting_sheet, counting.scans, counting.seed, drive, pipeline, measure_of
-        )
-        counted = job.report(root, set)
+        counted = _count(root, set, counting, drive, pipeline, protocol)
         document = EvaluationDocument("obstacles", {"root": root, "counting": counting}, words)
         publish_report(str(counted), counted, document, config, report.json)
         return
 
     def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, ObstacleReport]":
-        measure = measure_of(labelled)
+        measure = obstacle_measure(labelled, pipeline.area, protocol)
         data = evaluate_drive(labelled, drive, pipeline, measure)
         return data, measure.compute()
 
@@ -76,15 +94,33 @@ def evaluate_obstacles(
     publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report.json)
 
 
-def obstacle_measure(
-    drive: Drive, pipeline: PipelineConfig, protocol: ObstacleProtocol
-) -> "ObstacleMeasure":
-    """Return the measure of the obstacles of a drive, which knows what moves where the drive has labels and poses."""
-    from data.derived.motion_labels import label_drive_motion
-    from data.kitti.sequence import KittiSequence
-    from perception.evaluation.obstacle_measure import ObstacleMeasure
+def _count(
+    root: Path,
+    set: SequenceSet | None,
+    counting: CountingFlags,
+    flags: LabelledDriveFlags,
+    pipeline: PipelineConfig,
+    protocol: ObstacleProtocol,
+) -> "CountingReport":
+    """Write the images and the sheet where there is no sheet yet, and return what the sheet holds."""
+    from data.derived.motion_labels import obstacle_measure
+    from data.open_drive import open_drive
+    from data.results.counted_scans import CountedScans
+    from perception.cli.drive_results import drive_results
 
-    motion = None
-    if isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses:
-        motion = label_drive_motion(drive, protocol.motion)
-    return ObstacleMeasure(pipeline.area, protocol.objects, motion)
+    def results_of(drive: Drive, count: int) -> Iterable[Result]:
+        return drive_results(drive, pipeline, limit=count, on_bad_frame=flags.on_bad_frame)
+
+    assert counting.counting_sheet is not None
+    scans = CountedScans(counting.counting_sheet, counting.scans, counting.seed, flags.frames)
+    if not scans.sheet.exists():
+        names = [flags.sequence]
+        if set is not None:
+            names = [one.sequence for one in find_sequences(root, set, flags.sequence)[0]]
+        drives = [open_drive(root, sequence=one, sensor=flags.sensor, images=True) for one in names]
+        scans.write(
+            flags.select(drives),
+            results_of,
+            lambda drive: obstacle_measure(drive, pipeline.area, protocol),
+        )
+    return scans.report()

@@ -5,11 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from data.derived.obstacle_sequences import SequenceSet
+from data.derived.obstacle_sequences import SequenceSet, find_sequences
 from perception.cli.evaluation import EvaluatedDrive, open_labelled_drive
 from perception.cli.flags import LabelledDriveFlags
-from perception.errors import DriveError
-from perception.evaluation.obstacle_counts import ObstacleSequence
 from perception.evaluation.report import Report
 from perception.types import Drive
 
@@ -76,33 +74,3 @@ def evaluate_drives(
     reports = {name: report for name, (_, report) in evaluated.items()}
     names = [one.name for one in absent]
     return EvaluatedSet(root.resolve(), set, drives, names), combine(reports)
-
-
-def find_sequences(
-    root: Path, set: SequenceSet, sequence: str | None
-) -> tuple[list[ObstacleSequence], list[ObstacleSequence]]:
-    """Return the sequences of a set that a folder holds, and those that it does not.
-
-    Args:
-        root: Folder of tracking sequences.
-        set: Name of the set.
-        sequence: Name of the only sequence, or None for all.
-
-    Raises:
-        DriveError: The folder holds none of them.
-    """
-    from data.derived.obstacle_sequences import table_3_1
-    from data.open_drive import sequences_in
-
-    asked = [one for one in table_3_1() if sequence is None or one.sequence == sequence.zfill(4)]
-    here = sequences_in(root)
-    present = [one for one in asked if one.sequence in here]
-    if not present:
-        names = ", ".join(one.sequence for one in table_3_1())
-        raise DriveError(
-            root,
-            expected=f"KITTI tracking sequences of the set {set}: {names}",
-            found=", ".join(name for name in here if name) or "one drive",
-            advice=f"name a tracking folder, or evaluate one drive without --set {set}",
-        )
-    return present, [one for one in asked if one not in present]

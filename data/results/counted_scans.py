@@ -1,0 +1,110 @@
+"""Random scans as overlay images, whose obstacles are counted on a sheet (7.1.1)."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.derived.obstacle_sequences import table_3_1
+from data.frames import frame_count
+from data.results.counting_sheet import (
+    CountedImage,
+    choose_frames,
+    read_counting_sheet,
+    write_counting_sheet,
+)
+from perception.atomic_file import write_jpeg
+from perception.errors import DriveError
+from perception.evaluation.obstacle_counts import ObstacleCounts
+from perception.evaluation.obstacle_measure import ObstacleMeasure
+from perception.evaluation.obstacle_sets import CountingReport
+from perception.render.counted_obstacles import draw_counted_obstacles
+from perception.types import Drive, Result
+
+SHEET = "counting_sheet.csv"
+
+
+@dataclass(frozen=True)
+class CountedScans:
+    """Random scans of each drive.
+
+    Attributes:
+        folder: Folder of the sheet and of its images.
+        scans: Number of random scans of each drive.
+        seed: Seed of the choice of scans.
+        first_frames: Number of frames from the start of a drive to choose among; None for all.
+    """
+
+    folder: Path
+    scans: int
+    seed: int
+    first_frames: int | None = None
+
+    @property
+    def sheet(self) -> Path:
+        """The counting sheet."""
+        return self.folder / SHEET
+
+    def write(
+        self,
+        drives: Sequence[Drive],
+        results_of: Callable[[Drive, int], Iterable[Result]],
+        measure_of: Callable[[Drive], ObstacleMeasure],
+    ) -> None:
+        """Write the images and the sheet, with the counts that exact truth gives.
+
+        Args:
+            drives: Drives with images; a person needs no labels.
+            results_of: Function from a drive and a number of frames to their results.
+            measure_of: Function that returns the measure of a drive's obstacles.
+
+        Raises:
+            DriveError: A drive has no images.
+            PerceptionError: A frame cannot be read or used.
+        """
+        for drive in drives:
+            if not drive.has_images or drive.calibration is None:
+                raise DriveError(
+                    drive.root,
+                    expected=f"images and a camera calibration of {drive.name}, to project voxels into",
+                    found="none",
+                    advice="add image_02 and calib, or evaluate without --counting-sheet",
+                )
+        rows = [row for one in drives for row in self._write(one, results_of, measure_of(one))]
+        write_counting_sheet(self.sheet, rows)
+
+    def report(self) -> CountingReport:
+        """Return what the sheet holds, in the form of Table 7.2.
+
+        Raises:
+            LabelError: The sheet cannot be read.
+        """
+        rows = read_counting_sheet(self.sheet)
+        names = {one.sequence: one.name for one in table_3_1()}
+        counts: dict[str, ObstacleCounts] = {}
+        for row in rows:
+            if row.counts is not None:
+                name = names.get(row.sequence, row.sequence)
+                counts[name] = counts.get(name, ObstacleCounts()) + row.counts
+        counted = sum(row.counts is not None for row in rows)
+        return CountingReport(self.sheet, counts, len(rows), counted, table_3_1())
+
+    def _write(
+        self,
+        drive: Drive,
+        results_of: Callable[[Drive, int], Iterable[Result]],
+        measure: ObstacleMeasure,
+    ) -> Iterator[CountedImage]:
+        """Write the images of the random scans of a drive, and yield their rows."""
+        count = frame_count(drive, self.first_frames)
+        frames = {*choose_frames(drive.name, count, self.scans, self.seed).tolist()}
+        for result in results_of(drive, max(frames) + 1):
+            frame = result.frame
+            truth = drive.point_truth(frame.index)
+            measure.update(result, drive.labels(frame.index) if drive.has_labels else None, truth)
+            if frame.index not in frames or frame.image is None:
+                continue
+            counted = measure.obstacles_of(frame.index)
+            name = f"{drive.name}_{frame.name}.jpg"
+            write_jpeg(self.folder / name, draw_counted_obstacles(result, counted))
+            counts = None if counted is None or truth is None else counted.counts
+            yield CountedImage(drive.name, frame.name, name, counts)
