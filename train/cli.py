@@ -259,7 +259,7 @@ class TrainingCLI(LightningCLI):
 
 def group_hints(kind: TrainingKind) -> dict[str, dict[str, Any]]:
     """Return the type of each flag of each group by its name, but for those that are linked or classes of torch."""
-    linked = {"return", "seed", "optimizer", "lr_scheduler", *kind.links.values()}
+    linked = {"return", "seed", "optimizer", "lr_scheduler"}
     hints = {
         "trainer": get_type_hints(inspect.unwrap(Trainer.__init__)),
         "model": get_type_hints(kind.module.__init__),
@@ -269,7 +269,8 @@ def group_hints(kind: TrainingKind) -> dict[str, dict[str, Any]]:
         "early_stopping": get_type_hints(BestEpoch.__init__),
         "ema": get_type_hints(exponential_moving_average),
     }
-    hints["data"].pop("config")
+    for name in ("config", *kind.links.values()):
+        del hints["data"][name]
     return {
         group: {name: hint for name, hint in of_group.items() if name not in linked}
         for group, of_group in hints.items()

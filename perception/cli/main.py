@@ -11,6 +11,8 @@ from pathlib import Path
 from perception import __version__
 from perception.cli.parser import CommandFunction, call, flag_types, help_text
 from perception.cli.study import STUDIES
+from perception.cli.trainings import TRAININGS
+from perception.cli.trainings import help_text as training_help
 from perception.errors import PerceptionError, UsageError
 
 
@@ -80,9 +82,7 @@ class TrainingCommand(Command):
 
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help; that of every flag imports torch."""
-        from perception.cli.train import help_text
-
-        return help_text(self.target, everything=everything)
+        return training_help(self.target, everything=everything)
 
     @property
     def can_overwrite(self) -> bool:
@@ -120,7 +120,6 @@ SUMMARIES: Mapping[str, str] = {
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "train", "study")
-_TRAININGS = ("detector", "depthcn", "fusion")
 COMMANDS: Mapping[str, Command] = {
     **{
         name: Command(f"perception.cli.{function}:{function}", summary)
@@ -128,7 +127,7 @@ COMMANDS: Mapping[str, Command] = {
         for function in [name.replace(" ", "_")]
         if name not in GROUPS
     },
-    **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in _TRAININGS},
+    **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in TRAININGS},
     "bench": Command("benchmarks.bench:bench", SUMMARIES["bench"]),
     **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }

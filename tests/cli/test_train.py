@@ -5,7 +5,7 @@ import yaml
 
 from perception.cli.main import main
 from perception.cli.train import fit
-from perception.errors import UsageError, WriteError
+from perception.errors import MissingDependencyError, UsageError, WriteError
 from tests.car_frames import write_car_frames
 from tests.faults import command, fault
 
@@ -100,6 +100,15 @@ def test_everyday_flags_are_short_for_those_of_lightning(tmp_path, capsys):
     assert "default_root_dir" not in printed["trainer"]
 
 
+def test_a_flag_of_the_module_that_the_data_share_is_given_once(capsys):
+    words = "train fusion x --model.variant scores --model.hidden 41 --print-config"
+    command(*words.split())
+    model = yaml.safe_load(capsys.readouterr().out)["model"]
+    assert (model["variant"], model["hidden"]) == ("scores", [41])
+    with fault(UsageError, "command line", found="--data.variant"):
+        command("train", "fusion", "x", "--data.variant", "scores")
+
+
 def test_several_configurations_are_read_in_turn(tmp_path, capsys):
     mine = tmp_path / "mine.yaml"
     mine.write_text("trainer: {max_epochs: 2}\noptimizer: {init_args: {lr: 0.25}}\n")
@@ -135,3 +144,12 @@ def test_a_training_of_other_settings_is_not_resumed_by_a_study(tmp_path, monkey
         fit("depthcn", {"data.drives": ["other"], "trainer.max_epochs": 3}, tmp_path)
     with pytest.raises(KeyboardInterrupt):  # it is resumed
         fit("depthcn", {"data.drives": ["drive"], "trainer.max_epochs": 3}, tmp_path)
+
+
+def test_a_missing_package_is_named_with_its_extra(monkeypatch):
+    def missing(name):
+        raise ImportError("No module named 'torch'")
+
+    monkeypatch.setattr("perception.cli.trainings.importlib.import_module", missing)
+    with fault(MissingDependencyError, found="torch", advice="train"):
+        command("train", "depthcn", "x")

@@ -1,15 +1,21 @@
-"""Short names of the flags of a training that are typed every day, and the help that lists them without torch."""
+"""The trainings by name, the short names of flags that are typed every day, and the help that lists them without torch."""
 
+import importlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_type_hints
+from typing import TYPE_CHECKING, cast, get_type_hints
 
 from jsonargparse import ArgumentParser
 
 from perception.cli.help import help_formatter
 from perception.cli.parser import nested_types
 from perception.detection.config import FusionVariant
+from perception.errors import MissingDependencyError
 from perception.types import Modality
+
+if TYPE_CHECKING:
+    from train.cli import TrainingKind
 
 # Full names of the flags of `EverydayFlags`, but for --resume.
 FULL_NAMES = {
@@ -102,7 +108,83 @@ class TrainingText:
         )
 
 
-def everyday_help(prog: str, text: TrainingText) -> str:
+@dataclass(frozen=True)
+class Training:
+    """One of the trainings.
+
+    Attributes:
+        kind: Module and name of its `TrainingKind`, `module:NAME`.
+        reads: What it reads with a progress bar.
+        text: What its help says.
+    """
+
+    kind: str
+    reads: str
+    text: TrainingText
+
+    def load(self) -> "TrainingKind":
+        """Import the kind, which needs torch and Lightning.
+
+        Raises:
+            MissingDependencyError: they are not installed.
+        """
+        module, _, name = self.kind.partition(":")
+        try:
+            return cast("TrainingKind", getattr(importlib.import_module(module), name))
+        except ImportError as error:
+            package = "torch, lightning and tensorboard"
+            raise MissingDependencyError(
+                package, needed_for="training", extra="train", reason=error
+            ) from error
+
+
+TRAININGS: Mapping[str, Training] = {
+    "detector": Training(
+        "train.detector.kind:DETECTOR",
+        "images",
+        TrainingText(
+            "Train an image detector of one modality",
+            "highest moderate AP",
+            "Make a model file of the best one with: trifuse export OUT/best.ckpt --out dm.onnx",
+            "trifuse train detector synth/train --modality dm --validation synth/val --out results/dm",
+        ),
+    ),
+    "depthcn": Training(
+        "train.verifier.kind:DEPTHCN",
+        "proposals",
+        TrainingText(
+            "Train the network that verifies DepthCN's proposals",
+            "highest balanced accuracy",
+            "Make a model file of the best one with: trifuse export OUT/best.ckpt --out depthcn.onnx",
+            "trifuse train depthcn synth/train --validation synth/val --out results/depthcn",
+        ),
+    ),
+    "fusion": Training(
+        "export.trained_fusion:FUSION",
+        "detections",
+        TrainingText(
+            "Train the fusion of the three modalities' detections",
+            "lowest error",
+            "The detectors run once on every frame; their detections are cached. fusion.onnx is the model file of the best "
+            "one; figures of the test part are rescoring.png (Fig. 7.12), steps.png (7.14), precision.png, reliability.png, "
+            "and with --model.sweep.one 5,10,20 sizes.png (7.13).",
+            "trifuse train fusion synth/fusion --config thesis --out results/fusion",
+        ),
+    ),
+}
+
+
+def help_text(name: str, *, everything: bool = False) -> str:
+    """Return the help of a training; all groups need torch and Lightning."""
+    if not everything:
+        return _everyday_help(f"trifuse train {name}", TRAININGS[name].text)
+    kind = TRAININGS[name].load()
+    from train.cli import TrainingCLI
+
+    return TrainingCLI(kind).parser.format_help().rstrip()
+
+
+def _everyday_help(prog: str, text: TrainingText) -> str:
     """Return the help of a training: its text, the short flags, and the groups of Lightning's command line."""
     types = dict(nested_types(get_type_hints(EverydayFlags)))
     parser = ArgumentParser(
