@@ -15,7 +15,7 @@ from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, EpochSampler, SampleIndex
 from data.samples.labelled_parts import LabelledParts, first_frames, open_parts
-from data.splits.training_frames import TrainingFrames
+from data.splits.training_frames import ENTRY, TrainingFrames
 from perception.errors import UsageError
 from perception.types import Drive, Progress
 
@@ -86,7 +86,8 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
         if stage == "fit" and self.trainer is not None and self.trainer.is_global_zero:
             noted = self.trainer.lightning_module.hparams
             # Initial weights of another training have learned from its frames.
-            noted.update(parts.provenance(TrainingFrames.from_metadata(noted, "initial weights")))
+            earlier = {ENTRY: "", **noted}
+            noted.update(parts.provenance(TrainingFrames.from_metadata(earlier, "initial weights")))
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Return batches in a new order, as new augmented views, at every epoch."""

@@ -10,9 +10,9 @@ from data.samples.config import DriveDataConfig, TrainingDrives
 from data.splits.draw import draw_split
 from data.splits.files import read_split
 from data.splits.frame_split import FrameSplit
-from data.splits.training_frames import ENTRY, TrainingFrames
+from data.splits.training_frames import ENTRY, UNKNOWN, TrainingFrames
 
-_NO_SPLIT = "none"
+_NO_SPLIT, _NO_FRAMES = "none", TrainingFrames(frozenset())
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class LabelledParts:
         train, val = split.require_part(drives, "train"), split.require_part(drives, "val")
         return cls(train, val, split.select(drives, "test"), split.fingerprint)
 
-    def provenance(self, earlier: TrainingFrames | None = None) -> dict[str, str]:
+    def provenance(self, earlier: TrainingFrames | None = _NO_FRAMES) -> dict[str, str]:
         """Return what a model file states of the frames that it learned from.
 
         Args:
-            earlier: Frames that its initial weights learned from.
+            earlier: Frames that its initial weights learned from; None where they are not known.
         """
-        frames = TrainingFrames.of(self.train).joined(earlier)
-        return {"split": self.split, "part": "train", ENTRY: frames.text}
+        frames = UNKNOWN if earlier is None else TrainingFrames.of(self.train).joined(earlier).text
+        return {"split": self.split, "part": "train", ENTRY: frames}
 
 
 def open_parts(sources: TrainingDrives, config: DriveDataConfig, seed: int) -> LabelledParts:

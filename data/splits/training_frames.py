@@ -16,6 +16,7 @@ from perception.errors import ModelError
 from perception.types import Bool
 
 ENTRY = "training_frames"  # of a model file's metadata
+UNKNOWN = "unknown"  # of weights that were trained further
 _BYTES = 8  # for 4489 frames, 48 KB of text
 
 
@@ -36,12 +37,12 @@ class TrainingFrames:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str], file: str) -> Self | None:
-        """Return the frames that a model file states, or None where it states none.
+        """Return the frames that a model file states, or None where it does not know them.
 
         Raises:
             ModelError: The entry is damaged.
         """
-        if ENTRY not in metadata:
+        if metadata.get(ENTRY, UNKNOWN) == UNKNOWN:
             return None
         try:
             data = b64decode(metadata[ENTRY], validate=True)
@@ -56,9 +57,9 @@ class TrainingFrames:
         """Hashes in rising order, in base64."""
         return b64encode(b"".join(sorted(self.hashes))).decode()
 
-    def joined(self, others: Self | None) -> Self:
+    def joined(self, others: Self) -> Self:
         """Return these frames and others."""
-        return self if others is None else replace(self, hashes=self.hashes | others.hashes)
+        return replace(self, hashes=self.hashes | others.hashes)
 
     def among(self, hashes: Sequence[bytes]) -> Bool:
         """Return the (F,) mask of those of F frames that are among these."""

@@ -12,6 +12,7 @@ from torch.optim import AdamW
 
 from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset
+from data.splits.training_frames import ENTRY, UNKNOWN
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import MapFilling
 from perception.detection.detectors.postprocess import postprocess_detections
@@ -118,7 +119,7 @@ class DetectorTraining(LightningModule):
         if weights.checkpoint is not None:
             learned = read_checkpoint(weights.checkpoint, MODEL)["hyper_parameters"]
             # The data module adds the frames of this training.
-            self.hparams.update({"training_frames": learned.get("training_frames", "")})
+            self.hparams.update({ENTRY: learned.get(ENTRY, UNKNOWN)})
         self.sizes = scaled_sizes(self.image.size, *scales)
         self.metrics: DetectionMetrics | None = None
         """Metrics of the last validation or test."""

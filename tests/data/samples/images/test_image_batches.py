@@ -25,7 +25,7 @@ from data.samples.images.labelled_images import LabelledImages
 from data.splits.draw import draw_split
 from data.splits.files import write_split
 from data.splits.parts import PARTS
-from data.splits.training_frames import TrainingFrames
+from data.splits.training_frames import ENTRY, UNKNOWN, TrainingFrames
 from perception.errors import LabelError, ScanError, UsageError
 from perception.types import MODALITIES, Modality
 from tests.car_frames import SIZE_PX
@@ -292,6 +292,24 @@ def test_a_network_notes_the_frames_that_it_learns_from(make_data: MakeData, tmp
     assert len(learned.hashes) == 2  # half of the four training frames
     assert stated["part"] == "train"
     assert len(stated["split"]) == 16
+
+
+@pytest.mark.parametrize(
+    ("earlier", "joined"),
+    [
+        (UNKNOWN, UNKNOWN),
+        ("AAECAwQFBgc=", None),
+    ],  # of weights that learned from frames not known, or from one
+)
+def test_frames_of_the_initial_weights_are_noted_too(make_data: MakeData, earlier, joined):
+    data, watcher = make_data(), Watcher()
+    watcher.hparams.update({ENTRY: earlier})
+    data.trainer = SimpleNamespace(lightning_module=watcher, is_global_zero=True)
+    data.setup("fit")
+    if joined is None:
+        own = TrainingFrames.of(data.training.frames.drives)
+        joined = own.joined(TrainingFrames(frozenset([bytes(range(8))]))).text
+    assert watcher.hparams[ENTRY] == joined
 
 
 def test_a_bad_frame_stops_or_is_left_out(
