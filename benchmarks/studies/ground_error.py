@@ -1,20 +1,30 @@
 """Mean displacement error over the number of merged scans m and the slice width η (Fig. 7.1)."""
 
-from dataclasses import dataclass
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
+from data.derived.obstacle_sequences import SequenceSet
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError
-from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
+from perception.evaluation.ground import (
+    GroundErrors,
+    ground_errors,
+    mean_displacement_error,
+    pooled_displacement_error,
+)
 from perception.geometry.grids import LocalArea
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.render.bar_plots import ValueGrid, plot_grid
 from perception.types import Drive
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -22,6 +32,7 @@ class GroundErrorConfig(DriveOfStudy):
     """Drive and measured settings.
 
     Attributes:
+        set: Set of sequences: table-3.1, the 8 of the thesis, of which all that DRIVE holds are measured together.
         previous_scans: Values of m, the number of merged scans before the newest.
         steps_per_slice: Values of η, the number of elevation steps of a slice.
         every: Distance between measured frames.
@@ -29,6 +40,7 @@ class GroundErrorConfig(DriveOfStudy):
         seed: Seed of RANSAC.
     """
 
+    set: SequenceSet | None = None
     previous_scans: tuple[int, ...] = (2, 4, 6, 8, 10)
     steps_per_slice: tuple[int, ...] = (2, 4, 6, 8, 10)
     every: int = 4
@@ -49,15 +61,19 @@ def ground_error(
     Example: trifuse study ground-error kitti/tracking --sequence 0000 --every 1
 
     Args:
-        drive: Folder of a drive with labels, or the word synthetic.
+        drive: Folder of a drive with labels or of the sequences of a set, or the word synthetic.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    opened, scans, steps = config.open(drive), config.previous_scans, config.steps_per_slice
-    errors = measure_ground_errors(opened, config)
-    metrics = {pair: mean_displacement_error(rows) for pair, rows in errors.items()}
+    opened, scans, steps = _open(drive, config), config.previous_scans, config.steps_per_slice
+    errors = [measure_ground_errors(one, config) for one in opened]
+    metrics = {
+        pair: pooled_displacement_error(mean_displacement_error(one[pair]) for one in errors)
+        for pair in errors[0]
+    }
     mde_mm = np.array([[1e3 * metrics[m, eta].mde_m for eta in steps] for m in scans])
     one = next(iter(metrics.values()))
-    title = f"Ground error of the thesis' method, {opened.name}, {one.frames} frames"
+    names = ", ".join(one.name for one in opened)
+    title = f"Ground error of the thesis' method, {names}, {one.frames} frames"
     grid = ValueGrid(
         row_name="merged scans before the newest, m",
         rows=scans,
@@ -74,10 +90,22 @@ def ground_error(
         out,
         "Fig. 7.1",
         {"mde_mm": formatted_table(title, "mDE [mm]", specs, rows)},
-        {"drive": opened.name, "config": config, "area": LocalArea()},
+        {"drive": names, "config": config, "area": LocalArea()},
         frames=one.frames,
         objects=one.objects,
     )
+
+
+def _open(drive: str, config: GroundErrorConfig) -> Sequence[Drive]:
+    """Open the drive, or every sequence of the set that the folder holds."""
+    if config.set is None:
+        return [config.open(drive)]
+    from perception.cli.sequence_sets import find_sequences
+
+    present, absent = find_sequences(Path(drive), config.set, config.sequence)
+    if absent:
+        log.info("absent: %s", ", ".join(one.name for one in absent))
+    return [replace(config, sequence=one.sequence).open(drive) for one in present]
 
 
 def measure_ground_errors(

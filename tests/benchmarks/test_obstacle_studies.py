@@ -17,6 +17,7 @@ from benchmarks.studies.report import DriveOfStudy
 from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
+from perception.evaluation.ground import GroundErrors
 from perception.geometry.grids import LocalArea
 from perception.localization.registration import register_window
 from perception.localization.scan_window import DenseCloud
@@ -160,6 +161,27 @@ def test_ground_error(drive, tmp_path, capsys):
     assert all(0 < row["η = 2"] < 100 for row in mde_mm.values())
     assert numbers_of(plot_path)["objects"] > 0
     assert "η = 2" in capsys.readouterr().out
+
+
+def test_ground_error_is_averaged_over_the_frames_of_all_sequences(drive, tmp_path, monkeypatch):
+    class Sequences(GroundErrorConfig):
+        def open(self, path, *, images=False):
+            return SimpleNamespace(name=self.sequence)
+
+    def errors_of(one, config):
+        # Two frames of 0000 with 0.1 and 0.3 m, and two of 0011 with 0.4 m.
+        distances_m = {"0000": [0.1, 0.3], "0011": [0.4, 0.4]}[one.name]
+        return {(6, 6): GroundErrors(np.arange(2), np.zeros((2, 2)), np.array(distances_m))}
+
+    for name in ("velodyne/0000", "velodyne/0011", "label_02"):
+        (tmp_path / "training" / name).mkdir(parents=True)
+    monkeypatch.setattr("benchmarks.studies.ground_error.measure_ground_errors", errors_of)
+    config = Sequences(set="table-3.1", previous_scans=(6,), steps_per_slice=(6,))
+    ground_error(str(tmp_path), config=config, out=tmp_path / "error.png")
+    document = json.loads((tmp_path / "error.json").read_text())
+    assert document["conditions"]["drive"] == "0000, 0011"
+    assert document["results"]["mde_mm"]["m = 6"]["η = 6"] == pytest.approx(300)
+    assert document["results"]["frames"] == 4
 
 
 def test_ground_error_needs_labels(tmp_path):
