@@ -100,7 +100,7 @@ def _open(drive: str, config: GroundErrorConfig) -> Sequence[Drive]:
     """Open the drive, or every sequence of the set that the folder holds."""
     if config.set is None:
         return [config.open(drive)]
-    from perception.cli.sequence_sets import find_sequences
+    from data.derived.obstacle_sequences import find_sequences
 
     present, absent = find_sequences(Path(drive), config.set, config.sequence)
     if absent:
