@@ -7,12 +7,13 @@ from torchvision import ops
 
 from tests.train.image_labels import ImageLabels, pad_labels
 from train.box_overlap import paired_iou, pairwise_iou
-from train.detector.config import PUBLISHED_LOSS
+from train.detector.config import DetectionLossConfig
 from train.detector.losses import detection_loss, objectness_error
 from train.detector.targets import BatchLabels
 from train.networks.compact import CompactDetector
 from train.networks.yolo_head import YoloHead
 
+PUBLISHED_LOSS = DetectionLossConfig("squared", "squared", box_weight=1.0)
 LATER = 12_800
 HEAD = YoloHead(4, 32, [(16, 16), (64, 32)], ["Car", "Van"])
 COUNT = 2 * 2 * 3  # predictions of 2 anchors at 2 x 3 cells
