@@ -30,14 +30,14 @@ from lightning.pytorch.cli import (
     OptimizerCallable,
 )
 
-from data.results.command_config import CommandConfig
+from data.results.command_config import CommandConfig, read_config
 from data.results.documents import to_serializable, write_json
-from perception.errors import UsageError
+from perception.errors import UsageError, WriteError
 from perception.types import Progress
 from train.best_epoch import BestEpoch
 from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
 from train.events import TrainingStatistics, event_logger, writing_events
-from train.folder import TrainingFolder
+from train.folder import CONFIG, TrainingFolder
 from train.progress import TrainingBar
 from train.trainer import (
     SeedEachStep,
@@ -89,6 +89,11 @@ class TrainingKind:
     links: Mapping[str, str] = field(default_factory=dict)
     before_fit: Callable[["TrainingCLI"], None] | None = None
 
+    @property
+    def out(self) -> Path:
+        """Folder of the results where none is given."""
+        return Path("results") / self.name
+
 
 class TrainingCLI(LightningCLI):
     """Lightning's command line for one kind of training: parse at construction, then `run`."""
@@ -109,10 +114,7 @@ class TrainingCLI(LightningCLI):
             kind.module,
             kind.data,
             save_config_callback=None,
-            trainer_defaults={
-                **_TRAINER_DEFAULTS,
-                "default_root_dir": str(Path("results") / kind.name),
-            },
+            trainer_defaults={**_TRAINER_DEFAULTS, "default_root_dir": str(kind.out)},
             seed_everything_default=0,
             parser_kwargs={"exit_on_error": False, "prog": f"trifuse train {kind.name}"},
             args=list(self.words),
@@ -176,7 +178,7 @@ class TrainingCLI(LightningCLI):
 
         Raises:
             PerceptionError: settings, devices, drives or a checkpoint cannot be used.
-            KeyboardInterrupt: the training is stopped; what was written is kept.
+            KeyboardInterrupt: the training is stopped; what was written is kept, and the message says how to go on.
         """
         self._require_duration()
         path = self.folder.checkpoint(stage, checkpoint)
@@ -188,7 +190,12 @@ class TrainingCLI(LightningCLI):
         self.datamodule.progress = progress
         if path is not None:
             require_same_training(path, self.model, is_resumed=stage == "fit")
-        with _settings_checked(), interruptible(), writing_events(self.folder.out):
+        with (
+            self._resumable(),
+            _settings_checked(),
+            interruptible(),
+            writing_events(self.folder.out),
+        ):
             self._run_stage(stage, path)
         if not self.trainer.is_global_zero or self.trainer.fast_dev_run:  # type: ignore[attr-defined]
             return None
@@ -228,6 +235,19 @@ class TrainingCLI(LightningCLI):
             return []
         return [event_logger(self.folder.out), *(one for one in _as_list(given) if one is not True)]
 
+    @contextmanager
+    def _resumable(self) -> Iterator[None]:
+        """Say how to go on after an interrupt or a full disk."""
+        try:
+            yield
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(self.folder.how_to_go_on(self.kind.name)) from error
+        except WriteError as error:
+            advice = f"make room, then {self.folder.how_to_go_on(self.kind.name)}"
+            raise WriteError(
+                error.where, expected=error.expected, found=error.found, advice=advice
+            ) from error
+
     def _run_stage(self, stage: Stage, checkpoint: Path | None) -> None:
         run = {"datamodule": self.datamodule, "ckpt_path": checkpoint, "weights_only": True}
         if stage == "fit":
@@ -255,6 +275,40 @@ class TrainingCLI(LightningCLI):
             count = trainer[name]
             if count is not None and (count == 0 or count < -1):
                 raise UsageError(flag, expected="at least 1", found=str(count))
+
+
+def fit(
+    kind: TrainingKind,
+    arguments: Mapping[str, object],
+    out: Path,
+    progress: Progress = iter,
+    config: str | None = None,
+) -> Any:  # noqa: ANN401 - as `run`
+    """Train by arguments, such as those of a study; resume where `out` holds the same training.
+
+    Args:
+        kind: Kind of training.
+        arguments: Values by full name, such as `trainer.max_epochs`.
+        out: Folder of the training.
+        progress: Wrapper of the loop over frames that may show its progress.
+        config: Configuration that the arguments change: default, thesis, or a file.
+
+    Raises:
+        PerceptionError: settings, drives or a checkpoint cannot be used, or the folder is of other settings.
+    """
+    files = [] if config is None else [f"--config={config_file(kind.name, config)}"]
+    words = [f"--{name}={_word(value)}" for name, value in arguments.items()]
+    cli = TrainingCLI(kind, [*files, *words, f"--trainer.default_root_dir={out}"])
+    if not cli.folder.last.exists():
+        return cli.run("fit", None, progress)
+    if read_config(out / CONFIG) != cli.command_config.values:
+        raise UsageError(
+            out,
+            expected="a training with the same settings, or none",
+            found=f"others in {CONFIG}",
+            advice="choose another --out",
+        )
+    return cli.run("fit", "last", progress)
 
 
 def group_hints(kind: TrainingKind) -> dict[str, dict[str, Any]]:
@@ -298,15 +352,10 @@ def _settings_checked(*kinds: type[Exception]) -> Iterator[None]:
         ) from error
 
 
-def as_words(arguments: Mapping[str, object]) -> list[str]:
-    """Return arguments as the words of a command line."""
-    return [f"--{name}={_word(value)}" for name, value in arguments.items()]
-
-
-def config_file(kind: str, name: str) -> Path | None:
-    """Return the file of a configuration that is shipped, such as thesis; None where there is none."""
-    file = Path(__file__).parent / "configs" / kind / f"{name}.yaml"
-    return file if file.exists() else None
+def config_file(kind: str, given: str) -> Path:
+    """Return the file of a configuration: one that is shipped, such as thesis, or one named by its path."""
+    shipped = Path(__file__).parent / "configs" / kind / f"{given}.yaml"
+    return shipped if shipped.exists() else Path(given)
 
 
 _HELP = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from perception.errors import UsageError
 
-BEST, LAST = "best.ckpt", "last.ckpt"
+BEST, LAST, CONFIG = "best.ckpt", "last.ckpt", "config.yaml"
 
 
 @dataclass(frozen=True)
@@ -50,3 +50,23 @@ class TrainingFolder:
                 advice="resume it with --resume last, or name another --out",
             )
         return None
+
+    def how_to_go_on(self, kind: str) -> str:
+        """Return what to do after a training of some kind was stopped."""
+        if not self.last.exists():
+            return "start again with the same command, as no epoch is complete"
+        flags = f"--config {self.out / CONFIG} --out {self.out} --resume last"
+        return f"go on with: trifuse train {kind} {flags}"
+
+
+def config_beside(checkpoint: str | None, out: str | Path) -> list[Path]:
+    """Return the configuration that a training has left beside its checkpoint, if there is one.
+
+    Args:
+        checkpoint: Checkpoint, the word last for that of the folder, or None.
+        out: Folder of the training.
+    """
+    if checkpoint is None:
+        return []
+    file = (Path(out) if checkpoint == "last" else Path(checkpoint).parent) / CONFIG
+    return [file] if file.exists() else []

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from perception.cli.train import fit
+from perception.cli.progress import frame_progress_bar
+from perception.cli.trainings import TRAININGS
 from perception.evaluation.report import Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
@@ -44,7 +45,6 @@ def augmentation(
         out: Figure; the numbers and both trainings are written beside it.
     """
     arguments = {
-        "config": method,
         "data.drives": drives,
         "data.validation": validation or [],
         "data.batch_size": batch_size,
@@ -53,7 +53,9 @@ def augmentation(
         "seed_everything": seed,
     }
     trained = {
-        name: _trained({**arguments, "data.augment": name == "with"}, out.with_suffix("") / name)
+        name: _trained(
+            {**arguments, "data.augment": name == "with"}, out.with_suffix("") / name, method
+        )
         for name in THESIS_PERCENT
     }
     _plot(out, method, trained)
@@ -61,16 +63,19 @@ def augmentation(
         out,
         "Table 7.8",
         {"accuracy": _table(method, trained)},
-        {"training": arguments},
+        {"training": {"config": method, **arguments}},
         trained=trained,
     )
 
 
-def _trained(arguments: Mapping[str, object], folder: Path) -> Mapping[str, Any]:
+def _trained(arguments: Mapping[str, object], folder: Path, method: Method) -> Mapping[str, Any]:
     """Train, resume, or read what is done."""
     metrics = folder / "metrics.json"
     if not metrics.exists():
-        fit("depthcn", arguments, folder)
+        kind = TRAININGS["depthcn"].load()
+        from train.cli import fit
+
+        fit(kind, arguments, folder, frame_progress_bar("proposals"), method)
     done: Mapping[str, Any] = json.loads(metrics.read_text())
     return done
 

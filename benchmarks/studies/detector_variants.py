@@ -8,14 +8,14 @@ OUT/NAME/config.yaml ...  files of `trifuse train detector`; a folder of another
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
-from perception.cli.progress import progress_bar
-from perception.cli.train import fit
+from perception.cli.progress import frame_progress_bar, progress_bar
+from perception.cli.trainings import TRAININGS
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
@@ -34,14 +34,16 @@ class DetectorVariant:
 
     Attributes:
         arguments: Flags of `trifuse train detector` by full name, and their values.
+        config: Configuration that they change: default or thesis.
     """
 
     arguments: Mapping[str, object]
+    config: str = "default"
 
     def but(self, **changes: object) -> "DetectorVariant":
         """Return the variant with other values; a flag's dot is written as two underscores."""
         named = {name.replace("__", "."): value for name, value in changes.items()}
-        return DetectorVariant({**self.arguments, **named})
+        return replace(self, arguments={**self.arguments, **named})
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,6 @@ class VariantFlags(FlagGroup):
         batch = {} if self.batch is None else {"data.batch_size": self.batch}
         return DetectorVariant(
             {
-                "config": config,
                 "data.drives": list(drives),
                 "data.validation": list(self.validation),
                 "data.workers": self.workers,
@@ -102,7 +103,8 @@ class VariantFlags(FlagGroup):
                 "trainer.max_epochs": self.epochs,
                 "trainer.accelerator": self.accelerator,
                 "seed_everything": self.seed,
-            }
+            },
+            config,
         )
 
 
@@ -166,7 +168,10 @@ def _trained(variant: DetectorVariant, folder: Path) -> Mapping[str, Any]:
     """Train, resume, or read what is done."""
     metrics = folder / "metrics.json"
     if not metrics.exists():
-        fit("detector", variant.arguments, folder)
+        kind = TRAININGS["detector"].load()
+        from train.cli import fit
+
+        fit(kind, variant.arguments, folder, frame_progress_bar("images"), variant.config)
     done: Mapping[str, Any] = _read(metrics)
     return done
 

@@ -82,16 +82,20 @@ class EverydayFlags:
 
 
 @dataclass(frozen=True)
-class TrainingText:
-    """What the help of a training says.
+class Training:
+    """One of the trainings, and what its help says.
 
     Attributes:
+        kind: Module and name of its `TrainingKind`, `module:NAME`.
+        reads: What it reads with a progress bar.
         summary: First sentence, without its full stop.
         best: What the checkpoint of the best epoch has.
         more: What else there is to know.
         example: Example command.
     """
 
+    kind: str
+    reads: str
     summary: str
     best: str
     more: str
@@ -106,21 +110,6 @@ class TrainingText:
             "metrics.json. validate and test evaluate best.ckpt, or the one of --resume, on the part of that name. "
             f"{self.more}"
         )
-
-
-@dataclass(frozen=True)
-class Training:
-    """One of the trainings.
-
-    Attributes:
-        kind: Module and name of its `TrainingKind`, `module:NAME`.
-        reads: What it reads with a progress bar.
-        text: What its help says.
-    """
-
-    kind: str
-    reads: str
-    text: TrainingText
 
     def load(self) -> "TrainingKind":
         """Import the kind, which needs torch and Lightning.
@@ -142,56 +131,46 @@ TRAININGS: Mapping[str, Training] = {
     "detector": Training(
         "train.detector.kind:DETECTOR",
         "images",
-        TrainingText(
-            "Train an image detector of one modality",
-            "highest moderate AP",
-            "Make a model file of the best one with: trifuse export OUT/best.ckpt --out dm.onnx",
-            "trifuse train detector synth/train --modality dm --validation synth/val --out results/dm",
-        ),
+        "Train an image detector of one modality",
+        "highest moderate AP",
+        "Make a model file of the best one with: trifuse export OUT/best.ckpt --out dm.onnx",
+        "trifuse train detector synth/train --modality dm --validation synth/val --out results/dm",
     ),
     "depthcn": Training(
         "train.verifier.kind:DEPTHCN",
         "proposals",
-        TrainingText(
-            "Train the network that verifies DepthCN's proposals",
-            "highest balanced accuracy",
-            "Make a model file of the best one with: trifuse export OUT/best.ckpt --out depthcn.onnx",
-            "trifuse train depthcn synth/train --validation synth/val --out results/depthcn",
-        ),
+        "Train the network that verifies DepthCN's proposals",
+        "highest balanced accuracy",
+        "Make a model file of the best one with: trifuse export OUT/best.ckpt --out depthcn.onnx",
+        "trifuse train depthcn synth/train --validation synth/val --out results/depthcn",
     ),
     "fusion": Training(
         "export.trained_fusion:FUSION",
         "detections",
-        TrainingText(
-            "Train the fusion of the three modalities' detections",
-            "lowest error",
-            "The detectors run once on every frame; their detections are cached. fusion.onnx is the model file of the best "
-            "one; figures of the test part are rescoring.png (Fig. 7.12), steps.png (7.14), precision.png, reliability.png, "
-            "and with --model.sweep.one 5,10,20 sizes.png (7.13).",
-            "trifuse train fusion synth/fusion --config thesis --out results/fusion",
-        ),
+        "Train the fusion of the three modalities' detections",
+        "lowest error",
+        "The detectors run once on every frame; their detections are cached. fusion.onnx is the model file of the best "
+        "one; figures of the test part are rescoring.png (Fig. 7.12), steps.png (7.14), precision.png, reliability.png, "
+        "and with --model.sweep.one 5,10,20 sizes.png (7.13).",
+        "trifuse train fusion synth/fusion --config thesis --out results/fusion",
     ),
 }
 
 
 def help_text(name: str, *, everything: bool = False) -> str:
-    """Return the help of a training; all groups need torch and Lightning."""
-    if not everything:
-        return _everyday_help(f"trifuse train {name}", TRAININGS[name].text)
-    kind = TRAININGS[name].load()
-    from train.cli import TrainingCLI
+    """Return the help of a training: its short flags and the groups, or every flag, which needs torch and Lightning."""
+    training, prog = TRAININGS[name], f"trifuse train {name}"
+    if everything:
+        kind = training.load()
+        from train.cli import TrainingCLI
 
-    return TrainingCLI(kind).parser.format_help().rstrip()
-
-
-def _everyday_help(prog: str, text: TrainingText) -> str:
-    """Return the help of a training: its text, the short flags, and the groups of Lightning's command line."""
+        return TrainingCLI(kind).parser.format_help().rstrip()
     types = dict(nested_types(get_type_hints(EverydayFlags)))
     parser = ArgumentParser(
         prog=prog,
         usage=f"{prog} [fit|validate|test] DRIVES ... [flags]",
-        description=text.description,
-        epilog=f"{_GROUPS}\n\nExample: {text.example}",
+        description=training.description,
+        epilog=f"{_GROUPS}\n\nExample: {training.example}",
         formatter_class=help_formatter(types, ("drives",), ""),
         add_help=False,
     )

@@ -42,7 +42,7 @@ def trainings(monkeypatch):
     """Put a training that does nothing in place; return what it was asked for."""
     asked = []
 
-    def fit(kind, arguments, out):
+    def fit(kind, arguments, out, progress, config):
         asked.append(arguments)
         write_json(out / "metrics.json", {"epoch": 3, "counts": {"training_frames": 7}})
 
@@ -51,7 +51,7 @@ def trainings(monkeypatch):
         file.write_bytes(bright_cells("dm", size=(64, 96)))
         return file
 
-    monkeypatch.setattr(detector_variants, "fit", fit)
+    monkeypatch.setattr("train.cli.fit", fit)
     monkeypatch.setattr(detector_variants, "_model_file", write)
     return asked
 
@@ -199,14 +199,14 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
 def test_depthcn_is_trained_without_and_with_augmentation(tmp_path, monkeypatch):
     asked = []
 
-    def fit(kind, arguments, out):
+    def fit(kind, arguments, out, progress, config):
         asked.append((arguments["data.augment"], arguments["trainer.max_epochs"]))
         values = {"crops": 8, "accuracy": 0.75, "balanced_accuracy": 0.5}
         parts = {"training": values, "validation": {**values, "crops": 4}}
         metrics = {"checkpoint": out / "best.ckpt", "epoch": 2, "parts": parts}
         write_json(out / "metrics.json", metrics)
 
-    monkeypatch.setattr("benchmarks.studies.augmentation.fit", fit)
+    monkeypatch.setattr("train.cli.fit", fit)
     monkeypatch.setattr(
         "train.events.read_scalars", lambda _, names: dict.fromkeys(names, np.array([0.5, 0.75]))
     )

@@ -3,8 +3,8 @@
 import pytest
 import yaml
 
+from data.results.command_config import CommandConfig
 from perception.cli.main import main
-from perception.cli.train import fit
 from perception.errors import MissingDependencyError, UsageError, WriteError
 from tests.car_frames import write_car_frames
 from tests.faults import command, fault
@@ -15,13 +15,13 @@ WORDS = "train depthcn drive --out {out} --epochs 3"
 def ends_with(error, monkeypatch, out, *files):
     """Let a training end with an error, after it has written some files."""
 
-    def run(cli, stage, checkpoint, progress):
-        cli.command_config.write(out)
+    def fit(trainer, module, **_):
+        CommandConfig("train depthcn", {"trainer": {"max_epochs": 3}}).write(out)
         for name in files:
             (out / name).touch()
         raise error
 
-    monkeypatch.setattr("train.cli.TrainingCLI.run", run)
+    monkeypatch.setattr("lightning.pytorch.Trainer.fit", fit)
     return WORDS.format(out=out).split()
 
 
@@ -134,16 +134,6 @@ def test_several_configurations_are_read_in_turn(tmp_path, capsys):
 def test_a_wrong_flag_is_one_sentence(flags, where, expected, found):
     with fault(UsageError, where, expected, found):
         command("train", "depthcn", "x", *flags.split())
-
-
-def test_a_training_of_other_settings_is_not_resumed_by_a_study(tmp_path, monkeypatch):
-    words = ends_with(KeyboardInterrupt(), monkeypatch, tmp_path, "last.ckpt")
-    with pytest.raises(KeyboardInterrupt):
-        command(*words)
-    with fault(UsageError, str(tmp_path), "a training with the same settings"):
-        fit("depthcn", {"data.drives": ["other"], "trainer.max_epochs": 3}, tmp_path)
-    with pytest.raises(KeyboardInterrupt):  # it is resumed
-        fit("depthcn", {"data.drives": ["drive"], "trainer.max_epochs": 3}, tmp_path)
 
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch):

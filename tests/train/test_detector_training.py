@@ -19,6 +19,7 @@ from tests.train.toy_images import SIZE, TINY, TOY_DETECTOR, ToyImages, tiny_net
 from tests.train.trainings import cli_of, killed_after, run
 from train.best_epoch import Criterion
 from train.checkpoints import program_revision, read_checkpoint
+from train.cli import fit
 from train.detector import networks
 from train.detector.anchors import fit_anchors
 from train.detector.config import InitialWeights
@@ -63,6 +64,15 @@ def test_a_batch_is_overfitted(tmp_path):
 def test_half_precision_trains_as_well(tmp_path):
     words = (*OVERFITTING, "--data.count=11", "--trainer.precision=bf16-mixed")
     assert train(tmp_path, *words).precision["Car 0.5"]["moderate"] > 90
+
+
+def test_a_study_resumes_the_same_training_only(tmp_path):
+    values = dict(word.removeprefix("--").split("=") for word in TINY)
+    arguments = {**values, "trainer.max_epochs": 1, "trainer.accelerator": "cpu"}
+    first = fit(TOY_DETECTOR, arguments, tmp_path)
+    assert fit(TOY_DETECTOR, arguments, tmp_path).precision == first.precision  # it was at its end
+    with fault(UsageError, str(tmp_path), "a training with the same settings", "config.yaml"):
+        fit(TOY_DETECTOR, {**arguments, "optimizer.lr": 0.5}, tmp_path)
 
 
 def test_steps_end_a_training_with_a_validation(tmp_path):

@@ -58,8 +58,9 @@ def report(
         samples: ImageDataset = getattr(data, name)
         counts[f"{name}_frames"] = len(samples)
         counts[f"{name}_labels"] = len(samples.label_sizes_px())
-    assert module.metrics is not None  # of the validation that has just ended
-    precision = content["precision"] if stage == "fit" else precision_table(module.metrics)
+    precision = content["precision"]  # of its own validation
+    if stage != "fit" and module.metrics is not None:
+        precision = precision_table(module.metrics)
     epoch = content["epoch"] + 1
     return DetectorResult(checkpoint, image.network, image.modality, epoch, part, counts, precision)
 
