@@ -96,7 +96,8 @@ def fusion_parts(
 ) -> LabelledParts:
     """Return the frames of each part that no detector learned from.
 
-    Of a split file, train and val are drawn again, as the detectors learned from most of them; its test stays the test.
+    Of a split file, train and val are drawn again, as the detectors learned from most of them; its test, where it has one,
+    stays the test.
 
     Args:
         sources: Labelled drives, or a split of them.
@@ -120,12 +121,14 @@ def fusion_parts(
         return LabelledParts.of(drawn, drives)
     split = read_split(sources.split)
     opened = split.open(sources.training)
-    test = without_learned_frames(split.require_part(opened, "test"), detectors)
     drives = without_learned_frames(split.select(opened, "train", "val"), detectors)
-    train_share, val_share, *_ = config.shares
-    shares = [100 * share / (train_share + val_share) for share in (train_share, val_share)]
+    tested, shares = split.select(opened, "test"), config.shares
+    if tested:
+        whole = shares[0] + shares[1]
+        shares = (100 * shares[0] / whole, 100 * shares[1] / whole)
     drawn = draw_split(drives, shares, by=_unit(config, drives), seed=seed)
-    return replace(LabelledParts.of(drawn, drives), test=test, split=split.fingerprint)
+    parts = replace(LabelledParts.of(drawn, drives), split=split.fingerprint)
+    return replace(parts, test=without_learned_frames(tested, detectors)) if tested else parts
 
 
 def shared_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str, ...]:

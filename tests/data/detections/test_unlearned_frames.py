@@ -93,6 +93,19 @@ def test_a_fusion_takes_what_the_detectors_left_of_a_split(drive: KittiDrive, tm
     assert parts.split == split.fingerprint
 
 
+def test_a_fusion_draws_its_test_where_a_split_has_none(drive: KittiDrive, tmp_path: Path):
+    split = draw_split([drive], (50, 50), by="frames", seed=0)
+    write_split(tmp_path / "split.json", split)
+    (learned,) = split.select([drive], "train")
+    opened = detectors(tmp_path, dm=learned, rm=learned)
+    sources = TrainingDrives(split=tmp_path / "split.json")
+    parts = fusion_parts(sources, FusionDataConfig(), 0, opened)
+    counts = [len(names(one)) for one in (parts.train, parts.val, parts.test)]
+    assert counts == [3, 1, 1]
+    everything = names([*parts.train, *parts.val, *parts.test])
+    assert sorted(everything) == sorted(split.drives[0].frames["val"])
+
+
 def test_validation_drives_of_a_fusion_are_its_test_too(drive: KittiDrive, tmp_path: Path):
     other = write_car_frames(tmp_path / "other", frames=4)
     opened = detectors(tmp_path, dm=drive.select([9]), rm=drive.select([9]))
