@@ -1,6 +1,6 @@
 """Progress of a training in the terminal: a bar, and a line for each epoch."""
 
-from typing import Any, NoReturn
+from typing import Any
 
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import ProgressBar
@@ -37,10 +37,13 @@ class TrainingBar(ProgressBar):
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Start the bar where the training starts or resumes."""
-        batches = trainer.num_training_batches
+        batches, steps = int(trainer.num_training_batches), trainer.max_steps
+        by_steps = steps * trainer.accumulate_grad_batches
+        by_epochs = batches * (trainer.max_epochs or 1)
         self._bar = tqdm(
-            total=int(batches * (trainer.max_epochs or 1)),
-            initial=int(batches * trainer.current_epoch),
+            # Where there is no limit, it is -1 epochs or steps.
+            total=min((count for count in (by_epochs, by_steps) if count >= 0), default=None),
+            initial=batches * trainer.current_epoch,
             desc="train",
             unit="batch",
             dynamic_ncols=True,
@@ -69,7 +72,7 @@ class TrainingBar(ProgressBar):
 
     def _write_line(self, trainer: Trainer) -> None:
         stages = (_line(trainer.callback_metrics, stage) for stage in ("train", "validation"))
-        words = [f"epoch {trainer.current_epoch}/{trainer.max_epochs}", *filter(None, stages)]
+        words = [_progress(trainer), *filter(None, stages)]
         if self._is_enabled and len(words) > 1:
             self._bar.write("   ".join(words), file=self._bar.fp)
 
@@ -84,9 +87,11 @@ class TrainingBar(ProgressBar):
             self._bar.close()
 
 
-def step_bar(max_steps: int, first: int = 0) -> "tqdm[NoReturn]":
-    """Return a bar over the steps of a training that may stop early, on stderr."""
-    return tqdm(total=max_steps, initial=first, desc="train", unit="step", dynamic_ncols=True)
+def _progress(trainer: Trainer) -> str:
+    """Return the epoch of all, or where steps end the training, the step of all."""
+    if (trainer.max_epochs or 0) > 0:
+        return f"epoch {trainer.current_epoch}/{trainer.max_epochs}"
+    return f"epoch {trainer.current_epoch}, step {trainer.global_step}/{trainer.max_steps}"
 
 
 def _line(metrics: dict[str, Any], stage: str) -> str:

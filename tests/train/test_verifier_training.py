@@ -170,6 +170,14 @@ def test_the_terminal_stays_tidy(tmp_path, capfd):
     assert "train loss" in said[1] and "accuracy" in said[1].split("validation")[0]
 
 
+def test_a_training_by_steps_counts_steps(tmp_path, capfd):
+    train(tmp_path, "--trainer.max_steps=5", epochs=-1)
+    printed = capfd.readouterr().err.replace("\r", "\n")
+    assert "epoch 1, step 4/5 " in printed
+    assert "epoch 2, step 5/5 " in printed
+    assert "5/5 [" in printed
+
+
 def test_the_thesis_network_subtracts_the_mean_crop(tmp_path):
     cli, _ = train(tmp_path, *THESIS, "--data.count=8")
     data = cli.datamodule
