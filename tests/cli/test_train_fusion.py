@@ -66,6 +66,8 @@ SHORT = {
         "thesis",
         "--variant",
         "scores",
+        "--model.max_partners",
+        "0",
         "--epochs",
         "4",
         "--model.sweep.one",

@@ -43,7 +43,10 @@ def fusion_figures(
     count = f"{len(frames)} test frames"
     figures = {
         "rescoring": _rescoring(frames, fusion),
-        "steps": _precision(f"Fusion step by step, {count}", frames, fused.steps),
+        # As in Fig. 7.14, the last step is the solid line.
+        "steps": _precision(
+            f"Fusion step by step, {count}", frames, dict(reversed(fused.steps.items()))
+        ),
         "precision": _precision(
             f"Detectors and fusion, {count}", frames, boxes_by_detector(frames, fused)
         ),

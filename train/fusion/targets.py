@@ -5,7 +5,7 @@ trained on, the scores of detectors are miscalibrated by different amounts. Trai
 relies more on agreement and on the depth of the boxes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -24,6 +24,7 @@ from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import ArrayTable, Bool, Float32, Float64, Modality
 
 _MIN_IGNORED_IOU = 0.5  # with a neighbouring type or DontCare region, above which a box is ignored
+_MAX_ROWS = 20_000_000  # 8 GB in double precision
 # Modalities that are dropped; with a single one left there is nothing to fuse.
 DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
 # Largest stretch of the scores' logits, and standard deviation of their shift, for each frame and modality.
@@ -95,7 +96,7 @@ def fusion_rows(
         score_jitters: Number of copies with jittered scores, for the default variant.
 
     Raises:
-        UsageError: there is no combination.
+        UsageError: there is no combination, or there are more than a computer's memory holds.
     """
     weighted = [(frames, 1.0)]
     if variant == "default":
@@ -110,12 +111,21 @@ def fusion_rows(
             )
         ]
     config = tri_box_config(variant, max_partners)
-    rows = FusionRows.concatenate(
-        one for part, weight in weighted for one in _rows_of(part, variant, config, weight)
-    )
-    if not len(rows):
+    rows, count = [], 0
+    for part, weight in weighted:
+        for one in _rows_of(part, variant, config, weight):
+            rows.append(one)
+            count += len(one)
+            if count > _MAX_ROWS:
+                raise UsageError(
+                    "fusion",
+                    expected=f"at most {_MAX_ROWS:,} combinations",
+                    found="more",
+                    advice="combine fewer boxes by --model.max_partners, or take fewer frames",
+                )
+    if not count:
         raise UsageError("fusion", expected="frames with detections", found="none")
-    return rows
+    return FusionRows.concatenate(rows)
 
 
 def jitter_scores(frames: DetectedFrames, seed: int) -> DetectedFrames:
@@ -135,12 +145,10 @@ def _jitter_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedSce
 
 def _rows_of(
     frames: DetectedFrames, variant: FusionVariant, config: TriBoxConfig, weight: float
-) -> Sequence[FusionRows]:
-    return [
-        _scene_rows(scene, frames.truth_of(number), variant, config, weight)
-        for number, scene in enumerate(frames.scenes)
-        if len(scene.merged.detections)
-    ]
+) -> Iterator[FusionRows]:
+    for number, scene in enumerate(frames.scenes):
+        if len(scene.merged.detections):
+            yield _scene_rows(scene, frames.truth_of(number), variant, config, weight)
 
 
 def _scene_rows(

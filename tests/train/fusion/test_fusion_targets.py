@@ -103,6 +103,17 @@ def test_a_doubted_detector_keeps_its_order():
     np.testing.assert_array_equal(again, scores[7])
 
 
+def test_all_combinations_are_counted_and_no_more_than_fit_into_memory(monkeypatch):
+    boxes = [[k, 0, k + 20, 10] for k in range(6)]
+    scene = DetectedScene({name: detections(boxes) for name in ("rgb", "dm", "rm")}, SIZE_PX)
+    crowd = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])))
+    assert len(fusion_rows(crowd, "features")) < 6**3
+    assert len(fusion_rows(crowd, "features", max_partners=0)) == 6**3
+    monkeypatch.setattr("train.fusion.targets._MAX_ROWS", 100)
+    with fault(UsageError, "fusion", "at most 100", "more", "--model.max_partners"):
+        fusion_rows(crowd, "features", max_partners=0)
+
+
 def test_frames_without_detections_teach_nothing():
     scene = DetectedScene({"rgb": detections([])}, SIZE_PX)
     empty = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])))
