@@ -96,8 +96,8 @@ def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
     fused = " ".join(f"--data.models.{name} {out / name}.onnx" for name in MODALITIES)
     neurons = ",".join(map(str, experiments.neurons))
     for name, of_variant in (
-        ("scores", "--variant scores --model.hidden 41"),
-        ("features", f"--variant features --model.sweep.one {neurons}"),
+        ("scores", "--model.variant scores --model.hidden 41"),
+        ("features", f"--model.variant features --model.sweep.one {neurons}"),
     ):
         flags = f"--config thesis {of_variant} {fused} {seed}"
         lines[name] = f"train fusion --split {split} {flags} --out {out / name}"
