@@ -52,7 +52,7 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
 
 # All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU; what is done is not
-# done again. Two cores: make thesis STEPS=150 FRAMES=150 FLAGS="--detectors default --epochs 10"
+# done again. Two cores: make thesis STEPS=100 FRAMES=100 FLAGS="--detectors default --epochs 4 --fit-steps 15"
 STEPS ?= 80200
 FRAMES ?= 300
 FLAGS ?=

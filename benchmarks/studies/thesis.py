@@ -39,6 +39,7 @@ class ThesisExperiments(FlagGroup):
             that two cores can train.
         steps: Number of steps of each detector.
         epochs: Number of epochs of DepthCN's network.
+        fit_steps: Maximum number of steps of each fit of the fusion by Levenberg-Marquardt.
         neurons: Numbers of neurons of one hidden layer that are compared (Fig. 7.13).
         seed: Seed of frames, split and trainings.
     """
@@ -48,13 +49,14 @@ class ThesisExperiments(FlagGroup):
     detectors: Literal["thesis", "default"] = "thesis"
     steps: int = FULL_STEPS
     epochs: int = 40
+    fit_steps: int = 1000
     neurons: tuple[int, ...] = (5, 11, 17, 23, 29, 35, 41)
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Validate the numbers of frames, steps and epochs."""
-        for name in ("frames", "steps", "epochs"):
-            require_positive(f"--{name}", getattr(self, name))
+        for name in ("frames", "steps", "epochs", "fit-steps"):
+            require_positive(f"--{name}", getattr(self, name.replace("-", "_")))
 
     @property
     def kitti(self) -> Path | None:
@@ -68,7 +70,7 @@ def thesis(*, experiments: ThesisExperiments, out: Path = Path("results/thesis")
 
     A command that is done is not repeated, and a training that was stopped is resumed.
 
-    Example: trifuse study thesis --detectors default --steps 150 --epochs 10 --frames 150
+    Example: trifuse study thesis --detectors default --steps 100 --frames 100 --epochs 4 --fit-steps 15
 
     Args:
         out: Folder of the results.
@@ -99,7 +101,7 @@ def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
         ("scores", "--model.variant scores --model.hidden 41"),
         ("features", f"--model.variant features --model.sweep.one {neurons}"),
     ):
-        flags = f"--config thesis {of_variant} {fused} {seed}"
+        flags = f"--config thesis {of_variant} --epochs {experiments.fit_steps} {fused} {seed}"
         lines[name] = f"train fusion --split {split} {flags} --out {out / name}"
     depthcn = f"--detector depthcn --detection.depthcn.model {out / 'depthcn.onnx'}"
     lines["test of DepthCN"] = f"{on_test} {depthcn} --json {out / 'depthcn.json'}"
