@@ -15,6 +15,7 @@ from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.split_detections import split_detections
 from data.samples.config import TrainingDrives
 from perception.cli.main import main
+from perception.cli.train import parse
 from perception.detection.fusion.class_fusion import detector_fingerprints
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.rescoring import Fusion
@@ -192,3 +193,11 @@ def test_a_model_of_another_modality_is_refused(drive, models, cache, tmp_path):
     words = ["--data.models.rgb", models[3], *models[2:]]
     with fault(ModelError, expected="a detector of modality rgb"):
         command(*words_of(drive, words, cache, tmp_path))
+
+
+def test_the_default_configuration_says_what_the_constructors_do():
+    plain, default = (
+        parse("fusion", ["x", *words])[2].command_config.values
+        for words in ([], ["--config", "default"])
+    )
+    assert default == plain
