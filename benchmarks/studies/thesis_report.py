@@ -62,7 +62,7 @@ def report(out: Path, experiments: "ThesisExperiments") -> None:
     for figure, source in _DRAWN.items():
         shutil.copyfile(out / source, out / figure)
     draw_frames(out)
-    publish(out / "tables.png", "Tables 7.8, 7.9, 7.10", tables, {"experiments": experiments})
+    publish(out / "tables.txt", "Tables 7.8, 7.9, 7.10", tables, {"experiments": experiments})
 
 
 def recognition_table(out: Path) -> Table[Any]:
