@@ -45,7 +45,7 @@ class Job:
     kind: str
     out: str
     words: Sequence[str]
-    epochs: int = 3
+    epochs: int = 2
     resumes: bool = False
     processes: int = 1
     started_by: Literal["torchrun", "lightning"] = "torchrun"

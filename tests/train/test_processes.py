@@ -18,7 +18,7 @@ from train.detector import networks
 from train.detector.metrics import ValidationBoxes, measure, precision_table
 from train.detector.networks import MODEL, load_detector
 
-EPOCHS = 3
+EPOCHS = 2
 # Batches of an epoch of each training.
 BATCHES = {"detector": 2, "depthcn": 4, "fusion LM": 1, "fusion AdamW": 4}
 # Two processes of the fusion sum their halves of a batch, in another order than one process.
