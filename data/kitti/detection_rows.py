@@ -40,6 +40,21 @@ class DetectionSet:
     missing_results: tuple[int, ...]
     extra_results: tuple[int, ...]
 
+    @property
+    def description(self) -> str:
+        """Numbers of detections and frames, and what was not there or not read, in lines."""
+        missing, extra = self.missing_results, self.extra_results
+        lines = [f"{len(self.detections)} detections in {len(self.numbers)} frames"]
+        if missing:
+            lines.append(
+                f"{len(missing)} frames without a result file, the first {missing[0]:06d}: counted as no detection"
+            )
+        if extra:
+            lines.append(
+                f"{len(extra)} result files of other frames, the first {extra[0]:06d}: not read"
+            )
+        return "\n".join(lines)
+
 
 def read_detection_set(
     results: Path,

@@ -62,6 +62,13 @@ def sequences_in(folder: Path) -> list[str]:
     return sorted(file.stem for file in folder.glob("[0-9][0-9][0-9][0-9].txt"))
 
 
+def are_tracks(results: Path) -> bool:
+    """Tell whether the files are named as sequences, 0000.txt, and not as frames, 000000.txt."""
+    folder = results / "data" if (results / "data").is_dir() else results
+    names = sorted(file.stem for file in folder.glob("*.txt")) if folder.is_dir() else []
+    return bool(names) and len(names[0]) != len("000000")
+
+
 def label_folder(path: Path) -> Path:
     """Find the folder of SSSS.txt: a path itself, or label_02 in it or in its training/.
 

@@ -10,15 +10,14 @@ from perception.cli.evaluate_detection import PrecisionFlags, protocol, resample
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import ReportFlags
 from perception.errors import UsageError
-from perception.evaluation.detection.config import (
-    PUBLISHED_CLASS,
-    PUBLISHED_IOU,
-    PublishedTable,
+from perception.evaluation.detection.config import PublishedTable, require_published
+from perception.evaluation.detection.protocol import (
+    KITTI_CLASSES,
+    DetectionClass,
+    class_of_name,
 )
-from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 
 if TYPE_CHECKING:
-    from data.kitti.detection_rows import DetectionSet
     from perception.evaluation.detection.class_precision import PrecisionReport
     from perception.evaluation.report import Report
 
@@ -76,13 +75,15 @@ def evaluate_results(
             (DepthCN) or table-7.11 (fusion).
         plot: PNG file for the precision-recall curves of detections.
     """
-    is_of_tracks = kind == "tracks" or (kind == "auto" and _are_tracks(results))
+    from data.kitti.tracker_files import are_tracks
+
+    is_of_tracks = kind == "tracks" or (kind == "auto" and are_tracks(results))
     if published is not None:
-        _require_cars("tracks" if is_of_tracks else "detections", classes, metric.iou)
+        require_published(classes, metric.iou, are_tracks=is_of_tracks)
     if is_of_tracks:
         publish_report(*_measure_tracks(results, labels, classes, seqmap), config, report.json)
         return
-    chosen = [_parse_class(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
+    chosen = [class_of_name(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
     heading, precision, document = _measure_detections(
         results, labels, chosen, metric, frame_list, published
     )
@@ -91,13 +92,6 @@ def evaluate_results(
         from perception.render.curve_plots import plot_curves
 
         plot_curves(plot, f"{results}: {precision.title}", precision.panels(), share_y="all")
-
-
-def _are_tracks(results: Path) -> bool:
-    """Tell whether the files are named as sequences, 0000.txt, and not as frames, 000000.txt."""
-    folder = results / "data" if (results / "data").is_dir() else results
-    names = sorted(file.stem for file in folder.glob("*.txt")) if folder.is_dir() else []
-    return bool(names) and len(names[0]) != len("000000")
 
 
 def _measure_detections(
@@ -134,7 +128,7 @@ def _measure_detections(
     if published is not None:
         place = f"{frames} frames of {labels}"
         computed = PublishedComparison(computed.title, precision, published=published, data=place)
-    return _describe(results, found), computed, document
+    return f"{results}: {found.description}", computed, document
 
 
 def _measure_tracks(
@@ -168,57 +162,5 @@ def _measure_tracks(
     return heading, computed, document
 
 
-def _parse_class(name: str, ious: Sequence[float]) -> DetectionClass:
-    """Return a class by its name in any case.
-
-    Raises:
-        UsageError: KITTI has no such class, and no IoU is named.
-    """
-    for known in KITTI_CLASSES:
-        if known.name.lower() == name.lower():
-            return known
-    if not ious:
-        raise UsageError(
-            "--classes",
-            expected=", ".join(known.name for known in KITTI_CLASSES),
-            found=name,
-            advice="name any other class together with --iou",
-        )
-    return DetectionClass(name, ious[0])
-
-
-def _require_cars(kind: Kind, classes: Sequence[str], ious: Sequence[float]) -> None:
-    """Validate that the metric of published detectors is measured.
-
-    Raises:
-        UsageError: The files hold tracks, or other classes or IoUs are measured.
-    """
-    names = [name.lower() for name in classes]
-    has_cars = not names or PUBLISHED_CLASS.lower() in names
-    if kind == "tracks" or not has_cars or (ious and PUBLISHED_IOU not in ious):
-        raise UsageError(
-            "--published",
-            expected=f"detections of {PUBLISHED_CLASS} at IoU {PUBLISHED_IOU:g}",
-            found=f"{kind} of {', '.join(classes) or 'all classes'} "
-            f"at IoU {', '.join(map(str, ious)) or 'of the protocol'}",
-            advice="leave --classes and --iou out",
-        )
-
-
 def _paths(**paths: Path | None) -> dict[str, object]:
     return {name: path and path.resolve() for name, path in paths.items()}
-
-
-def _describe(results: Path, found: "DetectionSet") -> str:
-    """Return what was read, and what was not there."""
-    missing, extra = found.missing_results, found.extra_results
-    lines = [f"{results}: {len(found.detections)} detections in {len(found.numbers)} frames"]
-    if missing:
-        lines.append(
-            f"{len(missing)} frames without a result file, the first {missing[0]:06d}: counted as no detection"
-        )
-    if extra:
-        lines.append(
-            f"{len(extra)} result files of other frames, the first {extra[0]:06d}: not read"
-        )
-    return "\n".join(lines)

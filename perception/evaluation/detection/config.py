@@ -1,6 +1,6 @@
 """Settings and protocol of the detection metrics."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -101,3 +101,25 @@ class CorruptionLevels:
 # Table of the thesis with detectors of others, all on cars at KITTI's IoU.
 PublishedTable = Literal["table-7.9", "table-7.11"]
 PUBLISHED_CLASS, PUBLISHED_IOU = "Car", 0.7
+
+
+def require_published(classes: Sequence[str], ious: Sequence[float], *, are_tracks: bool) -> None:
+    """Validate that the metric of published detectors is measured.
+
+    Args:
+        classes: Names of the measured classes; all of KITTI's where none is named.
+        ious: Measured IoUs; those of the classes where none is named.
+        are_tracks: Whether the results are tracks.
+
+    Raises:
+        UsageError: The results are tracks, or other classes or IoUs are measured.
+    """
+    has_cars = not classes or PUBLISHED_CLASS.lower() in {name.lower() for name in classes}
+    if are_tracks or not has_cars or (ious and PUBLISHED_IOU not in ious):
+        raise UsageError(
+            "--published",
+            expected=f"detections of {PUBLISHED_CLASS} at IoU {PUBLISHED_IOU:g}",
+            found=f"{'tracks' if are_tracks else 'detections'} of {', '.join(classes) or 'all classes'} "
+            f"at IoU {', '.join(map(str, ious)) or 'of the protocol'}",
+            advice="leave --classes and --iou out",
+        )

@@ -4,6 +4,7 @@ A. Geiger, P. Lenz, R. Urtasun, "Are we ready for autonomous driving? The KITTI 
 CVPR 2012; the limits are those of its development kit.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from perception.errors import UsageError
@@ -73,3 +74,22 @@ def kitti_class(name: str) -> DetectionClass:
     """Return a class with KITTI's IoU; 0.7 of a class that KITTI does not evaluate."""
     known = {one.name.lower(): one for one in KITTI_CLASSES}
     return known.get(name.lower(), DetectionClass(name, _STRICT_IOU))
+
+
+def class_of_name(name: str, ious: Sequence[float]) -> DetectionClass:
+    """Return a class by its name in any case.
+
+    Raises:
+        UsageError: KITTI has no such class, and no IoU is named.
+    """
+    for known in KITTI_CLASSES:
+        if known.name.lower() == name.lower():
+            return known
+    if not ious:
+        raise UsageError(
+            "--classes",
+            expected=", ".join(known.name for known in KITTI_CLASSES),
+            found=name,
+            advice="name any other class together with --iou",
+        )
+    return DetectionClass(name, ious[0])
