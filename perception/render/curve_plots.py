@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 ShareY = Literal["none", "row", "col", "all"]
 
 _PANEL_IN = (3.7, 3.5)
-_DASHES = ("-", "--", ":", "-.")
+# Five, so that the curves of two similar colours differ.
+_DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
 _MAX_MARKERS = 20  # above this number of values, curves have no markers
 _MAX_ERROR_M = 4.0  # larger tracking errors are not drawn: the track is lost
 _MAX_PROPOSALS = 200  # right end of the curves over the number of proposals
@@ -272,7 +273,7 @@ def _draw_panel(axes: "Axes", panel: CurvePanel, names: Sequence[str]) -> None:
         axes.plot(
             curve.x,
             curve.y,
-            "-" if has_markers else _DASHES[number % len(_DASHES)],
+            linestyle="-" if has_markers else _DASHES[number % len(_DASHES)],
             marker="o" if has_markers else "",
             markersize=4,
             color=series_color(number),

@@ -148,3 +148,11 @@ def test_settings_without_any_proposal_are_drawn_too(tmp_path):
     nothing = ProposalRecall(1, 0, 0, {"all": RecallMetrics(2, {0.7: np.full(2, -1)}, np.zeros(2))})
     plot_curves(tmp_path / "none.png", "", recall_by_count_panels({"best": nothing}))
     assert cv2.imread(str(tmp_path / "none.png")) is not None
+
+
+def test_curves_of_similar_colours_have_other_dashes():
+    many = {f"tracker {number}": np.linspace(1, 0, 30) for number in range(8)}
+    (axes, *_) = curve_figure("Fig. A.3", [panel(**many)]).axes
+    third, seventh = axes.lines[2], axes.lines[6]
+    assert third.get_linestyle() != seventh.get_linestyle()
+    assert len({(str(line.get_linestyle()), line.get_color()) for line in axes.lines}) == 8
