@@ -1,8 +1,7 @@
 """`trifuse detect`: vehicles in every frame of a drive by DepthCN, as KITTI result files and images."""
 
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags, ResultsFlags
@@ -54,6 +53,7 @@ def detect(
     from perception.cli.progress import progress_bar
     from perception.detection.networks import open_depthcn
     from perception.detection.vehicles.locate import locate
+    from perception.evaluation.detection.detector_summary import DetectorSummary
     from perception.geometry.threads import limit_blas_threads
     from perception.types import FusedDetections
 
@@ -61,7 +61,7 @@ def detect(
     detection = DetectionConfig(depthcn=depthcn, nms=nms, display_score=display_score)
     detector = open_depthcn(detection, opened.sensor)
     chosen, start_s = results.folder(config), time.perf_counter()
-    summary = DetectSummary(opened.name, display_score, dict(detector.verifier.model.metadata))
+    summary = DetectorSummary(opened.name, display_score, dict(detector.verifier.model.metadata))
     count = frame_count(opened, drive.frames)
     frames = read_frames(opened, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
 
@@ -84,66 +84,3 @@ def detect(
         summary.elapsed_s = time.perf_counter() - start_s
         write_json(folder / "summary.json", {"sensor": opened.sensor.name, **summary.to_json()})
     print(f"{summary.text()}\nresults: {folder}")
-
-
-@dataclass
-class DetectSummary:
-    """Counts and times over the frames of a drive.
-
-    Attributes:
-        name: Name of the drive.
-        display_score: Score from which a detection is counted as displayed.
-        network: Metadata of the network.
-        seconds: Time by stage, one entry a frame.
-        counts: Number of proposals, detections and displayed detections, one entry a frame.
-        elapsed_s: Wall time with reading, drawing and writing.
-    """
-
-    name: str
-    display_score: float
-    network: dict[str, str]
-    seconds: dict[str, list[float]] = field(default_factory=dict)
-    counts: list[tuple[int, int, int]] = field(default_factory=list)
-    elapsed_s: float = 0.0
-
-    def add(self, output: "FrameDetections") -> None:
-        """Add one frame."""
-        for stage, seconds in output.timings_s.items():
-            self.seconds.setdefault(stage, []).append(seconds)
-        found, proposals = output.detections, output.proposals_px
-        displayed = int((found.scores >= self.display_score).sum())
-        self.counts.append((0 if proposals is None else len(proposals), len(found), displayed))
-
-    def text(self) -> str:
-        """Return the times of the stages and the counts."""
-        from perception.evaluation.stage_times import median_frame_s, stage_table
-
-        frames = len(self.counts)
-        if not frames:
-            return f"{self.name}: no frame could be read"
-        table = stage_table(f"{self.name}: {frames} frames", self.seconds).text()
-        proposals, detections, displayed = (sum(one) / frames for one in self._columns())
-        return (
-            f"{table}\n\n{proposals:.1f} proposals/frame, {detections:.1f} detections/frame, {displayed:.1f} of "
-            f"these with a score of {self.display_score:g} or more; {1 / median_frame_s(self.seconds):.0f} frames/s "
-            f"for the stages, {frames / self.elapsed_s:.1f} with reading, drawing and writing"
-        )
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the same for summary.json."""
-        from perception.evaluation.stage_times import stage_table
-
-        proposals, detections, displayed = map(sum, self._columns())
-        return {
-            "drive": self.name,
-            "frames": len(self.counts),
-            "elapsed_s": round(self.elapsed_s, 3),
-            "stages_ms": stage_table("", self.seconds).to_json(),
-            "proposals": proposals,
-            "detections": detections,
-            "network": self.network,
-            "displayed": {"display_score": self.display_score, "detections": displayed},
-        }
-
-    def _columns(self) -> list[tuple[int, ...]]:
-        return list(zip(*self.counts, strict=True)) or [(), (), ()]

@@ -9,7 +9,7 @@ from perception.errors import UsageError
 from perception.types import Drive, MapMethod
 
 if TYPE_CHECKING:
-    from perception.maps.densify import DenseMaps
+    pass
 
 
 def maps(
@@ -35,6 +35,7 @@ def maps(
     from data.frames import frame_count, read_frames
     from data.open_drive import open_drive
     from data.results.folder import started
+    from data.results.map_files import write_maps
     from perception.cli.progress import progress_bar
     from perception.evaluation.report import Column, Table
     from perception.maps.densify import FILL_METHODS, DenseMaps, densify
@@ -70,28 +71,6 @@ def maps(
         Column[DenseMaps]("filled [%]", lambda dense: 100 * dense.is_filled.mean(), ".1f"),
     )
     print(Table(title, columns, rows, heading="method").text())
-
-
-def write_maps(dense: "DenseMaps", folder: Path, name: str) -> None:
-    """Write both maps as 8-bit PNG into the folders `depth` and `reflectance`.
-
-    Args:
-        dense: Depth and reflectance map.
-        folder: Folder of both.
-        name: Name of the two files.
-    """
-    import cv2
-
-    from perception.atomic_file import write_atomically
-    from perception.maps.encoding import encode_depth, encode_reflectance
-
-    images = {
-        "depth": encode_depth(dense.depth_m),
-        "reflectance": encode_reflectance(dense.reflectance),
-    }
-    for kind, image in images.items():
-        _, encoded = cv2.imencode(".png", image)
-        write_atomically(folder / kind / name, encoded.tobytes())
 
 
 def _index_of(number: int, drive: Drive) -> int:
