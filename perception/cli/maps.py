@@ -1,15 +1,11 @@
 """`trifuse maps`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags, ResultsFlags
 from perception.errors import UsageError
 from perception.types import Drive, MapMethod
-
-if TYPE_CHECKING:
-    pass
 
 
 def maps(
