@@ -7,11 +7,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
-from perception.cli.evaluation import (
-    EvaluatedDrive,
-    EvaluationDocument,
-    publish_report,
-)
+from data.results.evaluated import EvaluatedDrive, EvaluationDocument
+from perception.cli.evaluation import publish_report
 from perception.cli.flags import DriveFlags, LabelledDriveFlags, ReportFlags
 from perception.cli.sequence_sets import evaluate_drives
 from perception.errors import UsageError

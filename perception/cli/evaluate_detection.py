@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from data.results.command_config import CommandConfig
-from perception.cli.evaluation import EvaluationDocument, publish_report
+from data.results.evaluated import EvaluationDocument
+from perception.cli.evaluation import publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.detection.config import DetectionConfig

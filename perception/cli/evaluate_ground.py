@@ -5,12 +5,8 @@ from typing import TYPE_CHECKING
 
 from data.derived.obstacle_sequences import PRINTED_MDE_M, SequenceSet
 from data.results.command_config import CommandConfig
-from perception.cli.evaluation import (
-    EvaluatedDrive,
-    EvaluationDocument,
-    evaluate_drive,
-    publish_report,
-)
+from data.results.evaluated import EvaluatedDrive, EvaluationDocument
+from perception.cli.evaluation import evaluate_drive, publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.cli.sequence_sets import evaluate_drives
 from perception.pipeline import PipelineConfig

@@ -7,12 +7,8 @@ from typing import TYPE_CHECKING
 
 from data.derived.obstacle_sequences import SequenceSet, find_sequences, table_3_1
 from data.results.command_config import CommandConfig
-from perception.cli.evaluation import (
-    EvaluatedDrive,
-    EvaluationDocument,
-    evaluate_drive,
-    publish_report,
-)
+from data.results.evaluated import EvaluatedDrive, EvaluationDocument
+from perception.cli.evaluation import evaluate_drive, publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.sequence_sets import evaluate_drives

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from data.results.command_config import CommandConfig
-from perception.cli.evaluation import EvaluationDocument, publish_report
+from data.results.evaluated import EvaluationDocument
+from perception.cli.evaluation import publish_report
 from perception.cli.flags import DriveFlags, ReportFlags
 from perception.errors import UsageError
 from perception.pipeline import PipelineConfig

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from data.results.command_config import CommandConfig
+from data.results.evaluated import EvaluationDocument
 from perception.cli.evaluate_detection import PrecisionFlags, protocol, resample_bar
-from perception.cli.evaluation import EvaluationDocument, publish_report
+from perception.cli.evaluation import publish_report
 from perception.cli.flags import ReportFlags
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PublishedTable, require_published

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
+from data.results.evaluated import EvaluationDocument
 from perception.cli.evaluate_detection import PrecisionFlags, protocol
-from perception.cli.evaluation import EvaluationDocument, publish_report
+from perception.cli.evaluation import publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.detection.config import DetectionConfig
 from perception.evaluation.detection.config import CorruptionLevels

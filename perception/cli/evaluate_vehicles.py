@@ -8,12 +8,8 @@ from typing import Literal
 import numpy as np
 
 from data.results.command_config import CommandConfig
-from perception.cli.evaluation import (
-    EvaluatedDrive,
-    EvaluationDocument,
-    open_labelled_drive,
-    publish_report,
-)
+from data.results.evaluated import EvaluatedDrive, EvaluationDocument
+from perception.cli.evaluation import open_labelled_drive, publish_report
 from perception.cli.flags import DriveFlags, LabelledDriveFlags, ReportFlags
 from perception.detection.config import NO_DETECTION, DepthCnConfig, DetectionConfig
 from perception.errors import DriveError

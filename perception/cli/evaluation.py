@@ -1,98 +1,16 @@
 """Evaluation of a measure over a drive with labels or exact truth, and output of its report."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from data.results.command_config import SECTION, CommandConfig
+from data.results.evaluated import EvaluatedDrive, EvaluationDocument
 from perception import __version__
 from perception.cli.flags import DriveFlags, LabelledDriveFlags
 from perception.errors import DriveError, UsageError
 from perception.evaluation.report import Measure, Report
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
-
-_NO_SPLIT = "none: no frame was trained on, and none left out between the first and the last"
-
-
-@dataclass(frozen=True)
-class EvaluatedDrive:
-    """Frames that the metrics of one drive rest on.
-
-    Attributes:
-        root: Folder of the drive.
-        drive: Name of the drive or sequence.
-        sensor: Name of the LiDAR model.
-        frames: Number of frames of the drive.
-        first_frames: Number of frames asked for, from the start.
-        frames_evaluated: Number of these frames that could be read.
-    """
-
-    root: Path
-    drive: str
-    sensor: str
-    frames: int
-    first_frames: int
-    frames_evaluated: int
-
-    @classmethod
-    def of(cls, drive: Drive, frames: int | None, evaluated: int) -> "EvaluatedDrive":
-        """Describe a drive of which the first frames were evaluated, all where `frames` is None."""
-        asked = len(drive) if frames is None else min(frames, len(drive))
-        root = drive.root.resolve()
-        return cls(root, drive.name, drive.sensor.name, len(drive), asked, evaluated)
-
-    def __str__(self) -> str:
-        """Return the drive, its frames and its LiDAR in one line."""
-        return f"{self.drive}: {self.frames_evaluated} of {self.frames} frames, {self.sensor}"
-
-
-@dataclass(frozen=True)
-class EvaluationDocument:
-    """Everything that `--json` states beside the metrics, so that they can be reproduced.
-
-    Attributes:
-        measure: Name of the command, such as ground.
-        data: Frames or files that were evaluated.
-        protocol: Rules of the measure in words and values.
-        split: Data that were trained on or left out, in words.
-        networks: Metadata of each network.
-    """
-
-    measure: str
-    data: object
-    protocol: Mapping[str, Any]
-    split: str = _NO_SPLIT
-    networks: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-
-    @classmethod
-    def of_networks(
-        cls,
-        measure: str,
-        data: object,
-        protocol: Mapping[str, Any],
-        networks: Mapping[str, Mapping[str, str]],
-    ) -> "EvaluationDocument":
-        """Return the document of a measure of networks.
-
-        Args:
-            measure: Name of the command.
-            data: Frames that were evaluated.
-            protocol: Rules of the measure in words and values.
-            networks: Metadata of each network; the hashes of its training frames are too long for a report.
-        """
-        from data.splits.training_frames import ENTRY
-
-        split = "; ".join(
-            f"{name} was trained on: {one.get('training_data', 'not known')}"
-            for name, one in networks.items()
-        )
-        short = {
-            name: {key: value for key, value in one.items() if key != ENTRY}
-            for name, one in networks.items()
-        }
-        return cls(measure, data, protocol, split or _NO_SPLIT, short)
 
 
 def open_labelled_drive(root: Path, flags: LabelledDriveFlags, *, images: bool = False) -> Drive:

@@ -1,41 +1,18 @@
 """Evaluation of one drive, or of every sequence of a set that a folder holds."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 from data.derived.obstacle_sequences import SequenceSet, find_sequences
-from perception.cli.evaluation import EvaluatedDrive, open_labelled_drive
+from data.results.evaluated import EvaluatedDrive, EvaluatedSet
+from perception.cli.evaluation import open_labelled_drive
 from perception.cli.flags import LabelledDriveFlags
 from perception.evaluation.report import Report
 from perception.types import Drive
 
 OneReport = TypeVar("OneReport", bound=Report)
-
-
-@dataclass(frozen=True)
-class EvaluatedSet:
-    """Sequences of a set that the metrics rest on.
-
-    Attributes:
-        root: Folder of the sequences.
-        set: Name of the set.
-        drives: Frames of each evaluated sequence, by its name in the set.
-        absent: Names of the sequences that the folder does not hold.
-    """
-
-    root: Path
-    set: SequenceSet
-    drives: Mapping[str, EvaluatedDrive]
-    absent: Sequence[str]
-
-    def __str__(self) -> str:
-        """Return the numbers of sequences and frames, and the absent sequences, in one line."""
-        total = len(self.drives) + len(self.absent)
-        frames = sum(drive.frames_evaluated for drive in self.drives.values())
-        absent = f", absent: {', '.join(self.absent)}" if self.absent else ""
-        return f"{self.set}: {len(self.drives)} of {total} sequences{absent}; {frames} frames"
 
 
 def evaluate_drives(

@@ -12,8 +12,9 @@ from data.derived.motion_labels import label_drive_motion
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from data.results.documents import to_serializable
+from data.results.evaluated import EvaluationDocument
 from perception.cli import drive_results
-from perception.cli.evaluation import EvaluationDocument, publish_report
+from perception.cli.evaluation import publish_report
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
 from perception.evaluation.config import ObjectMatchConfig
