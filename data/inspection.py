@@ -95,6 +95,29 @@ class DriveReport:
         """Number of damaged or implausible data."""
         return sum(finding.count for finding in self.findings if finding.is_fault)
 
+    def text(self) -> str:
+        """Return a description of the drive and a table of the findings."""
+        drive = self.summary
+        words = [f"{drive.frames} frames"]
+        if drive.seconds:
+            words.append(f"{drive.seconds:.1f} s")
+        if drive.distance_m is not None:
+            words.append(f"{drive.distance_m:.1f} m driven")
+        words.append(f"{drive.sensor} with {drive.mean_points:,.0f} points/scan")
+        words.append(f"with {', '.join(drive.parts)}" if drive.parts else "scans only")
+        rows = [("", "finding", "count", "first example")] if self.findings else []
+        rows += [
+            ("fault" if one.is_fault else "note", one.what, str(one.count), one.first_example)
+            for one in self.findings
+        ]
+        widths = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
+        table = [
+            f"  {kind:{widths[0]}}  {what:{widths[1]}}  {count:>{widths[2]}}  {example}"
+            for kind, what, count, example in rows
+        ]
+        verdict = f"  {self.faults or 'no'} {'fault' if self.faults == 1 else 'faults'}"
+        return "\n".join([f"{drive.name}: {', '.join(words)}", *table, verdict, ""])
+
 
 @dataclass
 class _FindingList:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from data.samples.config import DriveDataConfig
 from perception.detection.config import DetectionConfig
@@ -10,6 +10,8 @@ from perception.types import MODALITIES, Modality
 
 if TYPE_CHECKING:
     from perception.detection.detectors.modality_detector import ModalityDetector
+
+VehicleDetector = Literal["fused", "depthcn", "labels"]
 
 
 @dataclass(frozen=True)
@@ -47,3 +49,18 @@ class FusionDataConfig(DriveDataConfig):
     """
 
     shares: tuple[float, ...] = (60, 20, 20)
+
+
+@dataclass(frozen=True)
+class LabelNoise:
+    """Noise that makes labels look like detections.
+
+    Attributes:
+        sides: Standard deviation of each side, as a share of the box's width or height.
+        missing: Share of the labels that are not detected, 0 to 1.
+        seed: Seed of the noise and of the missing labels.
+    """
+
+    sides: float = 0.05
+    missing: float = 0.1
+    seed: int = 0

@@ -1,52 +1,17 @@
 """`trifuse split`: which labelled frames train, validate and test networks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.splits.parts import SplitBy
 from perception.cli.flags import require_drives
 from perception.errors import UsageError
-from perception.types import Progress
 
 if TYPE_CHECKING:
     from data.kitti.drive import KittiDrive
 
 _SHARES = (60.0, 20.0, 20.0)
-
-
-@dataclass(frozen=True)
-class PartCounts:
-    """What a part of a split holds.
-
-    Attributes:
-        frames: Number of frames.
-        drives: Number of drives that these are of.
-        cars: Number of labelled cars in them.
-    """
-
-    frames: int
-    drives: int
-    cars: int
-
-    @classmethod
-    def of(cls, drives: "Sequence[KittiDrive]", progress: Progress) -> "PartCounts":
-        """Count the frames and the labelled cars of drives.
-
-        Args:
-            drives: Drives with the frames of the part.
-            progress: Wrapper of the loop over frames.
-
-        Raises:
-            PerceptionError: A label cannot be read, or a drive has none.
-        """
-        frames = [(drive, index) for drive in drives for index in range(len(drive))]
-        cars = 0
-        for number in progress(range(len(frames))):
-            drive, index = frames[number]
-            cars += int((drive.labels(index).types == "Car").sum())
-        return cls(sum(map(len, drives)), len(drives), cars)
 
 
 def split(
@@ -73,11 +38,12 @@ def split(
         lists: Folder with train.txt, val.txt and test.txt, one frame a line, that are read instead.
     """
     from data.open_drive import open_drives
+    from data.splits.counts import COLUMNS, PartCounts
     from data.splits.draw import draw_split
     from data.splits.files import split_by_lists, write_split
     from perception.atomic_file import require_writable
     from perception.cli.progress import frame_progress_bar
-    from perception.evaluation.report import Column, Table
+    from perception.evaluation.report import Table
 
     require_drives(roots)
     require_writable(out)
@@ -92,13 +58,9 @@ def split(
         for part in made.parts
     }
     write_split(out, made)
-    columns = [
-        Column[PartCounts]("frames", lambda row: row.frames, "d"),
-        Column[PartCounts]("drives", lambda row: row.drives, "d"),
-        Column[PartCounts]("labelled cars", lambda row: row.cars, "d"),
-    ]
     how = f"by {by}, seed {seed}" if lists is None else f"from {lists}"
-    print(f"{Table(f'Split {made.fingerprint}, {how}', columns, counts, 'part').text()}\n\n{out}")
+    title = f"Split {made.fingerprint}, {how}"
+    print(f"{Table(title, COLUMNS, counts, 'part').text()}\n\n{out}")
 
 
 def _require_labels(drives: "Sequence[KittiDrive]") -> None:
