@@ -21,7 +21,7 @@ SHORT = {
     "track": ["--frames", "3"],
     "bench": ["--frames", "3", "--chain-frames", "3"],
     "study": ["--frame", "2", "--sensor", "VLP-16"],
-    "synth": ["--frames", "2"],
+    "synth": ["--frames", "5"],
     "detect": ["--frames", "3"],
     "train": ["--epochs", "1"],
     "train detector": ["--model.size", "64x224"],

@@ -26,7 +26,7 @@ from perception.types import MODALITIES
         (NmsConfig, {"max_iou": 0.0}, "non-maximum suppression", "0.01 and 0"),
         (NmsConfig, {"max_iou": 1.5}, "non-maximum suppression", "0.01 and 1.5"),
         (NmsConfig, {"max_detections": 301}, "non-maximum suppression", "301 and 300"),
-        (TriBoxConfig, {"max_partners": 0}, "tri-boxes", "0 and 0"),
+        (TriBoxConfig, {"max_partners": -1}, "tri-boxes", "0 and -1"),
         (TriBoxConfig, {"min_iou": 1.0}, "tri-boxes", "1 and 4"),
         (DetectionConfig, {"modalities": (*MODALITIES, "dm")}, "modalities", "rgb, dm, rm, dm"),
         (DetectionConfig, {"display_score": 1.2}, "display_score", "1.2"),
