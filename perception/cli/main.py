@@ -145,6 +145,7 @@ Help:        trifuse COMMAND --help
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return 0, 2 where the user has to act, or 130 after an interrupt."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    prog = f"trifuse {_command_of(words) or ' '.join(words[:1])}".rstrip()
     logging.basicConfig(handlers=[_LogHandler()], format="%(message)s", level=logging.INFO)
     try:
         if arguments is None and not {"", str(Path.cwd())} & set(sys.path):
@@ -154,18 +155,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return 0
     except PerceptionError as error:
-        _print_error(f"trifuse {words[0]}: {error}")
+        _print_error(f"{prog}: {error}")
         return 2
     except KeyboardInterrupt as stopped:
         advice = str(stopped) or _how_to_go_on(words)
-        _print_error(f"trifuse {words[0]}: stopped; what is complete is kept; {advice}")
+        _print_error(f"{prog}: stopped; what is complete is kept; {advice}")
         return 130
     except BrokenPipeError:  # the reader, such as `head`, has enough
         return 0
     except OSError as error:
         from perception.atomic_file import write_error
 
-        _print_error(f"trifuse {words[0]}: {write_error(error.filename or 'output', error)}")
+        _print_error(f"{prog}: {write_error(error.filename or 'output', error)}")
         return 2
     finally:
         _flush_output()
