@@ -22,8 +22,9 @@ from export.result import ExportConfig
 from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
+from perception.evaluation.detection.class_precision import level_columns
 from perception.evaluation.detection.reliability import Reliability, measure_reliability
-from perception.evaluation.report import Column, Table
+from perception.evaluation.report import Table
 from perception.render.figure import save_figure
 from perception.types import MODALITIES
 from train.checkpoint_writer import write_checkpoint
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _EVALUATED: Mapping[Stage, str] = {"fit": "test", "validate": "validation", "test": "test"}
-_DIFFICULTIES = ("easy", "moderate", "hard")
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,7 @@ class FusionResult:
             f"Fusion, {variant}, {hidden} neurons, mean square error {error:.4f}: "
             f"AP [%] on {self.counts[f'{self.part}_frames']} {self.part} frames"
         )
-        columns = [_column(name) for name in _DIFFICULTIES]
-        return Table(title, columns, self.ap_percent, "Car, min IoU 0.7")
+        return Table(title, level_columns(), self.ap_percent, "Car, min IoU 0.7")
 
 
 def report(
@@ -183,10 +182,6 @@ def _write_figures(figures: "Mapping[str, Figure]", out: Path, trainer: Trainer)
 def _counts(data: FusionDataModule, parts: Sequence[str]) -> dict[str, int]:
     frames = {f"{part}_frames": len(getattr(data.detections, part)) for part in parts}
     return frames | {f"{part}_combinations": len(getattr(data, part)) for part in parts}
-
-
-def _column(name: str) -> Column[Mapping[str, float]]:
-    return Column(name, lambda row: row.get(name), ".2f", name)
 
 
 FUSION = TrainingKind(

@@ -11,12 +11,12 @@ import numpy as np
 from benchmarks.studies.augmentation import THESIS_PERCENT as TABLE_7_8
 from benchmarks.studies.report import formatted_table, publish
 from perception.atomic_file import write_atomically, write_jpeg
-from perception.evaluation.detection.class_precision import LEVELS
 from perception.evaluation.detection.fusion_measure import (
     MODALITY_NAMES,
     VARIANT_NAMES,
 )
 from perception.evaluation.detection.fusion_measure import THESIS_PERCENT as TABLE_7_10
+from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.detection.published import PUBLISHED_PERCENT
 from perception.evaluation.report import Table
 from perception.render.curve_plots import CurvePanel, plot_curves, precision_panel

@@ -10,12 +10,11 @@ import numpy as np
 
 from benchmarks.studies.detector_variants import VariantMetrics
 from benchmarks.studies.report import formatted_table
-from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves, precision_panel
 
 Percent = tuple[float, float, float]  # easy, moderate, hard
-LEVELS = tuple(one.name for one in DIFFICULTIES)
 _DISPLAY_LEVEL = "moderate"
 
 

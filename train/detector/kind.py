@@ -6,8 +6,8 @@ from pathlib import Path
 
 from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset
-from perception.evaluation.detection.protocol import DIFFICULTIES
-from perception.evaluation.report import Column, Table
+from perception.evaluation.detection.class_precision import level_columns
+from perception.evaluation.report import Table
 from train.checkpoints import read_checkpoint
 from train.cli import Stage, TrainingKind
 from train.detector.metrics import precision_table
@@ -40,10 +40,9 @@ class DetectorResult:
     @property
     def table(self) -> Table[Mapping[str, float]]:
         """Table of the average precision."""
-        columns = [_column(one.name) for one in DIFFICULTIES]
         frames = f"{self.counts[f'{self.part}_frames']} {self.part} frames"
         title = f"{self.network} on {self.modality}, epoch {self.epoch}: AP [%] on {frames}"
-        return Table(title, columns, self.precision, "class, min IoU")
+        return Table(title, level_columns(), self.precision, "class, min IoU")
 
 
 def report(
@@ -63,10 +62,6 @@ def report(
         precision = precision_table(module.metrics)
     epoch = content["epoch"] + 1
     return DetectorResult(checkpoint, image.network, image.modality, epoch, part, counts, precision)
-
-
-def _column(difficulty: str) -> Column[Mapping[str, float]]:
-    return Column(difficulty, lambda row: row.get(difficulty), ".2f", difficulty)
 
 
 DETECTOR = TrainingKind(

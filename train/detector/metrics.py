@@ -16,7 +16,7 @@ from perception.evaluation.detection.average_precision import (
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import (
-    DIFFICULTIES,
+    LEVELS,
     NO_ALPHA_RAD,
     kitti_class,
 )
@@ -97,18 +97,16 @@ def mean_precision(metrics: DetectionMetrics) -> dict[str, float]:
         "_50": [curves for one, curves in metrics.items() if one.iou == LOOSE_IOU],
     }
     return {
-        f"{one.name}{mark}": float(np.mean([precision(of, one.name) for of in classes]))
+        f"{level}{mark}": float(np.mean([precision(of, level) for of in classes]))
         for mark, classes in parts.items()
-        for one in DIFFICULTIES
+        for level in LEVELS
     }
 
 
 def precision_table(metrics: DetectionMetrics) -> dict[str, dict[str, float]]:
     """Return average precision in percent by class and overlap, such as `Car 0.7`, and by difficulty."""
     return {
-        f"{of_class.name} {of_class.iou:g}": {
-            one.name: precision(curves, one.name) for one in DIFFICULTIES
-        }
+        f"{of_class.name} {of_class.iou:g}": {level: precision(curves, level) for level in LEVELS}
         for of_class, curves in metrics.items()
     }
 

@@ -11,7 +11,7 @@ from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.evaluation.detection.box_rows import DetectedBoxes
-from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.detection.reliability import Reliability
 from perception.render.curve_plots import curve_figure, precision_panel
 from perception.render.fusion_plots import reliability_figure, rescoring_figure, sizes_figure
@@ -21,7 +21,7 @@ from train.fusion.sweep import SweptSize
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LEVELS = np.linspace(0, 1, 11)
+_SCORES = np.linspace(0, 1, 11)
 
 
 def fusion_figures(
@@ -57,11 +57,11 @@ def fusion_figures(
 
 def _rescoring(frames: DetectedFrames, fusion: Fusion) -> "Figure":
     """Return the expected IoUs over the three scores, at the mean of the other features of full tri-boxes."""
-    scores = np.stack(np.meshgrid(*[_LEVELS] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    scores = np.stack(np.meshgrid(*[_SCORES] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     features = np.tile(_mean_features(frames, fusion), (len(scores), 1))
     features[:, :3] = scores
-    overlaps = fusion.expected_ious(features).reshape(*[len(_LEVELS)] * 3, 3)
-    return rescoring_figure(f"Joint rescoring, {fusion.variant}", _LEVELS, overlaps)
+    overlaps = fusion.expected_ious(features).reshape(*[len(_SCORES)] * 3, 3)
+    return rescoring_figure(f"Joint rescoring, {fusion.variant}", _SCORES, overlaps)
 
 
 def _precision(
@@ -74,14 +74,14 @@ def _precision(
     }
     panels = [
         precision_panel(
-            one.name,
+            level,
             {
-                f"{name}: AP {found[one.name].ap():.1f}": found[one.name].precision
+                f"{name}: AP {found[level].ap():.1f}": found[level].precision
                 for name, found in curves.items()
-                if one.name in found
+                if level in found
             },
         )
-        for one in DIFFICULTIES
+        for level in LEVELS
     ]
     return curve_figure(title, panels)
 

@@ -22,14 +22,18 @@ from perception.evaluation.detection.evaluation_boxes import (
     evaluation_mask,
     pair_boxes,
 )
-from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
+from perception.evaluation.detection.protocol import (
+    DIFFICULTIES,
+    LEVELS,
+    RECALL_STEPS,
+    DetectionClass,
+)
 from perception.evaluation.report import Column, Metrics, Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
 from perception.types import Detections, Float64, Labels, Progress
 
 Output = TypeVar("Output")
 
-LEVELS = tuple(one.name for one in DIFFICULTIES)
 CONFIDENCE = 0.95
 _OPTIONAL = ("proposal", "95 %", "AOS")  # columns without a value in any row are not printed
 
@@ -167,6 +171,15 @@ def precision_columns(recall_points: Sequence[int]) -> list[Column[PrecisionMetr
     last = recall_points[-1]
     max_key = f"max_ap_r{last}_percent"
     return [*columns, Column("max AP [%]", lambda row: row.max_ap(last), ".1f", max_key)]
+
+
+def level_columns() -> list[Column[Mapping[str, float]]]:
+    """Return a column for each difficulty, of rows that hold the average precision by its name."""
+    return [_level_column(level) for level in LEVELS]
+
+
+def _level_column(level: str) -> Column[Mapping[str, float]]:
+    return Column(level, lambda row: row.get(level), ".2f", level)
 
 
 def _average_columns(points: int) -> list[Column[PrecisionMetrics]]:

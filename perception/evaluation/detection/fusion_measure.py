@@ -24,12 +24,12 @@ from perception.evaluation.detection.average_precision import (
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import (
     CONFIDENCE,
-    LEVELS,
     ClassPrecision,
     PrecisionMeasure,
     few_objects_note,
 )
 from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
+from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.detection.reliability import (
     Reliability,
     match_correctness,

@@ -37,6 +37,7 @@ DIFFICULTIES = (
     Difficulty("moderate", min_height_px=25, max_occlusion=1, max_truncation=0.30),
     Difficulty("hard", min_height_px=25, max_occlusion=2, max_truncation=0.50),
 )
+LEVELS = tuple(one.name for one in DIFFICULTIES)
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from perception.evaluation.detection.class_precision import LEVELS, PrecisionReport
+from perception.evaluation.detection.class_precision import PrecisionReport
 from perception.evaluation.detection.config import (
     PUBLISHED_CLASS,
     PUBLISHED_IOU,
     PublishedTable,
 )
+from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.report import Table, Value, value_table
 
 _OURS = "these results"
