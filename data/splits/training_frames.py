@@ -6,6 +6,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Self
 
@@ -73,6 +74,17 @@ def scan_hashes(drive: KittiDrive) -> list[bytes]:
 
 
 def _scan_hash(path: Path) -> bytes:
-    # A frame that cannot be read is met where it is used.
-    content = path.read_bytes() if path.is_file() else str(path).encode()
+    if not path.is_file():  # it is met where it is used
+        return _hash(str(path).encode())
+    stat = path.stat()
+    return _file_hash(path, stat.st_size, stat.st_mtime_ns)
+
+
+@cache
+def _file_hash(path: Path, size: int, modified_ns: int) -> bytes:
+    """Return the hash of a file, read once as long as it has this size and time: scans are large."""
+    return _hash(path.read_bytes())
+
+
+def _hash(content: bytes) -> bytes:
     return hashlib.blake2b(content, digest_size=_BYTES).digest()

@@ -48,3 +48,10 @@ def test_metadata_of_thousands_of_frames_stay_small():
 def test_damaged_metadata_are_refused():
     with fault(ModelError, "dm.onnx", ENTRY):
         TrainingFrames.from_metadata({ENTRY: "n$t base64"}, "dm.onnx")
+
+
+def test_a_scan_that_has_changed_is_another_one(folder):
+    drive = open_drive(folder)
+    frames, scan = TrainingFrames.of([drive]), drive.scans.paths[1]
+    scan.write_bytes(scan.read_bytes()[:-16])
+    assert frames.among(scan_hashes(drive)).tolist() == [True, False, True, True]
