@@ -42,12 +42,12 @@ def write_detector(
     _limit_confident_boxes(detector, torch.from_numpy(np.concatenate(inputs)))
     exportable = Exportable(
         DecodedDetector(detector.eval()).eval(),
-        {"pictures": torch.from_numpy(np.concatenate(inputs[:1] * 2))},
+        {"images": torch.from_numpy(np.concatenate(inputs[:1] * 2))},
         outputs=("boxes_px", "scores"),
         metadata=variant.metadata,
     )
     model = to_onnx(exportable)
-    batches = [{"pictures": np.ascontiguousarray(one)} for one in inputs]
+    batches = [{"images": np.ascontiguousarray(one)} for one in inputs]
     contents: dict[Precision, bytes] = {
         "fp32": model,
         "int8": to_int8(model, batches, QUANTIZATION),

@@ -69,12 +69,12 @@ class Workload:
         square = ModalityDetector(yolov2["fp32"])
         inputs: list[dict[Modality, Arrays]] = [
             {
-                name: {"pictures": detector.preprocess(images[name][i])}
+                name: {"images": detector.preprocess(images[name][i])}
                 for name, detector in detectors.items()
             }
             for i in range(len(dense))
         ]
-        squares: list[Arrays] = [{"pictures": square.preprocess(one)} for one in images["dm"]]
+        squares: list[Arrays] = [{"images": square.preprocess(one)} for one in images["dm"]]
         return cls(compact, yolov2, dense, inputs, squares)
 
 

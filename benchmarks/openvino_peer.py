@@ -22,7 +22,7 @@ def openvino_network(file: Path, threads: int) -> Network:
         ) from error
     core = openvino.Core()
     model = core.read_model(file)
-    images = model.input("pictures")
+    images = model.input("images")
     model.reshape([1, *images.partial_shape.get_max_shape()[1:]])
     settings = {
         "INFERENCE_NUM_THREADS": threads,

@@ -65,16 +65,16 @@ def export_detector(config: ExportConfig) -> ExportResult:
     if config.int8 and config.drive is None:
         raise UsageError("int8", expected="a drive to find its scales with", found="none")
     exportable = exportable_detector(config.checkpoint, config.size)
-    shape = tuple(exportable.inputs["pictures"].shape[1:])
+    shape = tuple(exportable.inputs["images"].shape[1:])
     models = {FP32: to_onnx(exportable)}
     generator = np.random.default_rng(0)
     inputs: dict[str, list[Arrays]] = {
-        "noise": [{"pictures": random_images(rows, shape, generator)} for rows in _NOISE_ROWS]
+        "noise": [{"images": random_images(rows, shape, generator)} for rows in _NOISE_ROWS]
     }
     with TemporaryDirectory() as folder:
         opened = {FP32: _open(models[FP32], Path(folder, "fp32.onnx"))}
         if images := list(_inputs(config, opened[FP32])):
-            inputs["pictures"] = images[:_COMPARED_FRAMES]
+            inputs["images"] = images[:_COMPARED_FRAMES]
         for scales in _scales_to_try(config):
             name = f"{INT8} {scales}"
             models[name] = to_int8(models[FP32], images, replace(QUANTIZATION, scales=scales))
@@ -100,7 +100,7 @@ def export_detector(config: ExportConfig) -> ExportResult:
         variants=variants,
         tolerances=TOLERANCES,
         choice=choose(variants, int8_name),
-        timed_input="one picture on one thread",
+        timed_input="one image on one thread",
     )
 
 
@@ -121,7 +121,7 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
     example = random_images(2, (detector.channels, *size), np.random.default_rng(0))
     return Exportable(
         DecodedDetector(detector).eval(),
-        {"pictures": torch.from_numpy(example)},
+        {"images": torch.from_numpy(example)},
         outputs=("boxes_px", "scores"),
         metadata=metadata,
     )
@@ -176,7 +176,7 @@ def _inputs(config: ExportConfig, detector: ModalityDetector) -> Iterator[Arrays
     """Yield what the network is shown of some frames of the drive."""
     for frame in config.read("calibration", _CALIBRATION_FRAMES):
         image = modality_image(frame, detector.modality, detector.filling)
-        yield {"pictures": detector.preprocess(image)}
+        yield {"images": detector.preprocess(image)}
 
 
 def _open(data: bytes, file: Path) -> ModalityDetector:

@@ -31,7 +31,7 @@ def measure_variants(
     for frame in config.read("precision"):
         labels.append(drive.labels(frame.index))
         image = modality_image(frame, detector.modality, detector.filling)
-        inputs = {"pictures": detector.preprocess(image)}
+        inputs = {"images": detector.preprocess(image)}
         for name, network in networks.items():
             found[name].append(detector.postprocess(image, network(inputs)))
     truths = TrueBoxes.of_frames(labels)

@@ -29,7 +29,7 @@ def images(count):
 def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
     files = write_detector(tmp_path, "compact", "dm", SIZE, images(2))
     full, short = (ModalityDetector(files[form]) for form in ("fp32", "int8"))
-    inputs = {"pictures": full.preprocess(images(1)[0])}
+    inputs = {"images": full.preprocess(images(1)[0])}
     assert np.count_nonzero(full.model(inputs)["scores"] >= 0.01) == pytest.approx(100, abs=2)
     assert short.metadata["form"] == "int8 minmax"
 
@@ -37,7 +37,7 @@ def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
 def test_openvino_computes_the_same(tmp_path):
     (tmp_path / "dm.onnx").write_bytes(bright_cells("dm", size=SIZE))
     ours = ModalityDetector(tmp_path / "dm.onnx")
-    inputs = {"pictures": ours.preprocess(images(1)[0])}
+    inputs = {"images": ours.preprocess(images(1)[0])}
     peer, expected = openvino_network(tmp_path / "dm.onnx", 1)(inputs), ours.model(inputs)
     for name, array in expected.items():
         np.testing.assert_allclose(peer[name], array, atol=1e-5)

@@ -29,7 +29,7 @@ def bright_cells(
         for x in range(0, width, CELL_PX)
     ]
     nodes = [
-        helper.make_node("Cast", ["pictures"], ["numbers"], to=TensorProto.FLOAT),
+        helper.make_node("Cast", ["images"], ["numbers"], to=TensorProto.FLOAT),
         helper.make_node("ReduceMean", ["numbers", "channel_axis"], ["gray"], keepdims=1),
         helper.make_node(
             "AveragePool",
@@ -49,7 +49,7 @@ def bright_cells(
         "bright_cells",
         [
             helper.make_tensor_value_info(
-                "pictures", TensorProto.UINT8, ["rows", planes, height, width]
+                "images", TensorProto.UINT8, ["rows", planes, height, width]
             )
         ],
         [

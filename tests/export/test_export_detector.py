@@ -102,7 +102,7 @@ def file_of(exported, variant):
 def test_file_finds_what_the_checkpoint_finds(checkpoint, exported):
     exportable = exportable_detector(checkpoint)
     model = ModalityDetector(file_of(exported, "fp32")).model
-    batches = [{"pictures": images(rows, seed=7)} for rows in (1, 4)]
+    batches = [{"images": images(rows, seed=7)} for rows in (1, 4)]
     parity = compare(torch_runner(exportable), model, batches)
     assert parity.rows == 5
     assert parity.largest["scores"] < 1e-5
@@ -114,7 +114,7 @@ def test_8_bits_are_near_to_it(exported):
     full, int8_name = (
         ModalityDetector(file_of(exported, variant)).model for variant in ("fp32", "int8")
     )
-    batch = {"pictures": images(2, seed=7)}
+    batch = {"images": images(2, seed=7)}
     difference = np.abs(full(batch)["scores"] - int8_name(batch)["scores"])
     assert 0 < difference.mean() < 0.05
 
@@ -146,7 +146,7 @@ def test_report_says_what_was_tried_and_chosen(exported):
     int8_name = ["int8 minmax", "int8 percentile"]
     assert list(report["variants"]) == ["torch", "fp32", *int8_name]
     assert set(report["variants"]["fp32"]["precision"]) == {"Car 0.7", "Car 0.5"}
-    assert report["variants"]["fp32"]["parity"]["pictures"]["rows"] == 2
+    assert report["variants"]["fp32"]["parity"]["images"]["rows"] == 2
     assert (
         report["variants"][int8_name[0]]["size_bytes"]
         < 0.3 * report["variants"]["fp32"]["size_bytes"]
@@ -235,7 +235,7 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
         return {"boxes_px": boxes_px[None], "scores": np.full((1, len(boxes_px), 1), 0.9)}
 
     def blind(inputs):
-        assert inputs["pictures"].shape == (1, 1, 64, 96)
+        assert inputs["images"].shape == (1, 1, 64, 96)
         return {"boxes_px": np.zeros((1, 1, 4)), "scores": np.zeros((1, 1, 1))}
 
     config = ExportConfig(tmp_path / "any.ckpt", opened)
@@ -248,10 +248,10 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
 
 def test_another_size_is_a_file_of_that_size(checkpoint, exported):
     exportable = exportable_detector(checkpoint, InputSize(32, 160))
-    assert exportable.inputs["pictures"].shape == (2, 1, 32, 160)
+    assert exportable.inputs["images"].shape == (2, 1, 32, 160)
     assert exportable.metadata["input_height"] == "32"
     assert exportable.metadata["input_width"] == "160"
-    boxes_px, scores = exportable.module(exportable.inputs["pictures"])
+    boxes_px, scores = exportable.module(exportable.inputs["images"])
     assert boxes_px.shape == (2, 4 * 20 * 5, 4)
     assert scores.shape == (2, 4 * 20 * 5, 1)
     usual = exportable_detector(checkpoint)

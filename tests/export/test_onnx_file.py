@@ -25,14 +25,14 @@ class Doubled(torch.nn.Module):
 
 EXPORTABLE = Exportable(
     Doubled(),
-    {"pictures": torch.zeros(2, 3, 5, dtype=torch.uint8), "places": torch.zeros(2, 4)},
+    {"images": torch.zeros(2, 3, 5, dtype=torch.uint8), "places": torch.zeros(2, 4)},
     outputs=("bright", "moved"),
     metadata={"kind": "doubled", "classes": "Car,Van"},
 )
 CONTRACT = ModelContract(
     EXPORTABLE.metadata,
     inputs={
-        "pictures": ModelInput(np.uint8, (None, 3, 5)),
+        "images": ModelInput(np.uint8, (None, 3, 5)),
         "places": ModelInput(np.float32, (None, 4)),
     },
     outputs=EXPORTABLE.outputs,
@@ -49,7 +49,7 @@ def file(tmp_path_factory):
 def batch_of(rows):
     generator = np.random.default_rng(rows)
     return {
-        "pictures": generator.integers(0, 256, (rows, 3, 5), dtype=np.uint8),
+        "images": generator.integers(0, 256, (rows, 3, 5), dtype=np.uint8),
         "places": generator.normal(size=(rows, 4)).astype(np.float32),
     }
 
@@ -60,7 +60,7 @@ def test_the_file_computes_as_the_module(file, rows):
     outputs = OnnxModel(file, CONTRACT)(batch)
     assert outputs["bright"].shape == (rows,)
     if rows:
-        means = 2 * batch["pictures"].mean(axis=(1, 2))
+        means = 2 * batch["images"].mean(axis=(1, 2))
         np.testing.assert_allclose(outputs["bright"], means, rtol=1e-6)
     np.testing.assert_array_equal(outputs["moved"], batch["places"] - 1)
 
@@ -82,8 +82,8 @@ def test_module_that_takes_only_its_example_is_refused():
         def forward(self, images):
             return torch.ones(1).expand(len(images))
 
-    example = {"pictures": torch.zeros(2, 3, dtype=torch.uint8)}
-    with fault(ModelError, expected="any number of rows in input pictures"):
+    example = {"images": torch.zeros(2, 3, dtype=torch.uint8)}
+    with fault(ModelError, expected="any number of rows in input images"):
         to_onnx(Exportable(Fixed(), example, ("flat",), {}))
 
 

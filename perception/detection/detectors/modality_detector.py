@@ -30,7 +30,7 @@ KIND = "detector"
 CONTRACT = ModelContract(
     metadata={"kind": KIND},
     required_keys=("modality", "classes", "input_height", "input_width", "filling"),
-    inputs={"pictures": ModelInput(np.uint8, (None, None, None, None))},
+    inputs={"images": ModelInput(np.uint8, (None, None, None, None))},
     outputs=("boxes_px", "scores"),
     warmup_rows=1,
 )
@@ -90,7 +90,7 @@ class ModalityDetector:
             ImageError: the image has other channels than the modality.
             ModelError: an output of the network is not finite.
         """
-        return self.postprocess(image, self.model({"pictures": self.preprocess(image)}))
+        return self.postprocess(image, self.model({"images": self.preprocess(image)}))
 
     def preprocess(self, image: UInt8) -> UInt8:
         """Return the (1, C, h, w) input of the network for an (H, W, C) image.
@@ -137,7 +137,7 @@ class ModalityDetector:
 
     def _check_input(self) -> None:
         required = ModelInput(np.uint8, (None, CHANNELS[self.modality], *self.size))
-        found = self.model.inputs["pictures"]
+        found = self.model.inputs["images"]
         if not required.accepts(found):
             raise ModelError(
                 self.model.name,
