@@ -84,7 +84,7 @@ def detected(boxes: Boxes3D, scores: np.ndarray | float = 0.9) -> FusedDetection
     boxes_px = box_outlines_px(CALIBRATION.image_P_velo, boxes, SIZE_PX)
     count = len(boxes)
     found = Detections(boxes_px, np.broadcast_to(scores, count) * 1.0, np.full(count, "Car"))
-    return FusedDetections(found, np.full((count, 3), -1), np.zeros(count, int))
+    return FusedDetections(found, np.full((count, 3), -1), np.zeros(count, int), found.scores)
 
 
 def observed_from(x_m: float, boxes_world: Boxes3D) -> tuple[np.ndarray, Boxes3D]:

@@ -51,7 +51,8 @@ class OpenedVehicleDetector:
             found = self.detect(result.frame)
             found = found[np.argsort(-found.scores, kind="stable")]
             sources = np.full((len(found), len(MODALITIES)), -1)
-            fused = FusedDetections(found, sources, np.full(len(found), MODALITIES.index("dm")))
+            columns = np.full(len(found), MODALITIES.index("dm"))
+            fused = FusedDetections(found, sources, columns, found.scores)
             located = locate(fused, result.frame, result.ground, config)
             tracked = tracker.update(located, result.frame, result.world_SE3_velo, result.tracks)
             yield replace(result, vehicles=tracked.vehicles, tracks=tracked.tracks)

@@ -45,14 +45,17 @@ class FusedDetections(ArrayTable):
         detections: (M)
         source_indices: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector has none.
         dominant_modality: (M,) column of the modality with the largest contribution.
+        existence: (M,) probability, 0..1, that any object is there; scores rank boxes, which have to fit as well.
     """
 
     detections: Detections
     source_indices: Annotated[Int, len(MODALITIES)]
     dominant_modality: Int
+    existence: Float64
 
     @classmethod
     def unfused(cls, detections: Detections) -> Self:
         """Return detections that come from no detector of a modality, such as those of DepthCN."""
         count = len(detections)
-        return cls(detections, np.full((count, len(MODALITIES)), -1), np.full(count, -1))
+        sources = np.full((count, len(MODALITIES)), -1)
+        return cls(detections, sources, np.full(count, -1), detections.scores)

@@ -28,7 +28,7 @@ def seen(scene):
     fused = detections((80, 40, 120, 70), (10, 10, 30, 30), scores=[0.9, 0.2])
     nan = [np.nan] * 3
     vehicles = Vehicles(
-        FusedDetections(fused, np.array([[0, 0, -1], [1, -1, -1]]), np.array([0, 0])),
+        FusedDetections(fused, np.array([[0, 0, -1], [1, -1, -1]]), np.array([0, 0]), fused.scores),
         np.array([4, -1]),
         Boxes3D(
             np.array([[12, 0, -1.7], nan]), np.array([[4, 1.8, 1.5], nan]), np.array([0, np.nan])

@@ -18,7 +18,9 @@ def detected(scene):
     boxes_px = np.array([[80.0, 40, 120, 70], [20, 40, 40, 60], [10, 10, 30, 30]])
     fused = Detections(boxes_px, np.array([0.9, 0.7, 0.2]), np.full(3, "Car"))
     vehicles = Vehicles(
-        FusedDetections(fused, np.array([[0, 0, -1], [1, -1, -1], [2, -1, -1]]), np.zeros(3, int)),
+        FusedDetections(
+            fused, np.array([[0, 0, -1], [1, -1, -1], [2, -1, -1]]), np.zeros(3, int), fused.scores
+        ),
         np.array([4, -1, 6]),
         Boxes3D(
             np.array([[12, 0, -1.7], UNKNOWN, UNKNOWN]),

@@ -28,7 +28,10 @@ class NmsFusion:
             for name in MODALITIES
         ]
         return FusedDetections(
-            best, np.asarray(np.stack(source_indices, axis=1), np.int64), merged.columns[kept]
+            best,
+            np.asarray(np.stack(source_indices, axis=1), np.int64),
+            merged.columns[kept],
+            best.scores,
         )
 
 

@@ -140,6 +140,7 @@ class Fusion:
             Detections(boxes_px, scores, detections.types),
             source_indices,
             scene.merged.columns[kept],
+            scores,
         )
 
     def _tri_scores(self, scene: DetectedScene, rows: Int) -> Float64:

@@ -164,6 +164,7 @@ def vehicles():
             ),
             source_indices=np.array([[0, 0, -1], [1, -1, -1]]),
             dominant_modality=np.array([0, 0]),
+            existence=np.array([0.875, 0.25]),
         ),
         ids=np.array([7, -1]),
         boxes=Boxes3D(

@@ -49,6 +49,7 @@ VEHICLES = Vehicles(
         ),
         source_indices=np.array([[0, 0, -1], [-1, 1, -1]]),
         dominant_modality=np.array([0, 1]),
+        existence=np.array([0.875, 0.03125]),
     ),
     ids=np.array([4, -1]),
     boxes=Boxes3D(

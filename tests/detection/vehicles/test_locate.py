@@ -169,7 +169,7 @@ def test_boxes_at_and_beyond_the_borders_are_no_fault():
     odd_px = np.array([[-50.0, -20, 1300, 500], [600, 200, 600, 200], *fused.detections.boxes_px])
     odd = type(fused.detections)(odd_px, np.full(4, 0.5), np.full(4, "Car"))
     found = locate(
-        FusedDetections(odd, np.full((4, 3), -1), np.zeros(4, int)),
+        FusedDetections(odd, np.full((4, 3), -1), np.zeros(4, int), odd.scores),
         frame_of(road(), sides(true)),
         _GROUND,
     )
@@ -228,4 +228,4 @@ def _as_detections(boxes_px: np.ndarray) -> FusedDetections:
     found = detected(Boxes3D.empty()).detections
     count = len(boxes_px)
     found = type(found)(boxes_px, np.ones(count), np.full(count, "Car"))
-    return FusedDetections(found, np.full((count, 3), -1), np.zeros(count, int))
+    return FusedDetections(found, np.full((count, 3), -1), np.zeros(count, int), found.scores)
