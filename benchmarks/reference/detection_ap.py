@@ -6,13 +6,24 @@ thresholds and once again at each of them.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from benchmarks.reference.overlap import area, iou, shared_area
+from benchmarks.reference.overlap import (
+    Prism,
+    area,
+    shared_area,
+    shared_volume,
+    turned_rectangle,
+    volume,
+)
 from perception.evaluation.detection.average_precision import PrecisionCurve
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.overlap_metric import IMAGE, SPACE, OverlapMetric
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
+
+Shape = list[float] | Prism
 
 _OUT, _IGNORED, _COUNTED = range(3)
 
@@ -20,7 +31,7 @@ _OUT, _IGNORED, _COUNTED = range(3)
 @dataclass(frozen=True)
 class _Box:
     status: int
-    edges: list[float]
+    shape: Shape
     alpha_rad: float
     score: float = 0.0
 
@@ -29,7 +40,7 @@ class _Box:
 class _Frame:
     truths: list[_Box]
     detections: list[_Box]
-    dont_care: list[list[float]]
+    dont_care: list[Shape]
 
 
 def reference_curve(
@@ -38,24 +49,20 @@ def reference_curve(
     frames: int,
     of_class: DetectionClass,
     difficulty: Difficulty,
+    metric: OverlapMetric[Any] = IMAGE,
 ) -> PrecisionCurve:
     """Draw the precision curve of one class at one difficulty."""
-    scene = [
-        _Frame(
-            _classify_truths(truths[truths.frames == frame], of_class, difficulty),
-            _classify_detections(detections[detections.frames == frame], of_class, difficulty),
-            [
-                box
-                for box, kind in zip(
-                    truths.boxes_px[truths.frames == frame].tolist(),
-                    truths.types[truths.frames == frame].tolist(),
-                    strict=True,
-                )
-                if kind.lower() == "dontcare"
-            ],
+    scene = []
+    for number in range(frames):
+        labelled, found = truths[truths.frames == number], detections[detections.frames == number]
+        shapes = _shapes(labelled, metric)
+        scene.append(
+            _Frame(
+                _classify_truths(labelled, of_class, difficulty, metric),
+                _classify_detections(found, of_class, difficulty, metric),
+                [s for s, k in zip(shapes, labelled.types, strict=True) if k.lower() == "dontcare"],
+            )
         )
-        for frame in range(frames)
-    ]
     valid = sum(truth.status == _COUNTED for frame in scene for truth in frame.truths)
     scores = [score for frame in scene for score in _found_scores(frame, of_class.iou)]
     thresholds = reference_thresholds(scores, valid)
@@ -91,10 +98,40 @@ def reference_thresholds(scores: list[float], truths: int) -> list[float]:
     return thresholds
 
 
+def _shapes(rows: TrueBoxes | DetectedBoxes, metric: OverlapMetric[Any]) -> list[Shape]:
+    """Return what the metric compares; from above, all prisms have the same height."""
+    if metric is IMAGE:
+        return list(rows.boxes_px.tolist())
+    shapes: list[Shape] = []
+    for bottom, size, yaw in zip(*vars(rows.boxes_3d).values(), strict=True):
+        length, width, height = size.tolist()
+        corners = turned_rectangle((bottom[0], bottom[1]), length, width, yaw)
+        heights = (bottom[2], bottom[2] + height) if metric is SPACE else (0.0, 1.0)
+        shapes.append(Prism(corners, *heights))
+    return shapes
+
+
+def _size(shape: Shape) -> float:
+    return volume(shape) if isinstance(shape, Prism) else area(shape)
+
+
+def _shared(a: Shape, b: Shape) -> float:
+    if isinstance(a, Prism) and isinstance(b, Prism):
+        return shared_volume(a, b)
+    assert not isinstance(a, Prism)
+    assert not isinstance(b, Prism)
+    return shared_area(a, b)
+
+
+def _iou(a: Shape, b: Shape) -> float:
+    shared = _shared(a, b)
+    return shared / (_size(a) + _size(b) - shared) if shared else 0.0
+
+
 def _classify_truths(
-    truths: TrueBoxes, of_class: DetectionClass, difficulty: Difficulty
+    truths: TrueBoxes, of_class: DetectionClass, difficulty: Difficulty, metric: OverlapMetric[Any]
 ) -> list[_Box]:
-    boxes = []
+    boxes, shapes = [], _shapes(truths, metric)
     for row, kind in enumerate(truths.types.tolist()):
         edges = truths.boxes_px[row].tolist()
         status = _OUT
@@ -107,14 +144,17 @@ def _classify_truths(
             status = _IGNORED if is_hidden else _COUNTED
         elif kind.lower() in [name.lower() for name in of_class.neighbours]:
             status = _IGNORED
-        boxes.append(_Box(status, edges, float(truths.alphas_rad[row])))
+        boxes.append(_Box(status, shapes[row], float(truths.alphas_rad[row])))
     return boxes
 
 
 def _classify_detections(
-    detections: DetectedBoxes, of_class: DetectionClass, difficulty: Difficulty
+    detections: DetectedBoxes,
+    of_class: DetectionClass,
+    difficulty: Difficulty,
+    metric: OverlapMetric[Any],
 ) -> list[_Box]:
-    boxes = []
+    boxes, shapes = [], _shapes(detections, metric)
     for row, kind in enumerate(detections.types.tolist()):
         edges = detections.boxes_px[row].tolist()
         status = _OUT
@@ -123,7 +163,7 @@ def _classify_detections(
         elif kind.lower() == of_class.name.lower():
             status = _COUNTED
         alpha_rad, score = float(detections.alphas_rad[row]), float(detections.scores[row])
-        boxes.append(_Box(status, edges, alpha_rad, score))
+        boxes.append(_Box(status, shapes[row], alpha_rad, score))
     return boxes
 
 
@@ -163,8 +203,8 @@ def _count(frame: _Frame, limit: float, threshold: float) -> tuple[int, int, int
     for number, detection in enumerate(frame.detections):
         is_left = detection.status == _COUNTED and number not in taken
         if is_left and detection.score >= threshold:
-            covered = max((shared_area(detection.edges, box) for box in frame.dont_care), default=0)
-            wrong += covered <= limit * area(detection.edges)
+            covered = [_shared(detection.shape, region) for region in frame.dont_care]
+            wrong += not any(c > 0 and c > limit * _size(detection.shape) for c in covered)
     return right, wrong, missed, similarity
 
 
@@ -180,15 +220,15 @@ def _best_fit(
             continue
         if detection.status == _IGNORED:
             first_ignored = number if first_ignored is None else first_ignored
-        elif iou(truth.edges, detection.edges) > best_iou:
-            best, best_iou = number, iou(truth.edges, detection.edges)
+        elif _iou(truth.shape, detection.shape) > best_iou:
+            best, best_iou = number, _iou(truth.shape, detection.shape)
     return first_ignored if best is None else best
 
 
 def _may_match(truth: _Box, detection: _Box, limit: float) -> bool:
     if _OUT in (truth.status, detection.status):
         return False
-    return iou(truth.edges, detection.edges) > limit
+    return _iou(truth.shape, detection.shape) > limit
 
 
 def _envelope(part: list[float], right: list[float], wrong: list[float]) -> list[float]:

@@ -18,7 +18,7 @@ from data.kitti.reading import read_label_lines
 from data.kitti.rows import read_object_rows
 from data.kitti.sensor_files import list_folder
 from perception.errors import DriveError, LabelError
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes, upright_boxes
 from perception.types import Progress
 
 
@@ -146,6 +146,7 @@ def _read_labels(files: _TextFiles, chosen: Sequence[int], progress: Progress) -
         occlusion=table.numbers[:, 1],
         alphas_rad=table.numbers[:, 2],
         boxes_px=table.numbers[:, 3:7],
+        boxes_3d=upright_boxes(table.numbers[:, 7:14]),
     )
 
 
@@ -158,5 +159,6 @@ def _read_results(files: _TextFiles, chosen: Sequence[int], progress: Progress) 
         types=table.types,
         alphas_rad=table.numbers[:, 2],
         boxes_px=table.numbers[:, 3:7],
+        boxes_3d=upright_boxes(table.numbers[:, 7:14]),
         scores=table.numbers[:, 14],
     )

@@ -12,7 +12,7 @@ _FLAT_M = 1e-9  # an edge that rises less across the box is level
 def iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (A, B) shared area over joint area of the boxes' outlines; 0 where a box has no area."""
     shared_m2 = intersection_areas_m2(a, b)
-    joint_m2 = _areas_m2(a)[:, None] + _areas_m2(b)[None] - shared_m2
+    joint_m2 = areas_m2(a)[:, None] + areas_m2(b)[None] - shared_m2
     return np.divide(shared_m2, joint_m2, out=np.zeros_like(shared_m2), where=joint_m2 > 0)
 
 
@@ -22,8 +22,15 @@ def intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
 
 
 def paired_intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (M,) the area that lies under each box and the one in the same row of b."""
-    return _shared_m2(_outlines(a), _outlines(b))
+    """Return (M,) the area that lies under each box and the one in the same row of b; NaN where a box is.
+
+    Only pairs whose circumscribed circles meet are compared: of all pairs of a frame, few do.
+    """
+    apart_m = np.linalg.norm(a.bottom_m[:, :2] - b.bottom_m[:, :2], axis=1)
+    are_near = ~(apart_m > _radii_m(a) + _radii_m(b))
+    shared_m2 = np.zeros(len(a))
+    shared_m2[are_near] = _shared_m2(_outlines(a[are_near]), _outlines(b[are_near]))
+    return shared_m2
 
 
 def center_distances_m(a: Boxes3D, b: Boxes3D) -> Float64:
@@ -37,8 +44,18 @@ def distance_similarity(distances_m: Float64, reach_m: float) -> Float64:
     return np.asarray(np.maximum(0.0, 1.0 - distances_m / reach_m))
 
 
-def _areas_m2(boxes: Boxes3D) -> Float64:
+def areas_m2(boxes: Boxes3D) -> Float64:
+    """Return (M,) areas of the outlines."""
     return np.asarray(boxes.size_m[:, 0] * boxes.size_m[:, 1])
+
+
+def volumes_m3(boxes: Boxes3D) -> Float64:
+    """Return (M,) volumes."""
+    return np.asarray(boxes.size_m.prod(axis=1))
+
+
+def _radii_m(boxes: Boxes3D) -> Float64:
+    return np.asarray(np.linalg.norm(boxes.size_m[:, :2], axis=1) / 2)
 
 
 class _Outlines(NamedTuple):
@@ -109,17 +126,28 @@ def _clamped_integral(y: Float64, limit: Float64) -> Float64:
     return np.asarray(inside**2 / 2 + limit * (np.abs(y) - inside))
 
 
+def iou_3d(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (A, B) intersection over union of the volumes; 0 of no volume, NaN where a box is."""
+    of_a, of_b = np.indices((len(a), len(b))).reshape(2, -1)
+    return paired_iou_3d(a[of_a], b[of_b]).reshape(len(a), len(b))
+
+
 def paired_iou_3d(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (M,) intersection over union of each box with the one in the same row of b (A.1).
 
     Both lie in one frame. 0 of no volume; NaN where a box is.
     """
-    top_m = np.minimum(_tops_m(a), _tops_m(b))
-    bottom_m = np.maximum(a.bottom_m[:, 2], b.bottom_m[:, 2])
-    shared_m3 = paired_intersection_areas_m2(a, b) * np.maximum(top_m - bottom_m, 0.0)
-    joint_m3 = a.size_m.prod(axis=1) + b.size_m.prod(axis=1) - shared_m3
+    shared_m3 = paired_intersection_volumes_m3(a, b)
+    joint_m3 = volumes_m3(a) + volumes_m3(b) - shared_m3
     iou = np.divide(shared_m3, joint_m3, out=np.zeros_like(joint_m3), where=joint_m3 != 0)
     return np.asarray(iou)
+
+
+def paired_intersection_volumes_m3(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M,) the volume that lies in each box and the one in the same row of b; NaN where a box is."""
+    top_m = np.minimum(_tops_m(a), _tops_m(b))
+    bottom_m = np.maximum(a.bottom_m[:, 2], b.bottom_m[:, 2])
+    return np.asarray(paired_intersection_areas_m2(a, b) * np.maximum(top_m - bottom_m, 0.0))
 
 
 def _tops_m(boxes: Boxes3D) -> Float64:

@@ -19,18 +19,13 @@ def intersection_over_area_px(a: Float64, b: Float64) -> Float64:
 
 def paired_iou_px(a: Float64, b: Float64) -> Float64:
     """Return (N,) intersection over union of each of (N, 4) boxes with the one in the same row of b."""
-    intersection = _intersection(a, b)
+    intersection = paired_intersection_px(a, b)
     return _share(intersection, area_px(a) + area_px(b) - intersection)
-
-
-def paired_intersection_over_area_px(a: Float64, b: Float64) -> Float64:
-    """Return (N,) which share of each of (N, 4) boxes lies in the one in the same row of b."""
-    return _share(_intersection(a, b), area_px(a))
 
 
 def intersection_px(a: Float64, b: Float64) -> Float64:
     """Return (A, B) areas that (A, 4) and (B, 4) boxes x1 y1 x2 y2 have in common."""
-    return _intersection(a[:, None], b[None])
+    return paired_intersection_px(a[:, None], b[None])
 
 
 def area_px(boxes_px: Float64) -> Float64:
@@ -38,8 +33,8 @@ def area_px(boxes_px: Float64) -> Float64:
     return np.asarray((boxes_px[:, 2:] - boxes_px[:, :2]).prod(axis=1))
 
 
-def _intersection(a: Float64, b: Float64) -> Float64:
-    """Return (...) areas that (..., 4) boxes have in common, where one is given for many or for one."""
+def paired_intersection_px(a: Float64, b: Float64) -> Float64:
+    """Return (...) areas that each of (..., 4) boxes has in common with the one in the same row of b."""
     width = np.minimum(a[..., 2], b[..., 2]) - np.maximum(a[..., 0], b[..., 0])
     height = np.minimum(a[..., 3], b[..., 3]) - np.maximum(a[..., 1], b[..., 1])
     return np.asarray(np.maximum(width, 0) * np.maximum(height, 0))

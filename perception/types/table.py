@@ -49,8 +49,8 @@ class ArrayTable:
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the rows of a mask, of indices, or of a slice; shared fields stay."""
         columns = {column.name for column in _columns(type(self))}
-        values = ((field.name, getattr(self, field.name)) for field in fields(self))
-        return type(self)(*(value[rows] if name in columns else value for name, value in values))
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return type(self)(**{n: v[rows] if n in columns else v for n, v in values.items()})
 
     @classmethod
     def empty(cls, **shared: Any) -> Self:  # noqa: ANN401 - values of any field
@@ -68,12 +68,12 @@ class ArrayTable:
         if not whole:
             return cls.empty()
         columns = {column.name: column for column in _columns(cls)}
-        values = []
+        values = {}
         for field in fields(cls):
             pieces = [getattr(part, field.name) for part in whole]
             column = columns.get(field.name)
-            values.append(pieces[0] if column is None else column.concatenate(pieces))
-        return cls(*values)
+            values[field.name] = pieces[0] if column is None else column.concatenate(pieces)
+        return cls(**values)
 
     def joined(self, others: Self) -> Self:
         """Return the rows of this table, then those of the other."""

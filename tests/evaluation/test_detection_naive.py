@@ -1,5 +1,7 @@
 """Each group of rivals matched once says the same as every frame matched at every threshold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,11 @@ from perception.evaluation.detection.average_precision import (
     match_detections,
     threshold_ranks,
 )
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes, unknown_boxes
 from perception.evaluation.detection.evaluation_boxes import pair_boxes
+from perception.evaluation.detection.overlap_metric import BEV, SPACE, OverlapMetric
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
+from perception.types import Boxes3D
 
 FRAMES = 12
 TYPES = np.array(
@@ -48,6 +52,29 @@ def crowded_frames(seed: int) -> tuple[TrueBoxes, DetectedBoxes]:
     return truths, detections
 
 
+def crowded_road(seed: int) -> tuple[TrueBoxes, DetectedBoxes]:
+    """Return the same frames with 3D boxes that overlap in many ways, some of them unknown."""
+    truths, detections = crowded_frames(seed)
+    rng = np.random.default_rng(seed)
+    place = np.concatenate([rng.uniform(-4, 4, (len(truths), 2)), np.zeros((len(truths), 1))], 1)
+    size = rng.uniform([3, 1.4, 1.4], [5, 2, 2], (len(truths), 3))
+    yaw = rng.uniform(-4, 4, len(truths))
+    # Each detection was made of a label of its frame, in this order.
+    first = np.searchsorted(truths.frames, detections.frames)
+    of_frame = np.bincount(truths.frames, minlength=FRAMES)[detections.frames]
+    near = first + rng.integers(of_frame)
+    found = Boxes3D(
+        place[near] + rng.normal(0, 0.15, (len(near), 3)),
+        size[near] * rng.uniform(0.9, 1.1, (len(near), 3)),
+        yaw[near] + rng.normal(0, 0.1, len(near)) + rng.choice([0, np.pi], len(near)),
+    )
+    is_unknown = np.flatnonzero(rng.random(len(near)) < 0.1)
+    return (
+        replace(truths, boxes_3d=Boxes3D(place, size, yaw)),
+        replace(detections, boxes_3d=found.replaced(is_unknown, unknown_boxes(len(is_unknown)))),
+    )
+
+
 def boxes_around(
     rng: np.random.Generator, middle: np.ndarray, count: int, spread_px: float
 ) -> np.ndarray:
@@ -60,9 +87,10 @@ def assert_same(curve: PrecisionCurve, naive: PrecisionCurve) -> None:
     for name in ("thresholds", "true_positives", "false_positives", "false_negatives"):
         np.testing.assert_array_equal(getattr(curve, name), getattr(naive, name))
     np.testing.assert_allclose(curve.precision, naive.precision, atol=1e-12)
-    np.testing.assert_allclose(
-        curve.orientation_similarity, naive.orientation_similarity, atol=1e-12
-    )
+    if naive.orientation_similarity is not None:
+        np.testing.assert_allclose(
+            curve.orientation_similarity, naive.orientation_similarity, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("iou", [0.0, 0.2, 0.5, 0.7, 0.9])
@@ -76,6 +104,23 @@ def test_any_overlap_gives_the_counts_of_the_reference(seed: int, iou: float):
             naive = reference_curve(truths, detections, FRAMES, of_class, difficulty)
             assert_same(curves[difficulty.name], naive)
     assert metrics[classes[0]]["hard"].matches > 5 or iou > 0.8
+
+
+@pytest.mark.parametrize("metric", [BEV, SPACE], ids=["bev", "3d"])
+@pytest.mark.parametrize("iou", [0.25, 0.5, 0.7])
+def test_any_overlap_of_3d_boxes_gives_the_counts_of_the_reference(
+    metric: OverlapMetric, iou: float
+):
+    truths, detections = crowded_road(5)
+    classes = [of_class.at_iou(iou) for of_class in KITTI_CLASSES]
+    metrics = kitti_average_precision(pair_boxes(truths, detections, FRAMES, metric), classes)
+    for of_class, curves in metrics.items():
+        for difficulty in DIFFICULTIES:
+            naive = reference_curve(truths, detections, FRAMES, of_class, difficulty, metric)
+            same = replace(naive, orientation_similarity=None)
+            assert curves[difficulty.name].orientation_similarity is None
+            assert_same(curves[difficulty.name], same)
+    assert metrics[classes[0]]["hard"].matches > 3
 
 
 def test_frames_that_weigh_double_are_frames_that_are_there_twice():

@@ -2,11 +2,13 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.reference.overlap import Prism, shared_volume, turned_rectangle
 from perception.geometry.box_overlap import (
     center_distances_m,
     distance_similarity,
     intersection_areas_m2,
     iou_bev,
+    paired_intersection_areas_m2,
 )
 from perception.types import Boxes3D
 
@@ -23,6 +25,11 @@ def random_boxes(count: int, rng: np.random.Generator) -> Boxes3D:
         rng.uniform(0.3, 6, (count, 3)),
         rng.uniform(-4, 4, count),
     )
+
+
+def prism(boxes: Boxes3D) -> Prism:
+    (x_m, y_m, _), (length_m, width_m, _) = boxes.bottom_m[0], boxes.size_m[0]
+    return Prism(turned_rectangle((x_m, y_m), length_m, width_m, boxes.yaw_rad[0]))
 
 
 def area_by_opencv(a: Boxes3D, b: Boxes3D) -> float:
@@ -64,6 +71,25 @@ def test_random_boxes_share_what_opencv_says():
 )
 def test_closed_forms(a: Boxes3D, b: Boxes3D, expected: float):
     assert iou_bev(a, b)[0, 0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_random_boxes_share_what_cut_polygons_do():
+    rng = np.random.default_rng(8)
+    a, b = random_boxes(300, rng), random_boxes(300, rng)
+    cut = [shared_volume(*(prism(boxes[[row]]) for boxes in (a, b))) for row in range(300)]
+    assert (np.array(cut) > 0).sum() > 100
+    assert (np.array(cut) == 0).sum() > 50
+    np.testing.assert_allclose(paired_intersection_areas_m2(a, b), cut, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 1e-15, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7, 1e-5, 1e-3])
+def test_nearly_parallel_boxes_share_what_cut_polygons_do(turn_rad: float):
+    rng = np.random.default_rng(9)
+    a = random_boxes(100, rng)
+    turns = rng.choice([0, np.pi / 2, np.pi, -np.pi / 2], 100) + turn_rad
+    b = Boxes3D(a.bottom_m + rng.normal(0, 0.3, (100, 3)), a.size_m, a.yaw_rad + turns)
+    cut = [shared_volume(*(prism(boxes[[row]]) for boxes in (a, b))) for row in range(100)]
+    np.testing.assert_allclose(paired_intersection_areas_m2(a, b), cut, atol=1e-7)
 
 
 def test_nearly_equal_headings_are_no_special_case():

@@ -3,6 +3,7 @@ import pytest
 
 from perception.geometry.box_overlap import (
     intersection_areas_m2,
+    iou_3d,
     paired_intersection_areas_m2,
     paired_iou_3d,
 )
@@ -67,6 +68,7 @@ def test_pairs_are_the_diagonal_of_all_with_all():
         for _ in range(2)
     )
     np.testing.assert_allclose(
-        paired_intersection_areas_m2(a, b), np.diag(intersection_areas_m2(a, b))
+        paired_intersection_areas_m2(a, b), np.diag(intersection_areas_m2(a, b)), atol=1e-12
     )
+    np.testing.assert_allclose(paired_iou_3d(a, b), np.diag(iou_3d(a, b)), atol=1e-12)
     assert (np.diag(intersection_areas_m2(a, b)) > 0).sum() > 5

@@ -1,14 +1,37 @@
-"""Labelled and detected boxes of many frames, one row a box."""
+"""Labelled and detected boxes of many frames, one row a box, with its 3D box where there is one.
+
+3D boxes lie in the upright camera frame: the rectified camera frame of KITTI with its axes renamed, x forward (z of
+KITTI), y left (-x), z up (-y), so that `Boxes3D` and its overlaps apply. A heading ry is a yaw of -ry - pi/2.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from typing import Annotated, Self
 
 import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
-from perception.types import ArrayTable, Detections, Float64, Int, Labels
+from perception.types import ArrayTable, Boxes3D, Detections, Float64, Int, Labels
+
+# Values of KITTI's rows without a 3D box. The official tool treats them as a box of this size at this place.
+_NO_SIZE_M, _NO_PLACE_M, _NO_HEADING_RAD = -1.0, -1000.0, -10.0
+
+
+def upright_boxes(columns: Float64) -> Boxes3D:
+    """Return (M) boxes in the upright camera frame from (M, 7) h w l x y z ry of KITTI's rows."""
+    height, width, length, x, y, z, heading_rad = columns.T
+    return Boxes3D(
+        bottom_m=np.column_stack([z, -x, -y]),
+        size_m=np.column_stack([length, width, height]),
+        yaw_rad=-heading_rad - np.pi / 2,
+    )
+
+
+def unknown_boxes(count: int) -> Boxes3D:
+    """Return boxes in place of unknown ones, as the official tool reads them."""
+    row = [_NO_SIZE_M] * 3 + [_NO_PLACE_M] * 3 + [_NO_HEADING_RAD]
+    return upright_boxes(np.tile(row, (count, 1)))
 
 
 @dataclass(frozen=True)
@@ -20,20 +43,25 @@ class _BoxRows(ArrayTable):
         types: (M,) class names, in any case.
         alphas_rad: (M,) observation angles of the headings; -10 where unknown.
         boxes_px: (M, 4) x1 y1 x2 y2.
+        boxes_3d: (M) boxes in the upright camera frame, `unknown_boxes` in place of those that are not known; none
+            at all stands for M unknown ones.
     """
 
     frames: Int
     types: np.ndarray
     alphas_rad: Float64
     boxes_px: Annotated[Float64, 4]
+    boxes_3d: Boxes3D = field(default_factory=Boxes3D.empty, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Validate lengths and shapes, finite numbers, and the order of the frames."""
+        """Validate lengths and shapes, finite numbers, and the order of the frames; fill in unknown 3D boxes."""
+        if len(self.boxes_3d) == 0:
+            object.__setattr__(self, "boxes_3d", unknown_boxes(len(self.frames)))
         super().__post_init__()
         what = type(self).__name__
-        for name in (field.name for field in fields(self)):
-            column = getattr(self, name)
-            if column.dtype.kind == "f" and not np.isfinite(column).all():
+        for name, column in {**vars(self), **vars(self.boxes_3d)}.items():
+            is_number = isinstance(column, np.ndarray) and column.dtype.kind == "f"
+            if is_number and not np.isfinite(column).all():
                 raise PerceptionError(
                     f"{what}.{name}", expected="finite numbers", found="NaN or infinity"
                 )

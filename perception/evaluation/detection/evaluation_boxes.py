@@ -1,12 +1,14 @@
-"""Labelled and detected boxes of all frames with their overlaps, and the boxes that count for a class."""
+"""Labelled and detected boxes of all frames with their overlaps by a metric, and the boxes that count for a class."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.overlap_metric import IMAGE, OverlapMetric
 from perception.evaluation.detection.protocol import (
     DONT_CARE,
     NO_ALPHA_RAD,
@@ -14,7 +16,6 @@ from perception.evaluation.detection.protocol import (
     Difficulty,
 )
 from perception.evaluation.grouping import pairs_in_groups
-from perception.geometry.box_overlap_px import paired_intersection_over_area_px, paired_iou_px
 from perception.types import ArrayTable, Bool, Float64, Int
 
 
@@ -41,15 +42,17 @@ class EvaluationBoxes:
         truths: (G) labelled boxes.
         detections: (D) detected boxes.
         frames: Number of frames, with boxes or without.
+        metric: Overlap by which detections match objects.
         truth_types: (G,) classes of the labels in lower case.
         detection_types: (D,) classes of the detections in lower case.
         overlaps: (P) overlapping pairs in the order of the labelled boxes.
-        dont_care_shares: (D,) maximum share of each detection's area in a single DontCare box, 0 to 1.
+        dont_care_shares: (D,) maximum share of each detection's size in a single DontCare box, 0 to 1.
     """
 
     truths: TrueBoxes
     detections: DetectedBoxes
     frames: int
+    metric: OverlapMetric[Any]
     truth_types: np.ndarray
     detection_types: np.ndarray
     overlaps: OverlapPairs
@@ -57,17 +60,29 @@ class EvaluationBoxes:
 
     @property
     def has_orientation(self) -> bool:
-        """Whether every detection, of any class, has a heading."""
-        return not (self.detections.alphas_rad == NO_ALPHA_RAD).any()
+        """Whether orientation belongs to the metric, and every detection, of any class, has a heading."""
+        has_headings = not (self.detections.alphas_rad == NO_ALPHA_RAD).any()
+        return self.metric.has_orientation and has_headings
 
     def has_detections_of(self, detection_class: DetectionClass) -> bool:
-        """Return whether the class has a detection, by the rule of the official tool: x1 of at least 0."""
+        """Return whether the class has a detection that the metric applies to."""
         is_of_class = self.detection_types == detection_class.name.lower()
-        return bool((is_of_class & (self.detections.boxes_px[:, 0] >= 0)).any())
+        return bool((is_of_class & self.metric.are_known(self.detections)).any())
 
 
-def pair_boxes(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> EvaluationBoxes:
+def pair_boxes(
+    truths: TrueBoxes,
+    detections: DetectedBoxes,
+    frames: int,
+    metric: OverlapMetric[Any] = IMAGE,
+) -> EvaluationBoxes:
     """Find all overlapping pairs.
+
+    Args:
+        truths: Labelled boxes.
+        detections: Detected boxes.
+        frames: Number of frames, with boxes or without.
+        metric: Overlap by which detections match objects.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
@@ -80,24 +95,29 @@ def pair_boxes(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> Eva
         truths=truths,
         detections=detections,
         frames=frames,
+        metric=metric,
         truth_types=truth_types,
         detection_types=np.char.lower(detections.types.astype(np.str_)),
-        overlaps=_find_overlaps(truths, detections),
-        dont_care_shares=_dont_care_shares(truths[truth_types == DONT_CARE], detections),
+        overlaps=_find_overlaps(truths, detections, metric),
+        dont_care_shares=_dont_care_shares(truths[truth_types == DONT_CARE], detections, metric),
     )
 
 
-def _find_overlaps(truths: TrueBoxes, detections: DetectedBoxes) -> OverlapPairs:
+def _find_overlaps(
+    truths: TrueBoxes, detections: DetectedBoxes, metric: OverlapMetric[Any]
+) -> OverlapPairs:
     of_truths, of_detections = pairs_in_groups(truths.frames, detections.frames)
-    iou = paired_iou_px(truths.boxes_px[of_truths], detections.boxes_px[of_detections])
+    iou = metric.ious(metric.shapes(truths)[of_truths], metric.shapes(detections)[of_detections])
     return OverlapPairs(of_truths, of_detections, iou)[iou > 0]
 
 
-def _dont_care_shares(regions: TrueBoxes, detections: DetectedBoxes) -> Float64:
+def _dont_care_shares(
+    regions: TrueBoxes, detections: DetectedBoxes, metric: OverlapMetric[Any]
+) -> Float64:
     of_regions, of_detections = pairs_in_groups(regions.frames, detections.frames)
-    pairs_px = detections.boxes_px[of_detections], regions.boxes_px[of_regions]
+    boxes = metric.shapes(detections)[of_detections], metric.shapes(regions)[of_regions]
     shares = np.zeros(len(detections))
-    np.maximum.at(shares, of_detections, paired_intersection_over_area_px(*pairs_px))
+    np.maximum.at(shares, of_detections, metric.shares(*boxes))
     return shares
 
 

@@ -11,7 +11,8 @@ from perception.errors import UsageError
 
 DONT_CARE = "dontcare"
 NO_ALPHA_RAD = -10.0  # observation angle of a detection without a heading
-_STRICT_IOU = 0.7  # IoU threshold of classes that KITTI does not evaluate
+# IoU thresholds of classes that KITTI does not evaluate, and the loose one of their 3D boxes
+_STRICT_IOU, _LOOSE_IOU = 0.7, 0.5
 RECALL_STEPS = 40  # a curve has a point at each of 0, 1/40 .. 1
 
 
@@ -48,11 +49,13 @@ class DetectionClass:
         name: Name of the class in labels and detections.
         iou: IoU that a detection must exceed to match an object, 0 to below 1.
         neighbours: Names of similar classes, whose detection is neither right nor wrong.
+        loose_iou: Lower IoU that is usual for 3D boxes besides the strict one, from above and in space.
     """
 
     name: str
     iou: float
     neighbours: tuple[str, ...] = ()
+    loose_iou: float = _LOOSE_IOU
 
     def __post_init__(self) -> None:
         """Validate the IoU."""
@@ -66,8 +69,8 @@ class DetectionClass:
 
 KITTI_CLASSES = (
     DetectionClass("Car", iou=0.7, neighbours=("Van",)),
-    DetectionClass("Pedestrian", iou=0.5, neighbours=("Person_sitting",)),
-    DetectionClass("Cyclist", iou=0.5),
+    DetectionClass("Pedestrian", iou=0.5, neighbours=("Person_sitting",), loose_iou=0.25),
+    DetectionClass("Cyclist", iou=0.5, loose_iou=0.25),
 )
 
 
