@@ -26,6 +26,7 @@ _CLASS_OF = {
     "Car": SemanticClass.CAR,
     "Van": SemanticClass.OTHER_VEHICLE,
     "Truck": SemanticClass.TRUCK,
+    "Tram": SemanticClass.ON_RAILS,
     "Misc": SemanticClass.OTHER_VEHICLE,
     "Pedestrian": SemanticClass.PERSON,
     "Cyclist": SemanticClass.BICYCLIST,
@@ -114,11 +115,19 @@ _MIXED_STYLES = {
     BodyStyle.OFF_ROADER: 2, BodyStyle.PICK_UP: 0.5, BodyStyle.MINIVAN: 4, BodyStyle.PANEL_VAN: 3,
     BodyStyle.SMALL_VAN: 3, BodyStyle.HIGH_VAN: 2,
 }  # fmt: skip
+_VAN_STYLES = [
+    BodyStyle.PANEL_VAN, BodyStyle.SMALL_VAN, BodyStyle.HIGH_VAN, BodyStyle.MINIVAN,
+    BodyStyle.PANEL_VAN, BodyStyle.HIGH_VAN,
+]  # fmt: skip
 _SIZES = (0.87, 1.0)  # of a mixed fleet's cars, old and new
 _HEAVY_KINDS = [
     HeavyKind.BOX_TRUCK, HeavyKind.BUS, HeavyKind.ARTICULATED, HeavyKind.BOX_TRUCK,
     HeavyKind.FLATBED, HeavyKind.TRAILER, HeavyKind.BUS,
 ]  # fmt: skip
+
+_HEAVY_LABELS = {
+    HeavyKind.TRAILER: "Misc", HeavyKind.SEMI_TRAILER: "Misc", HeavyKind.TRAM: "Tram",
+}  # fmt: skip
 
 
 def draw_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
@@ -142,15 +151,25 @@ def _vehicle(style: BodyStyle, rng: np.random.Generator, size: float = 1.0) -> B
     return Body("Van" if style.is_van else "Car", design.size_m, (vehicles.build(design),))
 
 
+def draw_vans(rng: np.random.Generator, count: int) -> list[Body]:
+    """Draw vans of all styles."""
+    return [_vehicle(_VAN_STYLES[n], rng) for n in rng.integers(len(_VAN_STYLES), size=count)]
+
+
 def draw_heavy_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
-    """Draw trucks, buses and trailers; KITTI labels the first two trucks, and trailers miscellaneous."""
-    first, bodies = int(rng.integers(len(_HEAVY_KINDS))), []
-    for number in range(count):
-        kind = _HEAVY_KINDS[(first + number) % len(_HEAVY_KINDS)]
-        design = heavy_vehicles.draw_design(kind, rng)
-        label = "Misc" if kind is HeavyKind.TRAILER else "Truck"
-        bodies.append(Body(label, design.size_m, (heavy_vehicles.build(design),)))
-    return bodies
+    """Draw trucks, buses and trailers in turn, from one of them on."""
+    first = int(rng.integers(len(_HEAVY_KINDS)))
+    return [
+        draw_heavy(_HEAVY_KINDS[(first + number) % len(_HEAVY_KINDS)], rng)
+        for number in range(count)
+    ]
+
+
+def draw_heavy(kind: HeavyKind, rng: np.random.Generator) -> Body:
+    """Draw a heavy vehicle of one kind; KITTI labels buses trucks, and trailers miscellaneous."""
+    design = heavy_vehicles.draw_design(kind, rng)
+    label = _HEAVY_LABELS.get(kind, "Truck")
+    return Body(label, design.size_m, (heavy_vehicles.build(design),))
 
 
 def draw_pedestrians(rng: np.random.Generator, count: int) -> list[Body]:
@@ -189,6 +208,6 @@ def draw_appearance(body: Body, rng: np.random.Generator) -> Float32:
     if body.is_person:
         return random_clothes(rng)
     appearance = {Slot.PAINT: random_paint(rng)}
-    if body.kind in ("Truck", "Misc"):
+    if body.kind in ("Truck", "Tram", "Misc"):
         appearance[Slot.CARGO] = random_paint(rng, CARGO_PAINTS)
     return palette(appearance)

@@ -138,17 +138,25 @@ def railing(length_m: float, height_m: float, gap_m: float = 0.14) -> Mesh:
     return meshes.merge([*bars, *beams, *posts])
 
 
-def wire_fence(length_m: float, height_m: float) -> Mesh:
-    """Build posts with a mesh of wire between, of which a laser meets a part."""
-    wires = [
-        meshes.box((0, -0.004, z), (length_m, 0.004, z + 0.012), Slot.WIRE)
-        for z in np.arange(0.1, height_m, 0.1)
+def mesh_fence(length_m: float, height_m: float, wire_m: float) -> Mesh:
+    """Build posts with a mesh of upright and level wires between, of which a laser meets a part.
+
+    Args:
+        length_m: Length along x.
+        height_m: Height over the ground.
+        wire_m: Width of the wires; those upright are 5 cm apart, those level 20 cm.
+    """
+    upright = [((x, 0.05), (x + wire_m, height_m)) for x in np.arange(0.0, length_m, 0.05)]
+    level = [((0.0, z), (length_m, z + wire_m)) for z in np.arange(0.08, height_m, 0.2)]
+    corners = [
+        [(x0, 0.0, z0), (x1, 0.0, z0), (x1, 0.0, z1), (x0, 0.0, z1)]
+        for (x0, z0), (x1, z1) in [*upright, *level]
     ]
     posts = [
-        meshes.tube((x, 0, -0.3), (x, 0, height_m), (0.03, 0.03), Slot.RAIL, 6)
+        meshes.box((x - 0.03, -0.03, -0.4), (x + 0.03, 0.03, height_m + 0.03), Slot.RAIL)
         for x in np.arange(0, length_m + 0.1, 2.5)
     ]
-    return meshes.merge([*wires, *posts])
+    return meshes.merge([meshes.quads(np.array(corners), Slot.WIRE), *posts])
 
 
 def cabinet(rng: np.random.Generator) -> Mesh:

@@ -1,4 +1,4 @@
-"""Trucks, buses and trailers: boxes on wheels with cabs, windows and lights.
+"""Trucks, buses, trams and trailers: boxes on wheels with cabs, windows and lights.
 
 Origin at the centre of the footprint on the road, x forward, y left, z up.
 """
@@ -26,6 +26,8 @@ class HeavyKind(Enum):
     ARTICULATED = "articulated truck"
     BUS = "bus"
     TRAILER = "trailer"
+    SEMI_TRAILER = "semi-trailer"
+    TRAM = "tram"
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ _RANGES_M = {
     HeavyKind.ARTICULATED: ((13.0, 16.5), (2.5, 2.55), (3.5, 4.0), (2.1, 2.4), (3.0, 3.7), (1.1, 1.25)),
     HeavyKind.BUS: ((10.5, 13.0), (2.5, 2.55), (2.9, 3.3), (0.0, 0.0), (0.0, 0.0), (0.35, 0.5)),
     HeavyKind.TRAILER: ((2.2, 5.5), (1.4, 2.2), (1.1, 2.5), (0.0, 0.0), (0.0, 0.0), (0.45, 0.6)),
+    HeavyKind.SEMI_TRAILER: ((9.5, 13.6), (2.5, 2.55), (3.5, 4.0), (0.0, 0.0), (0.0, 0.0), (1.1, 1.25)),
+    HeavyKind.TRAM: ((14.0, 22.0), (2.3, 2.65), (3.2, 3.5), (0.0, 0.0), (0.0, 0.0), (0.35, 0.5)),
 }  # fmt: skip
 
 
@@ -77,7 +81,7 @@ def draw_design(kind: HeavyKind, rng: np.random.Generator) -> HeavyDesign:
     if kind is HeavyKind.FLATBED:
         height = cab_height
     cab_height = min(cab_height, height)
-    wheel = 0.33 if kind is HeavyKind.TRAILER else 0.40 + 0.012 * min(length, 8.0)
+    wheel = 0.33 if kind in (HeavyKind.TRAILER, HeavyKind.TRAM) else 0.40 + 0.012 * min(length, 8.0)
     axles = _axles(kind, length, wheel)
     return HeavyDesign(kind, length, width, height, cab, cab_height, deck, wheel, axles)
 
@@ -88,23 +92,77 @@ def _axles(kind: HeavyKind, length_m: float, wheel_m: float) -> tuple[float, ...
         return (0.0,)
     if kind is HeavyKind.BUS:
         return half - 2.7, -half + 3.3
+    apart = 2 * wheel_m + 0.25
+    rear = tuple(-half + 1.5 + apart * n for n in range(3))
+    if kind is HeavyKind.SEMI_TRAILER:
+        return rear
     if kind is HeavyKind.ARTICULATED:
-        apart = 2 * wheel_m + 0.25
-        return half - 1.4, half - 5.0, *(-half + 1.5 + apart * n for n in range(3))
+        return half - 1.4, half - 5.0, *rear
+    if kind is HeavyKind.TRAM:
+        return half - 2.2, half - 4.0, -half + 4.0, -half + 2.2
     return half - 1.2, -half + 0.22 * length_m
 
 
 def build(design: HeavyDesign) -> Mesh:
     """Build the whole vehicle."""
     wheels = vehicles.wheels(design.axles_m, design.wheel_m, design.width_m)
-    if design.kind is HeavyKind.BUS:
-        parts = _bus(design)
-    elif design.kind is HeavyKind.TRAILER:
-        parts = [*_cargo(design, design.length_m / 2), *_tail(design)]
-    else:
-        front = design.length_m / 2 - design.cab_m - 0.15
-        parts = [*_cab(design), _frame(design), *_cargo(design, front), *_tail(design)]
-    return meshes.merge([*parts, *wheels])
+    return meshes.merge([*_BODIES.get(design.kind, _truck)(design), *wheels])
+
+
+def _truck(design: HeavyDesign) -> list[Mesh]:
+    front = design.length_m / 2 - design.cab_m - 0.15
+    return [*_cab(design), _frame(design), *_cargo(design, front), *_tail(design)]
+
+
+def _trailer(design: HeavyDesign) -> list[Mesh]:
+    return [*_cargo(design, design.length_m / 2), *_tail(design)]
+
+
+def _semi_trailer(design: HeavyDesign) -> list[Mesh]:
+    """Build a trailer that stands on its legs."""
+    front = 0.3 * design.length_m
+    legs = [
+        meshes.box((front, y - 0.1, 0.0), (front + 0.25, y + 0.1, design.deck_m), Slot.TRIM)
+        for y in (-0.9, 0.9)
+    ]
+    return [_frame(design), *legs, *_trailer(design)]
+
+
+def _tram(design: HeavyDesign) -> list[Mesh]:
+    """Build cars joined by bellows, skirts down to the rails, a band of windows, and a pantograph."""
+    half, side, top = design.length_m / 2, design.width_m / 2, design.height_m
+    roof = top - 0.35
+    body = _extruded([(-half + 0.25, 0.12), (half - 0.25, 0.12), (half, 0.9), (half - 0.7, roof),
+                      (-half + 0.7, roof), (-half, 0.9)], side)  # fmt: skip
+    panes = [
+        _side_pane(x + 0.1, x + 2.3, 1.15, roof - 0.45, side)
+        for x in np.arange(-half + 1.2, half - 3.2, 2.4).tolist()
+    ]
+    low, high = 1.15, roof - 0.25
+    slant = 0.7 / (roof - 0.9)
+    ends = [
+        _front_pane(
+            (
+                sign * (half + _GLASS_AHEAD_M - slant * (low - 0.9)),
+                sign * (half + _GLASS_AHEAD_M - slant * (high - 0.9)),
+            ),
+            low,
+            high,
+            side - 0.15,
+        )
+        for sign in (1, -1)
+    ]
+    bellows = [
+        meshes.box((x - 0.35, -side - 0.015, 0.3), (x + 0.35, side + 0.015, roof), Slot.TRIM)
+        for x in (-design.length_m / 6, design.length_m / 6)
+    ]
+    gear = meshes.box((-half + 3.0, -0.8, roof), (half - 3.0, 0.8, roof + 0.2), Slot.TRIM)
+    bow = [
+        meshes.tube((0.0, y, roof), (0.9, y, top - 0.03), (0.03, 0.03), Slot.METAL, 5)
+        for y in (-0.5, 0.5)
+    ]
+    bar = meshes.tube((0.9, -0.8, top - 0.03), (0.9, 0.8, top - 0.03), (0.03, 0.03), Slot.METAL, 5)
+    return [body, *panes, *ends, *bellows, gear, *bow, bar]
 
 
 def _bus(design: HeavyDesign) -> list[Mesh]:
@@ -244,3 +302,12 @@ def _front_pane(x_m: tuple[float, float], low_m: float, high_m: float, side_m: f
         [high, -side_m, high_m],
     ]
     return meshes.quads(np.array([corners]), Slot.GLASS)
+
+
+# How the kinds that are no trucks are built.
+_BODIES = {
+    HeavyKind.BUS: _bus,
+    HeavyKind.TRAILER: _trailer,
+    HeavyKind.SEMI_TRAILER: _semi_trailer,
+    HeavyKind.TRAM: _tram,
+}

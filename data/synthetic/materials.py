@@ -58,6 +58,7 @@ class SemanticClass(IntEnum):
     """SemanticKITTI's numbers of the classes that a synthetic street holds."""
 
     CAR = 10
+    ON_RAILS = 16
     TRUCK = 18
     OTHER_VEHICLE = 20
     PERSON = 30
@@ -80,6 +81,7 @@ MOVING_CLASS = {
     SemanticClass.CAR: 252,
     SemanticClass.BICYCLIST: 253,
     SemanticClass.PERSON: 254,
+    SemanticClass.ON_RAILS: 256,
     SemanticClass.TRUCK: 258,
     SemanticClass.OTHER_VEHICLE: 259,
 }

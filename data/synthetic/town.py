@@ -42,6 +42,16 @@ class TownConfig:
     ground_reflectance: float = 1.0
 
 
+# Whether the land beside the road is free, by start and length along it in metres, and side.
+IsFree = Callable[[float, float, int], bool]
+
+
+def is_always_free(s_m: float, length_m: float, side: int) -> bool:
+    """Return that all land is free."""
+    del s_m, length_m, side
+    return True
+
+
 @dataclass(frozen=True)
 class Clearing:
     """A stretch of road without objects, as where pedestrians cross.
@@ -61,7 +71,7 @@ def lay_out_street(
     config: TownConfig,
     clearings: list[Clearing],
     rng: np.random.Generator,
-    is_free: Callable[[float, float, int], bool] = lambda s_m, length_m, side: True,
+    is_free: IsFree = is_always_free,
 ) -> list[Part]:
     """Return the ground of a stretch, its buildings, vegetation and furniture.
 
@@ -109,9 +119,7 @@ class _Roadside:
         """Outer edge of the pavement."""
         return self.road.shape.half_width_m + self.road.shape.pavement_m
 
-    def plots(
-        self, start_m: float, end_m: float, is_free: Callable[[float, float, int], bool]
-    ) -> list[Part]:
+    def plots(self, start_m: float, end_m: float, is_free: IsFree) -> list[Part]:
         """Fill the land behind the pavement with houses and gardens, plot after plot."""
         parts: list[Part] = []
         s = start_m

@@ -1,24 +1,20 @@
 """Generate the traffic: actors and their paths, without collisions."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from data.synthetic import actors as actor_models
 from data.synthetic import traffic
 from data.synthetic.actors import Actor, Body
-from data.synthetic.motion import Path, vehicle_poses
+from data.synthetic.fleet import Fleet
+from data.synthetic.motion import Path
 from data.synthetic.road import Road
-from data.synthetic.roadside import ParkingLot
 from data.synthetic.town import Clearing
 from data.synthetic.traffic import Block, Lane, Slowdown
 from data.synthetic.world_config import WorldConfig
-from perception.geometry import se3
 from perception.types import Float64
 
 _EGO_LENGTH_M = 4.6
 _LONG_M = 6.5
-_HEAVY_IN_YARDS = 0.07
 _MIN_GAP_M = 3.0  # between bumpers at the start
 
 
@@ -33,15 +29,7 @@ class TrafficGenerator:
         self.times_s = traffic.simulation_times(duration_s)
         self.actors: list[Actor] = []
         self.clearings: list[Clearing] = []
-        draw = (
-            actor_models.draw_mixed_vehicles
-            if config.is_mixed_fleet
-            else actor_models.draw_vehicles
-        )
-        self._vehicles = draw(rng, 11)
-        self._heavy = actor_models.draw_heavy_vehicles(rng, 3) if config.heavy > 0 else []
-        self._walkers = actor_models.draw_pedestrians(rng, 3)
-        self._riders = actor_models.draw_cyclists(rng, 2)
+        self.fleet = Fleet(config, rng)
         self._crossers: list[Path] = []
         self._tracks: list[tuple[Float64, float]] = []
         self.ego = self._drive()
@@ -72,7 +60,7 @@ class TrafficGenerator:
         gaps[0] = config.leader_gap_m * rng.uniform(0.9, 1.1)
         ahead = np.cumsum(gaps)[::-1]
         behind = -np.cumsum(config.vehicle_gap_m * rng.uniform(0.5, 1.2, 3))
-        bodies = [self._vehicle() for _ in range(len(ahead) + 1 + len(behind))]
+        bodies = [self.fleet.driving() for _ in range(len(ahead) + 1 + len(behind))]
         place = np.concatenate([ahead, [0.0], behind]) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
         desired = config.ego_m_s * rng.uniform(0.9, 1.08, len(place))
         length = np.array([body.size_m[0] for body in bodies])
@@ -94,7 +82,7 @@ class TrafficGenerator:
         config, rng = self.config, self.rng
         gaps = config.vehicle_gap_m * rng.uniform(0.5, 2.0, int(260 / config.vehicle_gap_m) + 2)
         place = 130.0 - np.cumsum(gaps) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
-        bodies = [self._vehicle() for _ in place]
+        bodies = [self.fleet.driving() for _ in place]
         length = np.array([body.size_m[0] for body in bodies])
         desired = config.ego_m_s * rng.uniform(0.85, 1.15, len(place))
         lane = Lane(_apart(place, length, 0), length, desired)
@@ -111,7 +99,7 @@ class TrafficGenerator:
             0.6, 1.7, int(farthest / config.vehicle_gap_m) + 5
         )
         place = 60.0 - np.cumsum(gaps)
-        bodies = [self._vehicle() for _ in place]
+        bodies = [self.fleet.driving() for _ in place]
         desired = speed * rng.uniform(0.92, 1.08, len(place))
         length = np.array([body.size_m[0] for body in bodies])
         lane = Lane(_apart(place, length, 0), length, desired)
@@ -152,23 +140,55 @@ class TrafficGenerator:
     def add_pedestrians_and_cyclists(self, stretch_m: tuple[float, float]) -> None:
         """Add crossing pedestrians, cyclists at the lanes' edges and pedestrians on the pavements."""
         for path in self._crossers:
-            self._try_add(self._walker(), path, 0.35)
-        shape, length = self.road.shape, stretch_m[1] - stretch_m[0]
+            self._try_add(self.fleet.walker(), path, 0.35)
+        length = stretch_m[1] - stretch_m[0]
         for _ in range(int(self.config.cyclists * length / 100)):
-            side = int(self.rng.choice([-1, 1]))
-            row = side * (shape.lanes_m - 0.35)
-            self._try_add(
-                self._rider(), self._ride(stretch_m, row, -side, self.rng.uniform(3.6, 5.5)), 0.8
-            )
+            self._add_cyclist(stretch_m)
         for _ in range(int(self.config.pedestrians * length / 100)):
-            side, direction = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
-            row = side * (
-                shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
-            )
-            stands = self.rng.random() < 0.15
-            body = actor_models.draw_standing_pedestrian(self.rng) if stands else self._walker()
-            pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
-            self._try_add(body, self._ride(stretch_m, row, direction, pace), 0.4)
+            self._add_pedestrians(stretch_m)
+
+    def _add_cyclist(self, stretch_m: tuple[float, float]) -> None:
+        """Add a cyclist at the lanes' edge, on the pavement or on a footpath."""
+        side, shape = int(self.rng.choice([-1, 1])), self.road.shape
+        row_m = shape.lanes_m - 0.35
+        if self._draws(self.config.cycle_paths):
+            row_m = shape.half_width_m + min(1.3, 0.6 * shape.pavement_m)
+        row_m = self._off_road(row_m)
+        body, pace = self.fleet.rider(), self.rng.uniform(3.6, 5.5)
+        self._try_add(body, self._ride(stretch_m, side * row_m, -side, pace), 0.8)
+
+    def _add_pedestrians(self, stretch_m: tuple[float, float]) -> None:
+        """Add one pedestrian or a group, on a pavement or a footpath."""
+        shape = self.road.shape
+        side, direction = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
+        row_m = shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
+        row_m = self._off_road(row_m)
+        stands = bool(self.rng.random() < 0.15)
+        body, pace = self._pedestrian(stands), 0.0 if stands else self.rng.uniform(1.0, 1.7)
+        companions = int(self.rng.integers(1, 5)) if self._draws(self.config.groups) else 0
+        # The first of a group keeps away from others, not from his own company.
+        radius_m = 0.25 if companions else 0.4
+        path = self._ride(stretch_m, side * row_m, direction, pace)
+        if self._try_add(body, path, radius_m):
+            for number in range(companions):
+                along_m, across_m = self.rng.uniform(-0.15, 0.15, 2).tolist()
+                s_m = path.s_m + along_m + 0.7 * (number // 2)
+                l_m = path.l_m + across_m + 0.65 * (number % 2 + 1)
+                beside = Path(self.times_s, s_m, l_m, direction)
+                self._try_add(self._pedestrian(stands), beside, radius_m)
+
+    def _pedestrian(self, stands: bool) -> Body:
+        return actor_models.draw_standing_pedestrian(self.rng) if stands else self.fleet.walker()
+
+    def _draws(self, share: float) -> bool:
+        """Draw whether one of many has a property; no number is drawn for a share of 0."""
+        return share > 0 and bool(self.rng.random() < share)
+
+    def _off_road(self, row_m: float) -> float:
+        """Draw whether a row beside the lanes is left for the footpath."""
+        if self.config.footpath_m == 0 or self.rng.random() < 0.5:
+            return row_m
+        return self.road.shape.outer_m + self.config.footpath_m + float(self.rng.uniform(-1, 1))
 
     def _ride(
         self, stretch_m: tuple[float, float], l_m: float, direction: int, pace: float
@@ -180,81 +200,6 @@ class TrafficGenerator:
         s_m = middle + direction * (travelled_m - travelled_m[len(travelled_m) // 2])
         s_m = np.clip(s_m, self.road.start_m + 10, self.road.end_m - 10)
         return Path(self.times_s, s_m, np.full_like(s_m, l_m), direction)
-
-    def park(self, stretch_m: tuple[float, float]) -> None:
-        """Fill the parking lanes, leaving gaps and the crossings clear."""
-        shape, rng = self.road.shape, self.rng
-        if shape.parking_m < 1.8:
-            return
-        for side in (-1, 1):
-            s = stretch_m[0] + 4.0
-            while s < stretch_m[1] - 8:
-                body = self._light_vehicle()
-                s += body.size_m[0] / 2 + float(rng.uniform(0.7, 1.4))
-                is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in self.clearings)
-                if rng.random() < self.config.town.parking and is_clear:
-                    l_m = side * (shape.half_width_m - 0.15 - body.size_m[1] / 2)
-                    turn = float(rng.normal(0, 0.02)) + (np.pi if side > 0 else 0.0)
-                    self._park_one(body, s, l_m, turn)
-                s += body.size_m[0] / 2
-
-    def _park_one(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
-        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]), 1 if abs(turn_rad) < 1 else -1)
-        level = vehicle_poses(self.road, path, np.zeros(1))[0]
-        small = (turn_rad + np.pi / 2) % np.pi - np.pi / 2
-        pose = level @ se3.from_euler(0, 0, small)
-        appearance = actor_models.draw_appearance(body, self.rng)
-        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
-
-    def park_off_road(self, parking_lots: Sequence[ParkingLot]) -> None:
-        """Park vehicles in parking lots, in one or two rows, all at about the same angle to the road."""
-        for parking_lot in parking_lots:
-            angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
-            for row in range(int(self.rng.choice([1, 1, 2]))):
-                out_m = self.road.shape.outer_m + 3.6 + 6.5 * row
-                self._fill_row(parking_lot, out_m, angle)
-
-    def _fill_row(self, parking_lot: ParkingLot, out_m: float, angle_rad: float) -> None:
-        s = parking_lot.s_m + 1.0
-        while s < parking_lot.s_m + parking_lot.length_m - 2.0:
-            is_heavy = bool(self._heavy) and self.rng.random() < _HEAVY_IN_YARDS
-            body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
-            # Long vehicles park along the road, so that they do not reach into it.
-            angle = 0.0 if is_heavy else angle_rad
-            along_m = float(np.array([np.cos(angle), np.sin(angle)]) @ body.size_m[:2])
-            s += along_m / 2 + 0.4
-            if self.rng.random() < self.config.town.parking:
-                turn = angle + float(self.rng.normal(0, 0.06)) + np.pi * float(self.rng.integers(2))
-                self._stand(
-                    body, s, parking_lot.side * (out_m + float(self.rng.normal(0, 0.2))), turn
-                )
-            s += along_m / 2 + 0.4
-
-    def _stand(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
-        """Park a vehicle at any angle to the road, level with the ground under it."""
-        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]))
-        level = vehicle_poses(self.road, path, np.zeros(1))[0]
-        appearance = actor_models.draw_appearance(body, self.rng)
-        pose = level @ se3.from_euler(0, 0, turn_rad)
-        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
-
-    def _vehicle(self) -> Body:
-        """Draw a vehicle that drives."""
-        is_heavy = bool(self._heavy) and self.rng.random() < self.config.heavy
-        body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
-        return body if body.kind != "Misc" else self._light_vehicle()
-
-    def _heavy_vehicle(self) -> Body:
-        return self._heavy[int(self.rng.integers(len(self._heavy)))]
-
-    def _light_vehicle(self) -> Body:
-        return self._vehicles[int(self.rng.integers(len(self._vehicles)))]
-
-    def _walker(self) -> Body:
-        return self._walkers[int(self.rng.integers(len(self._walkers)))]
-
-    def _rider(self) -> Body:
-        return self._riders[int(self.rng.integers(len(self._riders)))]
 
     def _wander(self, l_m: float) -> Float64:
         """Return the lateral position of a driver within the lane."""
@@ -272,19 +217,21 @@ class TrafficGenerator:
     def _add(self, body: Body, path: Path, radius_m: float) -> None:
         self._tracks.append((self._sampled(path), radius_m))
         if body.size_m[0] > _LONG_M:
-            for shift_m in np.array([-1, 1]) * (body.size_m[0] / 2 - radius_m):
-                end = Path(path.times_s, path.s_m + shift_m, path.l_m)
-                self._tracks.append((self._sampled(end), radius_m))
+            end_m = body.size_m[0] / 2 - radius_m
+            for shift_m in np.linspace(-end_m, end_m, 2 * int(np.ceil(end_m / 3))):
+                part = Path(path.times_s, path.s_m + shift_m, path.l_m)
+                self._tracks.append((self._sampled(part), radius_m))
         appearance = actor_models.draw_appearance(body, self.rng)
         self.actors.append(Actor(len(self.actors), body, appearance, path))
 
-    def _try_add(self, body: Body, path: Path, radius_m: float) -> None:
-        """Add an actor unless it would collide with another."""
+    def _try_add(self, body: Body, path: Path, radius_m: float) -> bool:
+        """Add an actor unless it would collide with another; return whether it was added."""
         places = self._sampled(path)
         for other, reach in self._tracks:
             if (np.linalg.norm(other - places, axis=1) < radius_m + reach).any():
-                return
+                return False
         self._add(body, path, radius_m)
+        return True
 
 
 def _apart(place_m: Float64, length_m: Float64, fixed: int) -> Float64:

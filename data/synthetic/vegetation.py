@@ -1,4 +1,4 @@
-"""What grows along a street: trees of several shapes, hedges and bushes, all of loose leaves that rays pass between."""
+"""What grows along a street: trees of several shapes, hedges and bushes, wild ones of loose leaves that rays pass between."""
 
 import numpy as np
 
@@ -78,6 +78,44 @@ def hedge(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:
     core = meshes.box((0.1, -0.3, -0.5), (length_m - 0.1, 0.3, height_m - 0.12), Slot.LEAVES)
     core = meshes.textured(core, core.vertices_m[:, :2] + core.vertices_m[:, 1:])
     return meshes.merge([core, _leaf_cards(centres, outward, 0.07, rng)])
+
+
+def trimmed(core: Mesh, rng: np.random.Generator, cards_m2: float = 60.0) -> Mesh:
+    """Cover a body with leaves, as of a bush that is cut to a shape.
+
+    Args:
+        core: Body of the bush.
+        rng: Random generator of the leaves.
+        cards_m2: Number of leaves per square metre of the body.
+    """
+    corners = core.vertices_m[core.triangles].astype(np.float64)
+    doubled = meshes.face_areas(core.vertices_m[core.triangles])
+    areas_m2 = np.linalg.norm(doubled, axis=1) / 2
+    count = int(cards_m2 * areas_m2.sum())
+    of = rng.choice(len(areas_m2), size=count, p=areas_m2 / areas_m2.sum())
+    shares = rng.dirichlet((1.0, 1.0, 1.0), count)
+    centres = np.einsum("nc,nca->na", shares, corners[of])
+    cards = _leaf_cards(centres, doubled[of] / (2 * areas_m2[of, None]), 0.06, rng)
+    return meshes.merge([core, cards])
+
+
+def trimmed_bush(size_m: Float64, rng: np.random.Generator) -> Mesh:
+    """Build a bush cut to a block, a ball or a cone, of given length, depth and height."""
+    length, depth, height = size_m.tolist()
+    shape = rng.choice(["block", "block", "ball", "cone"])
+    if shape == "block":
+        core = meshes.box(
+            (-length / 2, -depth / 2, -0.3), (length / 2, depth / 2, height), Slot.LEAVES
+        )
+    elif shape == "ball":
+        core = meshes.ellipsoid(
+            (0, 0, 0.48 * height), (length / 2, depth / 2, 0.52 * height), Slot.LEAVES, 14
+        )
+    else:
+        cone = meshes.tube((0, 0, -0.1), (0, 0, 1), (0.5, 0.1), Slot.LEAVES, 14)
+        core = meshes.stretched(cone, (0.7 * length, 0.7 * length, 1.2 * height))
+    core = meshes.textured(core, core.vertices_m[:, :2] + core.vertices_m[:, 1:])
+    return trimmed(core, rng)
 
 
 def conifer(height_m: float, rng: np.random.Generator, leaves: int = 1500) -> Mesh:

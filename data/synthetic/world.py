@@ -8,6 +8,7 @@ import numpy as np
 from data.synthetic import clutter, meshes, town
 from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
+from data.synthetic.parking import Parking
 from data.synthetic.raycasting import MovingObject, RaycastingScene
 from data.synthetic.road import Road
 from data.synthetic.roadside import draw_parking_lots
@@ -123,10 +124,11 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
         return not any(parking_lot.overlaps(s_m, length_m, side) for parking_lot in parking_lots)
 
     parts = town.lay_out_street(road, stretch, config.town, plan.clearings, rng, is_free)
-    parts += clutter.place_clutter(road, stretch, config.clutter, plan.clearings, own)
+    parts += clutter.place_clutter(road, stretch, config.clutter, plan.clearings, own, is_free)
     plan.add_pedestrians_and_cyclists(stretch)
-    plan.park(stretch)
-    plan.park_off_road(parking_lots)
+    parking = Parking(road, plan.fleet, config.town.parking, plan.actors, rng)
+    parking.along_road(stretch, plan.clearings)
+    parking.off_road(parking_lots)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 
 

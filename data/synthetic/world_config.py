@@ -22,8 +22,14 @@ class WorldConfig:
         ego_lane: Lane of the ego vehicle, 0 beside the centreline.
         is_mixed_fleet: Whether vehicles of all styles drive, and not only the commonest.
         heavy: Share of the vehicles that are trucks or buses.
+        vans: Share of the cars and vans that are vans, beside those of the fleet.
+        trams: Share of the vehicles that are trams.
         cyclists: Number of cyclists per 100 m of street, both sides together.
-        pedestrians: Number of pedestrians per 100 m of street, both sides together.
+        cycle_paths: Share of the cyclists who ride on the pavement instead of the lane.
+        pedestrians: Number of pedestrians per 100 m of street, both sides together; a group counts once.
+        groups: Share of the pedestrians who walk or stand in groups of two to five.
+        footpath_m: Distance in metres from the pavements to a footpath that half of the pedestrians
+            and cyclists take, 0 for none.
         crossing_every_s: Seconds between two pedestrians who cross in front of the ego vehicle, 0 for none.
         slowdown_every_s: Seconds between two slowdowns of the vehicle ahead, 0 for none.
         is_sunny: Whether the sun casts shadows.
@@ -38,8 +44,13 @@ class WorldConfig:
     ego_lane: int = 0
     is_mixed_fleet: bool = False
     heavy: float = 0.0
+    vans: float = 0.0
+    trams: float = 0.0
     cyclists: float = 6.0
+    cycle_paths: float = 0.0
     pedestrians: float = 14.0
+    groups: float = 0.0
+    footpath_m: float = 0.0
     crossing_every_s: float = 11.0
     slowdown_every_s: float = 9.0
     is_sunny: bool = True

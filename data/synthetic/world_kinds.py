@@ -1,4 +1,4 @@
-"""Kinds of worlds: streets of a town, housing streets, main roads, open junctions, country roads.
+"""Kinds of worlds: town, housing, cycling and shopping streets, main roads, junctions, industry, parks, country.
 
 Each is drawn with its own amounts of everything, so that no two worlds look alike.
 """
@@ -58,8 +58,12 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         shelters=(0, 0.6),
         poles=(0, 1.2),
         parking_lots=(0, 1.5),
+        trimmed=(0, 3),
+        structures=(0, 0.4),
+        bicycles=(0, 2),
     )
-    return _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.08)
+    config = _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.12)
+    return replace(config, trams=float(rng.choice([0.0, 0.0, 0.1])))
 
 
 def housing_street(rng: np.random.Generator) -> WorldConfig:
@@ -68,8 +72,15 @@ def housing_street(rng: np.random.Generator) -> WorldConfig:
     road = replace(config.road, parking_m=_between(rng, 2.0, 2.3), lane_m=_between(rng, 3.2, 3.6))
     town = _drawn(rng, config.town, houses=(0.6, 0.95), parking=(0.6, 1.0), greenery=(0.3, 0.9))
     clutter = _drawn(rng, replace(config.clutter, parking_lots=0.0), boxes=(4, 10), bushes=(3, 10))
+    clutter = _drawn(rng, clutter, trimmed=(1, 8), bicycles=(0, 3))
     return replace(
-        config, road=road, town=town, clutter=clutter, ego_m_s=_between(rng, 5, 9), heavy=0.03
+        config,
+        road=road,
+        town=town,
+        clutter=clutter,
+        ego_m_s=_between(rng, 5, 9),
+        heavy=0.03,
+        trams=0.0,
     )
 
 
@@ -105,10 +116,13 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
         boxes=(0, 2),
         poles=(0, 0.8),
         delineators=(0, 3),
+        trimmed=(0, 2),
+        structures=(0, 0.3),
+        enclosures=(0, 0.6),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
-        _peopled(rng, config, heavy=0.15),
+        _peopled(rng, config, heavy=0.25),
         ego_m_s=_between(rng, 11, 19),
         ego_lane=int(rng.integers(lanes)),
         cyclists=_between(rng, 0, 1),
@@ -154,10 +168,15 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         poles=(1.5, 5),
         islands=(1, 5),
         parking_lots=(0.5, 4),
+        trimmed=(0, 4),
+        structures=(0, 1),
+        enclosures=(0, 0.4),
+        bicycles=(0, 1.5),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
-        _peopled(rng, config, heavy=0.12),
+        _peopled(rng, config, heavy=0.15),
+        trams=float(rng.choice([0.0, 0.0, 0.15])),
         ego_lane=int(rng.integers(lanes)),
         crossing_every_s=0.0 if lanes > 1 else 11.0,
     )
@@ -184,7 +203,8 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
     )
     clutter = _drawn(rng, ClutterConfig(), bushes=(3, 15), grass=(10, 50), conifers=(0, 6))
     clutter = replace(clutter, rails=float(rng.choice([0.0, 0.1, 0.25])))
-    clutter = _drawn(rng, clutter, boxes=(0, 0.5), delineators=(0, 4))
+    clutter = _drawn(rng, clutter, boxes=(0, 0.5), delineators=(0, 4), trimmed=(0, 1.5))
+    clutter = _drawn(rng, clutter, structures=(0, 0.3), enclosures=(0, 0.8))
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
         _peopled(rng, config, heavy=0.12),
@@ -195,13 +215,92 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
     )
 
 
+def industrial_street(rng: np.random.Generator) -> WorldConfig:
+    """Draw a street of yards behind mesh fences: lorries, trailers, vans, containers, cabins."""
+    config = open_junction(rng)
+    road = replace(config.road, parking_m=float(rng.choice([0.0, 2.3])), pavement_m=2.0)
+    town = _drawn(rng, config.town, houses=(0.0, 0.3), greenery=(0.0, 0.3), parking=(0.5, 1.0))
+    clutter = _drawn(
+        rng,
+        replace(config.clutter, islands=0.0, shelters=0.0),
+        structures=(0.8, 3),
+        enclosures=(0.5, 2),
+        parking_lots=(2, 5),
+        poles=(0, 1),
+    )
+    return replace(
+        config, road=road, town=town, clutter=clutter, trams=0.0, heavy=_between(rng, 0.2, 0.5),
+        vans=_between(rng, 0.2, 0.5),
+    )  # fmt: skip
+
+
+def cycling_street(rng: np.random.Generator) -> WorldConfig:
+    """Draw a street with cycle paths, many cyclists and parked bicycles, between trimmed gardens."""
+    config = housing_street(rng) if rng.random() < 0.5 else town_street(rng)
+    road = replace(config.road, pavement_m=_between(rng, 3.0, 5.0))
+    clutter = _drawn(rng, config.clutter, trimmed=(2, 8), bicycles=(1, 6), bushes=(0, 3))
+    return replace(
+        config,
+        road=road,
+        clutter=clutter,
+        cyclists=_between(rng, 10, 30),
+        cycle_paths=_between(rng, 0.4, 1.0),
+    )
+
+
+def shopping_street(rng: np.random.Generator) -> WorldConfig:
+    """Draw a street of tall houses and wide pavements: groups of people, kiosks, bicycles, trams."""
+    config = town_street(rng)
+    road = replace(config.road, pavement_m=_between(rng, 4.0, 7.0), lane_m=_between(rng, 3.5, 4.2))
+    town = _drawn(rng, config.town, houses=(0.75, 1.0), greenery=(0.05, 0.3))
+    clutter = _drawn(
+        rng, config.clutter, boxes=(3, 10), shelters=(0.3, 1.2), bicycles=(1, 6), poles=(0.5, 3)
+    )
+    return replace(
+        config,
+        road=road,
+        town=town,
+        clutter=replace(clutter, structures=_between(rng, 0.3, 1.5)),
+        trams=float(rng.choice([0.0, 0.15, 0.3])),
+        pedestrians=_between(rng, 15, 35),
+        groups=_between(rng, 0.3, 0.8),
+        cyclists=_between(rng, 4, 16),
+        cycle_paths=_between(rng, 0.0, 0.8),
+    )
+
+
+def park_road(rng: np.random.Generator) -> WorldConfig:
+    """Draw a road along parks: mesh fences, hedges and rows of trees, people before and behind them."""
+    config = country_road(rng)
+    road = replace(config.road, land_m=(0.0, 0.0), roughness_m=0.03, pavement_m=_between(rng, 1, 3))
+    clutter = _drawn(
+        rng, config.clutter, enclosures=(2, 6), trimmed=(0, 4), bushes=(0, 4), conifers=(0, 1)
+    )
+    return replace(
+        config,
+        road=road,
+        clutter=clutter,
+        ego_m_s=_between(rng, 5, 20),
+        cyclists=_between(rng, 2, 10),
+        pedestrians=_between(rng, 2, 10),
+        groups=_between(rng, 0.0, 0.5),
+        footpath_m=_between(rng, 2, 20),
+    )
+
+
+Kind = Callable[[np.random.Generator], WorldConfig]
+
 # How often each kind is drawn.
-_SHARES: dict[Callable[[np.random.Generator], WorldConfig], float] = {
-    town_street: 0.28,
-    housing_street: 0.18,
-    main_road: 0.18,
-    open_junction: 0.22,
-    country_road: 0.14,
+_SHARES: dict[Kind, float] = {
+    town_street: 0.17,
+    housing_street: 0.12,
+    main_road: 0.13,
+    open_junction: 0.14,
+    country_road: 0.09,
+    industrial_street: 0.11,
+    cycling_street: 0.11,
+    shopping_street: 0.08,
+    park_road: 0.05,
 }
 
 
@@ -245,7 +344,10 @@ def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> Wor
         vehicle_gap_m=_between(rng, 18, 45),
         is_mixed_fleet=True,
         heavy=_between(rng, 0, 2 * heavy),
-        cyclists=_between(rng, 1, 8),
-        pedestrians=_between(rng, 3, 20),
+        vans=_between(rng, 0, 0.3),
+        cyclists=_between(rng, 2, 12),
+        cycle_paths=_between(rng, 0, 0.8),
+        pedestrians=_between(rng, 3, 18),
+        groups=_between(rng, 0, 0.5),
         is_sunny=bool(rng.random() < 0.75),
     )

@@ -1,5 +1,6 @@
 """Worlds of every kind can be built, and nobody in them stands in anybody else."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 from data.synthetic import actors, clutter, world_kinds
 from data.synthetic.clutter import ClutterConfig
 from data.synthetic.drive import SyntheticDrive
+from data.synthetic.heavy_vehicles import HeavyKind
 from data.synthetic.materials import SemanticClass
 from data.synthetic.road import Road, RoadShape
 from data.synthetic.roadside import ParkingLot
 from data.synthetic.traffic_generator import _apart
+from data.synthetic.world import build_world
 from data.synthetic.world_config import WorldConfig
 from perception.errors import UsageError
 from perception.geometry.box_overlap import iou_bev
@@ -23,6 +26,10 @@ KINDS = [
     world_kinds.main_road,
     world_kinds.open_junction,
     world_kinds.country_road,
+    world_kinds.industrial_street,
+    world_kinds.cycling_street,
+    world_kinds.shopping_street,
+    world_kinds.park_road,
 ]
 
 
@@ -33,7 +40,7 @@ def test_no_two_vehicles_touch(kind):
     drive = SyntheticDrive(20, seed=5, config=config, images=False)
     for index in (0, 19):
         labels = drive.labels_around(index)
-        vehicles = labels.boxes_velo[np.isin(labels.types, ["Car", "Van", "Truck", "Misc"])]
+        vehicles = labels.boxes_velo[np.isin(labels.types, ["Car", "Van", "Truck", "Tram", "Misc"])]
         overlap = iou_bev(vehicles, vehicles) - np.eye(len(vehicles))
         assert len(vehicles) > 2
         assert overlap.max() < 1e-3
@@ -41,7 +48,7 @@ def test_no_two_vehicles_touch(kind):
 
 def test_a_place_full_of_clutter_has_all_of_it():
     road = Road(RoadShape(lanes=2, land_m=(1.5, -1.0), roughness_m=0.1))
-    everything = ClutterConfig(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5)
+    everything = ClutterConfig(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5, 5, 5, 5, 5)
     parts = clutter.place_clutter(road, (0.0, 100.0), everything, [], np.random.default_rng(0))
     assert len(parts) > 300
     heights = [
@@ -61,6 +68,46 @@ def test_bushes_do_not_grow_over_the_road():
     for part in parts:
         _, side = road.locate(part.mesh.vertices_m[:, :2].astype(float))
         assert np.quantile(np.abs(side), 0.05) > road.shape.half_width_m
+
+
+@pytest.mark.parametrize("amount", ["trimmed", "structures", "enclosures"])
+def test_nothing_large_stands_in_a_parking_lot(amount):
+    road, lot = Road(RoadShape(curvature_1_m=0.0)), ParkingLot(40.0, 30.0, 1)
+    parts = clutter.place_clutter(
+        road,
+        (0.0, 100.0),
+        replace(ClutterConfig(), **{amount: 20.0}),
+        [],
+        np.random.default_rng(0),
+        lambda s_m, length_m, side: not lot.overlaps(s_m, length_m, side),
+    )
+    assert len(parts) > 10
+    for part in parts:
+        s_m, l_m = road.locate(
+            part.mesh.vertices_m[:, :2].mean(axis=0, keepdims=True).astype(float)
+        )
+        assert not (l_m[0] > 0 and 40.0 < s_m[0] < 70.0)
+
+
+def kinds_of_actors(kind):
+    """Count the actors of two worlds of one kind."""
+    counts = Counter()
+    for seed in range(2):
+        config = kind(np.random.default_rng(seed))
+        world = build_world(config, 2.0, np.random.default_rng(seed))
+        counts.update(actor.body.kind for actor in world.actors)
+    return counts
+
+
+@pytest.mark.slow
+def test_kinds_of_streets_are_full_of_what_they_are_named_after():
+    industry = kinds_of_actors(world_kinds.industrial_street)
+    assert industry["Truck"] + industry["Misc"] > 0.1 * industry.total()
+    assert industry["Van"] > 0.15 * industry.total()
+    cycling = kinds_of_actors(world_kinds.cycling_street)
+    assert cycling["Cyclist"] > 20
+    shopping = kinds_of_actors(world_kinds.shopping_street)
+    assert shopping["Pedestrian"] > 60
 
 
 def test_slopes_and_bumps_begin_beyond_the_pavement():
@@ -99,6 +146,45 @@ def test_heavy_vehicles_fill_their_boxes():
         assert high[0] - low[0] == pytest.approx(length, abs=0.06)
         assert width - 0.05 < high[1] - low[1] < width + 0.35  # mirrors
         assert (low[2], high[2]) == pytest.approx((0.0, height), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "label"), [(HeavyKind.TRAM, "Tram"), (HeavyKind.SEMI_TRAILER, "Misc")]
+)
+def test_trams_and_parked_trailers_are_neither_trucks_nor_larger_than_their_boxes(kind, label):
+    body = actors.draw_heavy(kind, np.random.default_rng(0))
+    low, high = body.poses[0].vertices_m.min(axis=0), body.poses[0].vertices_m.max(axis=0)
+    assert body.kind == label
+    assert high - low == pytest.approx(np.array(body.size_m), abs=0.06)
+    assert low[2] == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_group_of_pedestrians_stays_together():
+    config = replace(WorldConfig(), groups=1.0, pedestrians=3.0, crossing_every_s=0.0, cyclists=0.0)
+    world = build_world(config, 2.0, np.random.default_rng(0))
+    for time_s in (0.0, 2.0):
+        places = np.array(
+            [
+                world.state(a, time_s).world_SE3_object[:2, 3]
+                for a in world.actors
+                if a.body.is_person
+            ]
+        )
+        away_m = np.linalg.norm(places[:, None] - places, axis=2)
+        np.fill_diagonal(away_m, np.inf)
+        assert len(places) > 8
+        assert np.median(away_m.min(axis=1)) < 1.0
+        assert away_m.min() > 0.4
+
+
+def test_people_take_the_footpath():
+    config = replace(WorldConfig(), footpath_m=10.0, crossing_every_s=0.0)
+    world = build_world(config, 2.0, np.random.default_rng(0))
+    paths = [actor.path for actor in world.actors if actor.body.is_person]
+    out_m = np.array([abs(path.l_m[0]) for path in paths]) - config.road.outer_m
+    is_on_footpath = np.abs(out_m - 10.0) <= 1.0
+    assert 0.3 < is_on_footpath.mean() < 0.7
+    assert (out_m[~is_on_footpath] < 0).all()
 
 
 def test_a_mixed_fleet_spans_the_sizes_of_cars():

@@ -1,0 +1,84 @@
+"""Parked vehicles: in the parking lanes along a road, and in parking lots beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.synthetic import actors as actor_models
+from data.synthetic.actors import Actor, Body
+from data.synthetic.fleet import Fleet
+from data.synthetic.motion import Path, vehicle_poses
+from data.synthetic.road import Road
+from data.synthetic.roadside import ParkingLot
+from data.synthetic.town import Clearing
+from perception.geometry import se3
+
+
+@dataclass(frozen=True)
+class Parking:
+    """Parks vehicles of a fleet.
+
+    Attributes:
+        road: Road.
+        fleet: Bodies of the world's traffic.
+        taken: Share of the places that are taken.
+        actors: Actors of the world, to which the parked ones are added.
+        rng: Random generator of places and colours.
+    """
+
+    road: Road
+    fleet: Fleet
+    taken: float
+    actors: list[Actor]
+    rng: np.random.Generator
+
+    def along_road(self, stretch_m: tuple[float, float], clearings: Sequence[Clearing]) -> None:
+        """Fill the parking lanes, leaving gaps and the crossings clear."""
+        shape, rng = self.road.shape, self.rng
+        if shape.parking_m < 1.8:
+            return
+        for side in (-1, 1):
+            s = stretch_m[0] + 4.0
+            while s < stretch_m[1] - 8:
+                body = self.fleet.light()
+                s += body.size_m[0] / 2 + float(rng.uniform(0.7, 1.4))
+                is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in clearings)
+                if rng.random() < self.taken and is_clear:
+                    l_m = side * (shape.half_width_m - 0.15 - body.size_m[1] / 2)
+                    turn = float(rng.normal(0, 0.02)) + (np.pi if side > 0 else 0.0)
+                    self._stand(body, s, l_m, turn)
+                s += body.size_m[0] / 2
+
+    def off_road(self, parking_lots: Sequence[ParkingLot]) -> None:
+        """Park vehicles in parking lots, in one or two rows, all at about the same angle to the road."""
+        for parking_lot in parking_lots:
+            angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
+            for row in range(int(self.rng.choice([1, 1, 2]))):
+                out_m = self.road.shape.outer_m + 3.6 + 6.5 * row
+                self._fill_row(parking_lot, out_m, angle)
+
+    def _fill_row(self, parking_lot: ParkingLot, out_m: float, angle_rad: float) -> None:
+        s = parking_lot.s_m + 1.0
+        while s < parking_lot.s_m + parking_lot.length_m - 2.0:
+            body = self.fleet.off_road()
+            # Long vehicles park along the road, so that they do not reach into it.
+            angle = 0.0 if body.kind not in ("Car", "Van") else angle_rad
+            along_m = float(np.array([np.cos(angle), np.sin(angle)]) @ body.size_m[:2])
+            if s + along_m > parking_lot.s_m + parking_lot.length_m:
+                break
+            s += along_m / 2 + 0.4
+            if self.rng.random() < self.taken:
+                turn = angle + float(self.rng.normal(0, 0.06)) + np.pi * float(self.rng.integers(2))
+                self._stand(
+                    body, s, parking_lot.side * (out_m + float(self.rng.normal(0, 0.2))), turn
+                )
+            s += along_m / 2 + 0.4
+
+    def _stand(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
+        """Park a vehicle at any angle to the road, level with the ground under it."""
+        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]))
+        level = vehicle_poses(self.road, path, np.zeros(1))[0]
+        appearance = actor_models.draw_appearance(body, self.rng)
+        pose = level @ se3.from_euler(0, 0, turn_rad)
+        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))

@@ -1,0 +1,60 @@
+"""What stands beside a street has the size and the transparency that it claims."""
+
+import numpy as np
+import pytest
+
+from data.synthetic import furniture, lidar, meshes, structures, vegetation
+from data.synthetic.materials import SemanticClass, Slot, palette
+from data.synthetic.street import Part
+from perception.geometry import se3
+from perception.sensor import HDL_64E
+
+ACROSS = se3.from_euler(0, 0, np.pi / 2, np.array([10.0, -8.0, 0.0]))
+WALL = Part(meshes.box((20.0, -8.0, -1.0), (21.0, 8.0, 4.0), Slot.WALL), palette())
+
+
+@pytest.mark.parametrize(("wire_m", "low", "high"), [(0.006, 0.03, 0.15), (0.028, 0.2, 0.6)])
+def test_some_beams_end_on_a_mesh_fence_and_the_others_behind_it(flat_world, wire_m, low, high):
+    fence = Part(meshes.moved(furniture.mesh_fence(16.0, 2.0, wire_m), ACROSS), palette())
+    scan = lidar.scan(flat_world([fence, WALL]), HDL_64E, 0.0, np.random.default_rng(0))
+    x, y, z = scan.points_velo[:, :3].T
+    # Beams that cross the fence 0.3 to 1.9 m over the ground.
+    height = z / np.maximum(x, 0.1) * 10.0 + HDL_64E.height_m
+    crosses = (x > 9) & (np.abs(y / np.maximum(x, 0.1)) < 0.35) & (height > 0.3) & (height < 1.9)
+    on_fence = crosses & (np.abs(x - 10) < 0.2)
+    assert low < on_fence.sum() / crosses.sum() < high
+    assert (scan.truth.classes[on_fence] == SemanticClass.FENCE).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_trimmed_bush_keeps_its_size(seed):
+    size_m = np.array([3.0, 1.5, 1.4])
+    mesh = vegetation.trimmed_bush(size_m, np.random.default_rng(seed))
+    low, high = np.quantile(mesh.vertices_m, [0.01, 0.99], axis=0)
+    extent = high - [low[0], low[1], 0.0]
+    # Leaves stick out of a block, a cone is as deep as it is long.
+    assert 0.6 * size_m[0] < extent[0] < 1.25 * size_m[0]
+    assert extent[1] < max(1.3 * size_m[1], 0.75 * size_m[0])
+    assert 0.7 * size_m[2] < extent[2] < 1.3 * size_m[2]
+
+
+@pytest.mark.parametrize("build", structures.STRUCTURES)
+def test_structures_are_as_large_as_vehicles(build):
+    for seed in range(3):
+        mesh = build(np.random.default_rng(seed))
+        length, depth, height = np.ptp(mesh.vertices_m, axis=0)
+        assert 1.8 < length < 12.4
+        assert 1.5 < depth < 4.3
+        assert 0.9 < height < 3.7
+        assert np.abs(mesh.vertices_m[:, 0].min() + mesh.vertices_m[:, 0].max()) < 0.1
+
+
+def test_a_kiosk_is_no_labelled_object(flat_world):
+    rng = np.random.default_rng(0)
+    pose = se3.from_euler(0, 0, 0, np.array([8.0, 4.0, 0.0]))
+    part = Part(meshes.moved(structures.kiosk(rng), pose), structures.paint(rng))
+    scan = lidar.scan(flat_world([part]), HDL_64E, 0.0, rng)
+    is_near = np.linalg.norm(scan.points_velo[:, :2] - (8, 4), axis=1) < 2.5
+    above = is_near & (scan.points_velo[:, 2] > -1.2)
+    assert above.sum() > 300
+    assert (scan.truth.instances[above] == 0).all()
