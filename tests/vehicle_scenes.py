@@ -55,6 +55,31 @@ def sides(boxes: Boxes3D, step_m: float = 0.15) -> np.ndarray:
     return np.concatenate(points)
 
 
+def walker(boxes: Boxes3D) -> np.ndarray:
+    """Return points (N, 3) on upright cylinders of 0.4 m, as on people, on the side towards the sensor."""
+    return np.concatenate([_cylinder(bottom_m, 0.2, 0.3, 1.7) for bottom_m in boxes.bottom_m])
+
+
+def rider(boxes: Boxes3D) -> np.ndarray:
+    """Return points (N, 3) of cyclists: the side of a cycle in their middle plane, and a person on top."""
+    parts = []
+    for bottom_m, yaw_rad in zip(boxes.bottom_m, boxes.yaw_rad, strict=True):
+        ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+        along_m, height_m = np.meshgrid(np.arange(-0.8, 0.81, 0.1), np.arange(0.3, 1.0, 0.15))
+        cycle = along_m.reshape(-1, 1) * ahead + height_m.reshape(-1, 1) * [0, 0, 1]
+        parts += [bottom_m + cycle, _cylinder(bottom_m, 0.2, 1.0, 1.7)]
+    return np.concatenate(parts)
+
+
+def _cylinder(bottom_m: np.ndarray, radius_m: float, low_m: float, high_m: float) -> np.ndarray:
+    """Return points (N, 3) on the side of an upright cylinder that faces the sensor at the origin."""
+    towards_rad = np.arctan2(-bottom_m[1], -bottom_m[0])
+    angle_rad = towards_rad + np.arcsin(np.linspace(-0.95, 0.95, 7))
+    ring = np.column_stack([np.cos(angle_rad), np.sin(angle_rad), np.zeros(len(angle_rad))])
+    heights = np.arange(low_m, high_m, 0.15)[:, None, None] * [0, 0, 1]
+    return np.asarray((bottom_m + radius_m * ring + heights).reshape(-1, 3))
+
+
 def visible_points(points: np.ndarray) -> np.ndarray:
     """Return the points that no nearer one hides from a sensor of 0.3 degrees to a beam."""
     range_m = np.linalg.norm(points, axis=1)

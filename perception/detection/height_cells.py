@@ -49,9 +49,39 @@ class HeightCells:
 
     def lowest_around_m(self, reach_m: float) -> Float64:
         """Return the (N,) minimum heights around the cell of each point, up to a distance on each side."""
+        lowest = self._lowest_m()
+        return np.asarray(self._lowest_around(lowest, reach_m).ravel()[self.cell_of], np.float64)
+
+    def ground_around_m(self, reach_m: float, step_m: float) -> Float64:
+        """Return the (N,) mean heights of the ground around the cell of each point.
+
+        The ground is the lowest point of each cell, where that is not far above the lowest of all: on a slope, and by
+        the noise of many points, that one is below the ground.
+
+        Args:
+            reach_m: Distance on each side of the cell.
+            step_m: Maximum height of ground above the lowest point around.
+        """
+        lowest = self._lowest_m()
+        around = self._lowest_around(lowest, reach_m)
+        is_ground = np.isfinite(lowest) & (lowest <= around + step_m)
+        heights_m = np.where(is_ground, lowest, 0.0)
+        side = (2 * round(reach_m / self.cell_m) + 1,) * 2
+        sums, counts = (
+            cv2.boxFilter(each, -1, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
+            for each in (heights_m, is_ground.astype(np.float64))
+        )
+        # The lowest cell around may be beside a lower one, with no ground between.
+        heights_m = np.where(np.rint(counts) > 0, sums / np.maximum(counts, 1.0), around)
+        return np.asarray(heights_m.ravel()[self.cell_of])
+
+    def _lowest_m(self) -> Float64:
+        """Return the minimum height in each cell, infinite where there are no points."""
         lowest = np.full(self.shape[0] * self.shape[1], np.inf)
         np.minimum.at(lowest, self.cell_of, self.z_m)
+        return lowest.reshape(self.shape)
+
+    def _lowest_around(self, lowest_m: Float64, reach_m: float) -> Float64:
         side = 2 * round(reach_m / self.cell_m) + 1
         # cv2.erode treats the outside of the grid as infinitely high.
-        around = cv2.erode(lowest.reshape(self.shape), np.ones((side, side), np.uint8))
-        return np.asarray(around.ravel()[self.cell_of], np.float64)
+        return np.asarray(cv2.erode(lowest_m, np.ones((side, side), np.uint8)), np.float64)

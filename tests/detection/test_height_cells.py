@@ -52,3 +52,19 @@ def test_few_points_have_cells_too(count):
     cells = HeightCells.of(np.ones((count, 3), np.float32), 0.5)
     assert cells.has_variance(0.01).tolist() == [False] * count
     assert cells.lowest_around_m(1.5).tolist() == [1.0] * count
+
+
+def test_ground_is_the_mean_of_the_lowest_points_of_the_cells_around():
+    x_m = np.arange(0.25, 10, 0.5)
+    slope = np.column_stack([x_m, np.zeros(20), 0.1 * x_m])
+    body = np.array([[5.25, 0.5, 1.5], [5.25, 0.5, 2.0]])
+    cells = HeightCells.of(np.concatenate([slope, body]), 0.5)
+    ground_m = cells.ground_around_m(1.5, 0.35)
+    np.testing.assert_allclose(ground_m[3:-5], slope[3:-3, 2], atol=1e-9)
+    np.testing.assert_allclose(ground_m[-2:], 0.525)
+
+
+def test_of_a_wall_beside_a_lower_one_the_lowest_point_is_the_ground():
+    stairs = np.array([[0.25, 0, 0.0], [1.75, 0, 1.0], [3.25, 0, 2.0]])
+    ground_m = HeightCells.of(stairs, 0.5).ground_around_m(1.5, 0.2)
+    assert ground_m.tolist() == [0.0, 0.0, 1.0]

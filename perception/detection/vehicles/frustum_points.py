@@ -21,6 +21,7 @@ class FrustumPoints:
         pixels: (K, 2) column and row.
         depths_m: (K,) depths along the optical axis.
         ground_m: (K,) z of the ground below.
+        above_m: (K,) heights above the ground, of the model or of the points around, whichever is higher.
     """
 
     rows: Int
@@ -28,6 +29,7 @@ class FrustumPoints:
     pixels: Float64
     depths_m: Float64
     ground_m: Float64
+    above_m: Float64
 
 
 def find_frustum_points(
@@ -43,7 +45,7 @@ def find_frustum_points(
         points_velo: (N, 4) points of the scan.
         boxes_px: (M, 4) boxes, within the image or beyond its borders.
         camera: Calibration, and (width, height) of the image.
-        ground: Ground model; None takes the lowest points around for the ground.
+        ground: Ground model; None takes the lowest points of the cells around.
         config: Distances and heights.
     """
     around_px = _with_ground_before(boxes_px, camera[1])
@@ -59,22 +61,23 @@ def find_frustum_points(
     rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
     pixels = pixels.T.take(around, axis=1).T + low_px
     cells = HeightCells.of(xyz_m, config.ground_cell_m)
-    lowest_around_m = cells.lowest_around_m(config.ground_search_radius_m)
-    ground_m = lowest_around_m
+    around_m = cells.ground_around_m(config.ground_search_radius_m, config.ground_step_m)
+    ground_m = around_m
     if ground is not None and len(rows):
         model_m = ground.height_m(xyz_m[:, :2])
         # A model extends beyond the points it was fitted to, but is not valid there.
         is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= config.model_reach_m
-        holds = is_near & (np.abs(model_m - lowest_around_m) < config.model_error_m)
-        ground_m = np.where(holds, model_m, lowest_around_m)
-    over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_around_m)
-    kept = np.flatnonzero((over_m >= config.clearance_m) & (over_m <= config.max_height_m))
+        holds = is_near & (np.abs(model_m - around_m) < config.model_error_m)
+        ground_m = np.where(holds, model_m, around_m)
+    above_m = xyz_m[:, 2] - np.maximum(ground_m, around_m)
+    kept = np.flatnonzero(above_m >= config.clearance_m)
     return FrustumPoints(
         rows[kept],
         xyz_m.take(kept, axis=0),
         pixels.T.take(kept, axis=1).T,
         depths_m[kept],
         ground_m[kept],
+        above_m[kept],
     )
 
 

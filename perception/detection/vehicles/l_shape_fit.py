@@ -9,11 +9,13 @@ facing the sensor
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import LShapeFitConfig
-from perception.types import Float32, Float64, Int
+from perception.types import ArrayTable, Float32, Float64
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class ImageSpans:
 
 
 @dataclass(frozen=True)
-class Rectangles:
+class Rectangles(ArrayTable):
     """F rectangles on the ground.
 
     Attributes:
@@ -43,8 +45,8 @@ class Rectangles:
         yaw_rad: (F,) directions of one of the two ends; which one is the front is not known.
     """
 
-    centers_m: Float64
-    sizes_m: Float64
+    centers_m: Annotated[Float64, 2]
+    sizes_m: Annotated[Float64, 2]
     yaw_rad: Float64
 
 
@@ -76,34 +78,28 @@ class _Extents:
 
 
 def fit_rectangles(
-    xy_m: Float64, owners: Int, spans: ImageSpans, config: LShapeFitConfig
+    samples_m: Float64, sizes: SizePriors, spans: ImageSpans, config: LShapeFitConfig
 ) -> Rectangles:
     """Fit a rectangle to the points of each of F vehicles.
 
     Args:
-        xy_m: (K, 2) points around a sensor at the origin.
-        owners: (K,) number of the vehicle of each point, rising from 0 to F - 1; each has at least one point.
+        samples_m: (F, P, 2) points of each vehicle around a sensor at the origin.
+        sizes: (F) sizes of the vehicles' classes.
         spans: Columns of the vehicles in the image.
         config: Directions, sizes and costs.
     """
     # Single precision is accurate to a tenth of a millimetre, and takes half of the time.
-    samples = _sampled(xy_m, owners, config.samples).astype(np.float32)
+    samples = samples_m.astype(np.float32)
     step_rad = np.pi / 2 / config.directions
     coarse = np.tile(np.arange(config.directions) * step_rad, (len(samples), 1)).astype(np.float32)
-    first, first_rad = _best_rectangles(_measure_extents(samples, coarse, config), spans, config)
+    first, first_rad = _best_rectangles(
+        _measure_extents(samples, coarse, config), sizes, spans, config
+    )
     turns_rad = np.linspace(-step_rad, step_rad, config.fine_directions + 2)[1:-1].astype(
         np.float32
     )
     finer = _measure_extents(samples, first_rad[:, None] + turns_rad, config)
-    return _best_rectangles(finer, spans, config)[0] if len(samples) else first
-
-
-def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
-    """Return (F, count, 2) evenly sampled points of each vehicle, with repetition where there are fewer."""
-    counts = np.bincount(owners)
-    starts = np.cumsum(counts) - counts
-    picked = (np.arange(count) + 0.5) / count * counts[:, None]
-    return np.asarray(xy_m[starts[:, None] + picked.astype(np.int64)])
+    return _best_rectangles(finer, sizes, spans, config)[0] if len(samples) else first
 
 
 def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Extents:
@@ -131,12 +127,12 @@ def _axes(yaw_rad: Float32) -> Float32:
 
 
 def _best_rectangles(
-    extents: _Extents, spans: ImageSpans, config: LShapeFitConfig
+    extents: _Extents, sizes: SizePriors, spans: ImageSpans, config: LShapeFitConfig
 ) -> tuple[Rectangles, Float32]:
     """Return the best of all sizes and positions, and the direction (F,) along which it was measured."""
     extents = extents.best(config.kept_directions)
     # Short axes come first, vehicles and directions last, which makes for long inner loops.
-    sizes_m, size_costs = _sizes(extents, config)  # (2, O, F, T), (O, F, T)
+    sizes_m, size_costs = _sizes(extents, sizes, config)  # (2, O, F, T), (O, F, T)
     centers_m, position_costs = _positions(
         extents, sizes_m, config
     )  # (3, 2, O, F, T), (3, 2, F, T)
@@ -155,7 +151,7 @@ def _best_rectangles(
         ]
     )
     chosen_m = sizes_m[:, size, vehicles, direction_row].T.astype(np.float64)
-    is_across = size >= len(config.lengths_m)
+    is_across = size >= len(config.length_steps)
     cos, sin = np.cos(direction), np.sin(direction)
     rectangles = Rectangles(
         np.column_stack(
@@ -167,18 +163,26 @@ def _best_rectangles(
     return rectangles, direction
 
 
-def _sizes(extents: _Extents, config: LShapeFitConfig) -> tuple[Float32, Float32]:
+def _sizes(
+    extents: _Extents, sizes: SizePriors, config: LShapeFitConfig
+) -> tuple[Float32, Float32]:
     """Return (2, O, F, T) sizes along and left, first with the length along, and their costs."""
-    lengths_m = np.array(config.lengths_m, np.float32)
-    widths_m = np.full_like(lengths_m, config.width_m[0])
-    either_m = np.stack([np.append(lengths_m, widths_m), np.append(widths_m, lengths_m)])
+    mean_m, deviation_m = sizes.length_m.T.astype(np.float32)
+    steps = np.array(config.length_steps, np.float32)
+    lengths_m = mean_m + steps[:, None] * deviation_m  # (S, F)
+    widths_m = np.broadcast_to(sizes.width_m[:, 0].astype(np.float32), lengths_m.shape)
+    either_m = np.stack(
+        [np.concatenate([lengths_m, widths_m]), np.concatenate([widths_m, lengths_m])]
+    )
     seen_m = (extents.high_m - extents.low_m).transpose(2, 0, 1).copy()
-    sizes_m = np.maximum(either_m[:, :, None, None], seen_m[:, None])
-    along, across = sizes_m[:, : len(lengths_m)], sizes_m[::-1, len(lengths_m) :]
+    sizes_m = np.maximum(either_m[..., None], seen_m[:, None])
+    along, across = sizes_m[:, : len(steps)], sizes_m[::-1, len(steps) :]
     length_m, width_m = np.concatenate([along, across], axis=1)
-    off_length = (length_m - config.length_m[0]) / config.length_m[1]
-    off_width = (width_m - config.width_m[0]) / config.width_m[1]
-    return sizes_m, off_length**2 + off_width**2
+    costs = np.zeros_like(length_m)
+    for size_m, prior_m in ((length_m, sizes.length_m), (width_m, sizes.width_m)):
+        mean_m, deviation_m = prior_m.T.astype(np.float32)[:, :, None]
+        costs += ((size_m - mean_m) / deviation_m) ** 2
+    return sizes_m, costs
 
 
 def _positions(

@@ -1,15 +1,20 @@
-"""Location of detections in the scan: the points, the distance and the box of each vehicle."""
+"""Location of detections in the scan: the points, the distance and the box of each object."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated, Self
 
 import numpy as np
 
-from perception.detection.vehicles.config import LShapeFitConfig, VehicleConfig
-from perception.detection.vehicles.l_shape_fit import ImageSpans, fit_rectangles
+from perception.detection.vehicles.body_fit import fit_bodies
+from perception.detection.vehicles.box_heights import fit_heights
+from perception.detection.vehicles.class_sizes import SizePriors
+from perception.detection.vehicles.config import VehicleConfig
+from perception.detection.vehicles.l_shape_fit import ImageSpans, Rectangles, fit_rectangles
 from perception.detection.vehicles.vehicle_points import VehiclePoints, find_points
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.types import (
+    ArrayTable,
     Boxes3D,
     Calibration,
     Detections,
@@ -37,23 +42,27 @@ def locate(
     Args:
         fused: M detections.
         frame: Frame of the detections.
-        ground: Ground model; None takes the lowest points around a vehicle for its ground.
+        ground: Ground model; None takes the lowest points around an object for its ground.
         config: Points, boxes and minimum score.
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
-    boxes_px = fused.detections.boxes_px
-    likely = np.flatnonzero(fused.detections.scores >= config.tracker.low_score)
-    found = find_points(frame.points_velo, boxes_px[likely], camera, ground, config.points)
+    detections, sizes = fused.detections, SizePriors.of(fused.detections.types)
+    likely = np.flatnonzero(detections.scores >= config.tracker.low_score)
+    found = find_points(
+        frame.points_velo, detections.boxes_px[likely], sizes[likely], camera, ground, config.points
+    )
     found = replace(found, owners=likely[found.owners])
     owners = np.full(len(frame.points_velo), -1)
     owners[found.rows] = found.owners
     distances_m = np.full(count, np.inf)
     x_m, y_m, z_m = found.xyz_m.T
     np.minimum.at(distances_m, found.owners, np.sqrt(x_m**2 + y_m**2 + z_m**2))
+    observed = _Observed.of(found, detections, sizes, config)
+    unknown = Boxes3D(*(np.full((count, *row), np.nan) for row in ((3,), (3,), ())))
     return Vehicles(
         fused=fused,
         ids=np.full(count, -1),
-        boxes=_boxes(found, fused.detections, camera, config.fit),
+        boxes=unknown.replaced(observed.rows, _fit_boxes(observed, camera, config)),
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
         covariances=np.full((count, 4, 4), np.nan),
@@ -61,53 +70,71 @@ def locate(
     )
 
 
-def _boxes(
-    found: VehiclePoints,
-    detections: Detections,
-    camera: tuple[Calibration, tuple[int, int]],
-    config: LShapeFitConfig,
+@dataclass(frozen=True)
+class _Observed(ArrayTable):
+    """F objects with enough points for a box.
+
+    Attributes:
+        rows: (F,) rows of their detections.
+        boxes_px: (F, 4) boxes in the image.
+        sizes: (F) sizes of their classes.
+        samples_m: (F, P, 2) evenly sampled points of each from above, with repetition where there are fewer.
+        ground_m: (F,) z of the ground below.
+        top_m: (F,) z of the highest point.
+    """
+
+    rows: Int
+    boxes_px: Annotated[Float64, 4]
+    sizes: SizePriors
+    samples_m: Annotated[Float64, ...]
+    ground_m: Float64
+    top_m: Float64
+
+    @classmethod
+    def of(
+        cls, found: VehiclePoints, detections: Detections, sizes: SizePriors, config: VehicleConfig
+    ) -> Self:
+        """Return the objects that have enough points."""
+        count = len(detections)
+        counts = np.bincount(found.owners, minlength=count)
+        rows = np.flatnonzero(counts >= config.min_points)
+        order = np.argsort(found.owners, kind="stable")
+        starts = (counts.cumsum() - counts)[rows]
+        picked = (np.arange(config.samples) + 0.5) / config.samples * counts[rows, None]
+        samples_m = found.xyz_m[order[starts[:, None] + picked.astype(np.int64)]]
+        ground_m = np.bincount(found.owners, found.ground_m, count)[rows] / counts[rows]
+        top_m = np.full(count, -np.inf)
+        np.maximum.at(top_m, found.owners, found.xyz_m[:, 2])
+        boxes_px = detections.boxes_px[rows]
+        return cls(rows, boxes_px, sizes[rows], samples_m[..., :2], ground_m, top_m[rows])
+
+
+def _fit_boxes(
+    observed: _Observed, camera: tuple[Calibration, tuple[int, int]], config: VehicleConfig
 ) -> Boxes3D:
-    """Return (M) boxes, each of the size of its class; rows of NaN where there are not enough points."""
-    count = len(detections)
+    """Return (F) boxes: what has sides by these, people by their middle, all of a height that the image shows."""
+    outlines = _fit_outlines(observed, camera, config)
+    mean_m = observed.sizes.height_m[:, 0]
     boxes = Boxes3D(
-        np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.nan)
+        np.column_stack([outlines.centers_m, observed.ground_m]),
+        np.column_stack([outlines.sizes_m, mean_m]),
+        wrap(outlines.yaw_rad, np.pi),
     )
-    is_shown = np.bincount(found.owners, minlength=count) >= config.min_points
-    for name in sorted(set(detections.types[is_shown].tolist())):
-        rows = np.flatnonzero(is_shown & (detections.types == name))
-        columns_px = detections.boxes_px[rows][:, [0, 2]]
-        fitted = _fitted_boxes(found, rows, columns_px, camera, config.for_class(name))
-        boxes = boxes.replaced(rows, fitted)
-    return boxes
+    heights_m = fit_heights(boxes, observed.boxes_px, observed.sizes, camera[0], config.height)
+    heights_m = np.maximum(heights_m, observed.top_m - observed.ground_m)
+    return replace(boxes, size_m=np.column_stack([outlines.sizes_m, heights_m]))
 
 
-def _fitted_boxes(
-    found: VehiclePoints,
-    shown: Int,
-    columns_px: Float64,
-    camera: tuple[Calibration, tuple[int, int]],
-    config: LShapeFitConfig,
-) -> Boxes3D:
-    """Return (F) boxes of some vehicles, at least one, from their points and (F, 2) columns in the image."""
-    calibration, size_px = camera
-    order, owners = _of_vehicles(found.owners, shown)
-    xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))
-    ground_m = np.add.reduceat(found.ground_m[order], starts) / np.bincount(owners)
-    heights_m = np.maximum(np.maximum.reduceat(xyz_m[:, 2], starts) - ground_m, config.min_height_m)
-    middles_m = ground_m + heights_m / 2
+def _fit_outlines(
+    observed: _Observed, camera: tuple[Calibration, tuple[int, int]], config: VehicleConfig
+) -> Rectangles:
+    """Return (F) outlines from above."""
+    (calibration, size_px), has_sides = camera, observed.sizes.has_sides
+    vehicles, people = observed[has_sides], observed[~has_sides]
+    middles_m = vehicles.ground_m + vehicles.sizes.height_m[:, 0] / 2
+    columns_px = vehicles.boxes_px[:, [0, 2]]
     spans = ImageSpans(columns_px, calibration.image_P_velo, size_px[0], middles_m)
-    rectangles = fit_rectangles(xyz_m[:, :2], owners, spans, config)
-    return Boxes3D(
-        np.column_stack([rectangles.centers_m, ground_m]),
-        np.column_stack([rectangles.sizes_m, heights_m]),
-        wrap(rectangles.yaw_rad, np.pi),
-    )
-
-
-def _of_vehicles(owners: Int, shown: Int) -> tuple[Int, Int]:
-    """Return the points of some vehicles, vehicle after vehicle, and their owners counted from 0."""
-    number = np.full(owners.max() + 1, -1)
-    number[shown] = np.arange(len(shown))
-    order = np.flatnonzero(number[owners] >= 0)
-    order = order[np.argsort(number[owners[order]], kind="stable")]
-    return order, number[owners[order]]
+    outlines = fit_rectangles(vehicles.samples_m, vehicles.sizes, spans, config.fit)
+    bodies = fit_bodies(people.samples_m, people.sizes, config.body_fit)
+    order = np.concatenate([np.flatnonzero(has_sides), np.flatnonzero(~has_sides)])
+    return outlines.joined(bodies)[np.argsort(order)]

@@ -13,6 +13,7 @@ import numpy as np
 
 from perception.detection.clustering import connected_parts
 from perception.detection.point_cells import expand_ranges
+from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.detection.vehicles.frustum_points import (
     FrustumPoints,
@@ -43,6 +44,7 @@ class VehiclePoints:
 def find_points(
     points_velo: Float32,
     boxes_px: Float64,
+    sizes: SizePriors,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
     config: VehiclePointsConfig,
@@ -52,6 +54,7 @@ def find_points(
     Args:
         points_velo: (N, 4) points of the scan.
         boxes_px: (M, 4) boxes, x1 y1 x2 y2.
+        sizes: (M) sizes of their classes.
         camera: Calibration, and (width, height) of the image.
         ground: Ground model; None takes the lowest points around for the ground.
         config: Distances, heights, votes and clusters.
@@ -61,8 +64,8 @@ def find_points(
         return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
     reached_px = extend_beyond_borders(boxes_px, camera[1][0], config)
     near = find_frustum_points(points_velo, reached_px, camera, ground, config)
-    claims = _Claims.of(near, reached_px, config)
-    likely = _likelihoods(near, boxes_px, claims, camera, config)
+    claims = _Claims.of(near, reached_px, sizes, config)
+    likely = _likelihoods(near, boxes_px, claims, sizes, camera, config)
     claimed = np.bincount(claims.sampled_points, likely, len(near.rows))[claims.sampled_points]
     votes = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
     # An occluder may be the best cluster in its own box and in that of the occluded vehicle. It belongs to the box
@@ -95,15 +98,24 @@ class _Claims:
     labels: Int
 
     @classmethod
-    def of(cls, near: FrustumPoints, boxes_px: Float64, config: VehiclePointsConfig) -> Self:
-        """Pair boxes with points, and cluster those of each box."""
+    def of(
+        cls,
+        near: FrustumPoints,
+        boxes_px: Float64,
+        sizes: SizePriors,
+        config: VehiclePointsConfig,
+    ) -> Self:
+        """Pair boxes with points that are no higher than their classes, and cluster those of each box."""
         u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
         is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
+        heights_m = sizes.height_m @ (1.0, config.max_height_deviations)
+        is_in &= near.above_m <= heights_m[:, None]
         box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
         along_m, left_m = _along_view_axis(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
         sampled = _sample_each(box, config.max_samples)
-        labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], config)
+        gap_m = config.cluster_gap_widths * sizes.width_m[:, 0]
+        labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], gap_m, config)
         return cls(box, point, along_m, left_m, sampled, labels)
 
     @property
@@ -143,6 +155,7 @@ def _likelihoods(
     near: FrustumPoints,
     boxes_px: Float64,
     claims: _Claims,
+    sizes: SizePriors,
     camera: tuple[Calibration, tuple[int, int]],
     config: VehiclePointsConfig,
 ) -> Float64:
@@ -154,7 +167,7 @@ def _likelihoods(
         half_px = np.maximum((high_px - low_px) / 2, 0.5)
         off_center += ((place_px[point] - ((low_px + high_px) / 2)[box]) / half_px[box]) ** 2
     focal_px = float(calibration.image_P_cam[1, 1])
-    expected_m = focal_px * config.car_height_m / np.maximum(y2 - y1, 1.0)
+    expected_m = focal_px * sizes.height_m[:, 0] / np.maximum(y2 - y1, 1.0)
     is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
     ratio = np.log(near.depths_m[point] / expected_m[box])
     near_deviation = np.where(is_cut, config.cut_deviation, config.near_deviation)[box]
@@ -186,7 +199,9 @@ _CELLS_PER_GAP = 3
 _STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
 
 
-def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePointsConfig) -> Int:
+def _clusters(
+    along_m: Float64, left_m: Float64, box: Int, gap_m: Float64, config: VehiclePointsConfig
+) -> Int:
     """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
 
     Points lie in cells of a fraction of a gap, separate for each box; cells about a gap apart are connected.
@@ -194,7 +209,8 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePoints
     if not len(box):
         return np.zeros(0, np.int64)
     away_m = np.bincount(box, along_m) / np.maximum(np.bincount(box), 1)
-    cell_m = ((config.cluster_gap_m + config.cluster_gap_per_m * away_m) / _CELLS_PER_GAP)[box]
+    gap_m = gap_m[: len(away_m)] + config.cluster_gap_per_m * away_m
+    cell_m = (gap_m / _CELLS_PER_GAP)[box]
     along = np.floor(along_m / cell_m).astype(np.int64)
     left = np.floor(left_m / cell_m).astype(np.int64)
     along, left = along - along.min(), left - left.min()

@@ -20,9 +20,11 @@ from tests.vehicle_scenes import (
     cars,
     detected,
     frame_of,
+    rider,
     road,
     sides,
     visible_points,
+    walker,
 )
 
 _GROUND = FlatRoad()
@@ -180,9 +182,8 @@ def test_boxes_at_and_beyond_the_borders_are_no_fault():
 @pytest.mark.parametrize(
     ("name", "size_m"),
     [
-        ("Pedestrian", (0.85, 0.65, 1.75)),
-        ("Cyclist", (1.75, 0.6, 1.7)),
         ("Van", (5.0, 1.9, 2.2)),
+        ("Truck", (10.0, 2.6, 4.2)),
         ("Car", (4.0, 1.65, 1.5)),
         ("Wagon", (4.0, 1.65, 1.5)),
     ],
@@ -196,6 +197,59 @@ def test_a_box_has_the_size_of_its_class(name, size_m):
     np.testing.assert_allclose(found.boxes.bottom_m[0], true.bottom_m[0], atol=0.3)
     alone = locate(fused[1:], frame_of(road(), sides(true[1:])), _GROUND)
     np.testing.assert_allclose(found.boxes.size_m[1], alone.boxes.size_m[0])
+
+
+@pytest.mark.parametrize(("x_m", "y_m"), [(8.0, 2.0), (15.0, -5.0), (35.0, 3.0)])
+@pytest.mark.parametrize("yaw_deg", [-60, 0, 30])
+def test_a_cyclist_is_located_by_the_returns_around_the_middle(x_m, y_m, yaw_deg):
+    true = cars((x_m, y_m, np.radians(yaw_deg)), size_m=(1.76, 0.6, 1.74))
+    found = locate(_people(true, "Cyclist"), frame_of(road(), rider(true)), _GROUND)
+    np.testing.assert_allclose(found.boxes.bottom_m, true.bottom_m, atol=0.15)
+    np.testing.assert_allclose(found.boxes.size_m, true.size_m, atol=0.1)
+    assert axis_error_rad(found.boxes, true)[0] < np.radians(15)
+
+
+@pytest.mark.parametrize(("x_m", "y_m"), [(8.0, 2.0), (15.0, -5.0), (35.0, 3.0)])
+def test_a_pedestrian_is_behind_the_returns(x_m, y_m):
+    true = cars((x_m, y_m, 0.0), size_m=(0.84, 0.66, 1.76))
+    found = locate(_people(true, "pedestrian"), frame_of(road(), walker(true)), _GROUND)
+    np.testing.assert_allclose(found.boxes.bottom_m, true.bottom_m, atol=0.1)
+    np.testing.assert_allclose(found.boxes.size_m, true.size_m, atol=0.1)
+
+
+def test_two_people_who_meet_are_two_clusters():
+    true = cars((12.0, 0.0, 0.0), (12.0, 0.75, 0.0), size_m=(0.84, 0.66, 1.76))
+    found = locate(_people(true, "Pedestrian"), frame_of(road(), walker(true)), _GROUND)
+    np.testing.assert_allclose(found.boxes.bottom_m, true.bottom_m, atol=0.12)
+
+
+def test_a_car_and_a_pedestrian_keep_their_order_and_sizes():
+    person, car = cars((10.0, 3.0, 0.0), size_m=(0.84, 0.66, 1.76)), cars((15.0, -3.0, 0.0))
+    people, vehicles = _people(person, "Pedestrian"), detected(car)
+    frame = frame_of(road(), walker(person), sides(car))
+    for fused in (people.joined(vehicles), vehicles.joined(people)):
+        found = locate(fused, frame, _GROUND)
+        is_person = fused.detections.types == "Pedestrian"
+        np.testing.assert_allclose(found.boxes.bottom_m[is_person], person.bottom_m, atol=0.12)
+        np.testing.assert_allclose(found.boxes.bottom_m[~is_person], car.bottom_m, atol=0.25)
+
+
+@pytest.mark.parametrize("height_m", [1.4, 1.75])
+def test_the_height_of_what_hides_its_roof_is_that_of_the_2d_box(height_m):
+    true = cars((25.0, 3.0, 0.2), size_m=(4.0, 1.65, height_m))
+    body = sides(true)
+    shown = body[body[:, 2] < true.bottom_m[0, 2] + 0.9]
+    found = locate(detected(true), frame_of(road(), shown), _GROUND)
+    assert found.boxes.size_m[0, 2] == pytest.approx(height_m, abs=0.08)
+
+
+def test_on_a_slope_a_box_stands_on_the_ground_below_its_points():
+    true = cars((15.0, 0.0, 0.0))
+    slope = np.array([0.0, 0.0, 0.06])
+    lifted = [part + part[:, :1] * slope for part in (road(step_m=0.2), sides(true))]
+    raised = replace(true, bottom_m=true.bottom_m + 15.0 * slope)
+    found = locate(detected(raised), frame_of(*lifted), None)
+    assert found.boxes.bottom_m[0, 2] == pytest.approx(raised.bottom_m[0, 2], abs=0.15)
 
 
 def test_without_a_camera_boxes_belong_to_the_virtual_one():
@@ -222,6 +276,12 @@ def test_labelled_cars_of_real_frames_are_located_well(kitti_root):
     assert np.isfinite(apart_m).mean() > 0.85
     assert np.nanmedian(apart_m) < 0.3
     assert np.nanmedian(turned_rad) < np.radians(4)
+
+
+def _people(boxes: Boxes3D, name: str) -> FusedDetections:
+    fused = detected(boxes)
+    types = np.full(len(boxes), name)
+    return replace(fused, detections=replace(fused.detections, types=types))
 
 
 def _as_detections(boxes_px: np.ndarray) -> FusedDetections:

@@ -1,0 +1,42 @@
+"""Heights of boxes on the ground: between the height of the class and that which the 2D box shows."""
+
+import numpy as np
+
+from perception.detection.vehicles.class_sizes import SizePriors
+from perception.detection.vehicles.config import BoxHeightConfig
+from perception.geometry.boxes import corners
+from perception.types import Boxes3D, Calibration, Float64
+
+
+def fit_heights(
+    boxes: Boxes3D,
+    boxes_px: Float64,
+    sizes: SizePriors,
+    calibration: Calibration,
+    config: BoxHeightConfig,
+) -> Float64:
+    """Return (F,) heights, weighted by the variances of the class and of the 2D box.
+
+    Args:
+        boxes: (F) boxes of any height.
+        boxes_px: (F, 4) boxes in the image.
+        sizes: (F) sizes of their classes.
+        calibration: Calibration of the camera.
+        config: Deviations.
+    """
+    _, y1, _, y2 = boxes_px.T[:, :, None]
+    corners_m = corners(boxes)[:, :4]
+    # The height above each corner of the bottom at which it is projected to the upper side of the 2D box; none of
+    # the upper corners is projected above that side.
+    planes = calibration.image_P_velo[1] - y1[..., None] * calibration.image_P_velo[2]
+    beside = (planes[..., :2] * corners_m[..., :2]).sum(axis=2) + planes[..., 3]
+    tops_m = -beside / planes[..., 2]
+    seen_m = (tops_m - corners_m[..., 2]).min(axis=1)
+    mean_m, deviation_m = sizes.height_m.T
+    height_px = np.maximum(y2 - y1, 1.0)[:, 0]
+    share = config.top_deviation_px / height_px + config.top_deviation_share
+    variance_m2 = (share * mean_m) ** 2
+    # The image's border cuts the upper side of what is near.
+    trust = np.where(y1[:, 0] <= 1, 0.0, deviation_m**2 / (deviation_m**2 + variance_m2))
+    reach_m = config.max_deviations * deviation_m
+    return np.asarray(mean_m + trust * np.clip(seen_m - mean_m, -reach_m, reach_m))
