@@ -44,6 +44,10 @@ _LEGEND: tuple[tuple[LegendEntry, ...], ...] = (
     ),
     (LegendEntry("objects, by id", palette.TRACKS),),
 )
+_CLASSES: tuple[tuple[LegendEntry, ...], ...] = tuple(
+    tuple(LegendEntry(name, (palette.CLASSES[name],)) for name in names)
+    for names in (("Car", "Van", "Truck"), ("Pedestrian", "Cyclist"))
+)
 _SELECTED = LegendEntry("selected", (palette.TRACKED_OBJECT,))
 _REGION = (LegendEntry("its region", (palette.INSIDE,)), LegendEntry("ring", (palette.RING,)))
 _VIEW_NAMES = {"rgb": "image", "dm": "depth", "rm": "reflectance"}
@@ -122,6 +126,8 @@ class Composition:
             legend[-1] = (*legend[-1], _SELECTED)
             if scene.tracked.region is not None:
                 legend.append(_REGION)
+        if scene.result.vehicles is not None:
+            legend += _CLASSES
         if self.detector_views and scene.result.modality_detections:
             entries = (
                 LegendEntry(_VIEW_NAMES[modality], (palette.TEXT,), palette.LINE_PATTERNS[modality])

@@ -25,6 +25,7 @@ class Label:
         color: Colour of the object.
         details: Second part of the text.
         is_faint: Whether the second part is grey.
+        mark: Colour of the mark at the left end of the tag; None for that of the object.
     """
 
     box_px: Float64
@@ -32,6 +33,7 @@ class Label:
     color: Color
     details: str = ""
     is_faint: bool = False
+    mark: Color | None = None
 
     def size_px(self, text_px: int) -> tuple[int, int]:
         """Return width and height of the tag."""
@@ -43,7 +45,7 @@ class Label:
         left, top, right, bottom = tag_px.tolist()
         tag = canvas[top:bottom, left:right]
         tag[:] = tag // 4
-        tag[:, : max(text_px // 4, 2)] = self.color
+        tag[:, : max(text_px // 3, 3)] = self.color if self.mark is None else self.mark
         column, baseline = left + 0.7 * text_px, top + 1.45 * text_px
         draw_text(canvas, self.name, (column, baseline), color=self.color, height_px=text_px)
         column += text_width_px(f"{self.name} " if self.name else "", text_px)

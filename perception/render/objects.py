@@ -1,7 +1,7 @@
 """Objects drawn through any projection: the camera's or a virtual one.
 
 An object is a box with a filled front, its path, a velocity arrow as long as its path in one second, and a label, in
-the colour of its id. Faint lines: predicted, not observed in this scan. An object without a 3D box is drawn as the
+the colour of its id, or of its class where it has no id; the mark of the label has the colour of the class. Faint lines: predicted, not observed in this scan. An object without a 3D box is drawn as the
 rectangle of its detection.
 """
 
@@ -93,16 +93,22 @@ def _colors(objects: SceneObjects) -> list[Color]:
     """Return the colour of each object, faint of one that is not observed."""
     return [
         palette.dimmed(
-            palette.TRACKED_OBJECT if is_selected else palette.track_color(number),
+            palette.TRACKED_OBJECT if is_selected else _color(number, name),
             1.0 if is_observed else _PREDICTED_LIGHT,
         )
-        for number, is_selected, is_observed in zip(
+        for number, name, is_selected, is_observed in zip(
             objects.colors.tolist(),
+            objects.types.tolist(),
             objects.is_selected.tolist(),
             objects.is_observed.tolist(),
             strict=True,
         )
     ]
+
+
+def _color(number: int, name: str) -> Color:
+    """Return the colour of a track, or of a class where there is no track."""
+    return palette.track_color(number) if number >= 0 else palette.class_color(name)
 
 
 def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
@@ -121,21 +127,23 @@ def _labels(objects: SceneObjects, outlines: Float64) -> list[Label]:
             colors[row],
             _details(objects, row),
             not objects.is_observed[row],
+            palette.CLASSES.get(str(objects.types[row])),
         )
         for row in np.lexsort(ranks).tolist()
     ]
 
 
 def _name(objects: SceneObjects, row: int) -> str:
-    """Return class and id, as far as they are known."""
-    track = int(objects.ids[row])
-    return f"{objects.types[row]} {f'#{track}' if track >= 0 else ''}".strip()
+    """Return class and distance, as far as they are known."""
+    distance_m = objects.distances_m[row]
+    parts = [str(objects.types[row]), f"{distance_m:.0f} m" if np.isfinite(distance_m) else ""]
+    return " ".join(part for part in parts if part)
 
 
 def _details(objects: SceneObjects, row: int) -> str:
-    """Return score, speed and status, as far as they are known."""
-    status = str(objects.statuses[row])
-    parts = [] if np.isnan(objects.scores[row]) else [f"{100 * objects.scores[row]:.0f}%"]
+    """Return id, speed and status, as far as they are known."""
+    status, track = str(objects.statuses[row]), int(objects.ids[row])
+    parts = [f"#{track}"] if track >= 0 else []
     if objects.is_moving[row]:
         parts.append(f"{objects.speeds_m_s[row]:.1f} m/s")
     if status and not objects.is_observed[row]:

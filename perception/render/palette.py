@@ -25,6 +25,15 @@ TRACKS: tuple[Color, ...] = (
     (187, 187, 238),
 )
 
+# Colours of classes (Okabe and Ito 2008), which the colour blind distinguish, too.
+CLASSES: dict[str, Color] = {
+    "Car": (86, 180, 233),
+    "Van": (0, 158, 115),
+    "Truck": (213, 94, 0),
+    "Pedestrian": (204, 121, 167),
+    "Cyclist": (240, 228, 66),
+}
+
 # Object of the one-object tracker, its region of the image and the ring around it (thesis Fig. 5.13), the path of
 # the vehicle, and the label.
 TRACKED_OBJECT: Color = (255, 168, 36)
@@ -70,6 +79,11 @@ STAGES: tuple[Color, ...] = (
 def track_color(number: int) -> Color:
     """Return the colour of an object by its number; grey of one without a track, -1."""
     return TRACKS[number % len(TRACKS)] if number >= 0 else FAINT_TEXT
+
+
+def class_color(name: str) -> Color:
+    """Return the colour of a class; grey of another one."""
+    return CLASSES.get(name, FAINT_TEXT)
 
 
 def dimmed(color: Color, light: float) -> Color:

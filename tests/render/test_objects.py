@@ -9,7 +9,7 @@ from perception.render.composition import Composition
 from perception.render.labels import draw_labels
 from perception.render.object_figures import ObjectPart, object_figures
 from perception.render.objects import draw_objects
-from perception.render.palette import LINE_PATTERNS, TRACKS, Style
+from perception.render.palette import CLASSES, FAINT_TEXT, LINE_PATTERNS, TRACKS, Style
 from perception.render.panels import Resizing
 from perception.render.scene import Scene, SceneObjects
 from perception.render.strokes import Strokes, draw_strokes, project_strokes
@@ -177,15 +177,29 @@ def labels_of(objects, **known):
     return draw_objects(canvas, ABOVE.image_P_velo, figures, THIN)
 
 
-def test_a_label_says_class_id_score_and_speed():
+def test_a_label_says_class_distance_id_and_speed():
     objects = SceneObjects.of_tracks(tracks_at((10, 0, 0), first_id=12, velocity=(0.0, 4.0)))
     (label,) = labels_of(objects)
-    assert (label.name, label.details) == ("#12", "4.0 m/s")
-    known = {"types": np.array(["Car"]), "scores": np.array([0.87])}
-    (label,) = labels_of(objects, **known)
-    assert (label.name, label.details) == ("Car #12", "87%  4.0 m/s")
-    (label,) = labels_of(objects, **known, ids=np.array([-1]), is_moving=np.zeros(1, bool))
-    assert (label.name, label.details) == ("Car", "87%")
+    assert (label.name, label.details) == ("10 m", "#12  4.0 m/s")
+    cyclist = {"types": np.array(["Cyclist"])}
+    (label,) = labels_of(objects, **cyclist)
+    assert (label.name, label.details) == ("Cyclist 10 m", "#12  4.0 m/s")
+    untracked = {"ids": np.array([-1]), "colors": np.array([-1]), "is_moving": np.zeros(1, bool)}
+    (label,) = labels_of(objects, **cyclist, **untracked)
+    assert (label.name, label.details) == ("Cyclist 10 m", "")
+    nowhere = Boxes3D(*(np.full((1, *row), np.nan) for row in ((3,), (3,), ())))
+    (label,) = labels_of(objects, **cyclist, **untracked, boxes=nowhere)
+    assert (label.name, label.details) == ("Cyclist", "")
+
+
+def test_a_track_has_the_colour_of_its_id_and_another_object_that_of_its_class():
+    objects = SceneObjects.of_tracks(tracks_at((10, 0, 0)))
+    (label,) = labels_of(objects, types=np.array(["Truck"]))
+    assert (label.color, label.mark) == (TRACKS[0], CLASSES["Truck"])
+    (label,) = labels_of(objects, types=np.array(["Truck"]), colors=np.array([-1]))
+    assert (label.color, label.mark) == (CLASSES["Truck"], CLASSES["Truck"])
+    (label,) = labels_of(objects, types=np.array(["Wagon"]), colors=np.array([-1]))
+    assert (label.color, label.mark) == (FAINT_TEXT, None)
 
 
 def test_the_selected_object_is_labelled_first_then_what_moves_then_what_is_near():
@@ -196,8 +210,7 @@ def test_the_selected_object_is_labelled_first_then_what_moves_then_what_is_near
         "is_observed": np.array([True, True, True, False]),
     }
     labels = labels_of(SceneObjects.of_tracks(tracks), **known)
-    assert [label.name for label in labels] == ["#3", "#1", "#0", "#2"]
-    assert labels[0].details == "lost"
+    assert [label.details for label in labels] == ["#3  lost", "#1  2.0 m/s", "#0", "#2"]
 
 
 def test_an_object_without_a_3d_box_is_its_rectangle_in_the_image_alone():

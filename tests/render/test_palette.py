@@ -5,7 +5,16 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from perception.render.palette import FAINT_TEXT, GROUND, MOVING, STATIC, TRACKS, track_color
+from perception.render.palette import (
+    CLASSES,
+    FAINT_TEXT,
+    GROUND,
+    MOVING,
+    STATIC,
+    TRACKS,
+    class_color,
+    track_color,
+)
 
 # How linear RGB looks to whoever lacks one kind of cone (Machado, Oliveira and Fernandes 2009).
 SIGHTS = {
@@ -31,6 +40,17 @@ def test_tracks_differ_from_one_another_and_from_what_lies_below(sight):
     pairs += [(track, other) for track in TRACKS for other in (GROUND, STATIC, MOVING)]
     # A difference of 2 is just noticed; 10 is seen at a glance.
     assert min(np.linalg.norm(as_seen(a, sight) - as_seen(b, sight)) for a, b in pairs) > 20
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+def test_classes_differ_from_one_another(sight):
+    pairs = combinations(CLASSES.values(), 2)
+    assert min(np.linalg.norm(as_seen(a, sight) - as_seen(b, sight)) for a, b in pairs) > 15
+
+
+def test_a_class_has_its_colour_and_another_name_is_grey():
+    assert class_color("Cyclist") == CLASSES["Cyclist"]
+    assert class_color("Wagon") == FAINT_TEXT
 
 
 def test_a_number_has_one_colour_its_neighbour_another_and_no_number_is_grey():
