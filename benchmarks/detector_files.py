@@ -10,7 +10,8 @@ import torch
 from export.detector import QUANTIZATION, DecodedDetector
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
-from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_input import PixelRectangle, place, prepare_image
 from perception.types import Modality, UInt8
 from train.detector.networks import DetectorNetworkConfig, make_detector
 from train.networks.yolo_detector import YoloDetector
@@ -36,7 +37,11 @@ def write_detector(
         images: (H, W, C) images of this modality.
     """
     variant = DetectorNetworkConfig(modality, size=size, network=network)
-    inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in images[:_SHOWN]]
+    prepared = [
+        prepare_image(one, modality, place(PixelRectangle.whole(one), size))
+        for one in images[:_SHOWN]
+    ]
+    inputs = [one.transpose(2, 0, 1)[None] for one in prepared]
     torch.manual_seed(0)
     detector = make_detector(variant)
     _limit_confident_boxes(detector, torch.from_numpy(np.concatenate(inputs)))

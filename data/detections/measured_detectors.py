@@ -9,6 +9,7 @@ from data.array_store import ArrayStore
 from data.detections.cached_detections import FingerprintedDetector, detected_scene
 from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
+from perception.detection.detectors.detector_description import YAML_SUFFIXES
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
@@ -83,8 +84,8 @@ def open_detector(name: str, options: DetectorOptions) -> MeasuredDetector:
         return _fusion(options)
     if name == "depthcn":
         return _depthcn(options)
-    if modality is None and not name.endswith(".onnx"):
-        expected = "fusion, depthcn, rgb, dm, rm or an ONNX file"
+    if modality is None and not name.endswith((".onnx", *YAML_SUFFIXES)):
+        expected = "fusion, depthcn, rgb, dm, rm, an ONNX file or a YAML file that describes one"
         raise UsageError("--detector", expected=expected, found=name)
     model = Path(name) if modality is None else options.config.models[modality] or modality
     return measured_network(ModalityDetector(model, nms=options.config.nms), options)

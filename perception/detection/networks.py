@@ -2,6 +2,7 @@
 
 from perception.detection.config import DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
+from perception.detection.detectors.modalities import SHIPPED_DETECTORS
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
@@ -16,7 +17,7 @@ def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
     return tuple(
         modality
         for modality in MODALITIES
-        if config.models[modality] or shipped_model(f"{modality}_compact").is_file()
+        if config.models[modality] or shipped_model(SHIPPED_DETECTORS[modality]).is_file()
     )
 
 

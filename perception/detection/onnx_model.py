@@ -11,14 +11,17 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from perception.errors import ModelError
+from perception.errors import MissingDependencyError, ModelError
 
 Array = NDArray[Any]
 Value = TypeVar("Value")
+_IMAGE_AXES = 4  # rows, channels, height, width
 # Names of the input types in ONNX Runtime.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
+    np.float16: "tensor(float16)",
     np.float32: "tensor(float)",
+    np.int64: "tensor(int64)",
 }
 
 
@@ -27,7 +30,7 @@ class ModelInput:
     """An input of a network.
 
     Attributes:
-        type: Type of the numbers, uint8 or float32; None for any other.
+        type: Type of the numbers, uint8, float16, float32 or int64; None for any other.
         shape: Length of each axis, None for any length.
     """
 
@@ -83,32 +86,41 @@ def shipped_model(name: str) -> Traversable:
 class OnnxModel:
     """A network in ONNX Runtime, on the CPU."""
 
-    def __init__(self, file: Traversable, contract: ModelContract, threads: int = 2) -> None:
+    def __init__(
+        self,
+        file: Traversable,
+        contract: ModelContract | None = None,
+        threads: int = 2,
+        *,
+        any_image_size: bool = False,
+    ) -> None:
         """Open and validate the file, and run the network once, since the first run is slow.
 
         Args:
             file: Path of the file, or a model of this package.
-            contract: Requirements on the file.
+            contract: Requirements on the file; None for a file of any kind, which is not run.
             threads: Number of threads of one run.
+            any_image_size: Whether images of any height and width enter, also where the file states one size.
 
         Raises:
             ModelError: the file is missing, is no ONNX model, or does not meet the requirements.
+            MissingDependencyError: the package onnx is not installed, and the size in the file has to be removed.
         """
         self.name = file.name
         """Name of the file."""
         content = _content(file)
         self.fingerprint = hashlib.blake2b(content, digest_size=8).hexdigest()
         """Hash of the file's content."""
-        self._session = _open(file, content, threads)
+        self._session = _open(file, _without_size(content) if any_image_size else content, threads)
         self.metadata: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
         """Metadata of the file."""
         self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
         """Inputs by name."""
         self.output_shapes = {entry.name: _shape_of(entry) for entry in self._session.get_outputs()}
         """Shapes of the outputs by name; None for an axis of any length."""
-        self._check_metadata(contract)
-        self._check_interface(contract)
-        self(self._blank_inputs(contract.warmup_rows))
+        if contract is not None:
+            self.check(contract)
+            self(self._blank_inputs(contract.warmup_rows))
 
     def __call__(self, inputs: Mapping[str, Array]) -> dict[str, Array]:
         """Run the network once.
@@ -147,6 +159,15 @@ class OnnxModel:
             if one == value:
                 return one
         raise ModelError(self.name, expected=f"{name} {' or '.join(map(str, known))}", found=value)
+
+    def check(self, contract: ModelContract) -> None:
+        """Validate metadata, inputs and outputs.
+
+        Raises:
+            ModelError: the file does not meet the requirements.
+        """
+        self._check_metadata(contract)
+        self._check_interface(contract)
 
     def _check_metadata(self, contract: ModelContract) -> None:
         for name in (*contract.metadata, *contract.required_keys):
@@ -193,6 +214,26 @@ def _content(file: Traversable) -> bytes:
             advice="check the path, or create the file with `trifuse export`",
         )
     return file.read_bytes()
+
+
+def _without_size(content: bytes) -> bytes:
+    """Return a model whose images may have any height and width, and whose outputs any shape."""
+    try:
+        import onnx
+    except ImportError as error:
+        raise MissingDependencyError(
+            "onnx", needed_for="another input size than the file's", extra="train", reason=error
+        ) from error
+    model = onnx.load_from_string(content)
+    for entry in model.graph.input:
+        axes = entry.type.tensor_type.shape.dim
+        if len(axes) == _IMAGE_AXES:
+            axes[-2].dim_param, axes[-1].dim_param = "height", "width"
+    for entry in model.graph.output:
+        for number, axis in enumerate(entry.type.tensor_type.shape.dim):
+            axis.dim_param = f"{entry.name}_{number}"
+    del model.graph.value_info[:]  # the shapes between, which follow from the size
+    return bytes(model.SerializeToString())
 
 
 def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types

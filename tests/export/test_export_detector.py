@@ -133,7 +133,7 @@ def test_nothing_between_the_outer_convolutions_leaves_the_integers(exported):
 
 
 def test_detector_opens_what_was_written(exported):
-    detector = ModalityDetector(exported, class_names=("Car",))
+    detector = ModalityDetector(exported)
     assert (detector.modality, detector.size, detector.filling) == ("dm", SIZE, "default")
     assert detector.metadata["training_data"] == "two streets"
     assert detector.metadata["epochs"] == "12"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from perception.detection.detectors.network_input import PixelRectangle, place
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 from perception.types import Detections
 from tests.train.toy_images import SCALE, SIZE, ToySamples
@@ -25,11 +26,15 @@ def detections(*rows):
     )
 
 
+def placements(*sizes_px):
+    return [place(PixelRectangle(0, 0, *size_px), SIZE, "stretch") for size_px in sizes_px]
+
+
 def test_boxes_are_gathered_in_pixels_of_the_images():
     boxes = ValidationBoxes(NAMES)
     seen = [detections((8, 4, 16, 12, 0.5, "Pedestrian")), detections((0, 0, 96, 64, 0.75, "Car"))]
     boxes.update(seen, torch.tensor([2, 0]), process=0)
-    found = boxes.gathered(SIZE, np.array([[192, 128], [96, 64], [384, 64]]))
+    found = boxes.gathered(placements((192, 128), (96, 64), (384, 64)))
     assert found.frames.tolist() == [0, 2]
     assert found.types.tolist() == ["Car", "Pedestrian"]
     np.testing.assert_allclose(found.boxes_px, [[0, 0, 192, 128], [32, 4, 64, 12]])
@@ -41,14 +46,14 @@ def test_an_image_of_two_processes_counts_once():
     boxes.update([one], torch.tensor([0]), process=1)
     boxes.update([one], torch.tensor([1]), process=1)
     boxes.update([one], torch.tensor([0]), process=0)
-    found = boxes.gathered(SIZE, np.array([[96, 64], [96, 64]]))
+    found = boxes.gathered(placements((96, 64), (96, 64)))
     assert found.frames.tolist() == [0, 1]
 
 
 def test_nothing_seen_is_an_average_precision_of_zero():
     samples, boxes = ToySamples(3, 0), ValidationBoxes(NAMES)
     boxes.update([detections()], torch.tensor([1]), process=0)
-    found = boxes.gathered(SIZE, np.array([[384, 256]] * 3))
+    found = boxes.gathered(placements(*[(384, 256)] * 3))
     metrics = mean_precision(measure(samples.truth(), found, 3, NAMES))
     assert set(metrics.values()) == {0.0}
 
@@ -59,8 +64,8 @@ def perfect_but_shifted(samples, shift_px):
         shifted_px = samples.boxes_px[row] + np.array([shift_px, 0, shift_px, 0])
         rows = [(*box_px, 0.9, "Car") for box_px in shifted_px]
         boxes.update([detections(*rows)], torch.tensor([row]), process=0)
-    sizes_px = np.array([samples.image_size_px(row) for row in range(len(samples))])
-    return measure(samples.truth(), boxes.gathered(SIZE, sizes_px), len(samples), ("Car",))
+    found = boxes.gathered([samples.placement(row) for row in range(len(samples))])
+    return measure(samples.truth(), found, len(samples), ("Car",))
 
 
 def test_boxes_somewhat_off_are_right_at_half_the_overlap_only():

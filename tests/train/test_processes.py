@@ -106,7 +106,7 @@ def test_processes_of_a_detector_share_the_batches_and_measure_what_all_have_see
             decoded = detector.decode(detector(samples[row]["images"][None]))
         seen = postprocess_detections(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
         boxes.update([seen], torch.tensor([row]), process=0)
-    found = boxes.gathered(SIZE, np.array([samples.image_size_px(0)] * len(samples)))
+    found = boxes.gathered([samples.placement(0)] * len(samples))
     alone = precision_table(measure(samples.truth(), found, len(samples), ("Car",)))
     for name, of_difficulty in alone.items():
         assert saved["precision"][name] == pytest.approx(of_difficulty, abs=0.01)

@@ -11,6 +11,7 @@ from torch.utils.data import DataLoader, Sampler
 from data.samples.epoch_samplers import ContiguousDistributedSampler
 from data.samples.images.dataset import collate
 from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_input import ImagePlacement, PixelRectangle, place
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
 from train.detector.kind import DETECTOR
@@ -59,8 +60,8 @@ class ToySamples:
         boxes_px = self.boxes_px.reshape(-1, 4).astype(np.float64)
         return boxes_px[:, 2:] - boxes_px[:, :2]
 
-    def image_size_px(self, row: int) -> tuple[int, int]:
-        return SCALE * SIZE.width_px, SCALE * SIZE.height_px
+    def placement(self, row: int) -> ImagePlacement:
+        return place(PixelRectangle(0, 0, SCALE * SIZE.width_px, SCALE * SIZE.height_px), SIZE)
 
     def truth(self) -> TrueBoxes:
         count = CARS * len(self)

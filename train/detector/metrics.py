@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torchmetrics import Metric
 
-from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_input import ImagePlacement
 from perception.evaluation.detection.average_precision import (
     ClassCurves,
     DetectionMetrics,
@@ -20,7 +20,7 @@ from perception.evaluation.detection.protocol import (
     NO_ALPHA_RAD,
     kitti_class,
 )
-from perception.types import Detections, Int
+from perception.types import Detections
 
 LOOSE_IOU = 0.5
 _COLUMNS = 8  # number of the image, process, class, score, x1 y1 x2 y2
@@ -57,26 +57,28 @@ class ValidationBoxes(Metric):
         rows = self.rows
         return torch.cat(rows) if isinstance(rows, list) else rows
 
-    def gathered(self, size: InputSize, image_sizes_px: Int) -> DetectedBoxes:
+    def gathered(self, placements: Sequence[ImagePlacement]) -> DetectedBoxes:
         """Return them in pixels of the original images, each image's from one process.
 
         Args:
-            size: Size of the input.
-            image_sizes_px: (F, 2) width and height of the F images of the validation set.
+            placements: (F) places in the input of the F images of the validation set.
         """
         rows = np.asarray(self.compute().cpu().numpy(), np.float64)
         numbers, processes = rows[:, :2].T.astype(np.int64)
-        first = np.full(len(image_sizes_px), np.iinfo(np.int64).max)
+        first = np.full(len(placements), np.iinfo(np.int64).max)
         np.minimum.at(first, numbers, processes)
         rows = rows[processes == first[numbers]]
         rows = rows[np.lexsort((-rows[:, 3], rows[:, 0]))]
         numbers, classes = rows[:, 0].astype(np.int64), rows[:, 2].astype(np.int64)
-        scale = np.tile(image_sizes_px[numbers] / [size.width_px, size.height_px], 2)
+        boxes_px = rows[:, 4:]
+        for number in np.unique(numbers).tolist():
+            of_image = numbers == number
+            boxes_px[of_image] = placements[number].to_image(boxes_px[of_image])
         return DetectedBoxes(
             frames=numbers,
             types=np.array(self._class_names, np.str_)[classes],
             alphas_rad=np.full(len(rows), NO_ALPHA_RAD),
-            boxes_px=rows[:, 4:] * scale,
+            boxes_px=boxes_px,
             scores=rows[:, 3],
         )
 

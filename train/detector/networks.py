@@ -48,6 +48,7 @@ class DetectorNetworkConfig(ImageConfig):
             "input_height": str(self.size.height_px),
             "input_width": str(self.size.width_px),
             "filling": self.filling,
+            "fit": self.fit,
         }
         compression = {"jpeg_quality": str(self.jpeg_quality)} if self.jpeg_quality else {}
         return metadata | compression
@@ -63,6 +64,7 @@ class DetectorNetworkConfig(ImageConfig):
             size=InputSize(int(metadata["input_height"]), int(metadata["input_width"])),
             filling=metadata["filling"],
             jpeg_quality=None if quality is None else int(quality),
+            fit=metadata.get("fit", "letterbox"),
         )
 
 

@@ -15,6 +15,7 @@ from data.samples.images.dataset import ImageDataset
 from data.splits.training_frames import ENTRY, UNKNOWN
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import MapFilling
+from perception.detection.detectors.network_input import Fit
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
@@ -67,6 +68,7 @@ class DetectorTraining(LightningModule):
         size: str = "192x640",
         filling: MapFilling = "default",
         jpeg_quality: int | None = None,
+        fit: Fit = "letterbox",
         anchors: Anchors = "auto",
         scales: tuple[float, float] = (0.75, 1.25),
         loss: DetectionLossConfig = _LOSS,
@@ -86,6 +88,7 @@ class DetectorTraining(LightningModule):
             filling: Method by which maps are made dense: default, thesis, nearest, linear, natural; or sparse, the
                 returns alone (Table B.2).
             jpeg_quality: Quality of the JPEG compression of the input, 1 to 100; 75 in the thesis (7.2.2).
+            fit: Letterbox, which keeps the aspect of images, or stretch, as the thesis does.
             anchors: Anchor boxes: auto fits them to the training labels; default takes the network's own, as with
                 the weights of a whole Darknet detector. A training that starts from a checkpoint keeps its own.
             scales: Smallest and largest height of the training images over that of the input.
@@ -101,7 +104,7 @@ class DetectorTraining(LightningModule):
         """
         super().__init__()
         self.image = DetectorNetworkConfig(
-            modality, tuple(classes), InputSize.parse(size), filling, jpeg_quality, network
+            modality, tuple(classes), InputSize.parse(size), filling, jpeg_quality, fit, network
         )
         """Input of the network, which the data module makes."""
         stated = {"scales": list(scales), "seed": seed, "loss": asdict(loss)}
@@ -201,8 +204,8 @@ class DetectorTraining(LightningModule):
         if stage not in self._truths:
             self._truths[stage] = samples.truth()
         names = self.image.class_names
-        sizes_px = np.array([samples.image_size_px(row) for row in range(len(samples))])
-        found = self.boxes.gathered(self.image.size, sizes_px)
+        placements = [samples.placement(row) for row in range(len(samples))]
+        found = self.boxes.gathered(placements)
         self.boxes.reset()
         self.metrics = measure(self._truths[stage], found, len(samples), names)
         metrics = mean_precision(self.metrics)

@@ -14,6 +14,7 @@ from data.samples.images.augmentation import augment
 from data.samples.images.config import ImageAugmentationConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.images.targets import DetectionTargets
+from perception.detection.detectors.network_input import ImagePlacement
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Float64, Int, UInt8
 
@@ -86,9 +87,9 @@ class ImageDataset(Dataset[Sample]):
         rng = np.random.default_rng([self.seed, *index.view])
         return augment(image, labels, self.frames.config, self.augmentation, rng)
 
-    def image_size_px(self, row: int) -> tuple[int, int]:
-        """Return the (width, height) of an image before it was stretched to the input."""
-        return self.frames.size_px(int(self.numbers[row]))
+    def placement(self, row: int) -> ImagePlacement:
+        """Return where an image lies in the input."""
+        return self.frames.placement(int(self.numbers[row]))
 
     def truth(self) -> TrueBoxes:
         """Return all labels in pixels of the original images, against which detections are evaluated."""

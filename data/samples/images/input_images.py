@@ -16,7 +16,13 @@ from perception.detection.detectors.modalities import (
     fill_maps,
     map_image,
 )
-from perception.detection.detectors.network_input import prepare_image
+from perception.detection.detectors.network_input import (
+    Fit,
+    ImagePlacement,
+    PixelRectangle,
+    place,
+    prepare_image,
+)
 from perception.errors import UsageError
 from perception.maps.projection import project_frame
 from perception.types import MODALITIES, Frame, Int, Modality, UInt8
@@ -31,9 +37,10 @@ class ImageConfig:
     Attributes:
         modality: Camera image, depth map or reflectance map.
         class_names: Classes to detect, as labels spell them.
-        size: Size of the input, to which images are stretched.
+        size: Size of the input.
         filling: Method by which maps are made dense.
         jpeg_quality: Quality of a JPEG compression, 1 to 100; None for none.
+        fit: Letterbox, which keeps the aspect of images, or stretch, as the thesis does.
     """
 
     modality: Modality
@@ -41,6 +48,7 @@ class ImageConfig:
     size: InputSize = _SIZE
     filling: MapFilling = "default"
     jpeg_quality: int | None = None
+    fit: Fit = "letterbox"
 
     def __post_init__(self) -> None:
         """Validate modality, class names and JPEG quality."""
@@ -54,6 +62,10 @@ class ImageConfig:
             found = str(self.jpeg_quality)
             raise UsageError("JPEG quality", expected="from 1 to 100", found=found)
 
+    def placement(self, region: PixelRectangle) -> ImagePlacement:
+        """Return where a region of an image lies in the input."""
+        return place(region, self.size, self.fit)
+
 
 def image_settings(config: ImageConfig) -> dict[str, object]:
     """Return all that determines the images of a frame; the classes do not matter."""
@@ -61,6 +73,7 @@ def image_settings(config: ImageConfig) -> dict[str, object]:
         "filling": None if config.modality == "rgb" else config.filling,
         "size": config.size,
         "jpeg_quality": config.jpeg_quality,
+        "fit": config.fit,
         "code": code_fingerprint(
             perception.maps, modalities, input_size, network_input, Path(__file__)
         ),
@@ -68,7 +81,9 @@ def image_settings(config: ImageConfig) -> dict[str, object]:
 
 
 def make_images(frame: Frame, config: ImageConfig) -> Arrays:
-    """Return the input images of a frame, each (h, w, C), by modality, and `size_px`: width and height before.
+    """Return the input images of a frame, each (h, w, C), by modality, `size_px` and `region`.
+
+    `size_px` is the width and height of the image, `region` what the input shows of it: left, top, right, bottom.
 
     Both maps are made at once, since all but the last step is the same.
 
@@ -81,9 +96,11 @@ def make_images(frame: Frame, config: ImageConfig) -> Arrays:
     else:
         dense = fill_maps(project_frame(frame), config.filling)
         images = {"dm": map_image(dense, "dm"), "rm": map_image(dense, "rm")}
-    height, width = next(iter(images.values())).shape[:2]
+    image = next(iter(images.values()))
+    region = PixelRectangle.whole(image)
+    placement = config.placement(region)
     arrays: dict[str, UInt8 | Int] = {
-        name: prepare_image(image, name, config.size, config.jpeg_quality)
+        name: prepare_image(image, name, placement, config.jpeg_quality)
         for name, image in images.items()
     }
-    return {**arrays, "size_px": np.array([width, height])}
+    return {**arrays, "size_px": np.array(image.shape[1::-1]), "region": np.array(region)}

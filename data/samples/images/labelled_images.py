@@ -8,6 +8,7 @@ from data.frames import file_number
 from data.samples.cached_frames import CachedFrames
 from data.samples.images.input_images import ImageConfig, image_settings, make_images
 from data.samples.images.targets import DetectionTargets, detection_targets, labels_within_image
+from perception.detection.detectors.network_input import ImagePlacement, PixelRectangle
 from perception.types import Drive, Labels, UInt8
 
 log = logging.getLogger(__name__)
@@ -28,6 +29,7 @@ class LabelledImages(CachedFrames):
         self.config = config
         self._settings = image_settings(config)
         self._sizes_px: dict[int, tuple[int, int]] = {}
+        self._regions: dict[int, PixelRectangle] = {}
         self._labels: dict[int, Labels] = {}
 
     def image(self, number: int) -> UInt8:
@@ -39,7 +41,7 @@ class LabelledImages(CachedFrames):
         return self._images(number)[self.config.modality]
 
     def size_px(self, number: int) -> tuple[int, int]:
-        """Return the (width, height) of the image of a frame before it was stretched to the input.
+        """Return the (width, height) of the image of a frame.
 
         Raises:
             PerceptionError: as `image`.
@@ -48,6 +50,16 @@ class LabelledImages(CachedFrames):
             width, height = self._images(number)["size_px"].tolist()
             self._sizes_px[number] = width, height
         return self._sizes_px[number]
+
+    def placement(self, number: int) -> ImagePlacement:
+        """Return where the image of a frame lies in the input.
+
+        Raises:
+            PerceptionError: as `image`.
+        """
+        if number not in self._regions:
+            self._regions[number] = PixelRectangle(*self._images(number)["region"].tolist())
+        return self.config.placement(self._regions[number])
 
     def labels(self, number: int) -> Labels:
         """Return the labels of a frame, in pixels of the original image.
@@ -76,9 +88,8 @@ class LabelledImages(CachedFrames):
         Raises:
             PerceptionError: as `labels`.
         """
-        config = self.config
-        labels = self.labels(number)
-        return detection_targets(labels, config.class_names, self.size_px(number), config.size)
+        names = self.config.class_names
+        return detection_targets(self.labels(number), names, self.placement(number))
 
     def _images(self, number: int) -> Arrays:
         what = "camera image" if self.config.modality == "rgb" else "maps"

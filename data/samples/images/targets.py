@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_input import ImagePlacement
 from perception.evaluation.detection.protocol import KITTI_CLASSES, Difficulty
 from perception.types import SHARED, ArrayTable, Bool, Float32, Float64, Int, Labels
 
@@ -36,7 +36,7 @@ class DetectionTargets(ArrayTable):
 
 
 def detection_targets(
-    labels: Labels, class_names: Sequence[str], size_px: tuple[int, int], size: InputSize
+    labels: Labels, class_names: Sequence[str], placement: ImagePlacement
 ) -> DetectionTargets:
     """Return the targets of a frame's input image.
 
@@ -44,23 +44,23 @@ def detection_targets(
         labels: Labels in pixels of the original image; no box lies outside.
         class_names: Classes to detect, in any case. Neighbouring types, such as Van for Car, are ignored
             unless they are among them.
-        size_px: (width, height) of the original image.
-        size: Size of the input.
+        placement: Place of the image in the input.
     """
     class_of = _class_numbers(class_names)
     numbers = np.array([class_of.get(str(name).lower(), -1) for name in labels.types], np.int64)
     is_target = np.isin(np.char.lower(labels.types.astype(np.str_)), _lower(class_names))
     rows = np.flatnonzero(numbers >= 0)
     regions = len(labels.dont_care_px)
-    boxes_px = clip_boxes(np.concatenate([labels.boxes_px[rows], labels.dont_care_px]), size_px)
-    scale = np.tile([size.width_px / size_px[0], size.height_px / size_px[1]], 2)
+    all_px = np.concatenate([labels.boxes_px[rows], labels.dont_care_px])
+    boxes_px = np.clip(all_px, *np.tile(np.reshape(placement.region, (2, 2)), 2))
     is_ignored = ~(is_target & _is_learnable(labels))[rows]
-    return DetectionTargets(
-        boxes_px=(boxes_px * scale).astype(np.float32),
+    targets = DetectionTargets(
+        boxes_px=placement.to_input(boxes_px).astype(np.float32),
         classes=np.concatenate([numbers[rows], np.zeros(regions, np.int64)]),
         is_ignored=np.concatenate([is_ignored, np.ones(regions, bool)]),
-        min_height_px=TRAINING_DIFFICULTY.min_height_px * float(scale[1]),
+        min_height_px=TRAINING_DIFFICULTY.min_height_px * placement.height_scale,
     )
+    return targets[has_area(boxes_px)]
 
 
 def labels_within_image(labels: Labels, size_px: tuple[int, int]) -> tuple[Labels, int]:

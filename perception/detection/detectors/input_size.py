@@ -1,18 +1,10 @@
-"""Input size of a detector: images are stretched to it, and boxes are scaled back to the image.
-
-A fully convolutional network is exported with an input of nearly the shape of the images, with about as many pixels
-as in training; the thesis' network takes 416x416 only.
-"""
+"""Input size of a detector: height and width in pixels."""
 
 import math
 import re
 from typing import NamedTuple, Self
 
-import cv2
-import numpy as np
-
 from perception.errors import UsageError
-from perception.types import Float64, Modality, UInt8
 
 SIZE_STEP_PX = 32  # every trunk halves its input five times
 
@@ -52,24 +44,6 @@ class InputSize(NamedTuple):
         columns = max(1, round(aspect * height / SIZE_STEP_PX))
         return InputSize(SIZE_STEP_PX * rows, SIZE_STEP_PX * columns)
 
-
-def stretch(image: UInt8, size: InputSize, modality: Modality) -> UInt8:
-    """Return an (H, W, C) image stretched to the (h, w, C) of a size.
-
-    Maps are resized by nearest neighbours: the mean of two depths is a position where nothing is.
-    """
-    height, width = image.shape[:2]
-    if (height, width) == size:
-        return image
-    shrinks = size.height_px < height or size.width_px < width
-    smooth = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    how = smooth if modality == "rgb" else cv2.INTER_NEAREST
-    stretched = cv2.resize(image, (size.width_px, size.height_px), interpolation=how)
-    return np.asarray(stretched, np.uint8).reshape(*size, -1)
-
-
-def boxes_in_image(boxes_px: Float64, size: InputSize, image: UInt8) -> Float64:
-    """Return (M, 4) boxes of the input scaled to the (H, W, C) image that was stretched to it."""
-    height, width = image.shape[:2]
-    scale = np.tile([width / size.width_px, height / size.height_px], 2)
-    return np.asarray(boxes_px * scale, np.float64)
+    def __str__(self) -> str:
+        """Return the text that `parse` reads."""
+        return f"{self.height_px}x{self.width_px}"

@@ -21,6 +21,12 @@ from perception.maps.projection import SparseMaps, project_frame
 from perception.types import Frame, MapMethod, MapModality, Modality, UInt8
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
+# Detectors of this package, by the names of their files without suffix.
+SHIPPED_DETECTORS: Mapping[Modality, str] = {
+    "rgb": "rgb_compact",
+    "dm": "dm_compact",
+    "rm": "rm_compact",
+}
 
 # Filling of a detector's maps: a method, or the returns alone (Table B.2).
 MapFilling = MapMethod | Literal["sparse"]

@@ -1,103 +1,111 @@
-"""A detector of one modality; its file states input, map filling, JPEG quality and classes (6.2.3).
+"""A detector of one modality: a network of this package, or any ONNX detector of a known form of outputs (6.2.3).
 
-image -- compress, stretch --> network --> boxes and scores -- NMS --> detections
+image -- compress, crop, letterbox --> network --> boxes and scores -- NMS --> detections
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib.abc import Traversable
 
-import cv2
 import numpy as np
 
 from perception.detection.config import DEFAULT_NMS, NmsConfig
-from perception.detection.detectors.input_size import InputSize, boxes_in_image
-from perception.detection.detectors.modalities import CHANNELS, MapFilling
-from perception.detection.detectors.network_input import prepare_image
+from perception.detection.detectors.detector_network import open_network
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import CHANNELS, SHIPPED_DETECTORS, MapFilling
+from perception.detection.detectors.network_input import (
+    ImagePlacement,
+    PixelRectangle,
+    place,
+    place_tiles,
+    prepare_image,
+)
+from perception.detection.detectors.output_forms import Predictions
 from perception.detection.detectors.postprocess import postprocess_detections
-from perception.detection.onnx_model import (
-    Array,
-    ModelContract,
-    ModelInput,
-    OnnxModel,
-    shipped_model,
-)
-from perception.errors import ImageError, ModelError
-from perception.maps.densify import FILL_METHODS
-from perception.types import MODALITIES, Detections, Modality, UInt8
-
-KIND = "detector"
-CONTRACT = ModelContract(
-    metadata={"kind": KIND},
-    required_keys=("modality", "classes", "input_height", "input_width", "filling"),
-    inputs={"images": ModelInput(np.uint8, (None, None, None, None))},
-    outputs=("boxes_px", "scores"),
-    warmup_rows=1,
-)
-_FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILL_METHODS)
+from perception.detection.onnx_model import Array, shipped_model
+from perception.errors import ImageError
+from perception.types import Detections, Modality, UInt8
 
 
 class ModalityDetector:
     """A trained network, from a file or of this package."""
 
     def __init__(
-        self,
-        model: Traversable | Modality,
-        threads: int = 2,
-        class_names: Sequence[str] | None = None,
-        nms: NmsConfig = DEFAULT_NMS,
+        self, model: Traversable | Modality, threads: int = 2, nms: NmsConfig = DEFAULT_NMS
     ) -> None:
         """Open the model file.
 
         Args:
-            model: Model file, or the modality of a model of this package.
+            model: ONNX file, YAML file that describes one, or the modality of a model of this package.
             threads: Number of threads of the network.
-            class_names: Classes that the network has to detect, in this order; else those of the file.
             nms: Score threshold and suppression.
 
         Raises:
-            ModelError: the file does not hold a detector, or one of another modality, input or classes.
+            ModelError: the file does not hold a detector, or one of another input or classes.
+            UsageError: the YAML file holds no description of a detector.
         """
-        file = shipped_model(f"{model}_compact") if isinstance(model, str) else model
-        required: dict[str, str] = {"modality": model} if isinstance(model, str) else {}
-        if class_names is not None:
-            required["classes"] = ",".join(class_names)
-        self.model = OnnxModel(file, CONTRACT.with_metadata(required), threads)
-        """The network."""
-        self.modality: Modality = self.model.metadata_choice("modality", MODALITIES)
-        """Modality of the input."""
-        self.filling: MapFilling = self.model.metadata_choice("filling", _FILLINGS)
-        """Filling of the maps of its training."""
-        self.class_names = tuple(self.metadata["classes"].split(","))
-        """Classes that it detects."""
-        self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
-        """Input size, to which images are stretched."""
-        self.jpeg_quality = self._jpeg_quality()
-        """Quality of the JPEG compression of the images of its training, or None."""
+        file = shipped_model(SHIPPED_DETECTORS[model]) if isinstance(model, str) else model
+        self._network = open_network(file, threads)
+        self._format = self._network.format
         self._nms = nms
-        self._check_input()
-        self._check_classes()
+        self.model = self._network.model
+        """The network in ONNX Runtime."""
+        self.modality: Modality = self._network.modality
+        """Modality of the input."""
+        self.class_names = self._network.classes.names
+        """Classes that it reports."""
+        self.size: InputSize = self._network.size
+        """Input size of the training; a network for images of any size takes about as many pixels."""
+        self.filling: MapFilling = self._network.description.filling or "default"
+        """Filling of the maps of its training."""
+        self.jpeg_quality = self._network.description.jpeg_quality
+        """Quality of the JPEG compression of the images of its training, or None."""
+        self.fingerprint = self._network.fingerprint
+        """Hash of the model file and, where one describes it, of its YAML file."""
 
     @property
     def metadata(self) -> Mapping[str, str]:
         """Metadata of the model file."""
         return self.model.metadata
 
-    def detect(self, image: UInt8) -> Detections:
+    def detect(self, image: UInt8, region: PixelRectangle | None = None) -> Detections:
         """Return the objects in an (H, W, C) image of the modality, best first, in pixels of the image.
+
+        Args:
+            image: Image of the modality.
+            region: Region in which objects may be; else the whole image.
 
         Raises:
             ImageError: the image has other channels than the modality.
             ModelError: an output of the network is not finite.
         """
-        return self.postprocess(image, self.model({"images": self.preprocess(image)}))
+        placements = self._placements(image, region)
+        parts = [self._predict(self.model(self._inputs(image, one)), one) for one in placements]
+        # Of an object that a tile cuts, another tile or the whole image shows more.
+        whole = placements[0].region
+        kept = [
+            part if one.region == whole else part.of_rows(~one.is_cut(part.boxes_px, whole))
+            for one, part in zip(placements, parts, strict=True)
+        ]
+        return self._detections(image, kept)
 
-    def preprocess(self, image: UInt8) -> UInt8:
-        """Return the (1, C, h, w) input of the network for an (H, W, C) image.
+    def preprocess(self, image: UInt8) -> Array:
+        """Return the (1, C, h, w) input of the network for a whole (H, W, C) image.
 
         Raises:
             ImageError: the image has other channels than the modality.
         """
+        placement = self._placements(image, None)[0]
+        return self._inputs(image, placement)[self._network.image_input]
+
+    def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
+        """Return the detections in a whole (H, W, C) image by the outputs of the network for it."""
+        return self._detections(image, [self._predict(outputs, self._placements(image, None)[0])])
+
+    def _placements(
+        self, image: UInt8, region: PixelRectangle | None
+    ) -> tuple[ImagePlacement, ...]:
+        """Return where the image is placed in the input, once or in tiles."""
         channels = CHANNELS[self.modality]
         if image.ndim != 3 or image.shape[2] != channels or not image.size:
             raise ImageError(
@@ -105,51 +113,28 @@ class ModalityDetector:
                 expected=f"shape (H, W, {channels}) of modality {self.modality}",
                 found=f"shape {image.shape}",
             )
-        planes = cv2.split(prepare_image(image, self.modality, self.size, self.jpeg_quality))
-        return np.stack(planes).astype(np.uint8, copy=False)[None]
+        region = region or PixelRectangle.whole(image)
+        if self._format.resize == "tiles":
+            return place_tiles(region, self.size)
+        size = self._network.size_for(region.height_px, region.width_px)
+        return (place(region, size, self._format.resize, self._format.alignment),)
 
-    def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
-        """Return the detections in an (H, W, C) image by the outputs of the network for it."""
-        found = postprocess_detections(
-            outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size, self._nms
+    def _inputs(self, image: UInt8, placement: ImagePlacement) -> dict[str, Array]:
+        shown = prepare_image(
+            image, self.modality, placement, self.jpeg_quality, self._format.pad_value
         )
+        return self._network.inputs(shown)
+
+    def _predict(self, outputs: Mapping[str, Array], placement: ImagePlacement) -> Predictions:
+        """Return the predictions in pixels of the image."""
+        boxes_px, scores = self._network.predict(outputs, placement.size)
+        return Predictions(placement.to_image(boxes_px), scores)
+
+    def _detections(self, image: UInt8, parts: list[Predictions]) -> Detections:
         height, width = image.shape[:2]
-        # To the centres of the outermost pixels, as in KITTI's labels.
-        within = np.clip(
-            boxes_in_image(found.boxes_px, self.size, image), 0, [width - 1, height - 1] * 2
+        boxes_px, scores = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        found = postprocess_detections(
+            boxes_px, scores, self.class_names, InputSize(height, width), self._nms
         )
-        return replace(found, boxes_px=within)
-
-    def _pixels(self, key: str) -> int:
-        value = self.metadata[key]
-        if not value.isdecimal() or int(value) < 1:
-            raise ModelError(self.model.name, expected=f"{key} in pixels", found=value)
-        return int(value)
-
-    def _jpeg_quality(self) -> int | None:
-        """Return the quality that the file states; without an entry, images are not compressed."""
-        text = self.metadata.get("jpeg_quality")
-        if text is None:
-            return None
-        if not text.isdecimal() or not 1 <= int(text) <= 100:
-            raise ModelError(self.model.name, expected="jpeg_quality from 1 to 100", found=text)
-        return int(text)
-
-    def _check_input(self) -> None:
-        required = ModelInput(np.uint8, (None, CHANNELS[self.modality], *self.size))
-        found = self.model.inputs["images"]
-        if not required.accepts(found):
-            raise ModelError(
-                self.model.name,
-                expected=f"input {required} for modality {self.modality}",
-                found=str(found),
-            )
-
-    def _check_classes(self) -> None:
-        class_count = self.model.output_shapes["scores"][-1]
-        if class_count != len(self.class_names):
-            raise ModelError(
-                self.model.name,
-                expected=f"scores of {len(self.class_names)} classes: {', '.join(self.class_names)}",
-                found=f"scores of {class_count}",
-            )
+        # To the centres of the outermost pixels, as in KITTI's labels.
+        return replace(found, boxes_px=np.minimum(found.boxes_px, [width - 1, height - 1] * 2))

@@ -1,30 +1,190 @@
-"""From an image of a modality to the network's input: JPEG compression where it was trained with one, then the size.
+"""From an image to the network's input, in training and at run time, and boxes back to the image.
+
+    image                          input
+    +--------------------------+
+    |                          |   +-----------------------+
+    |-------- region ----------|   | content: the region   |
+    |                          |   | in its own aspect     |
+    |                          |   |-----------------------|
+    +--------------------------+   | padding               |
+                                   +-----------------------+
 
 The thesis compares modalities by images of one JPEG quality (7.2.2). A network that was trained on compressed images
 states their quality, and runs on images of the same quality.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
 import cv2
 import numpy as np
 
-from perception.detection.detectors.input_size import InputSize, stretch
-from perception.types import Modality, UInt8
+from perception.detection.detectors.input_size import InputSize
+from perception.types import Bool, Float, Float64, Modality, UInt8
+
+# How a region gets the shape of the input: scaled and padded, or stretched.
+Fit = Literal["letterbox", "stretch"]
+# Where the padding of a letterbox is: right and below, or on all sides.
+Alignment = Literal["top-left", "center"]
+Resize = Literal["letterbox", "stretch", "tiles"]
+
+# Padding of networks of this package: gray around images, unknown around maps.
+_PAD_VALUES: Mapping[Modality, int] = {"rgb": 114, "dm": 0, "rm": 0}
+_TILE_OVERLAP = 0.25  # of the width or height of a tile
+_CUT_PX = 2.0  # boxes of an object that goes on beyond a tile end about here
+
+
+class PixelRectangle(NamedTuple):
+    """A rectangle of an image in whole pixels; right and bottom are the first column and row outside."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @classmethod
+    def whole(cls, image: UInt8) -> "PixelRectangle":
+        """Return the region of a whole (H, W, C) image."""
+        return cls(0, 0, image.shape[1], image.shape[0])
+
+    @property
+    def height_px(self) -> int:
+        """Number of rows."""
+        return self.bottom - self.top
+
+    @property
+    def width_px(self) -> int:
+        """Number of columns."""
+        return self.right - self.left
+
+
+@dataclass(frozen=True)
+class ImagePlacement:
+    """Where a region of an image lies in the input of a network.
+
+    Attributes:
+        region: Region of the image.
+        content: Region of the input that shows it; the rest is padding.
+        size: Size of the input.
+    """
+
+    region: PixelRectangle
+    content: PixelRectangle
+    size: InputSize
+
+    def to_input(self, boxes_px: Float) -> Float64:
+        """Return (M, 4) boxes of the image in pixels of the input."""
+        return (boxes_px - _corners(self.region)) * self._scale + _corners(self.content)
+
+    def to_image(self, boxes_px: Float) -> Float64:
+        """Return (M, 4) boxes of the input in pixels of the image."""
+        return (boxes_px - _corners(self.content)) / self._scale + _corners(self.region)
+
+    def is_cut(self, boxes_px: Float, whole: PixelRectangle) -> Bool:
+        """Return which of (M, 4) boxes of the image end where the region does and a whole region goes on."""
+        near_px = _CUT_PX / self._scale
+        goes_on = np.array(self.region) != np.array(whole)
+        ends = np.abs(boxes_px - np.array(self.region)) <= near_px
+        return np.asarray((ends & goes_on).any(axis=1))
+
+    @property
+    def height_scale(self) -> float:
+        """Rows of the input per row of the image."""
+        return self.content.height_px / self.region.height_px
+
+    @property
+    def _scale(self) -> Float64:
+        """Pixels of the input per pixel of the image: x, y, x, y."""
+        region, content = self.region, self.content
+        across = content.width_px / region.width_px, content.height_px / region.height_px
+        return np.tile(across, 2)
+
+
+def place(
+    region: PixelRectangle,
+    size: InputSize,
+    fit: Fit = "letterbox",
+    alignment: Alignment = "top-left",
+) -> ImagePlacement:
+    """Return the placement of a region of an image in an input.
+
+    Args:
+        region: Region of the image.
+        size: Size of the input.
+        fit: Keep the aspect and pad, or stretch to the size of the input.
+        alignment: Place of the content where it is padded.
+    """
+    if fit == "stretch":
+        return ImagePlacement(region, PixelRectangle(0, 0, size.width_px, size.height_px), size)
+    scale = min(size.width_px / region.width_px, size.height_px / region.height_px)
+    width = min(size.width_px, max(1, round(scale * region.width_px)))
+    height = min(size.height_px, max(1, round(scale * region.height_px)))
+    left, top = 0, 0
+    if alignment == "center":
+        left, top = (size.width_px - width) // 2, (size.height_px - height) // 2
+    return ImagePlacement(region, PixelRectangle(left, top, left + width, top + height), size)
+
+
+def place_tiles(region: PixelRectangle, size: InputSize) -> tuple[ImagePlacement, ...]:
+    """Return placements of a region as a whole, and of tiles of it that have the aspect of the input and overlap."""
+    height = min(region.height_px, round(region.width_px * size.height_px / size.width_px))
+    width = min(region.width_px, round(region.height_px * size.width_px / size.height_px))
+    tiles = [
+        PixelRectangle(left, top, left + width, top + height)
+        for top in _tile_starts(region.top, region.height_px, height)
+        for left in _tile_starts(region.left, region.width_px, width)
+    ]
+    regions = tiles if tiles == [region] else [region, *tiles]
+    return tuple(place(one, size) for one in regions)
 
 
 def prepare_image(
-    image: UInt8, modality: Modality, size: InputSize, jpeg_quality: int | None = None
+    image: UInt8,
+    modality: Modality,
+    placement: ImagePlacement,
+    jpeg_quality: int | None = None,
+    pad_value: int | None = None,
 ) -> UInt8:
     """Return an (H, W, C) image as the (h, w, C) input of a network.
+
+    Maps are resized by nearest neighbours: the mean of two depths is a position where nothing is.
 
     Args:
         image: Camera image or map.
         modality: Modality of the image.
-        size: Size of the input.
+        placement: Place of the image in the input.
         jpeg_quality: Quality of the JPEG compression, 1 to 100; None for none.
+        pad_value: Value of the padding, 0 to 255; None for the modality's.
     """
     if jpeg_quality is not None:
         image = jpeg_compressed(image, jpeg_quality)
-    return stretch(image, size, modality)
+    left, top, right, bottom = placement.region
+    region, content = image[top:bottom, left:right], placement.content
+    size_px = content.width_px, content.height_px
+    shrinks = content.width_px < region.shape[1] or content.height_px < region.shape[0]
+    smooth = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    how = smooth if modality == "rgb" else cv2.INTER_NEAREST
+    if size_px != region.shape[1::-1]:
+        region = np.asarray(cv2.resize(region, size_px, interpolation=how), np.uint8)
+    shown = region.reshape(content.height_px, content.width_px, -1)
+    if shown.shape[:2] == placement.size:
+        return shown
+    below, right_of = (
+        placement.size.height_px - content.bottom,
+        placement.size.width_px - content.right,
+    )
+    value = _PAD_VALUES[modality] if pad_value is None else pad_value
+    padded = cv2.copyMakeBorder(
+        shown,
+        content.top,
+        below,
+        content.left,
+        right_of,
+        cv2.BORDER_CONSTANT,
+        value=[value] * 3,
+    )
+    return np.asarray(padded, np.uint8).reshape(*placement.size, -1)
 
 
 def jpeg_compressed(image: UInt8, quality: int) -> UInt8:
@@ -33,3 +193,15 @@ def jpeg_compressed(image: UInt8, quality: int) -> UInt8:
     _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     return np.asarray(decoded, np.uint8).reshape(image.shape)[..., ::-1]
+
+
+def _tile_starts(first: int, length: int, tile: int) -> list[int]:
+    """Return where the fewest tiles begin that cover a length and overlap."""
+    if tile >= length:
+        return [first]
+    count = int(np.ceil((length - _TILE_OVERLAP * tile) / ((1 - _TILE_OVERLAP) * tile)))
+    return [first + round(start) for start in np.linspace(0, length - tile, count)]
+
+
+def _corners(region: PixelRectangle) -> Float64:
+    return np.tile(np.array(region[:2], np.float64), 2)

@@ -88,7 +88,7 @@ def fusion_of(network: Fusion, detectors: Mapping[Modality, ModalityDetector]) -
     unfitted = [
         one.model.name
         for name, one in detectors.items()
-        if fitted.get(name, one.model.fingerprint) != one.model.fingerprint
+        if fitted.get(name, one.fingerprint) != one.fingerprint
     ]
     if len(detectors) == 1 and unfitted:
         (alone,) = detectors.values()
@@ -136,4 +136,4 @@ def _group_in_words(group: ClassGroup) -> str:
 
 def detector_fingerprints(detectors: Mapping[Modality, ModalityDetector]) -> str:
     """Return the fingerprints of detectors as in the metadata of a fusion: `rgb 0f3a..., dm ...`."""
-    return ", ".join(f"{name} {one.model.fingerprint}" for name, one in sorted(detectors.items()))
+    return ", ".join(f"{name} {one.fingerprint}" for name, one in sorted(detectors.items()))

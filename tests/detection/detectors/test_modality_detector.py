@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.network_input import jpeg_compressed
+from perception.detection.detectors.network_input import (
+    PixelRectangle,
+    jpeg_compressed,
+    place,
+    prepare_image,
+)
 from perception.errors import ImageError, ModelError
 from tests.detection.bright_cells import bright_cells
 
@@ -37,10 +42,12 @@ def test_bright_cells_are_found_best_first(write, modality, channels):
     assert found.types.tolist() == ["Car", "Car"]
 
 
-def test_boxes_are_in_pixels_of_the_given_image(write):
-    large = image_with_bright_cells().repeat(3, axis=0).repeat(5, axis=1)
-    found = ModalityDetector(write()).detect(large)
-    np.testing.assert_allclose(found.boxes_px, [[0, 0, 160, 96], [320, 96, 479, 191]])
+@pytest.mark.parametrize(("fit", "across"), [("letterbox", 3), ("stretch", 5)])
+def test_boxes_are_in_pixels_of_the_given_image(write, fit, across):
+    large = image_with_bright_cells().repeat(3, axis=0).repeat(across, axis=1)
+    found = ModalityDetector(write(fit=fit)).detect(large)
+    right, width = 32 * across, 96 * across
+    np.testing.assert_allclose(found.boxes_px, [[0, 0, right, 96], [2 * right, 96, width - 1, 191]])
     np.testing.assert_allclose(found.scores, [0.8, 0.4], rtol=1e-6)
 
 
@@ -71,7 +78,8 @@ def test_a_network_of_compressed_images_runs_on_compressed_images(write):
 def test_compression_comes_before_the_size(write):
     image = np.random.default_rng(0).integers(0, 256, (375, 1242, 3), dtype=np.uint8)
     detector = ModalityDetector(write("a.onnx", "rgb", jpeg_quality="75"))
-    expected = stretch(jpeg_compressed(image, 75), detector.size, "rgb")
+    placement = place(PixelRectangle.whole(image), detector.size)
+    expected = prepare_image(jpeg_compressed(image, 75), "rgb", placement)
     np.testing.assert_array_equal(detector.preprocess(image)[0], expected.transpose(2, 0, 1))
 
 
@@ -121,14 +129,6 @@ def test_file_that_contradicts_itself_or_the_detector(write, options, expected, 
     assert error.value.where == "bright.onnx"
     assert error.value.expected.startswith(expected)
     assert error.value.found == found
-
-
-def test_file_of_other_classes_than_asked_for(write):
-    path = write("a.onnx", "dm", "Car,Van")
-    assert ModalityDetector(path, class_names=("Car", "Van")).class_names == ("Car", "Van")
-    with pytest.raises(ModelError) as error:
-        ModalityDetector(path, class_names=("Car",))
-    assert (error.value.expected, error.value.found) == ("classes Car", "Car,Van")
 
 
 def test_broken_and_missing_file(write, tmp_path):

@@ -5,9 +5,11 @@ import pytest
 
 from data.samples.images.targets import DetectionTargets, detection_targets, labels_within_image
 from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_input import PixelRectangle, place
 from perception.types import Boxes3D, Labels
 
-SIZE_PX, HALF = (640, 192), InputSize(96, 320)
+SIZE_PX = (640, 192)
+PLACEMENT = place(PixelRectangle(0, 0, *SIZE_PX), InputSize(96, 320))
 BOX = (100.0, 50.0, 160.0, 90.0)
 
 
@@ -26,7 +28,7 @@ def labelled(*rows: tuple[object, ...], dont_care: tuple[tuple[float, ...], ...]
 
 
 def targets(labels: Labels, *class_names: str) -> DetectionTargets:
-    return detection_targets(labels, class_names or ("Car",), SIZE_PX, HALF)
+    return detection_targets(labels, class_names or ("Car",), PLACEMENT)
 
 
 def test_boxes_are_in_pixels_of_the_input_and_within_it():

@@ -75,7 +75,7 @@ def test_a_sample_without_augmentation_is_the_image_and_its_labels(dataset: Imag
     assert set(sample) == FIELDS
     image = dataset.frames.image(1)
     np.testing.assert_array_equal(sample["images"].numpy(), image.transpose(2, 0, 1))
-    expected = dataset.frames.labels(1).boxes_px * np.tile([320 / 620, 96 / 190], 2)
+    expected = dataset.frames.labels(1).boxes_px * np.tile([313 / 620, 96 / 190], 2)
     np.testing.assert_allclose(sample["boxes_px"], expected, rtol=1e-5)
     assert (sample["classes"].tolist(), sample["is_ignored"].tolist()) == ([0, 0], [False, False])
     assert int(sample["numbers"]) == 1
@@ -124,9 +124,10 @@ def test_truth_sizes_and_label_sizes_are_of_its_frames_in_order(
     assert truth.frames.tolist() == [0, 0, 1, 1]
     expected = [*frames.labels(3).boxes_px, *frames.labels(1).boxes_px]
     np.testing.assert_array_equal(truth.boxes_px, expected)
-    assert dataset.image_size_px(1) == SIZE_PX
+    assert dataset.placement(1).region == (0, 0, *SIZE_PX)
+    assert dataset.placement(1).content == (0, 0, 313, 96)  # of 320 x 96
     sizes = np.array(expected)[:, 2:] - np.array(expected)[:, :2]
-    np.testing.assert_allclose(dataset.label_sizes_px(), sizes * [320 / 620, 96 / 190], rtol=1e-5)
+    np.testing.assert_allclose(dataset.label_sizes_px(), sizes * [313 / 620, 96 / 190], rtol=1e-5)
 
 
 def test_labels_are_filled_up_with_boxes_of_no_size(dataset: ImageDataset):

@@ -14,7 +14,7 @@ from data.open_drive import open_drive
 from data.samples.images import labelled_images
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
-from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import (
     MapFilling,
     fill_maps,
@@ -22,6 +22,7 @@ from perception.detection.detectors.modalities import (
     modality_image,
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.network_input import PixelRectangle, place, prepare_image
 from perception.errors import ImageError, LabelError, ScanError, UsageError
 from perception.maps.projection import project_frame
 from perception.types import MODALITIES, Modality
@@ -44,17 +45,24 @@ def test_a_map_is_what_a_detector_is_shown(
 ):
     frames = make_images(modality, filling=filling)
     dense = fill_maps(project_frame(frames.drives[0][1]), filling)
-    expected = stretch(map_image(dense, modality), SMALL, modality)
+    image = map_image(dense, modality)
+    expected = prepare_image(image, modality, place(PixelRectangle.whole(image), SMALL))
     np.testing.assert_array_equal(frames.image(1), expected)
     assert frames.image(1).shape == (96, 320, 1)
     assert frames.size_px(1) == SIZE_PX
 
 
-def test_an_image_is_red_green_blue_and_stretched(make_images: Make):
+def test_an_image_is_red_green_blue_in_its_own_aspect(make_images: Make):
     image = make_images("rgb").image(2)
     assert image.shape == (96, 320, 3)
     assert image[10, 10].tolist() == [230, 0, 0]
     assert image[10, 300].tolist() == [0, 0, 230]
+    assert image[10, 313].tolist() == [114, 114, 114]
+
+
+def test_an_image_is_stretched_as_the_thesis_does(make_images: Make):
+    image = make_images("rgb", fit="stretch").image(2)
+    assert image[10, 319].tolist() == [0, 0, 230]
 
 
 def test_both_maps_are_kept_at_once_and_read_again(

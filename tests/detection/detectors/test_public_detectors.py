@@ -1,0 +1,272 @@
+"""Detectors of other makers as ONNX files: told apart by their outputs, described by a YAML file."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onnx import TensorProto
+
+from perception.detection.detectors.class_columns import COCO_CLASSES, COCO_NUMBERS
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.errors import ModelError, UsageError
+from tests.detection.public_forms import write_constant_network
+from tests.faults import fault
+
+HEIGHT, WIDTH = 64, 96
+CELLS = 8 * 12 + 4 * 6 + 2 * 3
+CAR, BUS, TRUCK, PERSON, KITE = (
+    COCO_CLASSES.index(n) for n in ("car", "bus", "truck", "person", "kite")
+)
+IMAGE = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), np.uint8)  # twice the input
+CAR_PX = [20.0, 40.0, 100.0, 90.0]  # in the image
+TRUCK_PX = [120.0, 10.0, 180.0, 60.0]
+
+
+def rows_of(scores, boxes_px, columns, count, first=0):
+    """Return (1, count, 4 + columns) rows: two boxes in pixels of the input, center and size, then scores."""
+    rows = np.zeros((1, count, 4 + columns), np.float32)
+    for row, (of_row, box) in enumerate(zip(scores, boxes_px, strict=True), first):
+        x1, y1, x2, y2 = np.array(box) / 2
+        rows[0, row, :4] = (x1 + x2) / 2, (y1 + y2) / 2, x2 - x1, y2 - y1
+        for number, score in of_row.items():
+            rows[0, row, 4 + number] = score
+    return rows
+
+
+SCORES = [{CAR: 0.8, KITE: 0.9}, {BUS: 0.3, TRUCK: 0.5}]
+
+
+def yolo(count=3 * CELLS):
+    with_objectness = [{0: 0.5} | {1 + n: 2 * s for n, s in one.items()} for one in SCORES]
+    return {"output": rows_of(with_objectness, [CAR_PX, TRUCK_PX], 81, count)}
+
+
+def yolox():
+    """Write the rows in cells of 8 pixels: xy as an offset of the cell, sizes as logarithms."""
+    rows = yolo(CELLS)["output"]
+    place = np.arange(2)  # of the cells (row 0, columns 0 and 1)
+    rows[0, :, 2:4] = np.log(np.maximum(rows[0, :, 2:4], 1e-3) / 8)
+    rows[0, :2, :2] = rows[0, :2, :2] / 8 - np.stack([place, 0 * place], axis=1)
+    return {"output": rows}
+
+
+def labelled(numbers, scale=2.0):
+    corners = np.array([CAR_PX, TRUCK_PX, CAR_PX], np.float32) / scale
+    found = [numbers[n] for n in (CAR, TRUCK, KITE)]
+    return corners, np.array(found, np.int64), np.array([0.8, 0.5, 0.9], np.float32)
+
+
+def detr():
+    boxes, labels, scores = labelled(list(range(80)))
+    unit = boxes / np.array([WIDTH, HEIGHT, WIDTH, HEIGHT], np.float32)
+    return {"labels": labels[None], "boxes": unit[None], "scores": scores[None]}
+
+
+def torchvision():
+    boxes, labels, scores = labelled(COCO_NUMBERS)
+    return {"boxes": boxes, "labels": labels, "scores": scores}
+
+
+def end_to_end():
+    boxes, labels, scores = labelled(list(range(80)))
+    return {
+        "output0": np.hstack([boxes, scores[:, None], labels[:, None].astype(np.float32)])[None]
+    }
+
+
+def ultralytics():
+    return {"output0": rows_of(SCORES, [CAR_PX, TRUCK_PX], 80, CELLS).transpose(0, 2, 1).copy()}
+
+
+FORMS = {
+    "yolox": (yolox, {}),
+    "yolo": (yolo, {}),
+    "ultralytics": (ultralytics, {}),
+    "ultralytics-end-to-end": (end_to_end, {}),
+    "detr": (detr, {"sizes": True}),
+    "torchvision": (torchvision, {"image_shape": (3, HEIGHT, WIDTH)}),
+}
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(form, **options):
+        make, usual = FORMS[form]
+        return write_constant_network(tmp_path / "public.onnx", make(), **{**usual, **options})
+
+    return write
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_each_form_is_known_by_its_outputs_and_reports_our_classes(write, form):
+    detector = ModalityDetector(write(form))
+    assert (detector.modality, detector.size) == ("rgb", (HEIGHT, WIDTH))
+    assert detector.class_names == ("Car", "Truck", "Pedestrian", "Cyclist")
+    found = detector.detect(IMAGE)
+    np.testing.assert_allclose(found.boxes_px, [CAR_PX, TRUCK_PX], atol=1e-4)
+    np.testing.assert_allclose(found.scores, [0.8, 0.5], rtol=1e-6)
+    assert found.types.tolist() == ["Car", "Truck"]
+
+
+def test_boxes_of_a_letterbox_are_in_the_image(write):
+    wide = np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8)
+    # Half the height, in the middle: the rows of the input above and below it are padding.
+    found = ModalityDetector(write("ultralytics")).detect(wide)
+    np.testing.assert_allclose(found.boxes_px[0], [20, 8, 100, 58], atol=1e-4)
+
+
+@pytest.mark.parametrize("form", ["yolox", "torchvision", "ultralytics"])
+def test_half_precision_and_free_axes(write, form):
+    shape = ("n", 3, "h", "w") if form != "torchvision" else (3, "h", "w")
+    path = write(form, image_shape=shape, image_type=TensorProto.FLOAT16)
+    path.with_suffix(".yaml").write_text(f"input_size: {HEIGHT}x{WIDTH}")
+    found = ModalityDetector(path).detect(IMAGE)
+    np.testing.assert_allclose(found.boxes_px, [CAR_PX, TRUCK_PX], atol=1e-4)
+
+
+def test_a_yaml_file_names_classes_by_name_or_number(write, tmp_path):
+    write("ultralytics")
+    (tmp_path / "mine.yaml").write_text(
+        "model: public.onnx\nclasses: {kite: Tram, 2: Van}\nresize: stretch\n"
+    )
+    detector = ModalityDetector(tmp_path / "mine.yaml")
+    assert detector.class_names == ("Tram", "Van")
+    assert detector.detect(IMAGE).types.tolist() == ["Tram", "Van"]
+
+
+def test_names_of_classes_in_the_file_itself(write, tmp_path):
+    path = write_constant_network(
+        tmp_path / "own.onnx",
+        {"output0": np.zeros((1, 4 + 3, CELLS), np.float32)},
+        metadata={"names": "{0: 'cyclist', 1: 'van', 2: 'tree'}"},
+    )
+    assert ModalityDetector(path).class_names == ("Van", "Cyclist")
+
+
+def test_fingerprint_depends_on_file_and_description(write):
+    path = write("yolox")
+    first = ModalityDetector(path).fingerprint
+    path.with_suffix(".yaml").write_text("color_order: RGB")
+    second = ModalityDetector(path).fingerprint
+    path.with_suffix(".yaml").write_text("color_order: BGR")
+    assert len({first, second, ModalityDetector(path).fingerprint}) == 3
+
+
+def test_pixels_are_scaled_shifted_and_in_the_order_of_the_network(write):
+    path = write("yolox")
+    path.with_suffix(".yaml").write_text("scale: 0.5\nmean: [1, 2, 3]\nstd: [1, 1, 4]")
+    image = np.full((HEIGHT, WIDTH, 3), [10, 20, 31], np.uint8)
+    shown = ModalityDetector(path).preprocess(image)
+    assert (shown.shape, shown.dtype) == ((1, 3, HEIGHT, WIDTH), np.float32)
+    # Of YOLOX: blue, green, red.
+    np.testing.assert_allclose(shown[0, :, 5, 7], [31 / 2 - 1, 20 / 2 - 2, (10 / 2 - 3) / 4])
+
+
+def test_tiles_find_each_object_once(write):
+    path = write("ultralytics")
+    path.with_suffix(".yaml").write_text("resize: tiles")
+    found = ModalityDetector(path).detect(np.zeros((HEIGHT, 2 * WIDTH, 3), np.uint8))
+    # The boxes of the network are those of the whole image and of each of three tiles.
+    assert sorted(found.types.tolist()) == ["Car"] * 4 + ["Truck"] * 4
+
+
+@pytest.mark.parametrize(
+    ("outputs", "expected", "found"),
+    [
+        ({"a": np.zeros((1, 7), np.float32)}, "outputs of a known form: trifuse, detr", "a (1, 7)"),
+        (
+            {"output0": np.zeros((1, 4 + 3, CELLS), np.float32)},
+            "the 80 classes of COCO, or `classes`",
+            "3 classes",
+        ),
+    ],
+)
+def test_networks_that_are_no_known_detector(tmp_path, outputs, expected, found):
+    path = write_constant_network(tmp_path / "other.onnx", outputs)
+    with fault(ModelError, where="other.onnx", expected=expected, found=found):
+        ModalityDetector(path)
+
+
+def test_inputs_that_are_no_image(tmp_path):
+    path = write_constant_network(tmp_path / "rows.onnx", yolox(), image_shape=(1, 64, 96, 3))
+    expected = "one image (any, 3, height, width) of modality rgb as input"
+    with fault(ModelError, where="rows.onnx", expected=expected, found="images float32 1 x 64"):
+        ModalityDetector(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "expected", "found"),
+    [
+        (
+            "classes: {rocket: Car}",
+            "public.onnx",
+            "classes of the network: person, bicycle",
+            "rocket",
+        ),
+        ("classes: {80: Car}", "public.onnx", "classes of the network: person", "80"),
+        ("class_names: [car, van]", "public.onnx", "scores of 2 classes: car, van", "scores of 80"),
+    ],
+)
+def test_descriptions_that_do_not_fit(write, text, where, expected, found):
+    path = write("yolox")
+    path.with_suffix(".yaml").write_text(text)
+    with fault(ModelError, where=where, expected=expected, found=found):
+        ModalityDetector(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "expected", "found"),
+    [
+        ("sise: 3", "public.yaml", "some of model, modality, classes", "sise"),
+        ("- car", "public.yaml", "entries such as", "['car']"),
+        ("{", "public.yaml", "a YAML file of a detector", "while parsing"),
+        ("resize: crop", "public.yaml, resize", "one of letterbox, stretch, tiles", "crop"),
+        ("output: yolo9", "public.yaml, output", "one of trifuse, detr", "yolo9"),
+        ("pad_value: 300", "public.yaml, pad_value", "a whole number from 0 to 255", "300"),
+        ("mean: bright", "public.yaml, mean", "a number, or one of each colour", "bright"),
+        ("classes: [car]", "public.yaml, classes", "a class for each", "['car']"),
+        ("class_names: car", "public.yaml, class_names", "a list of names", "car"),
+        ("input_size: 100x100", "input size", "multiples of 32", "100x100"),
+    ],
+)
+def test_descriptions_that_are_none(write, text, where, expected, found):
+    path = write("yolox")
+    path.with_suffix(".yaml").write_text(text)
+    with fault(UsageError, where=where, expected=expected, found=found):
+        ModalityDetector(path)
+
+
+def test_a_yaml_file_that_is_not_there(tmp_path):
+    with fault(UsageError, where="gone.yaml", expected="a YAML file of a detector"):
+        ModalityDetector(tmp_path / "gone.yaml")
+
+
+@pytest.fixture(scope="module")
+def public_networks():
+    root = Path(__file__).parents[4] / "shared" / "public_networks"
+    root = Path(os.environ.get("PUBLIC_NETWORKS", root))
+    if not root.is_dir():
+        pytest.skip("no public networks: set PUBLIC_NETWORKS to their folder")
+    return root
+
+
+def test_a_fixed_size_is_widened(public_networks, tmp_path):
+    (tmp_path / "wide.yaml").write_text(
+        f"model: {public_networks / 'yolox_nano.onnx'}\ninput_size: 96x320"
+    )
+    detector = ModalityDetector(tmp_path / "wide.yaml")
+    assert detector.preprocess(np.zeros((375, 1242, 3), np.uint8)).shape == (1, 3, 96, 320)
+    assert detector.preprocess(np.zeros((720, 1280, 3), np.uint8)).shape == (1, 3, 128, 224)
+
+
+def test_a_size_that_the_graph_does_not_allow(public_networks, tmp_path):
+    (tmp_path / "wide.yaml").write_text(
+        f"model: {public_networks / 'deimv2_femto.onnx'}\ninput_size: 96x320"
+    )
+    with fault(
+        ModelError,
+        where="deimv2_femto.onnx",
+        expected="a graph that takes images of 96x320 instead of 416x416",
+    ):
+        ModalityDetector(tmp_path / "wide.yaml")
