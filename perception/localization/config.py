@@ -34,8 +34,13 @@ class RegistrationConfig:
         max_correspondence_m: Largest distance of a match in metres; leaves out what moved.
         threads: Number of threads of the alignment.
         keyframe_distance_m: Distance in metres after which the reference scan is replaced.
+        min_keyframe_distance_m: Distance in metres of the reference scan from which on what is static is told from
+            vehicles that creep along.
         keyframe_angle_rad: Rotation in rad after which the reference scan is replaced.
+        keyframe_inlier_ratio: Share of matched points below which the reference scan is replaced, 0 to 1.
         min_inlier_ratio: Smallest share of matched points of an accepted alignment, 0 to 1.
+        max_cost_ratio: Largest cost of an alignment from another motion, as a share of that from the motion so far,
+            at which it is a correction.
         max_correction_m: Largest translation in metres from the initial guess of an accepted alignment.
         max_correction_rad: Largest rotation in rad from the initial guess of an accepted alignment.
         max_gap_s: Largest time between two scans, in seconds, that are matched.
@@ -55,8 +60,11 @@ class RegistrationConfig:
     max_correspondence_m: float = 0.5
     threads: int = 2
     keyframe_distance_m: float = 5.0
+    min_keyframe_distance_m: float = 1.0
     keyframe_angle_rad: float = float(np.radians(15))
+    keyframe_inlier_ratio: float = 0.6
     min_inlier_ratio: float = 0.4
+    max_cost_ratio: float = 0.85
     max_correction_m: float = 1.0
     max_correction_rad: float = float(np.radians(4))
     max_gap_s: float = 1.0

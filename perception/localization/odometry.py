@@ -6,6 +6,7 @@ which the INS does not give (measured on a KITTI drive: 23 cm between scans ten 
 to the INS would break that agreement, so they are left to drift.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -58,16 +59,19 @@ class Localization:
 
 
 @dataclass(frozen=True)
-class _PreviousScan:
-    """State that the next scan needs of the last one."""
+class _LocatedScan:
+    """State that later scans need of an earlier one."""
 
     stamp_s: float
     ins_world_SE3_velo: Float64 | None
+    points: PreprocessedPoints
     localization: Localization
     velocity: Float64 | None  # (6,) rotation vector and translation a second, in the LiDAR frame
 
 
 _INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
+# Distances since the keyframe that are tried in turn without INS, and the speeds at which they are possible.
+_CREEPING_M, _CREEPING_M_S, _MIN_CREEPING_S = (1.0, 2.0, 3.0, 4.0), 4.0, 0.5
 
 
 class LidarOdometry:
@@ -75,13 +79,20 @@ class LidarOdometry:
 
     A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
     once a keyframe, not once a scan.
+
+    In a traffic jam most surfaces around creep along with the vehicle. From scan to scan the static ones move less
+    than the reach of a match, and the nearest minimum is that of the jam; over a metre or more the minimum of what is
+    static is lower. So a keyframe is at least so far back, and other motions since the keyframe are tried: that of
+    the INS, or, where the vehicle seems to be static, creeping ahead.
     """
 
     def __init__(self, config: RegistrationConfig | None = None) -> None:
         self._config = config or RegistrationConfig()
-        self._last: _PreviousScan | None = None
-        self._keyframe: PreprocessedPoints
-        self._world_SE3_keyframe: Float64
+        self._last: _LocatedScan | None = None
+        self._keyframe: _LocatedScan
+        # The keyframe and some later scans.
+        self._since: deque[_LocatedScan] = deque(maxlen=16)
+        self._tries = 0
 
     def update(
         self,
@@ -119,9 +130,13 @@ class LidarOdometry:
         step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
         if step_ins is not None:
             self._check_motion(step_ins, gap_s, last.velocity, source)
-        localization = self._locate(points_velo, gap_s, step_ins, last)
-        velocity = _velocity(last, localization, gap_s)
-        self._last = _PreviousScan(stamp_s, ins_world_SE3_velo, localization, velocity)
+        points = self._preprocess(points_velo)
+        localization = self._locate(points, stamp_s, ins_world_SE3_velo, last)
+        # After a correction the last pose no longer tells the velocity, but the keyframe's does.
+        is_corrected = localization.is_reset and localization.origin is PoseOrigin.REGISTERED
+        velocity = _velocity(self._keyframe if is_corrected else last, localization, stamp_s)
+        self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, velocity)
+        self._update_keyframe(self._last, last)
         return localization
 
     def _start(
@@ -129,8 +144,9 @@ class LidarOdometry:
     ) -> Localization:
         pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
         localization = Localization(pose, PoseOrigin.START, is_reset=True)
-        self._last = _PreviousScan(stamp_s, ins_world_SE3_velo, localization, None)
-        self._keyframe, self._world_SE3_keyframe = self._preprocess(points_velo), pose
+        points = self._preprocess(points_velo)
+        self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, None)
+        self._set_keyframe(self._last)
         return localization
 
     def _check_motion(
@@ -156,37 +172,92 @@ class LidarOdometry:
             )
 
     def _locate(
-        self, points_velo: Float32, gap_s: float, step_ins: Float64 | None, last: _PreviousScan
+        self,
+        points: PreprocessedPoints,
+        stamp_s: float,
+        ins_world_SE3_velo: Float64 | None,
+        last: _LocatedScan,
     ) -> Localization:
         """Register the scan with the keyframe; otherwise use the INS, or constant velocity."""
-        last_pose = last.localization.world_SE3_velo
-        surface = self._preprocess(points_velo)
+        gap_s, last_pose = stamp_s - last.stamp_s, last.localization.world_SE3_velo
+        step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
         is_near = gap_s <= self._config.max_gap_s
         if is_near:
+            world_SE3_keyframe = self._keyframe.localization.world_SE3_velo
             steps = self._guess_motions(step_ins, last.velocity, gap_s)
-            initial_guesses = [
-                inverse(self._world_SE3_keyframe) @ last_pose @ step for step in steps
-            ]
-            best = self._best_alignment(self._keyframe, surface, initial_guesses)
+            carried = self._best_alignment(
+                points, [inverse(world_SE3_keyframe) @ last_pose @ step for step in steps]
+            )
+            other = self._other_alignment(points, stamp_s, ins_world_SE3_velo, carried)
+            best = other or carried
             if best is not None:
-                pose = _rounded(self._world_SE3_keyframe @ best.target_SE3_source)
-                if self._is_far(best.target_SE3_source):
-                    self._keyframe, self._world_SE3_keyframe = surface, pose
-                return Localization(pose, PoseOrigin.REGISTERED, best.inlier_ratio)
+                pose = _rounded(world_SE3_keyframe @ best.target_SE3_source)
+                return Localization(
+                    pose, PoseOrigin.REGISTERED, best.inlier_ratio, is_reset=other is not None
+                )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
-        self._keyframe, self._world_SE3_keyframe = surface, last_pose @ step
         return Localization(last_pose @ step, origin, is_reset=not is_near)
+
+    def _other_alignment(
+        self,
+        points: PreprocessedPoints,
+        stamp_s: float,
+        ins_world_SE3_velo: Float64 | None,
+        carried: Alignment | None,
+    ) -> Alignment | None:
+        """Return an alignment from another motion since the keyframe, where it is clearly better."""
+        if carried is None:
+            return None
+        found, reach_m = carried.target_SE3_source, self._config.max_correspondence_m / 2
+        guess = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
+        if guess is None:
+            guess = self._guess_creeping(found, stamp_s)
+        if guess is None or _length_m(found - guess) < reach_m:
+            return None
+        other = self._best_alignment(points, [guess])
+        is_better = other is not None and other.cost < self._config.max_cost_ratio * carried.cost
+        return other if is_better else None
+
+    def _guess_creeping(self, found: Float64, stamp_s: float) -> Float64 | None:
+        """Return a motion ahead since the keyframe, another one at each call, where the vehicle seems to be static."""
+        age_s = stamp_s - self._keyframe.stamp_s
+        if _length_m(found) > self._config.min_keyframe_distance_m / 2 or age_s < _MIN_CREEPING_S:
+            return None
+        self._tries += 1
+        guess = _ahead(_CREEPING_M[self._tries % len(_CREEPING_M)])
+        return guess if _length_m(guess) <= _CREEPING_M_S * age_s else None
+
+    def _update_keyframe(self, scan: _LocatedScan, last: _LocatedScan) -> None:
+        """Replace the keyframe where it is too far back, by a scan that is far enough back."""
+        config, moved = self._config, _motion(self._keyframe, scan)
+        turns = rotation_angle_rad(moved) > config.keyframe_angle_rad
+        if turns or scan.localization.origin is not PoseOrigin.REGISTERED:
+            self._set_keyframe(scan)
+            return
+        if _length_m(_motion(self._since[-1], scan)) >= config.min_keyframe_distance_m / 2:
+            self._since.append(scan)
+        is_worn = scan.localization.inlier_ratio < config.keyframe_inlier_ratio
+        if is_worn or _length_m(moved) > config.keyframe_distance_m:
+            step_m = _length_m(_motion(last, scan))
+            for earlier in reversed(self._since):
+                away_m = _length_m(_motion(earlier, scan)) + step_m
+                is_far = away_m >= config.min_keyframe_distance_m
+                if is_far and earlier is not self._keyframe:
+                    self._set_keyframe(earlier)
+                    return
+
+    def _set_keyframe(self, scan: _LocatedScan) -> None:
+        self._keyframe = scan
+        self._since.clear()
+        self._since.append(scan)
 
     def _guess_motions(
         self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
     ) -> list[Float64]:
         """Return guesses of the motion since the last scan."""
         if velocity is None and step_ins is None:
-            return [
-                from_rotation_translation(np.eye(3), np.array([speed * gap_s, 0, 0]))
-                for speed in _INITIAL_SPEEDS_M_S
-            ]
+            return [_ahead(speed * gap_s) for speed in _INITIAL_SPEEDS_M_S]
         guesses = [] if step_ins is None else [step_ins]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
@@ -197,12 +268,10 @@ class LidarOdometry:
         return guesses
 
     def _best_alignment(
-        self,
-        target: PreprocessedPoints,
-        source: PreprocessedPoints,
-        initial_guesses: Sequence[Float64],
+        self, source: PreprocessedPoints, initial_guesses: Sequence[Float64]
     ) -> Alignment | None:
-        """Align from each initial guess, and return the best accepted alignment."""
+        """Align with the keyframe from each initial guess, and return the best accepted alignment."""
+        target = self._keyframe.points
         config = self._config
         reach_m = config.max_correspondence_m
         if (
@@ -232,14 +301,6 @@ class LidarOdometry:
             and rotation_angle_rad(correction) <= self._config.max_correction_rad
         )
 
-    def _is_far(self, keyframe_SE3_velo: Float64) -> bool:
-        min_travel_m = float(np.linalg.norm(keyframe_SE3_velo[:3, 3]))
-        turn_rad = rotation_angle_rad(keyframe_SE3_velo)
-        return (
-            min_travel_m > self._config.keyframe_distance_m
-            or turn_rad > self._config.keyframe_angle_rad
-        )
-
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
         stride = max(-(-len(points_velo) // self._config.max_points), 1)
         return preprocess_points(
@@ -250,12 +311,24 @@ class LidarOdometry:
         )
 
 
-def _velocity(last: _PreviousScan, now: Localization, gap_s: float) -> Float64 | None:
+def _motion(earlier: _LocatedScan, scan: _LocatedScan) -> Float64:
+    return inverse(earlier.localization.world_SE3_velo) @ scan.localization.world_SE3_velo
+
+
+def _ahead(distance_m: float) -> Float64:
+    return from_rotation_translation(np.eye(3), np.array([distance_m, 0.0, 0.0]))
+
+
+def _length_m(motion: Float64) -> float:
+    return float(np.linalg.norm(motion[:3, 3]))
+
+
+def _velocity(earlier: _LocatedScan, now: Localization, stamp_s: float) -> Float64 | None:
     if now.origin not in (PoseOrigin.REGISTERED, PoseOrigin.INS):
-        return last.velocity
-    step = inverse(last.localization.world_SE3_velo) @ now.world_SE3_velo
+        return earlier.velocity
+    step = inverse(earlier.localization.world_SE3_velo) @ now.world_SE3_velo
     turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
-    return np.concatenate([turn, step[:3, 3]]) / gap_s
+    return np.concatenate([turn, step[:3, 3]]) / (stamp_s - earlier.stamp_s)
 
 
 def _step(world_SE3_before: Float64 | None, world_SE3_now: Float64 | None) -> Float64 | None:

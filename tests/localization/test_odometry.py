@@ -103,9 +103,41 @@ def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> No
     assert degrees < 0.05
 
 
+def lorries_around(seed: int) -> np.ndarray:
+    """Return points on four lorries that creep along with the vehicle, in its frame."""
+    random = np.random.default_rng(seed + 1000)
+    parts = [np.zeros((0, 3))]
+    for x, y in [(6.0, 0.0), (-2.0, 3.5), (-14.0, 0.0), (8.0, -4.0)]:
+        for side in (-1.2, 1.2):
+            parts.append(random.uniform((x, y + side, -1.3), (x + 8, y + side, 2), (900, 3)))
+        for end in (0.0, 8.0):
+            parts.append(random.uniform((x + end, y - 1.2, -1.3), (x + end, y + 1.2, 2), (500, 3)))
+    points = np.concatenate(parts)
+    return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+
+
+def test_a_jam_that_creeps_along_does_not_carry_the_pose() -> None:
+    truth = path(20, speed_m_s=1.75, turn_rad_s=0.0)
+    random, odometry = np.random.default_rng(3), LidarOdometry()
+    found, resets = [], []
+    for index, pose in enumerate(truth):
+        points = np.concatenate([observed_from(pose, index)[::3], lorries_around(index)])
+        ins = pose @ from_euler(0, 0, 0, random.normal(0, 0.02, 3))
+        found.append(odometry.update(points, index * STEP_S, ins))
+        resets += [index] if found[-1].is_reset else []
+    step = inverse(found[-10].world_SE3_velo) @ found[-1].world_SE3_velo
+    metres, degrees = apart(inverse(truth[-10]) @ truth[-1], step)
+    assert metres < 0.05
+    assert degrees < 0.1
+    assert len(resets) == 2  # the start, and where the jam is told from the street
+    assert resets[1] < 10
+
+
 def test_many_keyframes_do_not_skew_the_rotation() -> None:
     """Each keyframe's pose is built on the one before: any skew would double each time."""
-    odometry = LidarOdometry(RegistrationConfig(keyframe_distance_m=0.0))
+    odometry = LidarOdometry(
+        RegistrationConfig(keyframe_distance_m=0.0, min_keyframe_distance_m=0.0)
+    )
     points = observed_from(np.eye(4), 0)
     for index in range(40):
         found = odometry.update(points, index * STEP_S)
