@@ -9,8 +9,9 @@ import numpy as np
 from data.synthetic import writer
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
+from data.synthetic.street_kind import StreetKind
 from data.synthetic.world_config import WorldConfig
-from data.synthetic.world_kinds import draw_config
+from data.synthetic.world_kinds import STREETS, draw_config
 from perception.errors import UsageError
 from perception.geometry.threads import limit_blas_threads
 from perception.sensor import HDL_64E, LidarModel
@@ -34,6 +35,7 @@ class SynthConfig:
         images: Whether to write images.
         config: Street of every drive; else the first is the demonstration street and each next
             one another kind.
+        street: Kind of street of every drive; else the same.
         ego_m_s: Desired speed of the ego vehicle in m/s; else that of the street.
     """
 
@@ -45,6 +47,7 @@ class SynthConfig:
     noise: InsNoise = field(default_factory=InsNoise)
     images: bool = True
     config: WorldConfig | None = None
+    street: StreetKind | None = None
     ego_m_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -88,9 +91,12 @@ def draw_drive(synth_config: SynthConfig, number: int, frames: int) -> Synthetic
     seed = synth_config.seed + number
     config = synth_config.config
     if config is None:
-        is_demonstration = number == 0 and synth_config.layout != "object"
         rng = np.random.default_rng([seed, 0xC0])
-        config = WorldConfig() if is_demonstration else draw_config(rng)
+        is_demonstration = number == 0 and synth_config.layout != "object"
+        if synth_config.street is not None:
+            config = STREETS[synth_config.street](rng)
+        else:
+            config = WorldConfig() if is_demonstration else draw_config(rng)
     if synth_config.ego_m_s is not None:
         config = replace(config, ego_m_s=synth_config.ego_m_s)
     return SyntheticDrive(

@@ -37,7 +37,7 @@ class TrafficGenerator:
     def _drive(self) -> Path:
         """Simulate both lanes; return the ego vehicle's path."""
         lane, bodies, ego_row = self._own_lane()
-        slowdowns = self._slowdowns(ego_row)
+        slowdowns = self._slowdowns(ego_row) + self._stops(len(bodies))
         free = traffic.simulate_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
         own_blocks, oncoming_blocks = self._crossings(free)
         places = traffic.simulate_lane(lane, self.times_s, own_blocks, slowdowns)
@@ -77,6 +77,18 @@ class TrafficGenerator:
             for n, t in enumerate(starts)
         ]
 
+    def _stops(self, vehicles: int) -> list[Slowdown]:
+        """Draw stops in a lane: one of its vehicles stands for some seconds, and all behind it."""
+        every = self.config.stop_every_s
+        count = round(vehicles * self.duration_s / every) if every else 0
+        rows = self.rng.integers(vehicles, size=count)
+        starts_s = self.rng.uniform(-traffic.WARM_UP_S, self.duration_s, count)
+        stops_s = starts_s + self.rng.uniform(1.0, 4.0, count)
+        return [
+            Slowdown(int(row), float(start), float(stop), 0.0)
+            for row, start, stop in zip(rows, starts_s, stops_s, strict=True)
+        ]
+
     def _alongside(self, l_m: float) -> None:
         """Draw the vehicles of another lane of the same direction."""
         config, rng = self.config, self.rng
@@ -86,7 +98,7 @@ class TrafficGenerator:
         length = np.array([body.size_m[0] for body in bodies])
         desired = config.ego_m_s * rng.uniform(0.85, 1.15, len(place))
         lane = Lane(_apart(place, length, 0), length, desired)
-        places = traffic.simulate_lane(lane, self.times_s, [], [])
+        places = traffic.simulate_lane(lane, self.times_s, [], self._stops(len(bodies)))
         for row, body in enumerate(bodies):
             self._add_inside(body, Path(self.times_s, places[:, row], self._wander(l_m)))
 
@@ -104,6 +116,7 @@ class TrafficGenerator:
         length = np.array([body.size_m[0] for body in bodies])
         lane = Lane(_apart(place, length, 0), length, desired)
         stops = [Slowdown(int(row), 1.0, 4.0, 0.0) for row in range(2, len(place), 9)]
+        stops += self._stops(len(bodies))
         places = traffic.simulate_lane(lane, self.times_s, blocks, stops)
         for row, body in enumerate(bodies):
             path = Path(self.times_s, -places[:, row], self._wander(l_m), facing=-1)

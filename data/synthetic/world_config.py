@@ -32,6 +32,7 @@ class WorldConfig:
             and cyclists take, 0 for none.
         crossing_every_s: Seconds between two pedestrians who cross in front of the ego vehicle, 0 for none.
         slowdown_every_s: Seconds between two slowdowns of the vehicle ahead, 0 for none.
+        stop_every_s: Mean number of seconds between two stops of a vehicle in any lane, 0 for none.
         is_sunny: Whether the sun casts shadows.
     """
 
@@ -53,6 +54,7 @@ class WorldConfig:
     footpath_m: float = 0.0
     crossing_every_s: float = 11.0
     slowdown_every_s: float = 9.0
+    stop_every_s: float = 0.0
     is_sunny: bool = True
 
     def __post_init__(self) -> None:

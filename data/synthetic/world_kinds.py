@@ -1,4 +1,4 @@
-"""Kinds of worlds: town, housing, cycling and shopping streets, main roads, junctions, industry, parks, country.
+"""Kinds of worlds: town, housing, cycling and shopping streets, main roads, junctions, industry, parks, country, jams.
 
 Each is drawn with its own amounts of everything, so that no two worlds look alike.
 """
@@ -11,6 +11,7 @@ import numpy as np
 
 from data.synthetic.clutter import ClutterConfig
 from data.synthetic.road import RoadShape
+from data.synthetic.street_kind import StreetKind
 from data.synthetic.town import TownConfig
 from data.synthetic.world_config import WorldConfig
 
@@ -22,7 +23,7 @@ Amounts = TypeVar("Amounts", TownConfig, ClutterConfig)
 def draw_config(rng: np.random.Generator) -> WorldConfig:
     """Draw a world of one of the kinds."""
     kinds = list(_SHARES)
-    return kinds[int(rng.choice(len(kinds), p=list(_SHARES.values())))](rng)
+    return STREETS[kinds[int(rng.choice(len(kinds), p=list(_SHARES.values())))]](rng)
 
 
 def town_street(rng: np.random.Generator) -> WorldConfig:
@@ -288,19 +289,48 @@ def park_road(rng: np.random.Generator) -> WorldConfig:
     )
 
 
-Kind = Callable[[np.random.Generator], WorldConfig]
+def traffic_jam(rng: np.random.Generator) -> WorldConfig:
+    """Draw a road of several lanes full of lorries, buses and cars that creep, stop and go on."""
+    config = main_road(rng)
+    lanes = int(rng.integers(2, 4))
+    return replace(
+        config,
+        road=replace(config.road, lanes=lanes, curvature_1_m=config.road.curvature_1_m / 2),
+        clutter=replace(config.clutter, parking_lots=_between(rng, 0, 2)),
+        ego_m_s=_between(rng, 1.0, 3.5),
+        ego_lane=int(rng.integers(lanes)),
+        leader_gap_m=_between(rng, 9, 16),
+        vehicle_gap_m=_between(rng, 12, 16),
+        heavy=_between(rng, 0.4, 0.8),
+        trams=float(rng.choice([0.0, 0.0, 0.2])),
+        slowdown_every_s=0.0,
+        stop_every_s=_between(rng, 30, 120),
+    )
 
+
+STREETS: dict[StreetKind, Callable[[np.random.Generator], WorldConfig]] = {
+    "town": town_street,
+    "housing": housing_street,
+    "main-road": main_road,
+    "junction": open_junction,
+    "country": country_road,
+    "industrial": industrial_street,
+    "cycling": cycling_street,
+    "shopping": shopping_street,
+    "park": park_road,
+    "jam": traffic_jam,
+}
 # How often each kind is drawn.
-_SHARES: dict[Kind, float] = {
-    town_street: 0.17,
-    housing_street: 0.12,
-    main_road: 0.13,
-    open_junction: 0.14,
-    country_road: 0.09,
-    industrial_street: 0.11,
-    cycling_street: 0.11,
-    shopping_street: 0.08,
-    park_road: 0.05,
+_SHARES: dict[StreetKind, float] = {
+    "town": 0.17,
+    "housing": 0.12,
+    "main-road": 0.13,
+    "junction": 0.14,
+    "country": 0.09,
+    "industrial": 0.11,
+    "cycling": 0.11,
+    "shopping": 0.08,
+    "park": 0.05,
 }
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
+from data.synthetic.street_kind import StreetKind
 from perception.types import Layout
 
 
@@ -20,6 +21,7 @@ def synth(
     ins_noise_deg: float = 0.1,
     images: bool = True,
     speed: float | None = None,
+    street: StreetKind | None = None,
 ) -> None:
     """Write synthetic drives in KITTI's layouts, with the exact class and motion of every point.
 
@@ -39,6 +41,7 @@ def synth(
         ins_noise_deg: Standard deviation of the INS roll, pitch and yaw, in degrees.
         images: Write the images of the colour camera.
         speed: Desired speed of the ego vehicle in metres per second; else that of the street.
+        street: Kind of street; else a busy street, and from the second drive on any kind but a jam.
     """
     from data.results.folder import ResultsFolder
     from data.synthetic.collection import SynthConfig, write_drives
@@ -55,6 +58,7 @@ def synth(
         noise=InsNoise(ins_noise_m, ins_noise_deg),
         images=images,
         ego_m_s=speed,
+        street=street,
     )
     ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
     with counting_bar("synth", synth_config.total_frames) as bar:

@@ -30,6 +30,7 @@ KINDS = [
     world_kinds.cycling_street,
     world_kinds.shopping_street,
     world_kinds.park_road,
+    world_kinds.traffic_jam,
 ]
 
 
@@ -44,6 +45,20 @@ def test_no_two_vehicles_touch(kind):
         overlap = iou_bev(vehicles, vehicles) - np.eye(len(vehicles))
         assert len(vehicles) > 2
         assert overlap.max() < 1e-3
+
+
+@pytest.mark.slow
+def test_in_a_jam_long_vehicles_creep_stop_and_go_on():
+    config = world_kinds.traffic_jam(np.random.default_rng(2))
+    world = SyntheticDrive(150, seed=2, config=config, images=False).world
+    driving = [actor for actor in world.actors if actor.path and not actor.body.is_person]
+    assert np.mean([actor.body.size_m[0] > 5.5 for actor in driving]) > 0.25
+    times_s = np.arange(0.0, 15.0, 0.1)
+    speeds = np.array([actor.path.speed_m_s(times_s) for actor in driving])
+    assert speeds.max() < 5.0
+    stops = (speeds < 0.1).any(axis=1)
+    goes_on = stops & (speeds > 0.5).any(axis=1)
+    assert 0.1 < goes_on.mean() < 0.9
 
 
 def test_a_place_full_of_clutter_has_all_of_it():
