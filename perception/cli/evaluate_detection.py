@@ -23,6 +23,8 @@ _DETECTION = DetectionConfig()
 class PrecisionFlags(PrecisionConfig, FlagGroup):
     """Metric."""
 
+    bootstrap: int = 200
+
 
 def evaluate_detection(
     drives: list[Path],

@@ -1,4 +1,4 @@
-"""`trifuse evaluate results`: detection and tracking result files of any program, by KITTI's 2D protocols."""
+"""`trifuse evaluate results`: detection and tracking result files of any program, by KITTI's protocols."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -59,8 +59,9 @@ def evaluate_results(
 ) -> None:
     """Measure result files of any program: average precision of detections, or HOTA, CLEAR and IDF1 of tracks.
 
-    Detections: NNNNNN.txt of a frame with 16 columns, the score last. Tracks: SSSS.txt of a sequence with 18
-    columns. An empty file means that nothing was found, as does a missing file of detections.
+    Detections: NNNNNN.txt of a frame with 16 columns, the score last; rows with 3D boxes are measured from above and
+    in space, too, and their orientation. Tracks: SSSS.txt of a sequence with 18 columns. An empty file means that
+    nothing was found, as does a missing file of detections.
 
     Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
 
@@ -105,17 +106,16 @@ def _measure_detections(
 ) -> "tuple[str, PrecisionReport, EvaluationDocument]":
     from data.kitti.detection_rows import read_detection_set, read_frame_list
     from perception.cli.progress import frame_progress_bar
-    from perception.evaluation.detection.class_precision import (
-        PrecisionReport,
-        measure_precision,
-    )
+    from perception.evaluation.detection.benchmark_scores import measure_benchmark
+    from perception.evaluation.detection.class_precision import PrecisionReport, measure_precision
     from perception.evaluation.detection.evaluation_boxes import pair_boxes
     from perception.evaluation.detection.published import PublishedComparison
 
     numbers = None if frame_list is None else read_frame_list(frame_list)
     found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
     frames = len(found.numbers)
-    boxes = pair_boxes(found.truths, found.detections, frames)
+    rows = found.truths, found.detections, frames
+    boxes, scores = pair_boxes(*rows), measure_benchmark(*rows, classes, metric, resample_bar())
     precision = [measure_precision(boxes, one, metric, resample_bar()) for one in classes]
     data = {
         **_paths(results=results, labels=labels, frame_list=frame_list),
@@ -125,10 +125,11 @@ def _measure_detections(
     }
     words = protocol(metric, classes=classes)
     document = EvaluationDocument("detections", data, words, _SPLIT)
-    computed = PrecisionReport(f"Average precision, {frames} frames", precision)
+    title = f"Average precision in the image, {frames} frames"
+    computed = PrecisionReport(title, precision, benchmark=scores)
     if published is not None:
         place = f"{frames} frames of {labels}"
-        computed = PublishedComparison(computed.title, precision, published=published, data=place)
+        computed = PublishedComparison(title, precision, (), scores, published, place)
     return f"{results}: {found.description}", computed, document
 
 

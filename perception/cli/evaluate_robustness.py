@@ -27,6 +27,7 @@ class CorruptionPrecisionFlags(PrecisionFlags):
     """
 
     iou: tuple[float, ...] = (0.7,)
+    bootstrap: int = 0
 
 
 def evaluate_robustness(

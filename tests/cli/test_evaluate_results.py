@@ -72,6 +72,46 @@ def test_table_plot_and_document_agree(folders, tmp_path: Path, capsys):
     assert {path.name for path in picture.parent.iterdir()} == {"precision.png", "metrics.json"}
 
 
+def test_boxes_from_above_and_in_space_have_scores(folders, tmp_path: Path, capsys):
+    """Every second car that is found has its 3D box, the others one that lies a storey higher."""
+    results, labels = folders
+    for number, path in enumerate(sorted(results.iterdir())):
+        bottom = 1.5 if number % 2 else -1.5
+        size_and_place = f"1.5 1.6 3.9 1 {bottom} 20 0.5"
+        rows = path.read_text().splitlines()
+        text = "".join(
+            f"{row.replace('-1 -1 -1 -1000 -1000 -1000 -10', size_and_place)}\n"
+            for row in rows
+            if CAR in row
+        )
+        path.write_text(text)
+    out = tmp_path / "metrics.json"
+    assert evaluate(results, "--labels", labels, "--json", out) == 0
+    printed = capsys.readouterr().out
+    table = printed[printed.index("KITTI's object benchmark: AP R40 [%]") :].split("\n\n")[0]
+    names = ("2D 0.7", "AOS 0.7", "BEV 0.7", "BEV 0.5", "3D 0.7", "3D 0.5")
+    rows = {name: cells(table, f"Car {name}") for name in names}
+    assert rows["BEV 0.7"] == rows["BEV 0.5"] == rows["2D 0.7"] == rows["AOS 0.7"]
+    scores = json.loads(out.read_text())["results"]["benchmark"]["Car"]
+    assert rows["2D 0.7"][0] == f"{scores['image']['0.7']['easy']['ap_r40_percent']:.2f}"
+    assert rows["3D 0.5"][0] == f"{scores['3d']['0.5']['easy']['ap_r40_percent']:.2f}"
+    found = {name: scores[name]["0.7"]["easy"]["found"] for name in ("image", "bev", "3d")}
+    assert found == {"image": 45, "bev": 45, "3d": 20}
+    assert "Objects, easy / moderate / hard: Car 50 / 50 / 50" in table
+    interval = rows["2D 0.7"][1]
+    low, high = map(float, interval.split(".."))
+    assert low < float(rows["2D 0.7"][0]) < high
+
+
+def test_results_without_3d_boxes_have_scores_in_the_image_alone(folders, capsys):
+    results, labels = folders
+    assert evaluate(results, "--labels", labels) == 0
+    printed = capsys.readouterr().out
+    assert "Car 2D 0.7" in printed
+    assert "BEV" not in printed
+    assert "3D" not in printed
+
+
 def test_results_are_printed_beside_published_detectors(folders, tmp_path: Path, capsys):
     results, labels = folders
     out = tmp_path / "metrics.json"
@@ -106,6 +146,7 @@ def test_eleven_points_of_one_class_in_some_frames(folders, tmp_path: Path, caps
     frame_list = tmp_path / "val.txt"
     frame_list.write_text("000000\n000001\n000009\n")
     words = ("--labels", labels, "--frame-list", frame_list, "--recall-points", "11")
+    words += ("--bootstrap", "0")
     assert evaluate(results, *words, "--classes", "car") == 0
     printed = capsys.readouterr().out
     assert "R40" not in printed
@@ -134,7 +175,7 @@ def test_a_class_that_is_not_labelled(folders, capsys):
     (results / "000001.txt").write_text(
         f"Pedestrian -1 -1 -10 {CYCLIST} -1 -1 -1 -1000 -1000 -1000 -10 0.5"
     )
-    assert evaluate(results, "--labels", labels) == 0
+    assert evaluate(results, "--labels", labels, "--bootstrap", "0") == 0
     printed = capsys.readouterr().out
     assert cells(printed, "Pedestrian hard 0.5") == ["0", "0", "-", "-", "-", "-"]
     assert "AOS" not in printed

@@ -1,5 +1,7 @@
 """Bootstrap intervals of the average precision."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,9 +40,9 @@ def test_the_same_generator_gives_the_same_interval():
     first, again, other = (
         resample_precision(car, 20, np.random.default_rng(seed))["easy"] for seed in (1, 1, 2)
     )
-    np.testing.assert_array_equal(first[40], again[40])
-    assert percentile_interval(first[40]) == percentile_interval(again[40])
-    assert percentile_interval(first[40]) != percentile_interval(other[40])
+    np.testing.assert_array_equal(first.ap[40], again.ap[40])
+    assert percentile_interval(first.ap[40]) == percentile_interval(again.ap[40])
+    assert percentile_interval(first.ap[40]) != percentile_interval(other.ap[40])
 
 
 @pytest.mark.parametrize("points", [11, 40])
@@ -50,12 +52,22 @@ def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
         car, _, _ = noisy_matches(frames)
         metric = car.curves()["moderate"].ap(points)
         samples = resample_precision(car, 100, np.random.default_rng(0))["moderate"]
-        interval = percentile_interval(samples[points])
+        interval = percentile_interval(samples.ap[points])
         assert interval.low < metric < interval.high
-        narrow = percentile_interval(samples[points], confidence=0.5)
+        narrow = percentile_interval(samples.ap[points], confidence=0.5)
         assert interval.low < narrow.low < narrow.high < interval.high
         widths.append(interval.high - interval.low)
     assert 0 < widths[1] < 0.6 * widths[0]
+
+
+def test_orientation_has_an_interval_of_its_own():
+    car, _, _ = noisy_matches(60)
+    samples = resample_precision(car, 20, np.random.default_rng(0))["easy"]
+    # Every heading is right: a true positive counts whole.
+    np.testing.assert_array_equal(samples.aos[40], samples.ap[40])
+    headless = replace(car, has_orientation=False)
+    samples = resample_precision(headless, 20, np.random.default_rng(0))["easy"]
+    assert np.isnan(samples.aos[40]).all()
 
 
 def test_resamples_without_an_object_are_unknown():
@@ -63,10 +75,10 @@ def test_resamples_without_an_object_are_unknown():
         resample_precision(one, 40, np.random.default_rng(0)) for one in noisy_matches(30)
     )
     assert pedestrian == {}
-    is_nothing = np.isnan(cyclist["easy"][40])
+    is_nothing = np.isnan(cyclist["easy"].ap[40])
     # One frame in 30 holds the cyclist: (1 - 1/30)^30, a third of all resamples, lack it.
     assert 5 < is_nothing.sum() < 25
-    assert not np.isnan(car["easy"][40]).any()
+    assert not np.isnan(car["easy"].ap[40]).any()
     _, _, never = noisy_matches(30, cyclist_frames=0)
     assert resample_precision(never, 4, np.random.default_rng(0)) == {}
 

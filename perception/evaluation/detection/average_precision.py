@@ -5,7 +5,7 @@ A precision-recall curve has 41 points, at thresholds that are scores of matched
 there are, with replacement; the interval holds the middle share of the resampled averages.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -213,8 +213,17 @@ class Interval:
 NO_INTERVAL = Interval(np.nan, np.nan)
 
 
-# (N,) average precision in percent of N resamples, by number of recall points; NaN of one without an object.
-PrecisionSamples = dict[int, Float64]
+@dataclass(frozen=True)
+class PrecisionSamples:
+    """Averages in percent of N bootstrap resamples, by number of recall points; NaN of one without an object.
+
+    Attributes:
+        ap: (N,) average precision.
+        aos: (N,) average orientation similarity, NaN without headings.
+    """
+
+    ap: Mapping[int, Float64]
+    aos: Mapping[int, Float64]
 
 
 def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
@@ -250,10 +259,15 @@ def resample_precision(
     for _ in progress(range(resamples)):
         drawn = generator.integers(matches.frames, size=matches.frames)
         curves.append(matches.curves(np.bincount(drawn, minlength=matches.frames)))
-    return {
-        name: {
-            points: np.array([c[name].ap(points) if c[name].truths else np.nan for c in curves])
-            for points in RECALL_POINTS
-        }
-        for name in matches.by_difficulty
-    }
+    return {name: _samples([one[name] for one in curves]) for name in matches.by_difficulty}
+
+
+def _samples(curves: Sequence[PrecisionCurve]) -> PrecisionSamples:
+    known = [one if one.truths else None for one in curves]
+    ap = {points: [one.ap(points) if one else None for one in known] for points in RECALL_POINTS}
+    aos = {points: [one.aos(points) if one else None for one in known] for points in RECALL_POINTS}
+    return PrecisionSamples(_as_arrays(ap), _as_arrays(aos))
+
+
+def _as_arrays(samples: Mapping[int, Sequence[float | None]]) -> dict[int, Float64]:
+    return {points: np.array(one, np.float64) for points, one in samples.items()}

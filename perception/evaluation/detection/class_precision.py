@@ -86,11 +86,17 @@ class PrecisionMetrics(Metrics):
 
     def resampled_ap(self, points: int = 40) -> Float64:
         """Return (N,) average precisions of the resamples in percent, NaN without an object."""
-        return self.samples[points] if self.samples else np.zeros(0)
+        return self.samples.ap[points] if self.samples else np.zeros(0)
 
     def interval(self, points: int = 40) -> Interval:
         """Return the 95 % interval of the average precision; NaN without resamples."""
         return percentile_interval(self.resampled_ap(points), CONFIDENCE)
+
+    def aos_interval(self, points: int = 40) -> Interval:
+        """Return the 95 % interval of the average orientation similarity; NaN without resamples."""
+        return percentile_interval(
+            self.samples.aos[points] if self.samples else np.zeros(0), CONFIDENCE
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the values of all columns, and the curve."""
@@ -244,14 +250,16 @@ class PrecisionReport(Report):
         title: Title of the table.
         classes: Metrics of each class.
         notes: Further lines below the table.
+        benchmark: Scores of KITTI's benchmark, whose table comes first; None where they are not measured.
     """
 
     title: str
     classes: Sequence[ClassPrecision]
     notes: Sequence[str] = ()
+    benchmark: Report | None = None
 
     def tables(self) -> Sequence[Table[Any]]:
-        """Return one table with a row for each class, difficulty and IoU."""
+        """Return the benchmark's table, and one with a row for each class, difficulty and IoU in the image."""
         rows = {
             f"{one.name} {level} {iou:g}": metrics
             for one in self.classes
@@ -265,11 +273,13 @@ class PrecisionReport(Report):
             or any(column.cell(row) != "-" for row in rows.values())
         ]
         notes = [*self._notes(rows.values()), *self.notes]
-        return [Table(self.title, columns, rows, "class, difficulty, IoU", notes)]
+        first = self.benchmark.tables() if self.benchmark else []
+        return [*first, Table(self.title, columns, rows, "class, difficulty, IoU", notes)]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the metrics by class, IoU and difficulty, with the curves."""
-        return {one.name: one.to_json() for one in self.classes}
+        """Return the benchmark's scores, and the metrics by class, IoU and difficulty, with the curves."""
+        first = {"benchmark": self.benchmark.to_json()} if self.benchmark else {}
+        return {**first, **{one.name: one.to_json() for one in self.classes}}
 
     def panels(self) -> list[CurvePanel]:
         """Return the precision-recall curves, a panel for each class and IoU."""

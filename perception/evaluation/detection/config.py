@@ -8,7 +8,7 @@ from perception.errors import UsageError
 
 RECALL_POINTS = (11, 40)
 PROTOCOL: Mapping[str, str] = {
-    "name": "KITTI object benchmark, boxes in the image",
+    "name": "KITTI object benchmark: boxes in the image, from above (bev) and in space (3d), orientation",
     "similarity": "intersection over union, areas without + 1 pixel, above the IoU of the class",
     "objects": (
         "objects of the class within the limits of the difficulty on height, occlusion and truncation; others "
@@ -17,6 +17,15 @@ PROTOCOL: Mapping[str, str] = {
     "detections": (
         "detections below the minimum height are ignored, of any class; an unmatched detection with more than "
         "the IoU of its area in one DontCare region is no false positive"
+    ),
+    "3D boxes": (
+        "rotated rectangles from above, and with their heights in space; the limits of the difficulty are those in the "
+        "image; a DontCare region has no 3D box; at the IoU of the class, and at 0.5 of Car and others, 0.25 of "
+        "Pedestrian and Cyclist; a class without 3D boxes is measured in the image alone"
+    ),
+    "orientation": (
+        "AOS: true positives in the image weighted by (1 + cos of the error of alpha) / 2; none where a detection has "
+        "no alpha"
     ),
     "precision": "at up to 41 scores of matched objects, each the maximum over this and all higher recalls",
     "averages": "R11: recall 0, 0.1 .. 1 (before October 2019); R40: recall 1/40 .. 1 (since then)",

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from perception.evaluation.detection.benchmark_scores import measure_benchmark
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import (
     ClassPrecision,
@@ -51,18 +52,19 @@ class DetectorReport(PrecisionReport):
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return the table of average precision, with the times below it."""
-        (table,) = super().tables()
+        *first, table = super().tables()
         note = ", ".join(f"{name} {ms:.1f} ms/frame" for name, ms in self._frame_ms().items())
         if self.proposals_per_frame is not None:
             note += f", {self.proposals_per_frame:.1f} proposals/frame"
-        return [replace(table, notes=[*table.notes, note])]
+        return [*first, replace(table, notes=[*table.notes, note])]
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics."""
         return {
             "ms_per_frame": self._frame_ms(),
             "proposals_per_frame": self.proposals_per_frame,
-            "classes": super().to_json(),
+            "benchmark": self.benchmark and self.benchmark.to_json(),
+            "classes": {one.name: one.to_json() for one in self.classes},
         }
 
     def _frame_ms(self) -> dict[str, float]:
@@ -101,7 +103,10 @@ class DetectorMeasure(PrecisionMeasure[FrameDetections]):
             for stage in self.outputs[0].timings_s
         }
         per_frame = recall.proposals_per_frame if recall else None
-        return DetectorReport(self.title, classes, self.notes, seconds, per_frame)
+        scores = measure_benchmark(
+            self.truths, detections, len(self.outputs), self.classes, self.config, self.progress
+        )
+        return DetectorReport(self.title, classes, self.notes, scores, seconds, per_frame)
 
 
 def _with_recall(precision: ClassPrecision, recall: ProposalRecall) -> ClassPrecision:

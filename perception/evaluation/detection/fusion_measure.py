@@ -18,7 +18,6 @@ from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.average_precision import (
     NO_INTERVAL,
-    Interval,
     percentile_interval,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes
@@ -28,6 +27,12 @@ from perception.evaluation.detection.class_precision import (
     PrecisionMeasure,
     few_objects_note,
 )
+from perception.evaluation.detection.estimates import (
+    Estimate,
+    EstimateRow,
+    estimate_column,
+    estimate_table,
+)
 from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
 from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.detection.reliability import (
@@ -35,7 +40,7 @@ from perception.evaluation.detection.reliability import (
     match_correctness,
     measure_reliability,
 )
-from perception.evaluation.report import Column, Report, Table
+from perception.evaluation.report import Report, Table
 from perception.render.curve_plots import CurvePanel, precision_panel
 from perception.types import MODALITIES, Detections, Modality
 
@@ -65,23 +70,6 @@ _THESIS_NOTE = (
 )
 _STEPS_LEVEL = "moderate"
 _BINS = 10  # of scores
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Average precision in percent, or a difference of two in percentage points.
-
-    Attributes:
-        points: Value; NaN without objects.
-        interval: 95 % interval; NaN without resamples.
-    """
-
-    points: float | None
-    interval: Interval = NO_INTERVAL
-
-
-# Estimates of a row by difficulty.
-EstimateRow = Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -203,21 +191,11 @@ def _rows_document(rows: Mapping[str, FusionRow]) -> dict[str, Any]:
 
 
 def _table(title: str, rows: Mapping[str, EstimateRow], spec: str) -> Table[EstimateRow]:
-    """Return an estimate for each difficulty, its interval where there are resamples, and the thesis' value."""
-    estimates = [one for row in rows.values() for one in row.values()]
-    intervals = any(np.isfinite(one.interval.low) for one in estimates)
-    columns = [one for level in LEVELS for one in _columns(level, spec, intervals=intervals)]
+    """Return the table of the rows, with the values of the thesis where they are known."""
     thesis = [f"thesis {level}" for level in LEVELS]
-    if any(thesis[0] in row for row in rows.values()):
-        columns += [one for name in thesis for one in _columns(name, spec)]
-    return Table(title, columns, rows)
-
-
-def _columns(name: str, spec: str, *, intervals: bool = False) -> list[Column[EstimateRow]]:
-    value = Column[EstimateRow](name, lambda row: row[name].points if name in row else None, spec)
-    low = Column[EstimateRow]("95 % low", lambda row: row[name].interval.low, ".2f")
-    high = Column[EstimateRow]("95 % high", lambda row: row[name].interval.high, ".2f")
-    return [value, low, high] if intervals else [value]
+    has_thesis = any(thesis[0] in row for row in rows.values())
+    further = [estimate_column(name, spec) for name in thesis] if has_thesis else []
+    return estimate_table(title, rows, spec, further)
 
 
 def _panel(title: str, rows: Mapping[str, ClassPrecision], level: str) -> CurvePanel:
