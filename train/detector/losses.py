@@ -23,7 +23,7 @@ from train.detector.targets import (
 )
 from train.networks.yolo_head import BOX, CLASSES, OBJECTNESS, YoloHead, box_corners
 
-_MIN_IGNORED_SHARE = 0.5  # of a box within an ignored area
+MIN_IGNORED_SHARE = 0.5  # of a box within an ignored area
 
 
 class DetectionLoss(NamedTuple):
@@ -147,14 +147,18 @@ def _lies_on_label(corners: Tensor, labels: BatchLabels, ignore_iou: float) -> T
     boxes_px = corners.permute(0, 1, 3, 4, 2).reshape(batch, -1, 4)
     is_real = has_area(labels.boxes_px)[:, None]
     is_ignored = labels.is_ignored[:, None]
-    iou = pairwise_iou(boxes_px, labels.boxes_px)
-    # With an intersection I of areas A and B: IoU = I / (A + B - I), hence I / A = IoU / (1 + IoU) (1 + B / A).
-    area_ratios = _areas(labels.boxes_px)[:, None] / _areas(boxes_px)[..., None]
-    shares = iou / (1 + iou) * (1 + area_ratios)
-    on_label = (iou > ignore_iou) & ~is_ignored
-    in_ignored = (shares > _MIN_IGNORED_SHARE) & is_ignored
+    on_label = (pairwise_iou(boxes_px, labels.boxes_px) > ignore_iou) & ~is_ignored
+    in_ignored = (shares_within(boxes_px, labels.boxes_px) > MIN_IGNORED_SHARE) & is_ignored
     lies = ((on_label | in_ignored) & is_real).any(dim=2)
     return lies.reshape(batch, anchors, rows, columns)
+
+
+def shares_within(boxes_px: Tensor, areas_px: Tensor) -> Tensor:
+    """Return (B, M, K) shares of the boxes (B, M, 4) that lie within areas (B, K, 4)."""
+    iou = pairwise_iou(boxes_px, areas_px)
+    # With an intersection I of areas A and B: IoU = I / (A + B - I), hence I / A = IoU / (1 + IoU) (1 + B / A).
+    area_ratios = _areas(areas_px)[:, None] / _areas(boxes_px)[..., None]
+    return iou / (1 + iou) * (1 + area_ratios)
 
 
 def _areas(boxes_px: Tensor) -> Tensor:

@@ -1,10 +1,12 @@
 """A detector: a backbone from an image to a feature map, and a head that predicts boxes from it."""
 
+from typing import Any
+
 from torch import Tensor, nn
 
 from perception.detection.detectors.input_size import SIZE_STEP_PX
 from perception.errors import ModelError
-from train.networks.yolo_head import DecodedBoxes, YoloHead
+from train.networks.yolo_head import DecodedBoxes, DetectionHead
 
 
 class YoloDetector(nn.Module):
@@ -16,7 +18,7 @@ class YoloDetector(nn.Module):
         head: Head: the feature map to boxes.
     """
 
-    def __init__(self, channels: int, trunk: nn.Module, head: YoloHead) -> None:
+    def __init__(self, channels: int, trunk: nn.Module, head: DetectionHead[Any]) -> None:
         super().__init__()
         self.channels = channels
         self.trunk = trunk
@@ -27,13 +29,13 @@ class YoloDetector(nn.Module):
         """Names of the classes in the order of the scores."""
         return self.head.class_names
 
-    def forward(self, images: Tensor) -> Tensor:
-        """Return raw predictions (B, A, 5 + classes, rows, columns) for (B, C, H, W) of 0..255."""
+    def forward(self, images: Tensor) -> Any:  # noqa: ANN401 - as its head makes them
+        """Return the head's raw predictions for (B, C, H, W) of 0..255."""
         self._require_image(images)
-        raw: Tensor = self.head(self.trunk(images.to(self.head.convolution.weight.dtype) / 255))
-        return raw
+        dtype = next(self.parameters()).dtype
+        return self.head(self.trunk(images.to(dtype) / 255))
 
-    def decode(self, raw: Tensor) -> DecodedBoxes:
+    def decode(self, raw: Any) -> DecodedBoxes:  # noqa: ANN401
         """Return the boxes and scores of raw predictions."""
         return self.head.decode(raw)
 

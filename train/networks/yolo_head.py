@@ -7,14 +7,16 @@ The second axis but one holds x, y, width, height, objectness, and one number a 
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import torch
 from torch import Tensor, nn
 
 from perception.errors import UsageError
 
+Raw = TypeVar("Raw")
 BOX = slice(0, 4)
 OBJECTNESS = 4
 CLASSES = slice(5, None)
@@ -35,7 +37,25 @@ class DecodedBoxes(NamedTuple):
     scores: Tensor
 
 
-class YoloHead(nn.Module):
+class DetectionHead(nn.Module, ABC, Generic[Raw]):
+    """Predict boxes from the maps of a trunk, in a form that the head alone and its loss read.
+
+    Attributes:
+        class_names: Classes in the order of the scores.
+    """
+
+    class_names: tuple[str, ...]
+
+    @abstractmethod
+    def forward(self, features: Any) -> Raw:  # noqa: ANN401 - as its trunk makes them
+        """Return raw predictions."""
+
+    @abstractmethod
+    def decode(self, raw: Raw) -> DecodedBoxes:
+        """Decode raw predictions in float32."""
+
+
+class YoloHead(DetectionHead[Tensor]):
     """Predict boxes from a map, and read them.
 
     Attributes:
@@ -64,7 +84,8 @@ class YoloHead(nn.Module):
             first_score: Approximate initial objectness of every prediction.
         """
         super().__init__()
-        _require_anchors_and_classes(anchors_px, class_names)
+        _require_anchors(anchors_px)
+        require_classes(class_names)
         self.class_names = tuple(class_names)
         self.stride_px = stride_px
         self.register_buffer("anchors_px", torch.tensor(anchors_px, dtype=torch.float32))
@@ -107,7 +128,7 @@ class YoloHead(nn.Module):
         bias = self.convolution.bias
         if bias is not None and score != 0.5:
             of_anchors = bias.detach().view(len(self.anchors_px), -1)
-            of_anchors[:, OBJECTNESS] = math.log(score / (1 - score))
+            of_anchors[:, OBJECTNESS] = logit(score)
 
 
 def box_corners(boxes: Tensor) -> Tensor:
@@ -121,14 +142,25 @@ def _as_list(maps: Tensor) -> Tensor:
     return maps.permute(0, 3, 4, 1, 2).flatten(1, 3)
 
 
-def _require_anchors_and_classes(
-    anchors_px: Sequence[tuple[float, float]], class_names: Sequence[str]
-) -> None:
-    if not anchors_px or min(min(anchor) for anchor in anchors_px) <= 0:
-        raise UsageError(
-            "anchors", expected="widths and heights over zero", found=str(list(anchors_px))
-        )
+def logit(score: float) -> float:
+    """Return the raw prediction of a score between 0 and 1."""
+    return math.log(score / (1 - score))
+
+
+def require_classes(class_names: Sequence[str]) -> None:
+    """Validate class names.
+
+    Raises:
+        UsageError: there are none, or one is named twice.
+    """
     if not class_names or len(set(class_names)) < len(class_names):
         raise UsageError(
             "classes", expected="one or more different names", found=str(list(class_names))
+        )
+
+
+def _require_anchors(anchors_px: Sequence[tuple[float, float]]) -> None:
+    if not anchors_px or min(min(anchor) for anchor in anchors_px) <= 0:
+        raise UsageError(
+            "anchors", expected="widths and heights over zero", found=str(list(anchors_px))
         )
