@@ -66,7 +66,9 @@ def anchor_free_loss(
         entropy = functional.binary_cross_entropy_with_logits(
             flat[..., OBJECTNESS], is_object, reduction="none"
         ).masked_fill(is_free, 0)
-        classes = functional.one_hot(labels.classes[found.image, found.label], len(head.class_names))
+        classes = functional.one_hot(
+            labels.classes[found.image, found.label], len(head.class_names)
+        )
         box = ops.complete_box_iou_loss(boxes_px[at], targets_px, reduction="sum")
         of_classes = functional.binary_cross_entropy_with_logits(
             flat[at][:, CLASSES], classes * found.iou[:, None], reduction="sum"
@@ -78,7 +80,7 @@ def anchor_free_loss(
             config.class_weight * of_classes,
             flat.new_zeros(()),
         )
-        of_one = [term / len(flat) for term in terms]
+        of_one = [term / max(len(found.cell), 1) for term in terms]
     return DetectionLoss(torch.stack(of_one).sum(), *of_one)
 
 
@@ -115,7 +117,9 @@ def _assign_image(
         return Assignment(empty, empty, empty, flat.new_zeros(0))
     is_near = is_near[:, candidates]
     iou = ops.box_iou(targets_px, boxes_px[candidates])
-    scores = (flat[candidates, OBJECTNESS, None].sigmoid() * flat[candidates, CLASSES].sigmoid()).sqrt()
+    scores = (
+        flat[candidates, OBJECTNESS, None].sigmoid() * flat[candidates, CLASSES].sigmoid()
+    ).sqrt()
     entropy = -(scores[:, classes].T.clamp(min=1e-6)).log() - _others(scores, classes)
     cost = entropy - _OVERLAP_WEIGHT * (iou + 1e-8).log() + _UNLIKE * ~is_near
     iou = iou * is_near

@@ -45,11 +45,13 @@ class InitialWeights:
     Attributes:
         checkpoint: Checkpoint of a training of the same network on other images.
         darknet: Weight file of Darknet for yolov2, such as darknet19_448.conv.23 or a whole detector's.
+        public: Public ONNX file of YOLOX-nano, for network yolox-nano of modality rgb.
         backbone: File of a torchvision classifier's state_dict, or the word download.
     """
 
     checkpoint: Path | None = None
     darknet: Path | None = None
+    public: Path | None = None
     backbone: str | None = None
 
     def __post_init__(self) -> None:

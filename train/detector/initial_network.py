@@ -11,9 +11,11 @@ from train.detector.networks import (
     load_detector,
     make_detector,
 )
+from train.detector.public_weights import init_from_public
 from train.networks.torchvision_detector import TorchvisionDetector, init_from_classifier
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
+from train.networks.yolox import YoloxNano
 
 
 def initial_network(config: DetectorNetworkConfig, weights: InitialWeights) -> YoloDetector:
@@ -33,6 +35,12 @@ def initial_network(config: DetectorNetworkConfig, weights: InitialWeights) -> Y
         if not isinstance(network, YOLOv2):
             raise UsageError("--model.weights.darknet", expected="network yolov2", found=name)
         init_from_darknet(network, weights.darknet)
+    if weights.public is not None:
+        if not isinstance(network, YoloxNano) or network.channels != 3:
+            found = f"{name} of modality {config.modality}"
+            where = "--model.weights.public"
+            raise UsageError(where, expected="network yolox-nano of modality rgb", found=found)
+        init_from_public(network, weights.public)
     if weights.backbone is not None:
         if not isinstance(network, TorchvisionDetector):
             where = "--model.weights.backbone"

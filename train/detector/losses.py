@@ -27,7 +27,7 @@ MIN_IGNORED_SHARE = 0.5  # of a box within an ignored area
 
 
 class DetectionLoss(NamedTuple):
-    """Weighted terms per image.
+    """Weighted terms per image, or per cell that answers where there are no anchors.
 
     Attributes:
         total: Sum of the others.

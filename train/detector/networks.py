@@ -14,6 +14,7 @@ from train.networks.compact import CompactDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
+from train.networks.yolox import YoloxNano
 
 MODEL = "detector"  # kind of model in checkpoints and model files
 ANCHORS = 5
@@ -24,6 +25,7 @@ IDENTITY = ("network", "modality", "classes")
 NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
     "compact": lambda class_names, channels: CompactDetector(class_names, channels=channels),
     "yolov2": lambda class_names, channels: YOLOv2(class_names, channels=channels),
+    "yolox-nano": YoloxNano,
 }
 
 
@@ -32,7 +34,7 @@ class DetectorNetworkConfig(ImageConfig):
     """Input of a detector, and its network.
 
     Attributes:
-        network: Network: compact, yolov2, or the torchvision classifier of its backbone.
+        network: Network: compact, yolov2, yolox-nano, or the torchvision classifier of its backbone.
     """
 
     network: str = "compact"
@@ -98,10 +100,11 @@ def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
         return make_detector(config), config.metadata
 
     detector, metadata = load_network(checkpoint, MODEL, make)
-    return detector, metadata | {"anchors": anchors_text(detector)}
+    anchors = anchors_text(detector)
+    return detector, metadata | ({"anchors": anchors} if anchors else {})
 
 
 def anchors_text(detector: YoloDetector) -> str:
-    """Return widths and heights of the anchors in pixels, such as 19.1x13.4,37.6x22.6."""
+    """Return widths and heights of the anchors in pixels, such as 19.1x13.4,37.6x22.6; empty where there are none."""
     sizes = detector.head.anchors_px.tolist()
     return ",".join(f"{width:.1f}x{height:.1f}" for width, height in sizes)

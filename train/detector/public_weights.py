@@ -17,9 +17,7 @@ from perception.errors import ModelError
 from train.networks.yolox import YoloxNano
 
 SHA256 = "695e750a5d5754bb5a8d5325643b59282191a7e7a564e435a415fd3c578eab14"
-ADDRESS = (
-    "https://github.com/Kazuhito00/YOLOX-ONNX-TFLite-Sample/raw/3d4f111/model/yolox_nano.onnx"
-)
+ADDRESS = "https://github.com/Kazuhito00/YOLOX-ONNX-TFLite-Sample/raw/3d4f111/model/yolox_nano.onnx"
 COCO_CLASSES = 80
 # Numbers of COCO's classes that a class of KITTI starts from; their mean logit.
 _PERSON, _BICYCLE, _CAR, _MOTORCYCLE, _BUS, _TRUCK = 0, 1, 2, 3, 5, 7
@@ -46,7 +44,9 @@ def init_from_public(detector: YoloxNano, path: Path) -> None:
     state, mixed = public.state_dict(), dict[str, Tensor]()
     for name, weight in detector.state_dict().items():
         is_of_classes = name.startswith("head.levels") and ".classes." in name
-        mixed[name] = _of_classes(state[name], weight, detector.class_names) if is_of_classes else state[name]
+        mixed[name] = (
+            _of_classes(state[name], weight, detector.class_names) if is_of_classes else state[name]
+        )
     detector.load_state_dict(mixed)
 
 
@@ -61,7 +61,9 @@ def public_detector(path: Path) -> YoloxNano:
     pairs = list(_convolutions(_read(path)))
     (blocks, bias), others = pairs[0], pairs[1:]
     with torch.no_grad():
-        for layer, (weight, shift) in zip(layers, [(_of_pixels(blocks), bias), *others], strict=True):
+        for layer, (weight, shift) in zip(
+            layers, [(_of_pixels(blocks), bias), *others], strict=True
+        ):
             layer.weight.copy_(weight)
             if layer.bias is not None:
                 layer.bias.copy_(shift)

@@ -24,9 +24,10 @@ from train.best_epoch import Criterion, Ranking
 from train.checkpoints import program_revision, read_checkpoint
 from train.detector.anchors import fit_anchors
 from train.detector.config import Anchors, DetectionLossConfig, InitialWeights
+from train.detector.head_losses import head_loss
 from train.detector.images import DetectorImages
 from train.detector.initial_network import initial_network
-from train.detector.losses import DetectionLoss, detection_loss
+from train.detector.losses import DetectionLoss
 from train.detector.metrics import ValidationBoxes, mean_precision, measure, precision_table
 from train.detector.multi_scale import (
     Interpolation,
@@ -81,8 +82,8 @@ class DetectorTraining(LightningModule):
 
         Args:
             modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
-            network: Network: compact, the one that ships; yolov2; or the torchvision classifier of its backbone,
-                such as resnet18.
+            network: Network: compact, the one that ships for maps; yolox-nano, the one that ships for images; yolov2;
+                or the torchvision classifier of its backbone, such as resnet18.
             classes: Classes to detect, as labels spell them.
             size: Height and width of the input, multiples of 32; the thesis' is 416x416.
             filling: Method by which maps are made dense: default, thesis, nearest, linear, natural; or sparse, the
@@ -115,9 +116,10 @@ class DetectorTraining(LightningModule):
         self.loss_config, self.seed = loss, seed
         self.optimizer, self.lr_scheduler = optimizer, lr_scheduler
         # The meaning of a checkpoint's weights depends on its anchors.
-        self.fits_anchors = anchors == "auto" and weights.checkpoint is None
-        # On a CPU with bfloat16 this takes half the time of the default layout.
         made = initial_network(self.image, weights)
+        has_anchors = len(made.head.anchors_px) > 0
+        self.fits_anchors = has_anchors and anchors == "auto" and weights.checkpoint is None
+        # On a CPU with bfloat16 this takes half the time of the default layout.
         self.network = made.to(memory_format=torch.channels_last)
         if weights.checkpoint is not None:
             learned = read_checkpoint(weights.checkpoint, MODEL)["hyper_parameters"]
@@ -146,10 +148,9 @@ class DetectorTraining(LightningModule):
             fitted = fit_anchors(self.data.training.label_sizes_px(), ANCHORS, rng).anchors_px
             self.network.head.anchors_px.copy_(torch.from_numpy(fitted))
 
-    def forward(self, images: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> Any:  # noqa: ANN401 - as the head makes them
         """Return raw predictions as the network does."""
-        raw: Tensor = self.network(images.contiguous(memory_format=torch.channels_last))
-        return raw
+        return self.network(images.contiguous(memory_format=torch.channels_last))
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Return the loss of a batch at one of the sizes."""
@@ -195,7 +196,7 @@ class DetectorTraining(LightningModule):
     def _evaluate(self, stage: str, batch: Batch) -> dict[str, list[Detections]]:
         raw = self(batch["images"].float())
         loss = self._loss(raw, _labels(batch), self.loss_config.prior_images)
-        self._log_loss(stage, loss, len(raw))
+        self._log_loss(stage, loss, len(batch["images"]))
         detections = self._detections(raw, InputSize(*batch["images"].shape[-2:]))
         self.boxes.update(detections, batch["numbers"], self.global_rank)
         return {"detections": detections}
@@ -211,8 +212,9 @@ class DetectorTraining(LightningModule):
         metrics = mean_precision(self.metrics)
         self.log_dict({f"{stage}/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
 
-    def _loss(self, raw: Tensor, labels: BatchLabels, images_seen: int) -> DetectionLoss:
-        return detection_loss(raw, labels, self.network.head, self.loss_config, images_seen)
+    def _loss(self, raw: Any, labels: BatchLabels, images_seen: int) -> DetectionLoss:  # noqa: ANN401
+        head = self.network.head
+        return head_loss(head)(raw, labels, head, self.loss_config, images_seen)
 
     def _log_loss(self, stage: str, loss: DetectionLoss, count: int) -> None:
         terms = {"loss": loss.total} | {
@@ -226,7 +228,7 @@ class DetectorTraining(LightningModule):
             sync_dist=True,
         )
 
-    def _detections(self, raw: Tensor, size: InputSize) -> list[Detections]:
+    def _detections(self, raw: Any, size: InputSize) -> list[Detections]:  # noqa: ANN401
         boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
         names = self.image.class_names
         return [

@@ -42,9 +42,11 @@ class DetectionHead(nn.Module, ABC, Generic[Raw]):
 
     Attributes:
         class_names: Classes in the order of the scores.
+        anchors_px: (A, 2) widths and heights of the anchors in pixels of the input; without rows where there are none.
     """
 
     class_names: tuple[str, ...]
+    anchors_px: Tensor
 
     @abstractmethod
     def forward(self, features: Any) -> Raw:  # noqa: ANN401 - as its trunk makes them
@@ -63,8 +65,6 @@ class YoloHead(DetectionHead[Tensor]):
         stride_px: Width and height of a cell in pixels.
         anchors_px: (A, 2) widths and heights of the anchors in pixels of the input.
     """
-
-    anchors_px: Tensor
 
     def __init__(
         self,

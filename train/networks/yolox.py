@@ -171,6 +171,7 @@ class YoloxHead(DetectionHead[tuple[Tensor, ...]]):
 
     Attributes:
         class_names: Classes in the order of the raw channels.
+        anchors_px: (0, 2).
     """
 
     def __init__(self, class_names: Sequence[str]) -> None:
@@ -182,6 +183,7 @@ class YoloxHead(DetectionHead[tuple[Tensor, ...]]):
         super().__init__()
         require_classes(class_names)
         self.class_names = tuple(class_names)
+        self.register_buffer("anchors_px", torch.zeros(0, 2), persistent=False)
         self.levels = nn.ModuleList(LevelHead(width, len(class_names)) for width in _WIDTHS)
         for level in self.levels:
             for part in (level.objectness, level.classes):
@@ -231,7 +233,9 @@ def cells(raw: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
     corners, strides = [], []
     for maps, stride_px in zip(raw, STRIDES_PX, strict=True):
         rows, columns = maps.shape[-2:]
-        y = torch.arange(rows, device=maps.device, dtype=torch.float32)[:, None].expand(rows, columns)
+        y = torch.arange(rows, device=maps.device, dtype=torch.float32)[:, None].expand(
+            rows, columns
+        )
         x = torch.arange(columns, device=maps.device, dtype=torch.float32).expand(rows, columns)
         corners.append(torch.stack([x, y], dim=-1).reshape(-1, 2))
         strides.append(torch.full_like(corners[-1][:, :1], stride_px))
