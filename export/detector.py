@@ -17,7 +17,7 @@ from export.quantize import QuantizationConfig, Scales, to_int8
 from export.result import ChosenVariant, ExportConfig, ExportResult
 from export.variants import ModelVariant, compare_variants
 from perception.atomic_file import write_atomically
-from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.input_size import SIZE_STEP_PX, InputSize
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
@@ -124,6 +124,7 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
         {"images": torch.from_numpy(example)},
         outputs=("boxes_px", "scores"),
         metadata=metadata,
+        side_step=SIZE_STEP_PX,
     )
 
 

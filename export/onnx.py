@@ -3,7 +3,7 @@
 import io
 import logging
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from typing import Any
@@ -28,35 +28,47 @@ class Exportable:
         inputs: Example of each input by name, (M, ...) with the same M of at least 2. M is free in the file.
         outputs: Names of the outputs.
         metadata: Metadata of the model file.
+        side_step: Number that divides the lengths of the third and fourth axis, which then are free in the file, too;
+            None for those of the examples.
     """
 
     module: nn.Module
     inputs: Mapping[str, Tensor]
     outputs: tuple[str, ...]
     metadata: Mapping[str, str]
+    side_step: int | None = None
+
+    @property
+    def free_axes(self) -> dict[int, object]:
+        """Return the free axes of every input."""
+        axes: dict[int, object] = {0: torch.export.Dim("rows")}
+        if self.side_step is not None:
+            axes |= {2: self.side_step * torch.export.Dim("height_steps", min=1)}
+            axes |= {3: self.side_step * torch.export.Dim("width_steps", min=1)}
+        return axes
 
 
 def to_onnx(exportable: Exportable) -> bytes:
     """Return the ONNX file, weights and metadata included.
 
     Raises:
-        ModelError: the module can only take as many rows as the examples have.
+        ModelError: the module can only take as many rows as the examples have, or inputs of their size.
     """
-    rows = torch.export.Dim("rows")
+    axes = exportable.free_axes
     with _quiet(), torch.no_grad():
         program = torch.onnx.export(
             exportable.module.eval(),
             tuple(exportable.inputs.values()),
             input_names=list(exportable.inputs),
             output_names=list(exportable.outputs),
-            dynamic_shapes=tuple({0: rows} for _ in exportable.inputs),
+            dynamic_shapes=tuple(axes for _ in exportable.inputs),
             opset_version=OPSET,
             dynamo=True,
             verbose=False,
         )
     assert program is not None  # the exporter in use always returns one
     model = program.model_proto
-    _require_free_rows(model)
+    _require_free_axes(model, axes)
     model.ir_version = min(model.ir_version, _IR_VERSION)
     _forget_source(model)
     onnx.helper.set_model_props(model, dict(exportable.metadata))
@@ -64,13 +76,14 @@ def to_onnx(exportable: Exportable) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def _require_free_rows(model: Any) -> None:  # noqa: ANN401 - made by protobuf, without types
-    """Validate that the exporter did not fix the number of rows to that of the examples."""
+def _require_free_axes(model: Any, axes: Iterable[int]) -> None:  # noqa: ANN401 - made by protobuf, without types
+    """Validate that the exporter did not fix the length of an axis to that of the examples."""
     for entry in model.graph.input:
-        if not entry.type.tensor_type.shape.dim[0].dim_param:
+        fixed = [axis for axis in axes if not entry.type.tensor_type.shape.dim[axis].dim_param]
+        if fixed:
             raise ModelError(
                 "export",
-                expected=f"any number of rows in input {entry.name}",
+                expected=f"any length of axis {fixed[0]} of input {entry.name}",
                 found="a network that takes only its example's",
                 advice="let it ask for shape[0] in place of len(), and reshape to -1 rows",
             )
