@@ -23,7 +23,7 @@ from perception.types import Frame, MapMethod, MapModality, Modality, UInt8
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
 # Detectors of this package, by the names of their files without suffix.
 SHIPPED_DETECTORS: Mapping[Modality, str] = {
-    "rgb": "rgb_compact",
+    "rgb": "rgb_yolox",
     "dm": "dm_compact",
     "rm": "rm_compact",
 }
