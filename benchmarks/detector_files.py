@@ -15,7 +15,7 @@ from perception.detection.detectors.network_input import PixelRectangle, place, 
 from perception.types import Modality, UInt8
 from train.detector.networks import DetectorNetworkConfig, make_detector
 from train.networks.yolo_detector import YoloDetector
-from train.networks.yolo_head import OBJECTNESS
+from train.networks.yolo_head import OBJECTNESS, YoloHead
 
 Precision = Literal["fp32", "int8"]
 ModelFiles = Mapping[Precision, Path]
@@ -70,7 +70,9 @@ def _limit_confident_boxes(detector: YoloDetector, images: torch.Tensor) -> None
             detector.train()(images)
         logits = detector.eval()(images[:1])[:, :, OBJECTNESS].flatten()
         threshold = logits.sort(descending=True).values[min(_LIKELY, len(logits)) - 1]
-        bias = detector.head.convolution.bias
+        head = detector.head
+        assert isinstance(head, YoloHead)  # of the networks that are compared
+        bias = head.convolution.bias
         assert bias is not None  # every head has one
-        of_anchors = bias.view(len(detector.head.anchors_px), -1)
+        of_anchors = bias.view(len(head.anchors_px), -1)
         of_anchors[:, OBJECTNESS] += float(np.log(0.01 / 0.99)) - threshold

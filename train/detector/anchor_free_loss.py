@@ -153,4 +153,7 @@ def _is_near(targets_px: Tensor, centers_px: Tensor, strides_px: Tensor) -> Tens
 def _lies_in_ignored(boxes_px: Tensor, labels: BatchLabels) -> Tensor:
     """Return the (B, K) mask of boxes mostly in an ignored area."""
     is_area = (has_area(labels.boxes_px) & labels.is_ignored)[:, None]
-    return ((shares_within(boxes_px, labels.boxes_px) > MIN_IGNORED_SHARE) & is_area).any(dim=2)
+    lies: Tensor = ((shares_within(boxes_px, labels.boxes_px) > MIN_IGNORED_SHARE) & is_area).any(
+        dim=2
+    )
+    return lies

@@ -157,6 +157,9 @@ class LevelHead(nn.Module):
         self.box_branch = nn.Sequential(SeparableUnit(width, width), SeparableUnit(width, width))
         self.box = nn.Conv2d(width, 4, 1)
         self.objectness = nn.Conv2d(width, 1, 1)
+        for part in (self.objectness, self.classes):
+            assert part.bias is not None  # every prediction has one
+            nn.init.constant_(part.bias, logit(_FIRST_SCORE))
 
     def forward(self, features: Tensor) -> Tensor:
         """Return raw predictions (B, 5 + classes, rows, columns)."""
@@ -185,9 +188,6 @@ class YoloxHead(DetectionHead[tuple[Tensor, ...]]):
         self.class_names = tuple(class_names)
         self.register_buffer("anchors_px", torch.zeros(0, 2), persistent=False)
         self.levels = nn.ModuleList(LevelHead(width, len(class_names)) for width in _WIDTHS)
-        for level in self.levels:
-            for part in (level.objectness, level.classes):
-                nn.init.constant_(part.bias, logit(_FIRST_SCORE))
 
     def forward(self, features: Sequence[Tensor]) -> tuple[Tensor, ...]:
         """Return raw predictions (B, 5 + classes, rows, columns) of each stride."""
