@@ -147,7 +147,8 @@ def _is_near(targets_px: Tensor, centers_px: Tensor, strides_px: Tensor) -> Tens
     is_inside = (x > x1) & (x < x2) & (y > y1) & (y < y2)
     reach_px = _RADIUS_CELLS * strides_px[:, 0]
     is_central = ((x1 + x2) / 2 - x).abs().maximum(((y1 + y2) / 2 - y).abs()) < reach_px
-    return is_inside & is_central
+    is_near: Tensor = is_inside & is_central
+    return is_near
 
 
 def _lies_in_ignored(boxes_px: Tensor, labels: BatchLabels) -> Tensor:
