@@ -112,7 +112,9 @@ def detected(boxes: Boxes3D, scores: np.ndarray | float = 0.9) -> FusedDetection
     return FusedDetections(found, np.full((count, 3), -1), np.zeros(count, int), found.scores)
 
 
-def observed_from(x_m: float, boxes_world: Boxes3D) -> tuple[np.ndarray, Boxes3D]:
+def observed_from(
+    x_m: float, boxes_world: Boxes3D, yaw_rad: float = 0.0
+) -> tuple[np.ndarray, Boxes3D]:
     """Return the pose of a LiDAR that stands at x in the world, and the boxes as it sees them."""
-    pose = se3.from_euler(0, 0, 0, np.array([x_m, 0.0, 0.0]))
+    pose = se3.from_euler(0, 0, yaw_rad, np.array([x_m, 0.0, 0.0]))
     return pose, transform_boxes(se3.inverse(pose), boxes_world)

@@ -32,8 +32,11 @@ def track_rows(frame: int, tracks: Tracks, calibration: Calibration) -> Tracking
 
 
 def vehicle_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
-    """Return a row for each vehicle that has an id; without a 3D box, only the rectangle is known."""
-    detections = vehicles.fused.detections
+    """Return a row for each vehicle that has an id; without a 3D box, only the rectangle is known.
+
+    The score is the probability that the vehicle exists, not that its box fits.
+    """
+    detections = replace(vehicles.fused.detections, scores=vehicles.fused.existence)
     rows = _rows(frame, vehicles.ids, vehicles.boxes, detections, calibration)
     return rows[rows.ids >= 0]
 

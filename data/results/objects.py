@@ -110,6 +110,7 @@ class VehicleRecord(ObjectRecord):
     """One detected vehicle in one frame.
 
     Attributes:
+        existence: Probability that the object exists, accumulated over the detections of its track, 0 to 1.
         box_px: Rectangle x1 y1 x2 y2 in the image; null without a camera.
         dominant_modality: Modality of the detector with the largest weight in the fused score.
         scores: Score of each detector by modality; null where it has no detection.
@@ -117,6 +118,7 @@ class VehicleRecord(ObjectRecord):
         distance_m: Distance from the LiDAR to the nearest return.
     """
 
+    existence: Number
     box_px: list[float] | None
     dominant_modality: str
     scores: dict[str, Number]
@@ -143,6 +145,7 @@ class FrameVehicles(FrameLine):
         rows = np.flatnonzero(vehicles.fused.detections.scores >= min_score)
         fused, has_camera = vehicles.fused[rows], result.frame.calibration is not None
         columns = {
+            "existence": numbers(fused.existence),
             "box_px": numbers(fused.detections.boxes_px) if has_camera else [None] * len(rows),
             "dominant_modality": [MODALITIES[one] for one in fused.dominant_modality],
             "scores": [_scores(result, sources) for sources in fused.source_indices],

@@ -33,7 +33,7 @@ def evaluate_vehicles(
     Args:
         root: Sequences in KITTI's tracking layout, or a synthetic drive in it.
         detector: Detectors of the pipeline, DepthCN, or noisy labels, which show the error of location and tracking.
-        display_score: Score of a vehicle from which on it counts, 0 to 1.
+        display_score: Existence of a vehicle from which on it counts, 0 to 1.
         noise: Noise of the labels with `--detector labels`.
         pipeline: Pipeline configuration.
     """

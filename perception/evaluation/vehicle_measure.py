@@ -188,7 +188,7 @@ class VehicleMeasure:
         """Start without a frame.
 
         Args:
-            display_score: Score of a vehicle from which on it counts, 0 to 1.
+            display_score: Existence of a vehicle from which on it counts, 0 to 1.
         """
         self._display_score = display_score
         self._frames: list[TrackedFrame] = []
@@ -247,7 +247,7 @@ def _predicted_boxes(vehicles: Vehicles, display_score: float) -> ImageBoxes:
     boxes = ImageBoxes(
         frames, vehicles.ids, detections.types, unknown, unknown, detections.boxes_px
     )
-    return boxes[(vehicles.ids >= 0) & (detections.scores >= display_score)]
+    return boxes[(vehicles.ids >= 0) & (vehicles.fused.existence >= display_score)]
 
 
 def _colocated_objects(vehicles: Vehicles, tracks: Tracks) -> ColocatedObjects:

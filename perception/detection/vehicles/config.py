@@ -129,7 +129,7 @@ class VehicleConfig:
         body_fit: Fit of the box of people.
         min_points: Minimum number of points of an object that gets a box.
         samples: Number of points of each object that its box is fitted to.
-        tracker: Tracker of vehicles; its `low_score` is that of the detections that are located.
+        tracker: Tracker of vehicles; its `min_existence` is that of the detections that are located.
     """
 
     points: VehiclePointsConfig = field(default_factory=VehiclePointsConfig)

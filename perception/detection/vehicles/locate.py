@@ -47,7 +47,7 @@ def locate(
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     detections, sizes = fused.detections, SizePriors.of(fused.detections.types)
-    likely = np.flatnonzero(detections.scores >= config.tracker.low_score)
+    likely = np.flatnonzero(fused.existence >= config.tracker.min_existence)
     found = find_points(
         frame.points_velo, detections.boxes_px[likely], sizes[likely], camera, ground, config.points
     )

@@ -19,26 +19,64 @@ class SharedIdsConfig:
 
 
 @dataclass(frozen=True)
+class DuplicateConfig:
+    """When a detection is a second box of an object that a better detection has found.
+
+    Attributes:
+        min_iou: Minimum IoU in the image, unless the returns of both lie apart.
+        min_iou_apart: Minimum IoU in the image where the returns of both lie apart.
+        min_share: Minimum share of a box without returns that lies within the other.
+    """
+
+    min_iou: float = 0.4
+    min_iou_apart: float = 0.75
+    min_share: float = 0.7
+
+
+@dataclass(frozen=True)
+class EvidenceConfig:
+    """Evidence that a track is an object: log-odds, summed over frames.
+
+    Attributes:
+        prior: Existence of a detection that is no evidence either way.
+        miss: Evidence that a frame without a detection takes away.
+        confirmation: Minimum evidence of a confirmed track; one detection is never enough.
+        memory: Share of the past evidence that the next frame leaves, since detections of one object err alike.
+    """
+
+    prior: float = 0.3
+    miss: float = 0.4
+    confirmation: float = 2.0
+    memory: float = 0.9
+
+
+@dataclass(frozen=True)
 class VehicleTrackerConfig:
     """Tracker of detected vehicles, in the image and on the ground.
 
     Attributes:
-        low_score: Lowest score of a detection that is located in the scan and may continue a track.
-        new_track_score: Minimum score of a detection that may begin a track.
-        high_score: Minimum score of a detection that is assigned before the others.
-        min_score_sum: Minimum sum of the scores of a confirmed track; one detection is never enough.
+        min_existence: Minimum existence of a detection that is located in the scan and may continue a track.
+        new_track_existence: Minimum existence of a detection that may begin a track.
+        high_existence: Minimum existence of a detection that is assigned before the others.
+        evidence: Evidence that a track exists.
+        duplicates: Second detections of one object.
         max_unseen_unconfirmed_s: Time without a detection after which an unconfirmed track is deleted.
         max_unseen_s: Time without a detection after which a confirmed track is deleted.
         min_iou: Minimum IoU in the image of a detection and the track that it continues.
         side_deviation_share: Standard deviation of the sides of a 2D box from their prediction, as a share of its
             width and height.
         min_size_px: Minimum width and height in that share.
+        class_change_cost: Cost of a detection of another class than that of the track.
         max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 30
             leaves out 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
         position_noise_m: Standard deviation of a located position, at any distance.
         position_noise_per_m: Increase of that standard deviation with distance.
         sparse_noise_m: Standard deviation of a position located by one point; divided by the root of the number
             of points.
+        assumed_height_m: Height of an object without returns, which places it by its height in the image.
+        assumed_depth_share: Standard deviation of its depth, as a share of the depth.
+        assumed_side_share: Standard deviation of its position across the line of sight, as a share of its width.
+        box_gain: Gain of the correction of a box in the image.
         relocate_after_s: Time located elsewhere than predicted after which a track moves there.
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
@@ -47,24 +85,29 @@ class VehicleTrackerConfig:
             front and rear change places.
         max_size_samples: Maximum number of observations that a size is averaged over.
         max_reported_speed_deviation_m_s: Maximum standard deviation of a reported velocity.
-        image_speed_gain: Gain of a correction of the motion in the image.
         motion: Motion model on the ground and its gate.
         shared_ids: Common ids with the tracks of moving objects.
     """
 
-    low_score: float = 0.1
-    new_track_score: float = 0.3
-    high_score: float = 0.5
-    min_score_sum: float = 1.2
+    min_existence: float = 0.1
+    new_track_existence: float = 0.3
+    high_existence: float = 0.5
+    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    duplicates: DuplicateConfig = field(default_factory=DuplicateConfig)
     max_unseen_unconfirmed_s: float = 0.25
     max_unseen_s: float = 1.5
     min_iou: float = 0.1
     side_deviation_share: float = 0.12
     min_size_px: float = 4.0
+    class_change_cost: float = 5.0
     max_cost: float = 30.0
     position_noise_m: float = 0.2
     position_noise_per_m: float = 0.01
     sparse_noise_m: float = 1.2
+    assumed_height_m: float = 1.6
+    assumed_depth_share: float = 0.3
+    assumed_side_share: float = 0.12
+    box_gain: float = 0.7
     relocate_after_s: float = 0.35
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0
@@ -72,6 +115,5 @@ class VehicleTrackerConfig:
     max_front_votes: int = 10
     max_size_samples: int = 12
     max_reported_speed_deviation_m_s: float = 2.0
-    image_speed_gain: float = 0.5
     motion: MotionModelConfig = field(default_factory=MotionModelConfig)
     shared_ids: SharedIdsConfig = field(default_factory=SharedIdsConfig)

@@ -1,81 +1,21 @@
 """Update of vehicle tracks by the detections that continue them, in the image and on the ground."""
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from dataclasses import replace
 
 import numpy as np
 
-from perception.geometry import se3
-from perception.geometry.boxes import transform_boxes
-from perception.geometry.camera import project
 from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
 from perception.tracking.vehicles.config import VehicleTrackerConfig
+from perception.tracking.vehicles.evidence import detection_evidence
+from perception.tracking.vehicles.observations import (
+    NEAREST_M,
+    FrameGeometry,
+    VehicleObservations,
+)
 from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, to_world
-from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Vehicles
-
-_NEAREST_M = 0.5
-
-
-@dataclass(frozen=True)
-class FrameGeometry:
-    """Time, pose and projection of one frame.
-
-    Attributes:
-        stamp_s: Time of the scan.
-        world_SE3_velo: (4, 4) pose of the LiDAR.
-        image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
-    """
-
-    stamp_s: float
-    world_SE3_velo: Float64
-    image_P_velo: Float64
-
-    def anchors_px(self, tracks: VehicleTable) -> Float64:
-        """Return (T, 3) column, row and depth of the middle of each 3D box; NaN behind the camera."""
-        middles = np.column_stack(
-            [tracks.mean[:, :2], tracks.low_world_m + tracks.sizes_m[:, 2] / 2]
-        )
-        image_P_world = self.image_P_velo @ se3.inverse(self.world_SE3_velo)
-        pixels, depths_m = project(image_P_world, middles)
-        return np.column_stack([pixels, np.where(depths_m > _NEAREST_M, depths_m, np.nan)])
-
-
-@dataclass(frozen=True)
-class VehicleObservations(ArrayTable):
-    """D detections in the world.
-
-    Attributes:
-        detections: (D) detections in the image.
-        boxes_world: (D) boxes in the world; rows of NaN where they are not located.
-        noise: (D, 2, 2) covariances of the positions.
-    """
-
-    detections: Detections
-    boxes_world: Boxes3D
-    noise: Annotated[Float64, 2, 2]
-
-    @classmethod
-    def of(cls, vehicles: Vehicles, frame: FrameGeometry, config: VehicleTrackerConfig) -> Self:
-        """Transform vehicles to the world."""
-        points = np.maximum(vehicles.point_counts, 1)
-        away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
-        variances = (
-            config.position_noise_m**2
-            + (config.position_noise_per_m * away_m) ** 2
-            + config.sparse_noise_m**2 / points
-        )
-        return cls(
-            vehicles.fused.detections,
-            transform_boxes(frame.world_SE3_velo, vehicles.boxes),
-            variances[:, None, None] * np.eye(2),
-        )
-
-    @property
-    def is_located(self) -> Bool:
-        """(D,) whether the vehicle is located in the scan."""
-        return np.asarray(np.isfinite(self.boxes_world.bottom_m[:, 0]))
+from perception.types import Bool, Boxes3D, Float64
 
 
 def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig) -> VehicleTable:
@@ -85,47 +25,73 @@ def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig
 
 
 def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry) -> Float64:
-    """Return (T, 4) the predicted box of each track in the image; NaN behind the camera.
-
-    A 2D box moves and grows as its 3D box does; that of a track without a 3D box as it did before.
-    """
-    now_px = frame.anchors_px(tracks)
+    """Return (T, 4) the predicted box of each track in the image, which moves and grows as its 3D box; NaN behind the camera."""
+    now_px = frame.project(tracks.middles_world)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
-    on_ground = (now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4)
-    unseen_s = (frame.stamp_s - tracks.last_seen_s)[:, None]
-    in_image = tracks.boxes_px + unseen_s * tracks.speeds_px_s
-    return np.where(tracks.is_located[:, None], on_ground, in_image)
+    return np.asarray((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
 
 
 def init_tracks(
-    observations: VehicleObservations, frame: FrameGeometry, config: VehicleTrackerConfig
+    observations: VehicleObservations,
+    class_evidence: Float64,
+    frame: FrameGeometry,
+    config: VehicleTrackerConfig,
 ) -> VehicleTable:
-    """Return the new tracks of D detections."""
-    tracks = VehicleTable.init_in_image(observations.detections, frame.stamp_s)
-    return _seen_on_ground(tracks, observations, frame, config)
+    """Return the new tracks of D detections with (D, C) evidence for each class."""
+    count, boxes = len(observations), observations.boxes_world
+    states = motion_model.init(
+        boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2], config.motion
+    )
+    tracks = VehicleTable(
+        mean=states.mean,
+        covariance=states.covariance,
+        yaw_rad=boxes.yaw_rad,
+        low_world_m=boxes.bottom_m[:, 2],
+        ids=np.full(count, -1),
+        class_evidence=class_evidence,
+        scores=observations.detections.scores,
+        evidence=detection_evidence(observations.existence, config.evidence),
+        detections=np.ones(count, np.int64),
+        last_seen_s=np.full(count, frame.stamp_s),
+        boxes_px=observations.detections.boxes_px,
+        anchors_px=np.zeros((count, 3)),
+        is_located=observations.is_located,
+        last_located_s=np.full(count, frame.stamp_s),
+        axis=_doubled(boxes.yaw_rad),
+        front_votes=np.zeros(count, np.int64),
+        sizes_m=boxes.size_m,
+        size_samples=np.ones(count, np.int64),
+    )
+    return _anchored(tracks, frame)
 
 
 def update_tracks(
     tracks: VehicleTable,
     observations: VehicleObservations,
+    class_evidence: Float64,
     frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it."""
-    elapsed_s = np.maximum(frame.stamp_s - tracks.last_seen_s, 1e-3)[:, None]
-    detections = observations.detections
-    speeds_px_s = (detections.boxes_px - tracks.boxes_px) / elapsed_s
-    gain = config.image_speed_gain
+    expected_px, found_px = expected_boxes_px(tracks, frame), observations.detections.boxes_px
+    smoothed_px = expected_px + config.box_gain * (found_px - expected_px)
+    evidence = tracks.evidence + detection_evidence(observations.existence, config.evidence)
     tracks = replace(
         tracks,
-        scores=detections.scores,
-        score_sum=tracks.score_sum + detections.scores,
+        class_evidence=tracks.class_evidence + class_evidence,
+        scores=observations.detections.scores,
+        evidence=evidence,
+        detections=tracks.detections + 1,
         last_seen_s=np.full(len(tracks), frame.stamp_s),
-        boxes_px=detections.boxes_px,
-        speeds_px_s=tracks.speeds_px_s + gain * (speeds_px_s - tracks.speeds_px_s),
+        boxes_px=np.where(np.isfinite(smoothed_px), smoothed_px, found_px),
     )
-    return _seen_on_ground(tracks, observations, frame, config)
+    return _anchored(_seen_on_ground(tracks, observations, frame, config), frame)
+
+
+def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:
+    anchors_px = np.nan_to_num(frame.project(tracks.middles_world), nan=NEAREST_M)
+    return replace(tracks, anchors_px=anchors_px)
 
 
 def _seen_on_ground(
@@ -148,11 +114,21 @@ def _seen_on_ground(
     rows = np.flatnonzero(observations.is_located & is_expected)
     if len(rows):
         tracks = tracks.replaced(rows, _corrected(tracks[rows], observations[rows], frame, config))
-    both = np.concatenate([relocated, rows])
+    assumed = np.flatnonzero(~observations.is_located & ~tracks.is_located)
+    if len(assumed):
+        tracks = tracks.replaced(assumed, _assumed(tracks[assumed], observations[assumed]))
     last_located_s = tracks.last_located_s.copy()
-    last_located_s[both] = frame.stamp_s
-    tracks = replace(tracks, last_located_s=last_located_s)
-    return replace(tracks, anchors_px=np.nan_to_num(frame.anchors_px(tracks), nan=_NEAREST_M))
+    last_located_s[np.concatenate([relocated, rows])] = frame.stamp_s
+    return replace(tracks, last_located_s=last_located_s)
+
+
+def _assumed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleTable:
+    """Correct tracks that were never located by assumed positions."""
+    bottom_m = observations.boxes_world.bottom_m
+    states = motion_model.correct(tracks.states, bottom_m[:, :2], observations.noise)
+    return replace(
+        tracks, mean=states.mean, covariance=states.covariance, low_world_m=bottom_m[:, 2]
+    )
 
 
 def position_distances(tracks: VehicleTable, observations: VehicleObservations) -> Float64:
@@ -160,7 +136,6 @@ def position_distances(tracks: VehicleTable, observations: VehicleObservations) 
     centers_m = np.broadcast_to(
         observations.boxes_world.bottom_m[:, :2], (len(tracks), len(observations), 2)
     )
-    # A track that was never located has no covariance.
     noise = np.broadcast_to(observations.noise, (len(tracks), len(observations), 2, 2))
     distances = motion_model.squared_distances(tracks.states, centers_m, noise)
     return np.where(tracks.is_located[:, None] & observations.is_located, distances, np.nan)

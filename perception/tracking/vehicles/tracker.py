@@ -8,16 +8,18 @@ occlude each other.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.config import VehicleTrackerConfig
+from perception.tracking.vehicles.duplicates import is_duplicate
+from perception.tracking.vehicles.evidence import class_evidence, probability
+from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
 from perception.tracking.vehicles.shared_ids import SharedIds
 from perception.tracking.vehicles.track_update import (
-    FrameGeometry,
-    VehicleObservations,
     expected_boxes_px,
     init_tracks,
     is_velocity_known,
@@ -26,7 +28,7 @@ from perception.tracking.vehicles.track_update import (
     update_tracks,
 )
 from perception.tracking.vehicles.vehicle_table import VehicleTable
-from perception.types import Boxes3D, Detections, Float64, Frame, Int, Tracks, Vehicles
+from perception.types import Boxes3D, Float64, Frame, FusedDetections, Int, Tracks, Vehicles
 
 _ROUNDING_S = 1e-3
 
@@ -54,7 +56,8 @@ class VehicleTracker:
 
     def clear(self) -> None:
         """Delete all tracks; their ids are not used again."""
-        self._tracks = VehicleTable.init_in_image(Detections.empty(), 0.0)
+        self._classes = np.array([], np.str_)
+        self._tracks = replace(VehicleTable.empty(), class_evidence=np.zeros((0, 0)))
         self._stamp_s: float | None = None
         self._shared_ids.clear()
 
@@ -79,6 +82,7 @@ class VehicleTracker:
         frame_geometry = FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
         observations = VehicleObservations.of(vehicles, frame_geometry, self._config)
         self._predict(frame_geometry)
+        self._learn_classes(observations.detections.types)
         self._update_and_init(observations, frame_geometry)
         tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
         return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
@@ -90,17 +94,32 @@ class VehicleTracker:
         tracks, config = self._tracks, self._config
         limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
         goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
+        goes_on &= tracks.evidence > 0
         self._tracks = predict(tracks[goes_on], elapsed_s, config)
+        evidence = config.evidence.memory * self._tracks.evidence
+        self._tracks = replace(self._tracks, evidence=evidence)
+
+    def _learn_classes(self, types: NDArray[np.str_]) -> None:
+        """Add a column of evidence for each class that was never detected before."""
+        new = sorted(set(types.tolist()) - set(self._classes.tolist()))
+        self._classes = np.array([*self._classes.tolist(), *new], np.str_)
+        evidence = np.zeros((len(self._tracks), len(self._classes)))
+        evidence[:, : len(self._classes) - len(new)] = self._tracks.class_evidence
+        self._tracks = replace(self._tracks, class_evidence=evidence)
 
     def _update_and_init(
         self, observations: VehicleObservations, frame_geometry: FrameGeometry
     ) -> None:
-        """Continue tracks by detections, those of high scores first, and begin new tracks by the others."""
+        """Continue tracks by detections, those that surely exist first, and begin new tracks by the others."""
         config = self._config
         self._row_of = np.full(len(observations), -1)
-        scores = observations.detections.scores
-        sure = scores >= config.high_score
-        doubtful = ~sure & (scores >= config.low_score)
+        existence = observations.existence
+        is_single = existence >= config.min_existence
+        likely = np.flatnonzero(is_single)
+        is_single[likely] = ~is_duplicate(observations[likely], config.duplicates)
+        sure = is_single & (existence >= config.high_existence)
+        doubtful = is_single & ~sure
+        by_class = class_evidence(observations.detections.types, existence, self._classes)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
@@ -108,17 +127,20 @@ class VehicleTracker:
             pairs = self._match(self._tracks[free], observations[chosen], frame_geometry)
             rows, seen = free[pairs.tracks], chosen[pairs.detections]
             corrected = update_tracks(
-                self._tracks[rows], observations[seen], frame_geometry, config
+                self._tracks[rows], observations[seen], by_class[seen], frame_geometry, config
             )
             self._tracks = self._tracks.replaced(rows, corrected)
             self._row_of[seen] = rows
             free = free[pairs.unmatched_tracks]
-        is_left = (self._row_of < 0) & (scores >= config.new_track_score)
+        missed = np.zeros(len(self._tracks))
+        missed[free] = config.evidence.miss
+        self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
+        is_left = is_single & (self._row_of < 0) & (existence >= config.new_track_existence)
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
             self._tracks = self._tracks.joined(
-                init_tracks(observations[new], frame_geometry, config)
+                init_tracks(observations[new], by_class[new], frame_geometry, config)
             )
 
     def _match(
@@ -127,24 +149,34 @@ class VehicleTracker:
         config = self._config
         expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
         detections = observations.detections
-        is_allowed = tracks.types[:, None] == detections.types
-        is_allowed &= iou_px(expected_px, detections.boxes_px) >= config.min_iou
+        is_allowed = iou_px(expected_px, detections.boxes_px) >= config.min_iou
         on_ground, gate = position_distances(tracks, observations), config.motion.gate
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, detections.boxes_px, config)
-        return assign_with_max_cost(in_image + on_ground, is_allowed, config.max_cost)
+        is_other = self._types(tracks)[:, None] != detections.types
+        costs = in_image + on_ground + config.class_change_cost * is_other
+        return assign_with_max_cost(costs, is_allowed, config.max_cost)
 
     def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
         """Give ids to newly confirmed tracks; return the moving objects with their common ids and classes."""
         tracks = self._tracks
-        is_new = (tracks.ids < 0) & (tracks.score_sum >= self._config.min_score_sum)
+        is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.evidence.confirmation)
+        is_new &= tracks.detections > 1
         boxes = tracks.boxes_velo(tracks.sizes_m, frame_geometry.world_SE3_velo)
         ids, moving = self._shared_ids.share(
             tracks.ids, is_new, _where_known(boxes, tracks), moving
         )
         self._tracks = replace(tracks, ids=ids)
-        return _classified(moving, self._tracks)
+        return _classified(moving, self._tracks, self._types(self._tracks))
+
+    def _types(self, tracks: VehicleTable) -> NDArray[np.str_]:
+        """Return (T,) the class of the most evidence of each track."""
+        return (
+            self._classes[tracks.class_evidence.argmax(axis=1)]
+            if len(tracks)
+            else np.array([], np.str_)
+        )
 
     def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
         """Return the detections with the ids, motion and boxes of their tracks."""
@@ -162,11 +194,23 @@ class VehicleTracker:
         )
         return replace(
             vehicles,
+            fused=self._with_evidence(vehicles.fused, seen, tracks),
             ids=ids,
             velocities_m_s=velocities_m_s,
             covariances=covariances,
             boxes=_tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._config),
         )
+
+    def _with_evidence(
+        self, fused: FusedDetections, seen: Int, tracks: VehicleTable
+    ) -> FusedDetections:
+        """Return the detections with the existence, the class and the box in the image of their tracks."""
+        existence, boxes_px = fused.existence.copy(), fused.detections.boxes_px.copy()
+        types = fused.detections.types.astype(np.result_type(fused.detections.types, self._classes))
+        existence[seen], boxes_px[seen] = probability(tracks.evidence), tracks.boxes_px
+        types[seen] = self._types(tracks)
+        detections = replace(fused.detections, types=types, boxes_px=boxes_px)
+        return replace(fused, detections=detections, existence=existence)
 
 
 def _side_distances(
@@ -187,13 +231,13 @@ def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
     return Boxes3D(bottom_m, boxes.size_m, boxes.yaw_rad)
 
 
-def _classified(moving: Tracks, vehicles: VehicleTable) -> Tracks:
+def _classified(moving: Tracks, vehicles: VehicleTable, types: NDArray[np.str_]) -> Tracks:
     """Return the moving objects with the class and the score of the vehicles that have their ids."""
     row_of = {vehicle: row for row, vehicle in enumerate(vehicles.ids.tolist()) if vehicle >= 0}
     rows = np.array([row_of.get(number, -1) for number in moving.ids.tolist()], np.int64)
     return replace(
         moving,
-        types=np.append(vehicles.types, "")[rows],
+        types=np.append(types, "")[rows],
         scores=np.append(vehicles.scores, np.nan)[rows],
     )
 

@@ -140,7 +140,7 @@ def test_detections_below_the_minimum_score_are_not_located():
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
     assert np.isfinite(found.boxes.yaw_rad).tolist() == [False, True]
     assert set(found.owners.tolist()) == {-1, 1}
-    all_of_them = VehicleConfig(tracker=VehicleTrackerConfig(low_score=0.0))
+    all_of_them = VehicleConfig(tracker=VehicleTrackerConfig(min_existence=0.0))
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND, all_of_them)
     assert np.isfinite(found.boxes.yaw_rad).all()
 

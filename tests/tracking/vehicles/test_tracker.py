@@ -18,7 +18,11 @@ class Drive:
 
     def __init__(self, speed_m_s: float = 5.0) -> None:
         self.tracker = VehicleTracker()
-        self.speed_m_s, self.index = speed_m_s, -1
+        self.speed_m_s, self.index, self.yaw_rad = speed_m_s, -1, 0.0
+
+    def turn(self, yaw_rad: float) -> None:
+        """Turn to the left."""
+        self.yaw_rad += yaw_rad
 
     def observe(
         self,
@@ -44,8 +48,8 @@ class Drive:
         """
         self.index += 1
         x_m = 0.1 * self.speed_m_s * self.index
-        pose, boxes = observed_from(x_m, world)
-        bodies = boxes if returns_of is None else observed_from(x_m, returns_of)[1]
+        pose, boxes = observed_from(x_m, world, self.yaw_rad)
+        bodies = boxes if returns_of is None else observed_from(x_m, returns_of, self.yaw_rad)[1]
         body = np.zeros((0, 3)) if blind else sides(bodies)
         frame = frame_of(_ROAD, body, index=self.index)
         found = np.setdiff1d(np.arange(len(world)), missed)
@@ -136,12 +140,58 @@ def test_covariances_shrink_and_belong_to_the_axes_of_the_lidar():
     assert np.isnan(hidden.covariances[1]).all()
 
 
-def test_a_track_is_of_one_class():
+def test_the_class_of_a_track_has_the_largest_sum_of_evidence():
     drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
-    for kind, expected in (("Car", 0), ("Van", 1), ("Car", 0)):
-        for _ in range(3):
-            reported = drive.observe(world, types=(kind,)).vehicles
-        assert reported.ids.tolist() == [expected]
+    reported = []
+    for kind in ("Car", "Car", "Van", "Car", "Van", "Van", "Van", "Van"):
+        vehicles = drive.observe(world, types=(kind,)).vehicles
+        reported.append((vehicles.ids.tolist(), vehicles.fused.detections.types.tolist()))
+    assert [ids for ids, _ in reported] == [[-1]] + [[0]] * 7
+    assert [kind for _, kind in reported] == [["Car"]] * 6 + [["Van"]] * 2
+
+
+def test_two_classes_at_one_place_are_one_object():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0))
+    for _ in range(4):
+        ids = drive.observe(world, types=("Car", "Van")).vehicles.ids.tolist()
+    assert ids == [0, -1]
+
+
+def test_a_box_without_returns_within_another_is_no_second_object():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0), (26.0, 5.0, 0.0))
+    for _ in range(4):
+        ids = drive.observe(world, returns_of=world[[0]]).vehicles.ids.tolist()
+    assert ids == [0, -1]
+
+
+def test_existence_adds_up_over_frames():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    reported = [drive.observe(world, scores=0.7).vehicles.fused.existence[0] for _ in range(6)]
+    assert (np.diff(reported) > 0).all()
+    assert reported[-1] > 0.9
+    doubtful = drive.observe(world, scores=0.2).vehicles
+    assert doubtful.ids.tolist() == [0]
+    assert doubtful.fused.existence[0] > 0.9
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_a_parked_car_is_found_again_after_a_turn(blind):
+    drive, world = Drive(), cars((35.0, 4.0, 0.0), (45.0, -4.0, 0.0))
+    for _ in range(6):
+        ids = drive.observe(world, blind=blind).vehicles.ids.tolist()
+    for _ in range(5):
+        drive.turn(0.04)
+        drive.observe(world, missed=(0, 1), blind=blind)
+    assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
+
+
+def test_a_car_whose_first_returns_come_late_keeps_its_id():
+    drive, world = Drive(), cars((40.0, 4.0, 0.0))
+    reported = [drive.observe(world, blind=step < 6).vehicles for step in range(12)]
+    assert [one.ids.tolist() for one in reported[1:]] == [[0]] * 11
+    assert np.isnan(reported[5].boxes.yaw_rad).all()
+    assert np.isfinite(reported[6].boxes.yaw_rad).all()
+    np.testing.assert_allclose(reported[-1].velocities_m_s, 0.0, atol=1.0)
 
 
 def test_a_moving_object_has_the_class_and_the_score_of_its_vehicle():

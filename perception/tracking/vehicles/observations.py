@@ -1,0 +1,125 @@
+"""Detections of one frame as observations in the world: located by their returns, or by their height in the image."""
+
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+import numpy as np
+
+from perception.geometry import se3
+from perception.geometry.boxes import transform_boxes
+from perception.geometry.camera import project
+from perception.tracking.vehicles.config import VehicleTrackerConfig
+from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Vehicles
+
+NEAREST_M = 0.5
+
+
+@dataclass(frozen=True)
+class FrameGeometry:
+    """Time, pose and projection of one frame.
+
+    Attributes:
+        stamp_s: Time of the scan.
+        world_SE3_velo: (4, 4) pose of the LiDAR.
+        image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
+    """
+
+    stamp_s: float
+    world_SE3_velo: Float64
+    image_P_velo: Float64
+
+    @property
+    def image_P_world(self) -> Float64:
+        """(3, 4) projection from the world to pixels."""
+        return np.asarray(self.image_P_velo @ se3.inverse(self.world_SE3_velo))
+
+    @property
+    def focal_px(self) -> float:
+        """Vertical focal length: the part of the second row that is orthogonal to the optical axis."""
+        rows = self.image_P_velo[:, :3]
+        depth_scale = np.linalg.norm(rows[2])
+        axis = rows[2] / depth_scale
+        return float(np.linalg.norm(rows[1] - (rows[1] @ axis) * axis) / depth_scale)
+
+    def project(self, points_world: Float64) -> Float64:
+        """Return (T, 3) column, row and depth of (T, 3) points; NaN behind the camera."""
+        pixels, depths_m = project(self.image_P_world, points_world)
+        return np.column_stack([pixels, np.where(depths_m > NEAREST_M, depths_m, np.nan)])
+
+    def unproject(self, pixels: Float64, depths_m: Float64) -> Float64:
+        """Return (D, 3) the points in the world at (D, 2) pixels and (D,) depths."""
+        image_P_world = self.image_P_world
+        homogeneous = depths_m[:, None] * np.column_stack([pixels, np.ones(len(pixels))])
+        return np.asarray(
+            np.linalg.solve(image_P_world[:, :3], (homogeneous - image_P_world[:, 3]).T).T
+        )
+
+
+@dataclass(frozen=True)
+class VehicleObservations(ArrayTable):
+    """D detections in the world.
+
+    A detection without returns has the depth at which an object of the assumed height has the height of its box: a
+    guess, but one that moves in the image with the ego vehicle nearly as the object does.
+
+    Attributes:
+        detections: (D) detections in the image.
+        existence: (D,) probability that an object is there.
+        boxes_world: (D) boxes in the world; of a detection without returns without extent but the assumed height.
+        is_located: (D,) whether the box is that of the returns.
+        noise: (D, 2, 2) covariances of the positions.
+    """
+
+    detections: Detections
+    existence: Float64
+    boxes_world: Boxes3D
+    is_located: Bool
+    noise: Annotated[Float64, 2, 2]
+
+    @classmethod
+    def of(cls, vehicles: Vehicles, frame: FrameGeometry, config: VehicleTrackerConfig) -> Self:
+        """Transform vehicles to the world."""
+        detections = vehicles.fused.detections
+        is_located = np.isfinite(vehicles.boxes.bottom_m[:, 0])
+        assumed, assumed_noise = _assumed(detections.boxes_px, frame, config)
+        located = transform_boxes(frame.world_SE3_velo, vehicles.boxes)
+        noise = _located_noise(vehicles, config)
+        rows = np.flatnonzero(is_located)
+        return cls(
+            detections,
+            vehicles.fused.existence,
+            assumed.replaced(rows, located[rows]),
+            is_located,
+            np.where(is_located[:, None, None], noise, assumed_noise),
+        )
+
+
+def _located_noise(vehicles: Vehicles, config: VehicleTrackerConfig) -> Float64:
+    points = np.maximum(vehicles.point_counts, 1)
+    away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
+    variances = (
+        config.position_noise_m**2
+        + (config.position_noise_per_m * away_m) ** 2
+        + config.sparse_noise_m**2 / points
+    )
+    return np.asarray(variances[:, None, None] * np.eye(2))
+
+
+def _assumed(
+    boxes_px: Float64, frame: FrameGeometry, config: VehicleTrackerConfig
+) -> tuple[Boxes3D, Float64]:
+    """Return (D) boxes in the world by their heights in the image, and (D, 2, 2) covariances of their positions."""
+    sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
+    height_m, focal_px = config.assumed_height_m, frame.focal_px
+    depths_m = focal_px * height_m / sizes_px[:, 1]
+    middles = frame.unproject((boxes_px[:, :2] + boxes_px[:, 2:]) / 2, depths_m)
+    count = len(boxes_px)
+    sizes_m = np.tile([0.0, 0.0, height_m], (count, 1))
+    boxes = Boxes3D(middles - sizes_m / [1, 1, 2], sizes_m, np.zeros(count))
+    sight = middles[:, :2] - frame.world_SE3_velo[:2, 3]
+    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-6)
+    along = sight[:, :, None] * sight[:, None, :]
+    along_m = config.assumed_depth_share * depths_m
+    across_m = config.assumed_side_share * sizes_px[:, 0] / focal_px * depths_m
+    noise = along_m[:, None, None] ** 2 * along + across_m[:, None, None] ** 2 * (np.eye(2) - along)
+    return boxes, noise

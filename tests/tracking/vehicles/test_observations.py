@@ -1,0 +1,50 @@
+"""Where detections are in the world: by their returns, else by their height in the image."""
+
+import numpy as np
+import pytest
+
+from perception.detection.vehicles.locate import locate
+from perception.geometry import se3
+from perception.tracking.vehicles.config import VehicleTrackerConfig
+from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
+from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
+
+_POSE = se3.from_euler(0.01, -0.02, 0.6, np.array([100.0, -50.0, 3.0]))
+_GEOMETRY = FrameGeometry(0.0, _POSE, CALIBRATION.image_P_velo)
+
+
+def test_a_pixel_and_its_depth_are_the_point_again():
+    points_velo = np.array([[20.0, 3.0, -1.0], [50.0, -8.0, 0.5]])
+    points_world = points_velo @ _POSE[:3, :3].T + _POSE[:3, 3]
+    seen = _GEOMETRY.project(points_world)
+    np.testing.assert_allclose(seen[:, 2], points_velo[:, 0] - 0.27, atol=1e-9)
+    np.testing.assert_allclose(_GEOMETRY.unproject(seen[:, :2], seen[:, 2]), points_world)
+
+
+def test_the_focal_length_is_that_of_the_camera():
+    assert pytest.approx(720.0) == _GEOMETRY.focal_px
+
+
+def test_a_detection_without_returns_is_about_where_its_height_says():
+    boxes = cars((30.0, 4.0, 0.0), (60.0, -4.0, 0.0), size_m=(4.0, 1.65, 1.6))
+    frame = frame_of(road(step_m=1.0))
+    vehicles = locate(detected(boxes), frame, FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, VehicleTrackerConfig())
+    assert not seen.is_located.any()
+    expected = (boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3])[:, :2]
+    # The nearer end of a car gives the height of its box.
+    off_m = seen.boxes_world.bottom_m[:, :2] - expected
+    assert (np.linalg.norm(off_m, axis=1) < 3.0).all()
+    # Well known across the line of sight, hardly along it.
+    variances = np.linalg.eigvalsh(seen.noise)
+    assert (variances[:, 0] < 0.5**2).all()
+    assert (variances[:, 1] > 8.0**2).all()
+
+
+def test_a_detection_with_returns_is_where_they_are():
+    boxes = cars((20.0, 4.0, 0.0))
+    vehicles = locate(detected(boxes), frame_of(road(), sides(boxes)), FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, VehicleTrackerConfig())
+    assert seen.is_located.all()
+    expected = boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3]
+    np.testing.assert_allclose(seen.boxes_world.bottom_m, expected, atol=0.3)
