@@ -73,13 +73,11 @@ def plot_variant_curves(
     plot_curves(plot_path, title, panels)
 
 
-def plot_over_frames(
-    plot_path: Path, title: str, metrics: Mapping[str, VariantMetrics], ious: Sequence[float]
-) -> None:
-    """Draw average precision over the number of training frames, a panel for each drive."""
+def frames_panels(metrics: Mapping[str, VariantMetrics], ious: Sequence[float]) -> list[CurvePanel]:
+    """Return average precision over the number of training frames, a panel for each drive."""
     in_order = sorted(metrics.values(), key=lambda one: one.training_frames)
     frames = [one.training_frames for one in in_order]
-    panels = [
+    return [
         CurvePanel(
             f"{drive} ({in_order[0].drives[drive]['data']})",
             "training frames",
@@ -95,7 +93,6 @@ def plot_over_frames(
         )
         for drive in _drives(metrics)
     ]
-    plot_curves(plot_path, title, panels, share_y="all")
 
 
 def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:

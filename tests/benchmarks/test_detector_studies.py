@@ -1,8 +1,10 @@
 """Studies that train detectors: what differs, what is not done twice, and what the tables say."""
 
 import json
+import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -15,7 +17,13 @@ from benchmarks.studies.detector_variants import (
     study_variants,
 )
 from benchmarks.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
-from benchmarks.studies.sim_to_real import UNCHANGED, share_variants
+from benchmarks.studies.sim_to_real import (
+    ALL,
+    UNCHANGED,
+    leave_out_variants,
+    loss_tables,
+    share_variants,
+)
 from benchmarks.studies.variant_report import precision_tables, times_table
 from data.results.documents import write_json
 from export import onnx
@@ -124,12 +132,44 @@ def test_shares_are_trained_for_as_many_steps():
         share_variants(BASE, (2.0,))
 
 
+def test_each_drive_is_left_out_once_for_about_as_many_steps(car_frames, tmp_path):
+    copy = tmp_path / "copy"
+    copy.symlink_to(car_frames, target_is_directory=True)
+    variants = leave_out_variants(BASE, [car_frames, copy])
+    settings = {
+        name: (one.arguments.get("data.drives"), one.arguments["trainer.max_epochs"])
+        for name, one in variants.items()
+    }
+    assert settings == {
+        ALL: ([Path("streets")], 4),
+        f"without {car_frames.name}": ([copy], 8),
+        "without copy": ([car_frames], 8),
+    }
+    # A share of 1 is the same training.
+    assert variants[ALL] == share_variants(BASE, (1.0,))[ALL]
+    with fault(UsageError, where="--leave-one-out", expected="two training drives or more"):
+        leave_out_variants(BASE, [car_frames])
+
+
+def test_the_loss_is_that_against_all_drives():
+    metrics = {ALL: metrics_of(60.0), "without a": metrics_of(45.0), "without b": metrics_of(62.0)}
+    (table,) = loss_tables(metrics).values()
+    assert table.to_json()["without a"] == {
+        "frames": 5,
+        "AP, IoU 0.7": 45.0,
+        "loss, IoU 0.7": 15.0,
+        "AP, IoU 0.5": 45.0,
+        "loss, IoU 0.5": 15.0,
+    }
+    assert table.to_json()["without b"]["loss, IoU 0.7"] == -2.0
+
+
 def metrics_of(ap, interval=None):
     found = {"ap_r40_percent": ap, "curve": {"precision": [1.0] * 41}}
     if interval is not None:
         found["ap_r40_low_percent"], found["ap_r40_high_percent"] = interval
     levels = {"easy": found, "moderate": found, "hard": {"ap_r40_percent": None}}
-    drives = {"val": {"data": "synthetic", "frames": 9, "iou": {"0.7": levels}}}
+    drives = {"val": {"data": "synthetic", "frames": 9, "iou": {"0.7": levels, "0.5": levels}}}
     return VariantMetrics(2, 5, 1.5, 20.25, drives)
 
 
@@ -163,6 +203,19 @@ def test_the_command_prints_tables_and_draws(car_frames, trainings, tmp_path, ca
         main(["study", "sim-to-real", *words, "--shares", "0.5,1", "--real", str(car_frames)]) == 0
     )
     assert len(trainings) == 9
+    network, photographed = tmp_path / "public.onnx", tmp_path / "photographed"
+    network.write_bytes(bright_cells("rgb", size=(64, 96)))
+    shutil.copytree(car_frames, photographed)
+    for scan in (photographed / "training/velodyne").glob("*.bin"):
+        file = photographed / "training/image_2" / f"{scan.stem}.png"
+        file.parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(file), np.zeros((375, 1242, 3), np.uint8))
+    words[2] = str(photographed)
+    public = ["--shares", "", "--public", str(network)]
+    assert main(["study", "sim-to-real", *words, *public]) == 0
+    assert len(trainings) == 9
+    document = json.loads(out.with_suffix(".json").read_text())
+    assert document["results"]["realism"]["public"][str(photographed)]["Car"]["0 to 15 m"]
     assert main(["study", "reflectance-maps", *words[:-1], "0"]) == 2
 
 
