@@ -7,7 +7,17 @@ from typing import Annotated, Any
 import numpy as np
 
 from perception.errors import PerceptionError
-from perception.evaluation.multi_object.kitti_protocol import MIN_IOU, ImageBoxes, kitti_frames
+from perception.evaluation.multi_object.ground_protocol import (
+    GROUND_CLASSES,
+    GroundTracks,
+    ground_frame,
+)
+from perception.evaluation.multi_object.kitti_protocol import (
+    MIN_IOU,
+    ImageBoxes,
+    KittiClass,
+    kitti_frames,
+)
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, SummedMetrics, Table
@@ -32,12 +42,17 @@ from perception.types import (
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
 _MIN_IOU_PX = 0.5  # overlap in the image of a detection and a true vehicle
 _SAME_PLACE_IOU = 0.15
+_IMAGE_CLASSES: tuple[KittiClass, ...] = ("car", "pedestrian")
 _RANGES_M = ((0.0, 25.0), (25.0, 50.0), (50.0, np.inf))
 # KITTI's labels are tight: points on a side of the box may lie outside.
 _MARGIN_M = 0.1
 
 PROTOCOL_WORDS = {
-    "tracking": "KITTI tracking benchmark, class car, boxes in the image; vehicles that have an id",
+    "tracking": "KITTI tracking benchmark, boxes in the image; objects that have an id",
+    "ground_tracking": (
+        "objects with an id and a 3D box; KITTI's rules of what is ignored, overlap from above of at least 0.5 for "
+        "vehicles and 0.25 for pedestrians and cyclists"
+    ),
     "location": (
         "true cars that are visible or partly occluded and truncated by at most 0.3, each with the "
         "detection of the greatest overlap of at least 0.5 in the image"
@@ -82,8 +97,8 @@ class LocationMetrics(Metrics):
     Attributes:
         detected: Number of detected true vehicles.
         boxed: Share of them whose detection has a box.
-        centre_p50_m: Distance of the centres over the ground.
-        centre_p90_m: Distance of the centres over the ground.
+        center_p50_m: Distance of the centres over the ground.
+        center_p90_m: Distance of the centres over the ground.
         yaw_p50_deg: Absolute heading error.
         yaw_p90_deg: Absolute heading error.
         axis_p50_deg: Absolute error of the box's axis.
@@ -94,8 +109,8 @@ class LocationMetrics(Metrics):
 
     detected: Annotated[int, Metric("cars")]
     boxed: Annotated[float, Metric("with a box", ".3f")]
-    centre_p50_m: Annotated[float, Metric("centre p50 [m]", ".3f")]
-    centre_p90_m: Annotated[float, Metric("centre p90 [m]", ".3f")]
+    center_p50_m: Annotated[float, Metric("centre p50 [m]", ".3f")]
+    center_p90_m: Annotated[float, Metric("centre p90 [m]", ".3f")]
     yaw_p50_deg: Annotated[float, Metric("yaw p50 [deg]", ".3f")]
     yaw_p90_deg: Annotated[float, Metric("yaw p90 [deg]", ".3f")]
     axis_p50_deg: Annotated[float, Metric("axis p50 [deg]", ".3f")]
@@ -158,25 +173,30 @@ class VehicleReport(Report):
 
     Attributes:
         frames: Number of evaluated frames.
-        tracking: Metrics of the tracks in the image.
+        tracking: Metrics of the tracks in the image by class.
+        ground_tracking: Metrics of the tracks on the ground by class, of the classes that are labelled or tracked.
         location: Errors of the positions on the road by range.
         ids: Ids shared by vehicles and moving objects.
     """
 
     frames: Annotated[int, CONTEXT]
-    tracking: MotMetrics
+    tracking: Mapping[str, MotMetrics]
+    ground_tracking: Mapping[str, MotMetrics]
     location: Mapping[str, LocationMetrics]
     ids: ColocatedObjects
 
     def tables(self) -> list[Table[Any]]:
-        """Return the tracks, and the errors by range with the number of shared ids below."""
+        """Return the tracks in the image and on the ground, and the errors by range with the number of shared ids below."""
         ids = (
             f"moving objects at the position of a vehicle: {self.ids.colocated}, "
             f"with its id: {self.ids.same_id}"
         )
         title = "detected cars on the road: median and 90 % quantile of the errors"
         return [
-            mot_table("car: KITTI 2D boxes, ratios in percent", {"vehicles": self.tracking}),
+            mot_table("tracks in the image: KITTI 2D boxes, ratios in percent", self.tracking),
+            mot_table(
+                "tracks on the ground: boxes from above, ratios in percent", self.ground_tracking
+            ),
             Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
         ]
 
@@ -191,7 +211,8 @@ class VehicleMeasure:
             display_score: Existence of a vehicle from which on it counts, 0 to 1.
         """
         self._display_score = display_score
-        self._frames: list[TrackedFrame] = []
+        self._frames: dict[KittiClass, list[TrackedFrame]] = {name: [] for name in _IMAGE_CLASSES}
+        self._ground_frames: dict[str, list[TrackedFrame]] = {name: [] for name in GROUND_CLASSES}
         self._errors: list[LocationErrors] = []
         self._ids = ColocatedObjects()
 
@@ -201,7 +222,11 @@ class VehicleMeasure:
         if vehicles is None or labels is None:
             return
         predicted = _predicted_boxes(vehicles, self._display_score)
-        self._frames += kitti_frames(_labelled_boxes(labels), predicted, "car", 1)
+        for name, frames in self._frames.items():
+            frames.extend(kitti_frames(_labelled_boxes(labels), predicted, name, 1))
+        tracks = _ground_tracks(vehicles, self._display_score)
+        for kind, ground_frames in self._ground_frames.items():
+            ground_frames.append(ground_frame(labels, tracks, kind))
         is_moderate = (labels.occlusion <= _MAX_OCCLUSION) & (labels.truncation <= _MAX_TRUNCATION)
         true = labels[is_moderate & (labels.types == "Car")]
         points = result.frame.points_velo
@@ -214,7 +239,7 @@ class VehicleMeasure:
         Raises:
             PerceptionError: no frame had a camera.
         """
-        if not self._frames:
+        if not self._errors:
             raise PerceptionError(
                 "vehicles", expected="frames with a camera to detect in", found="none"
             )
@@ -225,8 +250,13 @@ class VehicleMeasure:
             ].summary()
             for low, high in _RANGES_M
         }
-        tracking = evaluate_tracks(self._frames, MIN_IOU)
-        return VehicleReport(len(self._frames), tracking, by_range, self._ids)
+        tracking = {str(name): evaluate_tracks(one, MIN_IOU) for name, one in self._frames.items()}
+        on_ground = {
+            name: evaluate_tracks(frames, GROUND_CLASSES[name].min_iou)
+            for name, frames in self._ground_frames.items()
+            if any(len(one.truth_ids) + len(one.track_ids) for one in frames)
+        }
+        return VehicleReport(len(self._errors), tracking, on_ground, by_range, self._ids)
 
 
 def _labelled_boxes(labels: Labels) -> ImageBoxes:
@@ -248,6 +278,18 @@ def _predicted_boxes(vehicles: Vehicles, display_score: float) -> ImageBoxes:
         frames, vehicles.ids, detections.types, unknown, unknown, detections.boxes_px
     )
     return boxes[(vehicles.ids >= 0) & (vehicles.fused.existence >= display_score)]
+
+
+def _ground_tracks(vehicles: Vehicles, display_score: float) -> GroundTracks:
+    detections = vehicles.fused.detections
+    is_tracked = (vehicles.ids >= 0) & (vehicles.fused.existence >= display_score)
+    rows = np.flatnonzero(is_tracked & np.isfinite(vehicles.boxes.yaw_rad))
+    return GroundTracks(
+        vehicles.ids[rows],
+        detections.types[rows],
+        vehicles.boxes[rows],
+        detections.boxes_px[rows],
+    )
 
 
 def _colocated_objects(vehicles: Vehicles, tracks: Tracks) -> ColocatedObjects:

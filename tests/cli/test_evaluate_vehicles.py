@@ -36,7 +36,12 @@ def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_p
     near = results["location"]["0 to 25 m"]
     assert near["detected"] > 0
     assert near["boxed"] == 1
-    assert near["centre_p50_m"] < 0.3
+    assert near["center_p50_m"] < 0.3
+    assert set(results["tracking"]) == {"car", "pedestrian"}
+    for cars in (results["tracking"]["car"], results["ground_tracking"]["Car"]):
+        assert cars["TP"] > 0
+        assert cars["IDSW"] == 0
+        assert 0.5 < cars["LocA"] <= 1
     assert results["ids"]["same_id"] <= results["ids"]["colocated"]
 
 

@@ -71,11 +71,7 @@ def kitti_frames(
     true_types, predicted_types = np.char.lower(truth.types), np.char.lower(predictions.types)
     near = np.isin(true_types, (class_name, *NEIGHBOURS[class_name])) & (truth.ids >= 0)
     predicted = (predicted_types == class_name) & (predictions.ids >= 0)
-    is_evaluated = (
-        (true_types == class_name)
-        & (truth.truncation <= MAX_TRUNCATION)
-        & (truth.occlusion <= MAX_OCCLUSION)
-    )
+    is_evaluated = (true_types == class_name) & is_visible(truth.truncation, truth.occlusion)
     slices = zip(
         _by_frame(truth.frames, near, frame_count),
         _by_frame(truth.frames, true_types == _DONT_CARE, frame_count),
@@ -83,8 +79,12 @@ def kitti_frames(
         strict=True,
     )
     return [
-        _exclude_ignored(
-            truth[true], is_evaluated[true], truth.boxes_px[regions], predictions[given]
+        evaluated_boxes(
+            truth[true],
+            is_evaluated[true],
+            predictions[given],
+            truth.boxes_px[regions],
+            iou_px(truth.boxes_px[true], predictions.boxes_px[given]),
         )
         for true, regions, given in slices
     ]
@@ -104,14 +104,32 @@ def _by_frame(frames: Int, mask: Bool, frame_count: int) -> Iterator[Int]:
     return (rows[start:end] for start, end in pairwise(ends))
 
 
-def _exclude_ignored(
-    truth: ImageBoxes, is_evaluated: Bool, regions_px: Float64, predictions: ImageBoxes
+def is_visible(truncation: Float64, occlusion: Float64 | Int) -> Bool:
+    """Return whether true boxes are evaluated by their levels of truncation and occlusion."""
+    return np.asarray((truncation <= MAX_TRUNCATION) & (occlusion <= MAX_OCCLUSION))
+
+
+def evaluated_boxes(
+    truth: ImageBoxes,
+    is_evaluated: Bool,
+    predictions: ImageBoxes,
+    regions_px: Float64,
+    overlap: Float64,
+    min_overlap: float = MIN_IOU,
 ) -> TrackedFrame:
-    """Leave out the boxes of one frame that are neither right nor wrong."""
+    """Leave out the boxes of one frame that are neither right nor wrong.
+
+    Args:
+        truth: G true boxes of a class and of similar ones.
+        is_evaluated: (G,) whether a true box is evaluated; else it and its match are ignored.
+        predictions: T predicted boxes of the class.
+        regions_px: (R, 4) regions in the image without labels.
+        overlap: (G, T) overlap of the boxes, in the image or on the ground.
+        min_overlap: Minimum overlap of a match.
+    """
     boxes_px = predictions.boxes_px
-    iou = iou_px(truth.boxes_px, boxes_px)
-    is_near = iou >= MIN_IOU - _ROUNDING
-    rows, columns = linear_sum_assignment(np.where(is_near, iou, 0), maximize=True)
+    is_near = overlap >= min_overlap - _ROUNDING
+    rows, columns = linear_sum_assignment(np.where(is_near, overlap, 0), maximize=True)
     is_pair = is_near[rows, columns]
     rows, columns = rows[is_pair], columns[is_pair]
     is_low = boxes_px[:, 3] - boxes_px[:, 1] <= _MIN_HEIGHT_PX
@@ -120,5 +138,5 @@ def _exclude_ignored(
     # A matched prediction is evaluated if its true box is, whatever its height and position.
     counts[columns] = is_evaluated[rows]
     return TrackedFrame(
-        truth.ids[is_evaluated], predictions.ids[counts], iou[is_evaluated][:, counts]
+        truth.ids[is_evaluated], predictions.ids[counts], overlap[is_evaluated][:, counts]
     )
