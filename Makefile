@@ -28,7 +28,10 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# What the shipped networks have learned from: other worlds than they are judged by, none of them real.
+# What the shipped networks have learned from: other worlds than they are judged by, none of them real. The camera
+# view starts from public weights of photographs: fetched, or PUBLIC_WEIGHTS=PATH.
+PUBLIC_WEIGHTS ?= results/weights/yolox_nano.onnx
+PUBLIC_ADDRESS := https://github.com/Kazuhito00/YOLOX-ONNX-TFLite-Sample/raw/3d4f111/model/yolox_nano.onnx
 SYNTH := results/weights/synth
 SHIPPED := perception/detection/weights
 weights: $(VENV)/.installed-dev
@@ -36,7 +39,11 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --seed 5000
 	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 240 --seed 9000
 	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
-	for modality in rgb dm rm; do \
+	$(MAKE) $(PUBLIC_WEIGHTS)
+	$(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality rgb --config yolox \
+	  --model.weights.public $(PUBLIC_WEIGHTS) --out results/weights/rgb
+	$(BIN)/trifuse export results/weights/rgb/best.ckpt --out $(SHIPPED)/rgb_yolox.onnx --data $(SYNTH)/val
+	for modality in dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
 	    --epochs 12 --out results/weights/$$modality && \
 	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
@@ -50,6 +57,11 @@ weights: $(VENV)/.installed-dev
 	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
+
+# Its content is compared with a hash when it is read.
+$(PUBLIC_WEIGHTS):
+	mkdir -p $(@D)
+	curl --fail --location --output $@ $(PUBLIC_ADDRESS)
 
 # All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU; what is done is not
 # done again. Two cores: make thesis STEPS=100 FRAMES=100 FLAGS="--detectors default --epochs 4 --fit-steps 15"

@@ -39,6 +39,28 @@ class DetectionLossConfig:
 
 
 @dataclass(frozen=True)
+class DistillationConfig:
+    """What a training keeps of its initial weights: Hinton et al., "Distilling the knowledge", arXiv 1503.02531.
+
+    Attributes:
+        weight: Weight of the distance to the predictions of the initial weights, where no label is; 0 for none.
+        max_iou: IoU with a label above which the initial weights' prediction does not count.
+    """
+
+    weight: float = 0.0
+    max_iou: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if self.weight < 0 or not 0 <= self.max_iou <= 1:
+            raise UsageError(
+                "distillation",
+                expected="a weight of at least 0 and a max_iou from 0 to 1",
+                found=f"{self.weight:g} and {self.max_iou:g}",
+            )
+
+
+@dataclass(frozen=True)
 class InitialWeights:
     """Weights that a training starts from, at most one of them; else random weights.
 

@@ -36,6 +36,7 @@ class DetectionLoss(NamedTuple):
         no_objects: Objectness of the background.
         classes: Cross-entropy of the classes.
         prior: Distance of all other boxes to their anchors, 0 after the first images.
+        distillation: Distance to the predictions of the initial weights, 0 where it is not trained.
     """
 
     total: Tensor
@@ -44,6 +45,11 @@ class DetectionLoss(NamedTuple):
     no_objects: Tensor
     classes: Tensor
     prior: Tensor
+    distillation: Tensor = torch.zeros(())
+
+    def with_distillation(self, term: Tensor) -> "DetectionLoss":
+        """Return the loss with the distance to the predictions of the initial weights."""
+        return self._replace(total=self.total + term, distillation=term)
 
 
 def detection_loss(

@@ -23,7 +23,13 @@ from perception.types import Detections, Modality
 from train.best_epoch import Criterion, Ranking
 from train.checkpoints import program_revision, read_checkpoint
 from train.detector.anchors import fit_anchors
-from train.detector.config import Anchors, DetectionLossConfig, InitialWeights
+from train.detector.config import (
+    Anchors,
+    DetectionLossConfig,
+    DistillationConfig,
+    InitialWeights,
+)
+from train.detector.distillation import Distillation
 from train.detector.head_losses import head_loss
 from train.detector.images import DetectorImages
 from train.detector.initial_network import initial_network
@@ -41,6 +47,7 @@ from train.detector.targets import BatchLabels
 from train.optimization import WarmupCosine, configure_optimizers
 
 _LOSS, _RANDOM_WEIGHTS = DetectionLossConfig(), InitialWeights()
+_NO_DISTILLATION = DistillationConfig()
 
 Batch = dict[str, Tensor]  # images, boxes_px, classes, is_ignored, numbers
 
@@ -74,6 +81,7 @@ class DetectorTraining(LightningModule):
         scales: tuple[float, float] = (0.75, 1.25),
         loss: DetectionLossConfig = _LOSS,
         weights: InitialWeights = _RANDOM_WEIGHTS,
+        distillation: DistillationConfig = _NO_DISTILLATION,
         seed: int = 0,
         optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.002, weight_decay=0.02),
         lr_scheduler: LRSchedulerCallable | None = WarmupCosine,
@@ -95,6 +103,7 @@ class DetectorTraining(LightningModule):
             scales: Smallest and largest height of the training images over that of the input.
             loss: Terms of the loss.
             weights: Initial weights.
+            distillation: What is kept of the initial weights.
             seed: Seed of anchors and sizes.
             optimizer: Optimizer of the weights.
             lr_scheduler: Schedule of the learning rate.
@@ -109,6 +118,7 @@ class DetectorTraining(LightningModule):
         )
         """Input of the network, which the data module makes."""
         stated = {"scales": list(scales), "seed": seed, "loss": asdict(loss)}
+        stated |= {"distillation": asdict(distillation)}
         self.save_hyperparameters(
             {"model": MODEL, **self.image.metadata, **stated, "anchors": anchors}
             | {"training_data": "unknown", "revision": program_revision()}
@@ -125,6 +135,7 @@ class DetectorTraining(LightningModule):
             learned = read_checkpoint(weights.checkpoint, MODEL)["hyper_parameters"]
             # The data module adds the frames of this training.
             self.hparams.update({ENTRY: learned.get(ENTRY, UNKNOWN)})
+        self._distillation = Distillation(self.network, distillation)
         self.sizes = scaled_sizes(self.image.size, *scales)
         self.metrics: DetectionMetrics | None = None
         """Metrics of the last validation or test."""
@@ -163,7 +174,9 @@ class DetectorTraining(LightningModule):
             images = resize_images(images, size, how)
             labels = resize_labels(labels, before, size)
         seen = step * len(images) * trainer.world_size * trainer.accumulate_grad_batches
-        loss = self._loss(self(images), labels, seen)
+        raw = self(images)
+        kept = self._distillation.loss(images, self.network.decode(raw), labels)
+        loss = self._loss(raw, labels, seen).with_distillation(kept)
         self._log_loss("train", loss, len(images))
         return loss.total
 
