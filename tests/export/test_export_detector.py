@@ -17,6 +17,7 @@ from export.detector import (
     random_images,
 )
 from export.detector_precision import measure_variants
+from export.onnx import to_onnx
 from export.parity import compare, torch_runner
 from export.result import ExportConfig
 from export.variants import ModelVariant
@@ -227,7 +228,7 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
     (tmp_path / "dm.onnx").write_bytes(bright_cells("dm"))
     detector = ModalityDetector(tmp_path / "dm.onnx")
     opened = open_drive(drive)
-    scale = np.tile([96 / 620, 64 / 190], 2)
+    scale = 96 / 620  # letterboxed by the longer side
     labels = iter([opened.labels(0), opened.labels(1)])
 
     def seer(inputs):
@@ -244,6 +245,18 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
     assert found["fp32"]["Car 0.7"]["moderate"] == pytest.approx(5.0)
     assert found["int8"]["Car 0.7"]["moderate"] == 0.0
     assert measure_variants(ExportConfig(tmp_path / "any.ckpt"), {"fp32": blind}, detector) == {}
+
+
+def test_a_file_takes_images_of_any_size(checkpoint, tmp_path):
+    exportable = exportable_detector(checkpoint)
+    file = tmp_path / "dm.onnx"
+    file.write_bytes(to_onnx(exportable))
+    network = ModalityDetector(file).model
+    for size in ((32, 32), (96, 64), (160, 32)):
+        batch = {"images": random_images(3, (1, *size), np.random.default_rng(1))}
+        expected = torch_runner(exportable)(batch)
+        for name, found in network(batch).items():
+            np.testing.assert_allclose(found, expected[name], atol=0.01)
 
 
 def test_another_size_is_a_file_of_that_size(checkpoint, exported):

@@ -83,7 +83,7 @@ def test_module_that_takes_only_its_example_is_refused():
             return torch.ones(1).expand(len(images))
 
     example = {"images": torch.zeros(2, 3, dtype=torch.uint8)}
-    with fault(ModelError, expected="any number of rows in input images"):
+    with fault(ModelError, expected="any length of axis 0 of input images"):
         to_onnx(Exportable(Fixed(), example, ("flat",), {}))
 
 

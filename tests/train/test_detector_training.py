@@ -128,6 +128,7 @@ def test_a_checkpoint_says_what_it_is(tmp_path):
         "input_height": "64",
         "input_width": "96",
         "filling": "default",
+        "fit": "letterbox",
         "anchors": "19.1x13.4,37.6x22.6,66.8x36.0,102.2x63.1,165.4x90.7",
         "training_data": "toys",
         "revision": program_revision(),
