@@ -50,7 +50,8 @@ def report(out: Path, experiments: "ThesisExperiments") -> None:
         experiments: Settings, which the tables state.
     """
     depthcn, fusion = _results(out / "depthcn.json"), _results(out / "fusion.json")
-    rows = fusion_rows(fusion)
+    fused = fusion["classes"]["Car"]
+    rows = fusion_rows(fused)
     tables = {
         "Table 7.8": recognition_table(out),
         "Table 7.9": depthcn_table(depthcn["classes"]["Car"][_IOU]),
@@ -58,7 +59,7 @@ def report(out: Path, experiments: "ThesisExperiments") -> None:
     }
     text = "\n\n".join(table.text() for table in tables.values())
     write_atomically(out / "tables.txt", f"{text}\n".encode())
-    draw_curves(out, depthcn["classes"]["Car"][_IOU], rows, fusion["steps"])
+    draw_curves(out, depthcn["classes"]["Car"][_IOU], rows, fused["steps"])
     for figure, source in _DRAWN.items():
         shutil.copyfile(out / source, out / figure)
     draw_frames(out)

@@ -7,6 +7,7 @@ from typing import Any
 
 from data.array_store import ArrayStore
 from data.detections.cached_detections import FingerprintedDetector, detected_scene
+from data.detections.located_scenes import SceneLocator
 from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.detector_description import YAML_SUFFIXES
@@ -14,16 +15,16 @@ from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.class_fusion import detector_fingerprints, fusion_of
-from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.networks import open_depthcn, open_detectors, open_fusion
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
-from perception.evaluation.detection.fusion_measure import FusionMeasure
-from perception.evaluation.detection.protocol import DetectionClass, kitti_class
+from perception.evaluation.detection.fusion_measure import FusionMeasure, LocatedScene
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass, kitti_class
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
+from perception.pipeline import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E
 from perception.types import MODALITIES, Drive, Frame, Progress, UInt8
@@ -57,7 +58,8 @@ class DetectorOptions:
 
     Attributes:
         config: Networks, proposals and suppression.
-        classes: Names of the classes to measure; none for all of a network, Car for fusion and DepthCN.
+        classes: Names of the classes to measure; none for all of a network, those of KITTI's benchmark for the
+            fusion, Car for DepthCN.
         metric: Metric configuration.
         fusions: ONNX files of further fusion networks.
         cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
@@ -135,12 +137,11 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
     fusions = open_fusions(options.config, options.fusions, detector)
     detected = dict.fromkeys(name for one in networks.values() for name in one.class_names)
     known = [name for name in detected if all(name in one.class_names for one in fusions.values())]
-    classes = _parse_classes(options.classes or ("Car",), known)
-    if len(classes) != 1:
-        expected = "one class with --detector fusion"
-        raise UsageError("--classes", expected=expected, found=",".join(options.classes))
-    name = classes[0].name.lower()
-    blind = [key for key, one in networks.items() if name not in map(str.lower, one.class_names)]
+    usual = [one.name for one in KITTI_CLASSES if one.name in known]
+    classes = _parse_classes(options.classes or usual, known)
+    names = {one.name for one in classes}
+    blind = [key for key, one in networks.items() if names.isdisjoint(one.class_names)]
+    fusion = fusion_of(fusions["default"], networks)
     # Everything besides the frames that the cached detections depend on.
     fingerprint = f"{detector_fingerprints(networks)} {options.config.nms}"
     cached = FingerprintedDetector(detector, fingerprint)
@@ -149,8 +150,11 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
     def start(drive: Drive) -> tuple[Detect, FusionMeasure]:
         measure = FusionMeasure(classes, options.metric, options.progress, fusions=fusions)
 
-        def detect(frame: Frame) -> DetectedScene:
-            return detected_scene(drive, frame.index, cached, store).without(*blind)
+        locator = SceneLocator(fusion, drive.sensor, PipelineConfig())
+
+        def detect(frame: Frame) -> LocatedScene:
+            scene = detected_scene(drive, frame.index, cached, store)
+            return locator.locate(scene.without(*blind), frame)
 
         return detect, measure
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.rows import ObjectRows, read_object_rows
+from perception.geometry.observation_angle import observation_angles_rad
 from perception.geometry.se3 import wrap
 from perception.types import Boxes3D, Calibration, Float64, Labels
 
@@ -88,16 +89,6 @@ def boxes_to_cam(boxes_velo: Boxes3D, calibration: Calibration) -> Float64:
     return np.column_stack([boxes_velo.size_m[:, ::-1], bottom_cam, heading])
 
 
-def alphas_rad(boxes_velo: Boxes3D, headings_rad: Float64) -> Float64:
-    """Return (M,) alpha: the heading ry minus the direction to the object.
-
-    In the official labels that is the direction from the LiDAR, not from the camera (0.008 against 0.09 rad
-    at most, measured).
-    """
-    bottom_m = boxes_velo.bottom_m
-    return wrap(headings_rad + np.arctan2(bottom_m[:, 1], bottom_m[:, 0]))
-
-
 def format_tracking_labels(frame: int, labels: Labels, calibration: Calibration) -> str:
     """Return the rows of one frame of a sequence, each with its line end."""
     ids = [*labels.track_ids.tolist(), *[-1] * len(labels.dont_care_px)]
@@ -112,7 +103,7 @@ def format_object_labels(labels: Labels, calibration: Calibration) -> str:
 
 def _format_rows(labels: Labels, calibration: Calibration, *, is_tracking: bool) -> list[str]:
     columns = boxes_to_cam(labels.boxes_velo, calibration)
-    alphas = alphas_rad(labels.boxes_velo, columns[:, 6])
+    alphas = observation_angles_rad(labels.boxes_velo)
     numbers = np.column_stack([alphas, labels.boxes_px, columns])
     truncations = [f"{t:.0f}" if is_tracking else f"{t:.2f}" for t in labels.truncation]
     rows = [

@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from data.kitti.labels import alphas_rad, boxes_to_cam
+from data.kitti.labels import boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from data.results.objects import as_tracks
 from perception.geometry.camera import box_outlines_px
+from perception.geometry.observation_angle import (
+    observation_angles_rad,
+    usual_observation_angles_rad,
+)
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Bool, Boxes3D, Calibration, Detections, Float64, Int, Tracks, Vehicles
 
@@ -72,11 +76,15 @@ def trajectory_rows(
 def format_object_rows(vehicles: Vehicles, calibration: Calibration) -> str:
     """Return the rows of one frame for the object benchmark.
 
-    Every vehicle has a row, tracked or not: average precision needs the whole range of scores.
+    Every vehicle has a row, tracked or not: average precision needs the whole range of scores. And every row has an
+    observation angle, the usual one without a 3D box: the orientation is not measured where one is unknown.
     """
     # The columns of the tracking benchmark without frame and id.
     detections = vehicles.fused.detections
     rows = _rows(0, vehicles.ids, vehicles.boxes, detections, calibration)
+    usual_rad = usual_observation_angles_rad(detections.boxes_px, calibration)
+    is_unknown = rows.alphas_rad == _UNKNOWN_ANGLE_RAD
+    rows = replace(rows, alphas_rad=np.where(is_unknown, usual_rad, rows.alphas_rad))
     lines = format_result_rows(rows).splitlines()
     return "".join(f"{line.split(' ', 2)[2]}\n" for line in lines)
 
@@ -100,7 +108,7 @@ def _rows(
         types=detections.types,
         truncation=unknown,
         occlusion=unknown,
-        alphas_rad=_known(alphas_rad(boxes_velo, columns[:, 6]), _UNKNOWN_ANGLE_RAD),
+        alphas_rad=_known(observation_angles_rad(boxes_velo), _UNKNOWN_ANGLE_RAD),
         boxes_px=detections.boxes_px,
         sizes_hwl_m=_known(columns[:, :3], _UNKNOWN),
         bottoms_cam_m=_known(columns[:, 3:6], _UNKNOWN_POSITION_M),

@@ -1,4 +1,4 @@
-"""`trifuse evaluate detection`: vehicle detectors on labelled drives, by KITTI's 2D protocol."""
+"""`trifuse evaluate detection`: detectors on labelled drives, by KITTI's object benchmark."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
@@ -43,17 +43,18 @@ def evaluate_detection(
     worst_count: int = 12,
     detection: DetectionConfig = _DETECTION,
 ) -> None:
-    """Measure a vehicle detector on labelled drives by KITTI's 2D protocol: average precision.
+    """Measure a detector on labelled drives by KITTI's object benchmark: average precision.
 
-    Each drive is measured by itself. The fusion is measured beside each modality alone, and with modalities
-    missing (Table 7.10).
+    Each drive is measured by itself. The fusion has scores of its 3D boxes, too, located in each scan by itself, and
+    is measured beside each modality alone, and with modalities missing (Table 7.10).
 
     Example: trifuse evaluate detection kitti/object --detector fusion --bootstrap 1000
 
     Args:
         drives: Object folder, tracking folder or synthetic drive; one or several.
         detector: Detector: fusion, depthcn, rgb, dm, rm, or an ONNX file of a modality's detector.
-        classes: Classes to measure, several with commas; else all of the network, Car for fusion and depthcn.
+        classes: Classes to measure, several with commas; else all of the network, of the fusion those of KITTI's
+            benchmark, Car for depthcn.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.
         cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
         plot: PNG file for the precision-recall curves.
@@ -89,7 +90,8 @@ def evaluate_detection(
 
         info, first = measured.drives[0]
         title = f"{info.title}, IoU over {metric.iou[0]:g}"
-        save_figure(reliability_figure(title, first.reliability), reliability_plot)
+        of_class, *_ = first.classes.values()
+        save_figure(reliability_figure(title, of_class.reliability), reliability_plot)
 
 
 def resample_bar() -> Callable[[Iterable[int]], Iterable[int]]:

@@ -300,7 +300,8 @@ def known_scenes(monkeypatch, tmp_path):
 
     def network(name):
         model = SimpleNamespace(name=f"{name}.onnx", fingerprint="0123456789abcdef")
-        return SimpleNamespace(metadata={"training_data": "a"}, class_names=("Car",), model=model)
+        known = {"metadata": {"training_data": "a"}, "class_names": ("Car",)}
+        return SimpleNamespace(**known, model=model, fingerprint=model.fingerprint)
 
     networks = {name: network(name) for name in MODALITIES}
     fusions = {"scores": KeepScores(), "default": KeepScores()}
@@ -327,6 +328,8 @@ def test_fusion_tables_and_document(car_frames, known_scenes, tmp_path, capsys):
     assert rows["fusion on scores"][-3:] == ["74.21", "62.18", "54.06"]
     document = json.loads(out.read_text())
     drive = document["results"][str(car_frames)]
+    assert drive["benchmark"]["Car"]["image"]["0.7"]["moderate"]["found"] == 6
+    drive = drive["classes"]["Car"]
     # The false positives come first: of nine detections, six are correct at the end.
     merged = drive["rows"]["merged by NMS"]["0.7"]["moderate"]
     fused = drive["rows"]["Trifuse fusion"]["0.7"]["moderate"]
@@ -349,7 +352,8 @@ def test_fusion_with_missing_modalities(car_frames, known_scenes, tmp_path, caps
     assert "12.50" in rows["depth + reflectance"]
     # The thesis' metrics are of an IoU of 0.7.
     assert "thesis" not in printed
-    missing = json.loads(out.read_text())["results"][str(car_frames)]["missing_modalities"]
+    missing = json.loads(out.read_text())["results"][str(car_frames)]["classes"]["Car"]
+    missing = missing["missing_modalities"]
     assert list(missing["rows"]) == ["rgb+dm", "rgb+rm", "dm+rm", "rgb", "dm", "rm"]
     gains = {name: one["0.5"]["moderate"]["points"] for name, one in missing["gain_points"].items()}
     assert gains["rgb"] == gains["dm"] == gains["rm"] == gains["dm+rm"] == 0

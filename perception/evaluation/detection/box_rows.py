@@ -5,14 +5,18 @@ KITTI), y left (-x), z up (-y), so that `Boxes3D` and its overlaps apply. A head
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Self
 
 import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
-from perception.types import ArrayTable, Boxes3D, Detections, Float64, Int, Labels
+from perception.geometry.observation_angle import (
+    observation_angles_rad,
+    usual_observation_angles_rad,
+)
+from perception.types import ArrayTable, Boxes3D, Calibration, Detections, Float64, Int, Labels
 
 # Values of KITTI's rows without a 3D box. The official tool treats them as a box of this size at this place.
 _NO_SIZE_M, _NO_PLACE_M, _NO_HEADING_RAD = -1.0, -1000.0, -10.0
@@ -32,6 +36,32 @@ def unknown_boxes(count: int) -> Boxes3D:
     """Return boxes in place of unknown ones, as the official tool reads them."""
     row = [_NO_SIZE_M] * 3 + [_NO_PLACE_M] * 3 + [_NO_HEADING_RAD]
     return upright_boxes(np.tile(row, (count, 1)))
+
+
+def in_upright_camera(boxes_velo: Boxes3D, camera: Calibration) -> Boxes3D:
+    """Return boxes of the LiDAR frame in the upright camera frame, unknown ones in place of those of NaN.
+
+    Their yaw stays, as `data.kitti` converts labels and results.
+    """
+    x, y, z = (boxes_velo.bottom_m @ camera.cam_SE3_velo[:3, :3].T + camera.cam_SE3_velo[:3, 3]).T
+    boxes = Boxes3D(np.column_stack([z, -x, -y]), boxes_velo.size_m, boxes_velo.yaw_rad)
+    rows = np.flatnonzero(np.isnan(boxes.bottom_m).any(axis=1) | np.isnan(boxes.yaw_rad))
+    return boxes.replaced(rows, unknown_boxes(len(rows)))
+
+
+@dataclass(frozen=True)
+class LocatedDetections:
+    """Detections of one frame with their 3D boxes.
+
+    Attributes:
+        detections: (M) detections in the image.
+        boxes_velo: (M) boxes in the LiDAR frame, rows of NaN where they are not known.
+        camera: Calibration of the camera.
+    """
+
+    detections: Detections
+    boxes_velo: Boxes3D
+    camera: Calibration
 
 
 @dataclass(frozen=True)
@@ -84,24 +114,37 @@ class TrueBoxes(_BoxRows):
     occlusion: Float64
 
     @classmethod
-    def of_frames(cls, labels: Sequence[Labels]) -> Self:
+    def of_frames(
+        cls, labels: Sequence[Labels], cameras: Sequence[Calibration] | None = None
+    ) -> Self:
         """Return the labels of one frame after the other, each frame's DontCare regions after its objects.
+
+        Only with the cameras of the frames have they 3D boxes and headings.
 
         Truncation stays as labelled, also where it is a level of tracking labels: 0 is within every limit on the
         share, 1 and 2 are beyond. Of the 18,472 objects in the labels of both of KITTI's benchmarks, 97 % of
         level 0 are truncated by no more than 0.15 and all by no more than 0.5, all but four of 1,050 of level 1
         by more than 0.5; of level 2, half of 633 are whole.
         """
-        return cls.concatenate(cls._of_frame(number, one) for number, one in enumerate(labels))
+        seen_by: Sequence[Calibration | None] = cameras or [None] * len(labels)
+        frames = enumerate(zip(labels, seen_by, strict=True))
+        return cls.concatenate(cls._of_frame(number, *one) for number, one in frames)
 
     @classmethod
-    def _of_frame(cls, number: int, labels: Labels) -> Self:
+    def _of_frame(cls, number: int, labels: Labels, camera: Calibration | None) -> Self:
         regions = np.full(len(labels.dont_care_px), -1.0)
         types = [*labels.types.tolist(), *["DontCare"] * len(regions)]
+        alphas_rad = np.full(len(types), NO_ALPHA_RAD)
+        boxes_3d = unknown_boxes(len(types))
+        if camera is not None:
+            rows = np.arange(len(labels))
+            alphas_rad[rows] = observation_angles_rad(labels.boxes_velo)
+            boxes_3d = boxes_3d.replaced(rows, in_upright_camera(labels.boxes_velo, camera))
         return cls(
             frames=np.full(len(types), number),
             types=np.array(types, np.str_),
-            alphas_rad=np.full(len(types), NO_ALPHA_RAD),
+            alphas_rad=alphas_rad,
+            boxes_3d=boxes_3d,
             boxes_px=np.concatenate([labels.boxes_px, labels.dont_care_px], dtype=np.float64),
             truncation=np.append(labels.truncation, regions),
             occlusion=np.append(labels.occlusion, regions),
@@ -130,3 +173,24 @@ class DetectedBoxes(_BoxRows):
             boxes_px=whole.boxes_px.astype(np.float64),
             scores=whole.scores.astype(np.float64),
         )
+
+    @classmethod
+    def of_located(cls, located: Sequence[LocatedDetections]) -> Self:
+        """Return the detections of one frame after the other, with their 3D boxes and headings.
+
+        A detection without a 3D box has the usual heading, as in the result files of `trifuse run`.
+        """
+        rows = cls.of_frames([one.detections for one in located])
+        alphas_rad = [_observation_angles_rad(one) for one in located]
+        boxes = [in_upright_camera(one.boxes_velo, one.camera) for one in located]
+        return replace(
+            rows,
+            alphas_rad=np.concatenate([np.zeros(0), *alphas_rad]),
+            boxes_3d=Boxes3D.concatenate(boxes),
+        )
+
+
+def _observation_angles_rad(located: LocatedDetections) -> Float64:
+    known_rad = observation_angles_rad(located.boxes_velo)
+    usual_rad = usual_observation_angles_rad(located.detections.boxes_px, located.camera)
+    return np.where(np.isnan(known_rad), usual_rad, known_rad)

@@ -1,7 +1,8 @@
 """Metrics of the fusion of three detectors beside each of them alone (Table 7.10, Fig. 7.14).
 
 All rows rest on the same detections: each modality alone, all modalities merged by non-maximum suppression, and
-each variant of the fusion; then the fusion where modalities are missing.
+each variant of the fusion; then the fusion where modalities are missing. Each class has its own rows. The scores of
+KITTI's benchmark, with those of the 3D boxes, are of the fusion alone.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,13 +21,15 @@ from perception.evaluation.detection.average_precision import (
     NO_INTERVAL,
     percentile_interval,
 )
-from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.evaluation.detection.benchmark_scores import BenchmarkScores, measure_benchmark
+from perception.evaluation.detection.box_rows import DetectedBoxes, LocatedDetections, TrueBoxes
 from perception.evaluation.detection.class_precision import (
     CONFIDENCE,
     ClassPrecision,
     PrecisionMeasure,
     few_objects_note,
 )
+from perception.evaluation.detection.config import PUBLISHED_CLASS
 from perception.evaluation.detection.estimates import (
     Estimate,
     EstimateRow,
@@ -108,8 +111,21 @@ class FusionRow:
 
 
 @dataclass(frozen=True)
-class FusionReport(Report):
-    """Metrics of detectors and fusions on one drive.
+class LocatedScene:
+    """Detections of one frame.
+
+    Attributes:
+        scene: Detections of each modality.
+        fused: Detections of the fusion, located in the scan.
+    """
+
+    scene: DetectedScene
+    fused: LocatedDetections
+
+
+@dataclass(frozen=True)
+class ClassFusionReport(Report):
+    """Metrics of detectors and fusions on one drive for one class.
 
     Attributes:
         rows: Rows of Table 7.10 by name, the single modalities first.
@@ -150,12 +166,16 @@ class FusionReport(Report):
     def _first(self) -> ClassPrecision:
         return next(iter(self.rows.values())).precision
 
+    @property
+    def _is_of_thesis(self) -> bool:
+        return self._first.name == PUBLISHED_CLASS
+
     def _tables_at(self, iou: float) -> Iterator[Table[Any]]:
         first = self._first.metrics[iou]
         (points, *_) = first[LEVELS[0]].recall_points
         ap, at_iou = f"AP R{points} [%]", f"IoU over {iou:g}"
         rows = {name: row.estimates(iou) for name, row in self.rows.items()}
-        if iou == _THESIS_IOU:
+        if self._is_of_thesis and iou == _THESIS_IOU:
             rows = {name: {**row, **_thesis(name)} for name, row in rows.items()}
         perfect = {level: Estimate(one.max_ap(points)) for level, one in first.items()}
         yield _table(f"{ap}, {at_iou}", {**rows, PERFECT: perfect}, ".2f")
@@ -175,8 +195,38 @@ class FusionReport(Report):
             for name, one in self.reliability.items()
         )
         yield from few_objects_note(objects.values())
-        if _THESIS_IOU in self._first.metrics:
+        if self._is_of_thesis and _THESIS_IOU in self._first.metrics:
             yield _THESIS_NOTE
+
+
+@dataclass(frozen=True)
+class FusionReport(Report):
+    """Metrics of detectors and fusions on one drive.
+
+    Attributes:
+        benchmark: Scores of the fusion in KITTI's benchmark, with those of the 3D boxes.
+        classes: Metrics of each class by its name.
+    """
+
+    benchmark: BenchmarkScores
+    classes: Mapping[str, ClassFusionReport]
+
+    def tables(self) -> Sequence[Table[Any]]:
+        """Return the benchmark's table, and those of each class."""
+        tables = [
+            replace(table, title=f"{name}: {table.title}")
+            for name, report in self.classes.items()
+            for table in report.tables()
+        ]
+        return [*self.benchmark.tables(), *tables]
+
+    def panels(self) -> list[CurvePanel]:
+        """Return the curves of each class."""
+        return [
+            replace(panel, title=f"{name}, {panel.title}")
+            for name, report in self.classes.items()
+            for panel in report.panels()
+        ]
 
 
 def _rows_document(rows: Mapping[str, FusionRow]) -> dict[str, Any]:
@@ -219,9 +269,44 @@ def _words(modalities: str) -> str:
     return " + ".join(names[modality] for modality in modalities.split("+"))
 
 
+@dataclass(frozen=True)
+class _Precision:
+    """Metrics of all classes, a list with an entry for each.
+
+    Attributes:
+        rows: Those of each row of Table 7.10 by name.
+        remaining: Those of Trifuse's fusion by the modalities that remain.
+        steps: Those of each step of the fusion by name.
+    """
+
+    rows: Mapping[str, Sequence[ClassPrecision]]
+    remaining: Mapping[tuple[Modality, ...], Sequence[ClassPrecision]]
+    steps: Mapping[str, Sequence[ClassPrecision]]
+
+    def report(self, place: int, reliability: Mapping[str, Reliability]) -> ClassFusionReport:
+        """Return the report of the class at a place of the lists."""
+        rows = {name: one[place] for name, one in self.rows.items()}
+        singles = {
+            name: rows[heading] for name, heading in MODALITY_NAMES.items() if heading in rows
+        }
+        joined = {MODALITY_NAMES[name]: () for name in singles}
+        return ClassFusionReport(
+            {
+                name: FusionRow(one, joined.get(name, tuple(singles.values())))
+                for name, one in rows.items()
+            },
+            {
+                "+".join(names): FusionRow(one[place], tuple(singles[name] for name in names))
+                for names, one in self.remaining.items()
+            },
+            {name: one[place] for name, one in self.steps.items()},
+            reliability,
+        )
+
+
 @dataclass(kw_only=True)
-class FusionMeasure(PrecisionMeasure[DetectedScene]):
-    """Accumulates the detections of three detectors frame by frame, and measures those of the first class.
+class FusionMeasure(PrecisionMeasure[LocatedScene]):
+    """Accumulates the detections of three detectors frame by frame.
 
     Attributes:
         fusions: Fusion networks by variant, `default` among them.
@@ -231,41 +316,47 @@ class FusionMeasure(PrecisionMeasure[DetectedScene]):
 
     def boxes(self) -> EvaluationBoxes:
         """Return the labelled boxes and those of Trifuse's fusion of all frames so far."""
-        return self.pair(self.detected(self._fuse))
+        return self.pair(self._detected(self._fuse))
 
     def compute(self) -> FusionReport:
         """Return the metrics of all frames so far."""
-        functions = row_functions(self.outputs, self.fusions)
-        detected = {name: self.detected(one) for name, one in functions.items()}
-        precision = {name: self.precision(found)[0] for name, found in detected.items()}
-        modalities = [name for name in MODALITIES if MODALITY_NAMES[name] in precision]
-        singles = {name: precision[MODALITY_NAMES[name]] for name in modalities}
-        joined = {MODALITY_NAMES[name]: () for name in modalities}
-        rows = {
-            name: FusionRow(one, joined.get(name, tuple(singles.values())))
-            for name, one in precision.items()
-        }
-        missing = {}
-        for remaining in _parts(modalities):
-            found = self.detected(partial(self._fuse_rest, remaining))
-            row = FusionRow(self.precision(found)[0], tuple(singles[name] for name in remaining))
-            missing["+".join(remaining)] = row
+        scenes = [output.scene for output in self.outputs]
         steps: dict[str, Fuse] = {
             "merged": lambda scene: scene.merged.detections,
             "rescored": partial(_rescore, self.fusions["default"]),
             "rescored and suppressed": self._fuse,
         }
         no_intervals = replace(self.config, bootstrap=0)
-        return FusionReport(
-            rows,
-            missing,
-            {name: self.precision(self.detected(s), no_intervals)[0] for name, s in steps.items()},
-            {name: self._reliability(one) for name, one in detected.items() if name != MERGED},
+        functions = row_functions(scenes, self.fusions)
+        detected = {name: self._detected(one) for name, one in functions.items()}
+        modalities = [name for name in MODALITIES if MODALITY_NAMES[name] in detected]
+        precision = _Precision(
+            rows={name: self.precision(found) for name, found in detected.items()},
+            remaining={
+                names: self.precision(self._detected(partial(self._fuse_rest, names)))
+                for names in _parts(modalities)
+            },
+            steps={n: self.precision(self._detected(s), no_intervals) for n, s in steps.items()},
         )
+        reports = {}
+        for place, of_class in enumerate(self.classes):
+            at_iou = of_class.at_iou(self.config.iou[0])
+            reliability = {
+                name: measure_reliability(match_correctness(self.pair(found), at_iou), _BINS)
+                for name, found in detected.items()
+                if name != MERGED
+            }
+            reports[of_class.name] = precision.report(place, reliability)
+        return FusionReport(self._benchmark(), reports)
 
-    def _reliability(self, found: DetectedBoxes) -> Reliability:
-        of_class = self.classes[0].at_iou(self.config.iou[0])
-        return measure_reliability(match_correctness(self.pair(found), of_class), _BINS)
+    def _benchmark(self) -> BenchmarkScores:
+        fused = [output.fused for output in self.outputs]
+        truths = TrueBoxes.of_frames(self.labels, [one.camera for one in fused])
+        found, frames = DetectedBoxes.of_located(fused), len(fused)
+        return measure_benchmark(truths, found, frames, self.classes, self.config, self.progress)
+
+    def _detected(self, fuse: Fuse) -> DetectedBoxes:
+        return self.detected(lambda output: fuse(output.scene))
 
     def _fuse(self, scene: DetectedScene) -> Detections:
         return _fuse(self.fusions["default"], scene)

@@ -18,7 +18,13 @@ from data.results.kitti_rows import (
     vehicle_rows,
 )
 from data.results.run_folder import append_kitti_rows
+from perception.evaluation.detection.box_rows import (
+    DetectedBoxes,
+    LocatedDetections,
+    TrueBoxes,
+)
 from perception.geometry.camera import box_outlines_px
+from perception.geometry.observation_angle import usual_observation_angles_rad
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import (
     Boxes3D,
@@ -190,8 +196,10 @@ def test_rows_are_what_the_benchmarks_server_takes(vehicles):
         *(1.5, 1.8, 4.2, -2.0, 1.78, 20.0, -np.pi / 2, 0.875),
     ]
     np.testing.assert_allclose([float(word) for word in first[3:]], expected, atol=1e-6)
-    unknown = [-10, 10, 160, 60, 200, -1, -1, -1, -1000, -1000, -1000, -10, 0.25]
-    assert [float(word) for word in second[3:]] == unknown
+    # Without a 3D box, alpha is that of a heading along the camera's.
+    assert float(second[3]) == pytest.approx(-np.pi / 2 - np.arctan2(35 - 600, 700), abs=1e-6)
+    unknown = [10, 160, 60, 200, -1, -1, -1, -1000, -1000, -1000, -10, 0.25]
+    assert [float(word) for word in second[4:]] == unknown
 
 
 def test_our_own_evaluator_reads_what_was_written(vehicles, tmp_path):
@@ -203,7 +211,30 @@ def test_our_own_evaluator_reads_what_was_written(vehicles, tmp_path):
     read = read_detection_set(tmp_path / "results", tmp_path / "label_2").detections
     np.testing.assert_array_equal(read.boxes_px, vehicles.fused.detections.boxes_px)
     assert read.scores.tolist() == [0.875, 0.25]
-    assert read.alphas_rad[1] == -10
+    # Of the second vehicle only the rectangle is known: it has the heading of the camera.
+    boxes_px = vehicles.fused.detections.boxes_px
+    usual = usual_observation_angles_rad(boxes_px, CALIBRATION)
+    assert read.alphas_rad[1] == pytest.approx(usual[1], abs=1e-6)
+    assert read.boxes_3d.size_m[1].tolist() == [-1, -1, -1]
+
+
+def test_files_and_memory_are_evaluated_as_the_same_boxes(vehicles, tmp_path):
+    for folder in ("results", "label_2"):
+        (tmp_path / folder).mkdir()
+        text = format_object_rows(vehicles, CALIBRATION)
+        (tmp_path / folder / "000000.txt").write_text(text)
+    read = read_detection_set(tmp_path / "results", tmp_path / "label_2").detections
+    located = LocatedDetections(vehicles.fused.detections, vehicles.boxes, CALIBRATION)
+    made = DetectedBoxes.of_located([located])
+    np.testing.assert_allclose(made.alphas_rad, read.alphas_rad, atol=1e-6)
+    for name, column in vars(made.boxes_3d).items():
+        turn = 2 * np.pi if name == "yaw_rad" else np.inf
+        apart = np.abs(column - getattr(read.boxes_3d, name))
+        assert np.minimum(apart, np.abs(apart - turn)).max() < 2e-6, name
+    labels = read_object_labels(tmp_path / "label_2/000000.txt", CALIBRATION)
+    truths = TrueBoxes.of_frames([labels], [CALIBRATION])
+    np.testing.assert_allclose(truths.boxes_3d.bottom_m[0], read.boxes_3d.bottom_m[0], atol=1e-9)
+    assert np.cos(truths.alphas_rad[0] - read.alphas_rad[0]) == pytest.approx(1)
 
 
 def test_boxes_read_back_in_the_lidar_frame(vehicles, tmp_path):
