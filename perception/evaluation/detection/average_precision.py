@@ -7,6 +7,7 @@ there are, with replacement; the interval holds the middle share of the resample
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -116,6 +117,13 @@ def threshold_ranks(matches: int, truths: int) -> Int:
     """
     if matches == 0:
         return np.zeros(0, np.int64)
+    ranks = _ranks_of_recalls(truths)
+    return np.minimum(ranks[: np.searchsorted(ranks, matches) + 1], matches)
+
+
+@cache
+def _ranks_of_recalls(truths: int) -> Int:
+    """Return the (41,) rising ranks of the thresholds where every object is matched."""
     recalls = np.cumsum(np.append(0.0, np.full(RECALL_STEPS, 1 / RECALL_STEPS)))
     near = np.ceil(recalls * truths - 0.5).astype(np.int64)
     tried = near[:, None] + np.arange(-2, 3)
@@ -123,8 +131,7 @@ def threshold_ranks(matches: int, truths: int) -> Int:
     firsts = np.maximum(near - 2 + is_too_soon.sum(axis=1), 1)
     # Each score is a threshold only once: the next recall continues behind it.
     numbers = np.arange(len(firsts))
-    in_turn = np.maximum.accumulate(firsts - numbers) + numbers
-    return np.unique(np.minimum(in_turn, matches))
+    return np.asarray(np.maximum.accumulate(firsts - numbers) + numbers, np.int64)
 
 
 def max_ap(truths: int, recall_points: int = 40) -> float:
