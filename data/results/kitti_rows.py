@@ -20,6 +20,8 @@ _PEDESTRIAN_M3 = 1.8
 _CYCLIST_M3 = 4.0
 # Scores of a track that is measured in the scan, and of one that is predicted.
 _OBSERVED_SCORE, _PREDICTED_SCORE = 1.0, 0.5
+# Trackers are evaluated on all their rows, whatever the score.
+_MIN_EXISTENCE = 0.5
 # Values of unknown columns: levels and sizes, positions, angles.
 _UNKNOWN, _UNKNOWN_POSITION_M, _UNKNOWN_ANGLE_RAD = -1.0, -1000.0, -10.0
 
@@ -36,13 +38,13 @@ def track_rows(frame: int, tracks: Tracks, calibration: Calibration) -> Tracking
 
 
 def vehicle_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
-    """Return a row for each vehicle that has an id; without a 3D box, only the rectangle is known.
+    """Return a row for each vehicle that has an id and exists more likely than not.
 
-    The score is the probability that the vehicle exists, not that its box fits.
+    The score is that probability, not that of a fitting box. Without a 3D box, only the rectangle is known.
     """
     detections = replace(vehicles.fused.detections, scores=vehicles.fused.existence)
     rows = _rows(frame, vehicles.ids, vehicles.boxes, detections, calibration)
-    return rows[rows.ids >= 0]
+    return rows[(rows.ids >= 0) & (rows.scores >= _MIN_EXISTENCE)]
 
 
 def trajectory_rows(

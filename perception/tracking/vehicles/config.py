@@ -44,10 +44,10 @@ class EvidenceConfig:
         memory: Share of the past evidence that the next frame leaves, since detections of one object err alike.
     """
 
-    prior: float = 0.3
-    miss: float = 0.4
+    prior: float = 0.5
+    miss: float = 0.2
     confirmation: float = 2.0
-    memory: float = 0.9
+    memory: float = 0.8
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class VehicleTrackerConfig:
             width and height.
         min_size_px: Minimum width and height in that share.
         class_change_cost: Cost of a detection of another class than that of the track.
-        max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 30
-            leaves out 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
+        max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 20
+            leaves out 1 of 360 true pairs (chi-squared, 6 degrees of freedom).
         position_noise_m: Standard deviation of a located position, at any distance.
         position_noise_per_m: Increase of that standard deviation with distance.
         sparse_noise_m: Standard deviation of a position located by one point; divided by the root of the number
@@ -81,6 +81,9 @@ class VehicleTrackerConfig:
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
         front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
+        small_length_m: Maximum length of people on foot and on two wheels, whose outline hardly shows a heading.
+        small_course_speed_m_s: Both minimum speeds of these.
+        small_course_weight: Number of observations of the outline that their course outweighs.
         max_front_votes: Maximum number of observations of the course that opposite ones have to outweigh before
             front and rear change places.
         max_size_samples: Maximum number of observations that a size is averaged over.
@@ -90,7 +93,7 @@ class VehicleTrackerConfig:
     """
 
     min_existence: float = 0.1
-    new_track_existence: float = 0.3
+    new_track_existence: float = 0.5
     high_existence: float = 0.5
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     duplicates: DuplicateConfig = field(default_factory=DuplicateConfig)
@@ -100,7 +103,7 @@ class VehicleTrackerConfig:
     side_deviation_share: float = 0.12
     min_size_px: float = 4.0
     class_change_cost: float = 5.0
-    max_cost: float = 30.0
+    max_cost: float = 20.0
     position_noise_m: float = 0.2
     position_noise_per_m: float = 0.01
     sparse_noise_m: float = 1.2
@@ -112,6 +115,9 @@ class VehicleTrackerConfig:
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0
     front_speed_m_s: float = 1.0
+    small_length_m: float = 2.2
+    small_course_speed_m_s: float = 0.6
+    small_course_weight: float = 5.0
     max_front_votes: int = 10
     max_size_samples: int = 12
     max_reported_speed_deviation_m_s: float = 2.0

@@ -199,13 +199,18 @@ def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> Veh
     keeps it.
     """
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
-    excess_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
-    is_fast = (excess_m_s >= config.course_speed_m_s)[:, None]
-    axis = tracks.axis + np.where(is_fast, _doubled(course_rad), 0.0)
+    is_small, slow_m_s = tracks.sizes_m[:, 0] < config.small_length_m, config.small_course_speed_m_s
+    # A walker is slower than two deviations of any located velocity.
+    deviations = np.where(is_small, 1.0, 2.0)
+    excess_m_s = tracks.speeds_m_s - deviations * tracks.speed_deviations_m_s
+    is_fast = excess_m_s >= np.where(is_small, slow_m_s, config.course_speed_m_s)
+    weights = is_fast * np.where(is_small, config.small_course_weight, 1.0)
+    axis = tracks.axis + weights[:, None] * _doubled(course_rad)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
     yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
     is_ahead = np.abs(wrap(course_rad - yaw_rad)) <= np.pi / 2
-    vote = np.where(excess_m_s >= config.front_speed_m_s, np.where(is_ahead, 1, -1), 0)
+    is_moving = excess_m_s >= np.where(is_small, slow_m_s, config.front_speed_m_s)
+    vote = np.where(is_moving, np.where(is_ahead, 1, -1), 0)
     votes = np.minimum(tracks.front_votes + vote, config.max_front_votes)
     return replace(
         tracks,

@@ -94,7 +94,7 @@ class VehicleTracker:
         tracks, config = self._tracks, self._config
         limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
         goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
-        goes_on &= tracks.evidence > 0
+        goes_on &= (tracks.ids >= 0) | (tracks.evidence > 0)
         self._tracks = predict(tracks[goes_on], elapsed_s, config)
         evidence = config.evidence.memory * self._tracks.evidence
         self._tracks = replace(self._tracks, evidence=evidence)
