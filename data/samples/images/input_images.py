@@ -8,7 +8,8 @@ import numpy as np
 import perception.maps
 from data.array_store import Arrays
 from data.frame_fingerprint import code_fingerprint
-from perception.detection.detectors import input_size, modalities, network_input
+from perception.detection.detectors import image_region, modalities, network_input
+from perception.detection.detectors.image_region import detection_region
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import (
     MapFilling,
@@ -75,7 +76,7 @@ def image_settings(config: ImageConfig) -> dict[str, object]:
         "jpeg_quality": config.jpeg_quality,
         "fit": config.fit,
         "code": code_fingerprint(
-            perception.maps, modalities, input_size, network_input, Path(__file__)
+            perception.maps, modalities, image_region, network_input, Path(__file__)
         ),
     }
 
@@ -97,7 +98,7 @@ def make_images(frame: Frame, config: ImageConfig) -> Arrays:
         dense = fill_maps(project_frame(frame), config.filling)
         images = {"dm": map_image(dense, "dm"), "rm": map_image(dense, "rm")}
     image = next(iter(images.values()))
-    region = PixelRectangle.whole(image)
+    region = detection_region(frame.calibration, (image.shape[1], image.shape[0]))
     placement = config.placement(region)
     arrays: dict[str, UInt8 | Int] = {
         name: prepare_image(image, name, placement, config.jpeg_quality)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
+from perception.detection.detectors.image_region import detection_region
 from perception.detection.detectors.modalities import (
     MapFilling,
     camera_image,
@@ -23,6 +24,7 @@ from perception.detection.detectors.modalities import (
     map_image,
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.network_input import PixelRectangle
 from perception.detection.fusion.class_fusion import DetectionFusion, fusion_of
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.nms_fusion import NmsFusion
@@ -108,18 +110,19 @@ class MultimodalDetector:
             ModelError: an output of a network is not finite.
         """
         start_s = time.perf_counter()
+        camera, size_px = self._camera(frame)
+        region = detection_region(frame.calibration, size_px)
         running: dict[Modality, Future[_Timed[_ModalityOutput]]] = {}
         if self._uses_image(frame):
-            running["rgb"] = self._start("rgb", lambda: camera_image(frame))
+            running["rgb"] = self._start("rgb", lambda: camera_image(frame), region)
         maps = _time(lambda: self._make_maps(frame, dense))
         for modality in MAP_MODALITIES:
             if modality in self.detectors:
                 image = partial(self._map_image, modality, maps.value)
-                running[modality] = self._start(modality, image)
+                running[modality] = self._start(modality, image, region)
         outputs = {name: running[name].result() for name in MODALITIES if name in running}
         detections = {name: one.value.detections for name, one in outputs.items()}
         used = next(iter(maps.value.values()), dense)
-        camera, size_px = self._camera(frame)
         scene = scene_of(detections, size_px, used, camera)
         fused = _time(lambda: self._fusion.fuse(scene))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
@@ -165,13 +168,13 @@ class MultimodalDetector:
         return map_image(maps[self.detectors[modality].filling], modality)
 
     def _start(
-        self, modality: Modality, make_image: Callable[[], UInt8]
+        self, modality: Modality, make_image: Callable[[], UInt8], region: PixelRectangle
     ) -> "Future[_Timed[_ModalityOutput]]":
-        """Let a worker make the input image and detect in it."""
+        """Let a worker make the input image and detect in a region of it."""
 
         def detect() -> _ModalityOutput:
             image = make_image()
-            return _ModalityOutput(image, self.detectors[modality].detect(image))
+            return _ModalityOutput(image, self.detectors[modality].detect(image, region))
 
         return self._workers.submit(_time, detect)
 

@@ -78,8 +78,10 @@ class ImagePlacement:
         return (boxes_px - _corners(self.region)) * self._scale + _corners(self.content)
 
     def to_image(self, boxes_px: Float) -> Float64:
-        """Return (M, 4) boxes of the input in pixels of the image."""
-        return (boxes_px - _corners(self.content)) / self._scale + _corners(self.region)
+        """Return (M, 4) boxes of the input in pixels of the image, clipped to the region."""
+        image_px = (boxes_px - _corners(self.content)) / self._scale + _corners(self.region)
+        left, top, right, bottom = self.region
+        return np.clip(image_px, [left, top] * 2, [right, bottom] * 2)
 
     def is_cut(self, boxes_px: Float, whole: PixelRectangle) -> Bool:
         """Return which of (M, 4) boxes of the image end where the region does and a whole region goes on."""

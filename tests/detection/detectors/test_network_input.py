@@ -59,6 +59,7 @@ def test_boxes_return_to_where_they_were(fit, alignment):
     shown_px = placement.to_input(boxes_px)
     np.testing.assert_allclose(shown_px[1], placement.content)
     np.testing.assert_allclose(placement.to_image(shown_px), boxes_px)
+    np.testing.assert_allclose(placement.to_image(np.add(shown_px[1:], [-9, -9, 0, 99])), [region])
 
 
 def test_the_region_alone_is_shown():
