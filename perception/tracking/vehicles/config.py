@@ -66,6 +66,7 @@ class VehicleTrackerConfig:
         side_deviation_share: Standard deviation of the sides of a 2D box from their prediction, as a share of its
             width and height.
         min_size_px: Minimum width and height in that share.
+        max_walking_speed_m_s: Speed from which on a person rides; detectors see the rider of a cycle, too.
         class_change_cost: Cost of a detection of another class than that of the track.
         max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 20
             leaves out 1 of 360 true pairs (chi-squared, 6 degrees of freedom).
@@ -102,6 +103,7 @@ class VehicleTrackerConfig:
     min_iou: float = 0.1
     side_deviation_share: float = 0.12
     min_size_px: float = 4.0
+    max_walking_speed_m_s: float = 3.0
     class_change_cost: float = 5.0
     max_cost: float = 20.0
     position_noise_m: float = 0.2

@@ -58,6 +58,7 @@ def init_tracks(
         anchors_px=np.zeros((count, 3)),
         is_located=observations.is_located,
         last_located_s=np.full(count, frame.stamp_s),
+        top_speed_m_s=np.zeros(count),
         axis=_doubled(boxes.yaw_rad),
         front_votes=np.zeros(count, np.int64),
         sizes_m=boxes.size_m,
@@ -189,6 +190,8 @@ def _corrected(
         size_samples=size_samples,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
+    sure_speed_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
+    tracks = replace(tracks, top_speed_m_s=np.maximum(tracks.top_speed_m_s, sure_speed_m_s))
     return _turned_to_course(tracks, config)
 
 

@@ -31,6 +31,7 @@ from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.types import Boxes3D, Float64, Frame, FusedDetections, Int, Tracks, Vehicles
 
 _ROUNDING_S = 1e-3
+_WALKER, _RIDER = "Pedestrian", "Cyclist"
 
 
 @dataclass(frozen=True)
@@ -171,12 +172,12 @@ class VehicleTracker:
         return _classified(moving, self._tracks, self._types(self._tracks))
 
     def _types(self, tracks: VehicleTable) -> NDArray[np.str_]:
-        """Return (T,) the class of the most evidence of each track."""
-        return (
-            self._classes[tracks.class_evidence.argmax(axis=1)]
-            if len(tracks)
-            else np.array([], np.str_)
-        )
+        """Return (T,) the class of the most evidence of each track; a person who was faster than a walker rides."""
+        if not len(tracks):
+            return np.array([], np.str_)
+        types = self._classes[tracks.class_evidence.argmax(axis=1)]
+        is_fast = tracks.top_speed_m_s > self._config.max_walking_speed_m_s
+        return np.where(is_fast & (types == _WALKER), _RIDER, types)
 
     def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
         """Return the detections with the ids, motion and boxes of their tracks."""
@@ -206,9 +207,10 @@ class VehicleTracker:
     ) -> FusedDetections:
         """Return the detections with the existence, the class and the box in the image of their tracks."""
         existence, boxes_px = fused.existence.copy(), fused.detections.boxes_px.copy()
-        types = fused.detections.types.astype(np.result_type(fused.detections.types, self._classes))
+        own_types = self._types(tracks)
+        types = fused.detections.types.astype(np.result_type(fused.detections.types, own_types))
         existence[seen], boxes_px[seen] = probability(tracks.evidence), tracks.boxes_px
-        types[seen] = self._types(tracks)
+        types[seen] = own_types
         detections = replace(fused.detections, types=types, boxes_px=boxes_px)
         return replace(fused, detections=detections, existence=existence)
 

@@ -97,6 +97,16 @@ def test_who_walks_across_the_road_faces_across_it():
     assert abs(reported.boxes.yaw_rad[0] + np.pi / 2) < 0.3
 
 
+@pytest.mark.parametrize(("speed_m_s", "expected"), [(1.4, "Pedestrian"), (6.0, "Cyclist")])
+def test_a_person_faster_than_a_walker_rides(speed_m_s, expected):
+    drive = Drive(speed_m_s=0.0)
+    for step in range(20):
+        person = cars((12.0 + 0.1 * speed_m_s * step, 3.0, 0.0), size_m=(1.7, 0.6, 1.7))
+        reported = drive.observe(person, types=("Pedestrian",)).vehicles
+    assert reported.ids.tolist() == [0]
+    assert reported.fused.detections.types.tolist() == [expected]
+
+
 def _yaws(drive: Drive, world: Boxes3D, along_m: list[float]) -> np.ndarray:
     """Return the reported heading of one vehicle while it goes along x."""
     reported = [drive.observe(driven(world, x_m)).vehicles for x_m in along_m]
