@@ -89,7 +89,7 @@ class RangePrecision(NamedTuple):
     Attributes:
         objects: Number of objects that must be detected.
         ap: Average precision R40 in percent of that of a perfect detector, which is below 100 with few objects; NaN
-            without objects.
+            with one object or none, where it is 0.
     """
 
     objects: int
@@ -133,10 +133,8 @@ def _precision(frames: Sequence[RangedFrame], detection_class: DetectionClass) -
     is_object = (truths.types == detection_class.name) & (heights_px > _MODERATE.min_height_px)
     is_object &= truths.occlusion <= _MODERATE.max_occlusion
     objects = int((is_object & (truths.truncation <= _MODERATE.max_truncation)).sum())
-    if not objects:
-        return RangePrecision(0, float("nan"))
-    ap = curve.ap() if curve is not None else 0.0
-    return RangePrecision(objects, 100 * ap / max_ap(objects))
+    ap, best = curve.ap() if curve is not None else 0.0, max_ap(objects)
+    return RangePrecision(objects, 100 * ap / best if best else float("nan"))
 
 
 def measure_realism(
@@ -206,8 +204,8 @@ def _objects(metrics: RealismMetrics, of: tuple[str, str]) -> int:
 
 
 def _ap(metrics: RealismMetrics, of: tuple[str, str]) -> float | None:
-    objects, ap = metrics[of[0]][of[1]]
-    return ap if objects else None
+    ap = metrics[of[0]][of[1]].ap
+    return None if np.isnan(ap) else ap
 
 
 def realism_panels(name: str, metrics: Mapping[str, RealismMetrics]) -> list[CurvePanel]:
