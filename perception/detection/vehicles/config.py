@@ -29,6 +29,7 @@ class VehiclePointsConfig:
             class.
         cluster_gap_per_m: Increase of that gap with distance, as beams spread.
         max_samples: Maximum number of points of a box that vote.
+        same_place_iou: Minimum overlap in the image of two detections that share their returns.
     """
 
     max_depth_m: float = 100.0
@@ -40,13 +41,14 @@ class VehiclePointsConfig:
     max_height_deviations: float = 4.0
     model_error_m: float = 0.3
     model_reach_m: float = 30.0
-    near_deviation: float = 0.25
+    near_deviation: float = 0.2
     far_deviation: float = 0.5
     cut_deviation: float = 1.0
     center_deviation: float = 0.5
     cluster_gap_widths: float = 0.25
     cluster_gap_per_m: float = 0.012
     max_samples: int = 256
+    same_place_iou: float = 0.6
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,11 @@ from perception.detection.vehicles.box_heights import fit_heights
 from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.l_shape_fit import ImageSpans, Rectangles, fit_rectangles
-from perception.detection.vehicles.vehicle_points import VehiclePoints, find_points
+from perception.detection.vehicles.vehicle_points import (
+    ImageObjects,
+    VehiclePoints,
+    find_points,
+)
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.types import (
@@ -48,12 +52,14 @@ def locate(
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     detections, sizes = fused.detections, SizePriors.of(fused.detections.types)
     likely = np.flatnonzero(fused.existence >= config.tracker.min_existence)
-    found = find_points(
-        frame.points_velo, detections.boxes_px[likely], sizes[likely], camera, ground, config.points
-    )
-    found = replace(found, owners=likely[found.owners])
+    objects = ImageObjects(detections.boxes_px, fused.existence, sizes)[likely]
+    leaders = objects.leaders(config.points.same_place_iou)
+    leading = np.flatnonzero(leaders == np.arange(len(leaders)))
+    found = find_points(frame.points_velo, objects[leading], camera, ground, config.points)
     owners = np.full(len(frame.points_velo), -1)
-    owners[found.rows] = found.owners
+    owners[found.rows] = likely[leading[found.owners]]
+    found = found.shared(np.searchsorted(leading, leaders))
+    found = replace(found, owners=likely[found.owners])
     distances_m = np.full(count, np.inf)
     x_m, y_m, z_m = found.xyz_m.T
     np.minimum.at(distances_m, found.owners, np.sqrt(x_m**2 + y_m**2 + z_m**2))

@@ -7,7 +7,7 @@ the most votes is the vehicle.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -20,8 +20,40 @@ from perception.detection.vehicles.frustum_points import (
     extend_beyond_borders,
     find_frustum_points,
 )
+from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.sorting import sorted_keys
-from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
+from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, GroundModel, Int
+
+
+@dataclass(frozen=True)
+class ImageObjects(ArrayTable):
+    """M detected objects, as far as their points depend on them.
+
+    Attributes:
+        boxes_px: (M, 4) boxes, x1 y1 x2 y2.
+        existence: (M,) probabilities that there is an object.
+        sizes: (M) sizes of their classes.
+    """
+
+    boxes_px: Annotated[Float64, 4]
+    existence: Float64
+    sizes: SizePriors
+
+    def leaders(self, min_iou: float) -> Int:
+        """Return (M,) the likeliest object at the place of each in the image: itself, or one that stands for it.
+
+        A network may report one object as several classes; all of them have the same returns.
+
+        Args:
+            min_iou: Minimum overlap of two objects at one place.
+        """
+        is_same = iou_px(self.boxes_px, self.boxes_px) >= min_iou
+        leaders = np.full(len(self), -1)
+        for row in np.argsort(-self.existence, kind="stable").tolist():
+            if leaders[row] < 0:
+                leaders[is_same[row] & (leaders < 0)] = row
+                leaders[row] = row
+        return leaders
 
 
 @dataclass(frozen=True)
@@ -40,32 +72,45 @@ class VehiclePoints:
     xyz_m: Float64
     ground_m: Float64
 
+    def shared(self, leaders: Int) -> Self:
+        """Return the points of D vehicles, each of which has those of its leader.
+
+        Args:
+            leaders: (D,) number of the vehicle of which each has the points.
+        """
+        order = np.argsort(self.owners, kind="stable")
+        counts = np.bincount(self.owners, minlength=int(leaders.max(initial=-1)) + 1)
+        starts = counts.cumsum() - counts
+        owners, places = expand_ranges(starts[leaders], counts[leaders])
+        rows = order[places]
+        return type(self)(self.rows[rows], owners, self.xyz_m[rows], self.ground_m[rows])
+
 
 def find_points(
     points_velo: Float32,
-    boxes_px: Float64,
-    sizes: SizePriors,
+    objects: ImageObjects,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
     config: VehiclePointsConfig,
 ) -> VehiclePoints:
-    """Return the points of the vehicles in M boxes.
+    """Return the points of M objects.
 
     Args:
         points_velo: (N, 4) points of the scan.
-        boxes_px: (M, 4) boxes, x1 y1 x2 y2.
-        sizes: (M) sizes of their classes.
+        objects: (M) detected objects.
         camera: Calibration, and (width, height) of the image.
         ground: Ground model; None takes the lowest points around for the ground.
         config: Distances, heights, votes and clusters.
     """
-    if not len(boxes_px):
+    boxes_px, sizes = objects.boxes_px, objects.sizes
+    if not len(objects):
         none = np.zeros(0, np.int64)
         return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
     reached_px = extend_beyond_borders(boxes_px, camera[1][0], config)
     near = find_frustum_points(points_velo, reached_px, camera, ground, config)
     claims = _Claims.of(near, reached_px, sizes, config)
     likely = _likelihoods(near, boxes_px, claims, sizes, camera, config)
+    likely *= objects.existence[claims.sampled_boxes]
     claimed = np.bincount(claims.sampled_points, likely, len(near.rows))[claims.sampled_points]
     votes = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
     # An occluder may be the best cluster in its own box and in that of the occluded vehicle. It belongs to the box

@@ -159,6 +159,31 @@ def test_of_a_car_that_the_images_border_cuts_the_lidar_sees_the_rest(side):
     assert axis_error_rad(found.boxes, true)[0] < np.radians(4)
 
 
+def test_one_object_of_two_classes_has_the_same_returns_twice():
+    true = cars((10.0, 3.0, 0.0), size_m=(1.76, 0.6, 1.74))
+    twice = _people(true, "Cyclist").joined(_people(true, "Pedestrian"))
+    faint = replace(twice, existence=np.array([0.2, 0.9]))
+    found = locate(faint, frame_of(road(), rider(true)), _GROUND)
+    assert set(found.owners.tolist()) == {-1, 1}
+    np.testing.assert_allclose(found.boxes.bottom_m[0, :2], true.bottom_m[0, :2], atol=0.15)
+    np.testing.assert_allclose(found.boxes.bottom_m[1, :2], true.bottom_m[0, :2], atol=0.15)
+    assert found.boxes.size_m[:, 0].tolist() == [1.76, 0.84]
+    assert found.distances_m[0] == found.distances_m[1]
+
+
+def test_a_faint_detection_takes_no_returns_of_a_certain_one():
+    true = cars((12.0, 0.0, 0.0))
+    body = sides(true)
+    certain = detected(true)
+    boxes_px = certain.detections.boxes_px
+    shift_px = 0.3 * (boxes_px[0, 2] - boxes_px[0, 0]) * np.array([1, 0, 1, 0])
+    moved = replace(certain.detections, boxes_px=boxes_px + shift_px)
+    faint = replace(certain, detections=moved, existence=np.array([0.15]))
+    found = locate(faint.joined(certain), frame_of(road(), body), _GROUND)
+    assert (found.owners[len(road()) :] == 1).mean() > 0.95
+    np.testing.assert_allclose(found.boxes.bottom_m[1], true.bottom_m[0], atol=0.25)
+
+
 def test_nothing_detected_gives_nothing():
     found = locate(FusedDetections.empty(), frame_of(road()), _GROUND)
     assert len(found) == 0
