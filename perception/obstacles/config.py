@@ -171,6 +171,46 @@ class MovingClusterConfig:
 
 
 @dataclass(frozen=True)
+class RigidBodyConfig:
+    """Motion of bodies of which most fills the place that it filled before, by the default method.
+
+    Attributes:
+        min_voxels: Smallest number of voxels of a body that were not there before.
+        min_body_voxels: Smallest number of voxels of a body; smaller ones leave their place soon.
+        min_length_m: Smallest length of a body in metres, the width of a lorry's rear.
+        max_length_m: Largest length of a body in metres.
+        long_m: Length in metres from which on a body moves along its longer axis only.
+        min_distance_m: Smallest distance in metres that a body has come since the oldest queried scan.
+        max_distance_m: Largest distance in metres; a body that came farther left its place.
+        step_m: Difference in metres of two distances that are tried.
+        samples: Largest number of voxels that are compared with the earlier scan, of each end and of the whole body.
+        side_margin_m: Largest distance in metres to the side of what appeared.
+        min_explained_ratio: Smallest share of a body's visible voxels that the earlier scan hit where they came from.
+        min_gain_ratio: Smallest share by which more voxels are explained than of a static body.
+        end_m: Largest length of a front or rear in metres.
+        min_end_voxels: Smallest number of voxels of a front that appeared, or of a rear that left free space.
+        min_end_ratio: Smallest share of these in the front or rear, 0 to 1.
+    """
+
+    # A tram of two parts has 22 m. Steps of 0.3 m are within the margin of a hit on both sides.
+    min_voxels: int = 10
+    min_body_voxels: int = 100
+    min_length_m: float = 2.0
+    max_length_m: float = 24.0
+    long_m: float = 5.0
+    min_distance_m: float = 0.3
+    max_distance_m: float = 8.0
+    step_m: float = 0.3
+    samples: int = 24
+    side_margin_m: float = 0.3
+    min_explained_ratio: float = 0.9
+    min_gain_ratio: float = 0.05
+    end_m: float = 1.5
+    min_end_voxels: int = 5
+    min_end_ratio: float = 0.5
+
+
+@dataclass(frozen=True)
 class MotionCountersConfig:
     """Static-moving segmentation of the thesis: occupancy counters of ground cells (5.1.3, Table 7.1).
 
@@ -196,6 +236,7 @@ class MotionConfig:
         previous_scans: Number of scans before the newest that the methods of the thesis merge (m, Table 7.1).
         free_space: Free-space test, the default.
         moving_clusters: Decision which clusters are moving, by the default method.
+        rigid_bodies: Motion of long bodies, by the default method.
         counters: Occupancy counters, the method of the thesis.
     """
 
@@ -204,6 +245,7 @@ class MotionConfig:
     previous_scans: int = 6
     free_space: FreeSpaceConfig = field(default_factory=FreeSpaceConfig)
     moving_clusters: MovingClusterConfig = field(default_factory=MovingClusterConfig)
+    rigid_bodies: RigidBodyConfig = field(default_factory=RigidBodyConfig)
     counters: MotionCountersConfig = field(default_factory=MotionCountersConfig)
 
     def __post_init__(self) -> None:

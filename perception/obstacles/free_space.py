@@ -8,7 +8,7 @@ import numpy as np
 from perception.geometry import se3
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64
+from perception.types import Bool, Float32, Float64, UInt8
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,13 @@ class FreeSpaceMemory:
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
         return self._scans[-1].image.is_free(points_velo, self._margin_m)
+
+    def states_in_oldest(self, points_velo: Float32) -> UInt8:
+        """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame in the oldest queried scan."""
+        past = self._scans[-1 - self._ages()[-1]]
+        past_SE3_newest = se3.inverse(past.world_SE3_velo) @ self._scans[-1].world_SE3_velo
+        points_past = se3.transform_points(past_SE3_newest, points_velo)
+        return past.image.visibility(points_past, self._margin_m).states
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
         """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""

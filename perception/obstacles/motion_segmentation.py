@@ -10,14 +10,15 @@ from perception.geometry.grids import LocalArea
 from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.config import MotionConfig
-from perception.obstacles.free_space import FreeSpaceMemory
+from perception.obstacles.free_space import FreeSpaceMemory, VisibilityHistory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmenter import MotionSegmenter
-from perception.obstacles.moving_clusters import moving_voxels
+from perception.obstacles.moving_clusters import moving_voxels, occupied_clusters, vote
+from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Bool, Float64, GroundModel, Method, Obstacles, Voxels
+from perception.types import Bool, Float32, Float64, GroundModel, Method, Obstacles, Voxels
 
 _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
 
@@ -87,6 +88,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         )
         history = self._memory.query(places)
         moves = moving_voxels(places, history, before, self._config.moving_clusters, self._gap_m)
+        moves |= self._moving_bodies(places, history, moves)
         self._moved_before, self._world_SE3_before = places[moves], pose
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
@@ -98,6 +100,17 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
             static=static,
             moving=Voxels(places[moves], moving.counts, self._config.voxel_size_m),
         )
+
+    def _moving_bodies(self, places: Float32, history: VisibilityHistory, moves: Bool) -> Bool:
+        """Return which places belong to bodies of which most fills the place that it filled before."""
+        if len(places) == 0 or len(history.ages_s) == 0:
+            return moves
+        votes = vote(history)
+        clusters = occupied_clusters(places, self._config.moving_clusters.cell_m)
+        # What the youngest scan has hit as well may have come to a halt.
+        is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
+        occupied = OccupiedPlaces(places, clusters, is_new, moves)
+        return moving_bodies(occupied, self._memory, self._config.rigid_bodies)
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
         """Return the grid and the map, new ones at the start of a drive."""

@@ -94,6 +94,13 @@ def moving_voxels(
     return _complete(columns, np.asarray(moves[cluster]), config.whole_object_ratio)
 
 
+def occupied_clusters(centers_m: Float, cell_m: float) -> Int:
+    """Return the (V,) cluster of each of V voxels, from 1: voxels in neighbouring ground cells belong together."""
+    columns = _VoxelColumns.over(centers_m, cell_m)
+    occupied = columns.count(np.ones(len(centers_m), bool)) > 0
+    return columns.join(occupied, ~occupied, gap_m=0.0)
+
+
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
     """Return which of (V, 3) places have one of (B, 3) others within reach over the ground plane."""
     if len(others_m) == 0:

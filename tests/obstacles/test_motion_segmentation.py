@@ -130,6 +130,34 @@ def test_a_car_moves_from_a_moving_vehicle(speed_mps):
     assert moving_share(owner, states, 1) == 0
 
 
+@pytest.mark.parametrize("speed_m_s", [0.6, 1.5, 3.0, -1.5])
+def test_the_smooth_side_of_a_long_vehicle_moves_with_its_ends(speed_m_s):
+    def scene(k):
+        start = 12.0 if speed_m_s < 0 else 6.0
+        return [box(start + speed_m_s * 0.1 * k, 4.0, 9.0, 2.5, 3.0), box(8.0, -5.0, 9.0, 2.5, 3.0)]
+
+    owner, states, _ = last(drive(scene, 20))
+    assert moving_share(owner, states, 0) > 0.95
+    assert moving_share(owner, states, 1) == 0
+
+
+def test_a_walker_along_a_wall_does_not_move_the_wall():
+    def scene(k):
+        return [box(7.0, 4.0, 10.0, 0.4, 1.7), box(8.0 + 0.12 * k, 3.4)]
+
+    owner, states, _ = last(drive(scene, 20))
+    assert moving_share(owner, states, 1) > 0.8
+    assert moving_share(owner, states, 0) < 0.05  # what he touches
+
+
+def test_a_parked_car_beside_a_lorry_that_touches_it_stays_static():
+    def scene(k):
+        return [box(5.0 + 0.15 * k, 4.0, 9.0, 2.5, 3.0), box(8.0, 2.1, 4.2, 1.8, 1.4)]
+
+    owner, states, _ = last(drive(scene, 20))
+    assert moving_share(owner, states, 1) < 0.1
+
+
 def test_a_stopped_object_is_static_within_a_second():
     def scene(k):
         return [box(8.0, min(-3.0 + 0.12 * k, -1.0))]  # stops in frame 17
