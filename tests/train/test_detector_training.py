@@ -22,11 +22,12 @@ from train.checkpoints import program_revision, read_checkpoint
 from train.cli import fit
 from train.detector import networks
 from train.detector.anchors import fit_anchors
-from train.detector.config import InitialWeights
+from train.detector.config import DistillationConfig, InitialWeights
 from train.detector.images import draw_detections
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
 from train.detector.training import DetectorTraining
 from train.networks.depthcn import load_verifier
+from train.networks.yolox import YoloxNano
 from train.trainer import fastest_precision, require_devices
 
 
@@ -285,6 +286,32 @@ def test_a_checkpoint_with_other_weights_is_refused(tmp_path, checkpoint, monkey
     )
     with fault(ModelError, "last.ckpt", "weights of this detector", "weights of other sizes"):
         load_detector(checkpoint)
+
+
+def test_random_weights_are_not_kept():
+    with fault(UsageError, "--model.distillation.weight", "--model.weights.public", "random ones"):
+        DetectorTraining(modality="rgb", distillation=DistillationConfig(weight=1.0))
+
+
+def test_public_weights_are_of_one_network(tmp_path):
+    weights = InitialWeights(public=tmp_path / "yolox_nano.onnx")
+    with fault(UsageError, "--model.weights.public", "network yolox-nano", "compact of modality"):
+        DetectorTraining(modality="rgb", weights=weights)
+
+
+def test_a_training_keeps_what_its_start_knows(tmp_path):
+    words = ["--model.network=yolox-nano", "--model.modality=rgb", "--data.channels=3"]
+    run(TOY_DETECTOR, tmp_path / "start", *TINY, *words, epochs=1)
+    kept = [
+        f"--model.weights.checkpoint={tmp_path / 'start' / 'best.ckpt'}",
+        "--model.distillation.weight=2",
+    ]
+    run(TOY_DETECTOR, tmp_path / "kept", *TINY, *words, *kept, epochs=1)
+    events = EventAccumulator(str(tmp_path / "kept")).Reload()
+    assert events.Scalars("train/distillation_loss")[-1].value > 0
+    detector, metadata = load_detector(tmp_path / "kept" / "best.ckpt")
+    assert type(detector) is YoloxNano
+    assert "anchors" not in metadata
 
 
 def test_only_one_kind_of_initial_weights():

@@ -78,6 +78,12 @@ class InitialWeights:
 
     def __post_init__(self) -> None:
         """Validate that at most one is given."""
-        given = [name for name, value in vars(self).items() if value is not None]
-        if len(given) > 1:
-            raise UsageError("initial weights", expected="at most one kind", found=", ".join(given))
+        if len(self.given) > 1:
+            raise UsageError(
+                "initial weights", expected="at most one kind", found=", ".join(self.given)
+            )
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of those that are given."""
+        return tuple(name for name, value in vars(self).items() if value is not None)

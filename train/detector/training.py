@@ -17,6 +17,7 @@ from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import MapFilling
 from perception.detection.detectors.network_input import Fit
 from perception.detection.detectors.postprocess import postprocess_detections
+from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections, Modality
@@ -113,6 +114,12 @@ class DetectorTraining(LightningModule):
             UsageError: there is no such network or input, or it takes no weights of this kind.
         """
         super().__init__()
+        if distillation.weight and not weights.given:
+            raise UsageError(
+                "--model.distillation.weight",
+                expected="initial weights that know something, such as --model.weights.public",
+                found="random ones",
+            )
         self.image = DetectorNetworkConfig(
             modality, tuple(classes), InputSize.parse(size), filling, jpeg_quality, fit, network
         )
