@@ -83,6 +83,21 @@ def test_resamples_without_an_object_are_unknown():
     assert resample_precision(never, 4, np.random.default_rng(0)) == {}
 
 
+def test_resamples_are_curves_of_weighted_frames():
+    for of_class in noisy_matches(60):
+        samples = resample_precision(of_class, 120, np.random.default_rng(3))
+        rng, expected = np.random.default_rng(3), {name: [] for name in samples}
+        for _ in range(120):
+            curves = of_class.curves(np.bincount(rng.integers(60, size=60), minlength=60))
+            for name, curve in curves.items():
+                expected[name].append((curve.truths, curve.ap(), curve.aos(), curve.ap(11)))
+        for name, rows in expected.items():
+            truths, ap, aos, ap_11 = np.array(rows).T
+            found = samples[name]
+            for one, values in ((found.ap[40], ap), (found.aos[40], aos), (found.ap[11], ap_11)):
+                np.testing.assert_allclose(one, np.where(truths > 0, values, np.nan), atol=1e-9)
+
+
 def test_progress_sees_every_resample():
     seen = []
 

@@ -11,12 +11,12 @@ from perception.evaluation.detection.average_precision import (
     PrecisionCurve,
     kitti_average_precision,
     match_detections,
-    threshold_ranks,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes, unknown_boxes
 from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.overlap_metric import BEV, SPACE, OverlapMetric
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
+from perception.evaluation.detection.threshold_counts import threshold_ranks
 from perception.types import Boxes3D
 
 FRAMES = 12

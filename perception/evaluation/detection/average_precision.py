@@ -1,4 +1,4 @@
-"""Average precision by KITTI's 2D protocol, and its bootstrap intervals over the choice of frames.
+"""Average precision by KITTI's protocol, and its bootstrap intervals over the choice of frames.
 
 A precision-recall curve has 41 points, at thresholds that are scores of matched detections. Bootstrap: B. Efron,
 "Bootstrap methods: another look at the jackknife", Annals of Statistics 1979: each resample draws as many frames as
@@ -7,12 +7,10 @@ there are, with replacement; the interval holds the middle share of the resample
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from perception.errors import UsageError
-from perception.evaluation.detection.config import RECALL_POINTS
 from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes
 from perception.evaluation.detection.match_statistics import MatchStatistics, match_statistics
 from perception.evaluation.detection.protocol import (
@@ -22,10 +20,16 @@ from perception.evaluation.detection.protocol import (
     DetectionClass,
     Difficulty,
 )
-from perception.types import Float64, Int, Progress
+from perception.evaluation.detection.threshold_counts import (
+    ThresholdCounts,
+    count_at_thresholds,
+    threshold_ranks,
+)
+from perception.types import Bool, Float64, Int, Progress
 
 # Points of the average precision: recall 0, 0.1 .. 1 until 2019, then 1/40, 2/40 .. 1.
 _RECALL_SLICES: dict[int, slice] = {11: slice(0, None, 4), 40: slice(1, None)}
+_CACHED_COUNTS = 100_000  # counts of detections in resamples that fit into a processor's cache
 
 
 @dataclass(frozen=True)
@@ -68,70 +72,27 @@ class PrecisionCurve:
 
 
 def compute_curve(
-    match_statistics: MatchStatistics, *, has_orientation: bool, frame_weights: Int | None = None
+    statistics: MatchStatistics, weights: Int, *, has_orientation: bool
 ) -> PrecisionCurve:
     """Return the curve of one class at one difficulty.
 
     Args:
-        match_statistics: Matches of one class at one difficulty.
+        statistics: Matches of one class at one difficulty.
+        weights: (F,) multiplicity of each frame.
         has_orientation: Whether all detections have headings.
-        frame_weights: (F,) multiplicity of each frame in a resample; None for all frames once.
     """
-    weights = (
-        np.ones_like(match_statistics.truths_of_frames) if frame_weights is None else frame_weights
-    )
-    truths = int(weights @ match_statistics.truths_of_frames)
-    found = np.cumsum(weights[match_statistics.matches.frames])
-    matches = int(found[-1]) if len(found) else 0
-    places = threshold_ranks(matches, truths)
-    thresholds = match_statistics.matches.scores[np.searchsorted(found, places)]
-    increments, increment_weights = (
-        match_statistics.increments,
-        weights[match_statistics.increments.frames],
-    )
-    last = np.searchsorted(-increments.scores, -thresholds, side="right") - 1
-
-    def count(change: Int | Float64) -> np.ndarray:
-        return np.cumsum(change * increment_weights)[last]
-
-    right, wrong = count(increments.true_positives), count(increments.false_positives)
-    similarity = count(increments.similarity) if has_orientation else None
+    counts = count_at_thresholds(statistics, weights[None])
+    exists, truths = counts.is_threshold, int(counts.truths[0])
     return PrecisionCurve(
         truths=truths,
-        matches=matches,
-        thresholds=thresholds,
-        true_positives=right,
-        false_positives=wrong,
-        false_negatives=truths - count(increments.found_truths),
-        precision=_envelope(right, right + wrong),
-        orientation_similarity=None if similarity is None else _envelope(similarity, right + wrong),
+        matches=int(counts.matches[0]),
+        thresholds=counts.thresholds[exists],
+        true_positives=counts.true_positives[exists],
+        false_positives=counts.false_positives[exists],
+        false_negatives=truths - counts.found_truths[exists],
+        precision=counts.precision[0],
+        orientation_similarity=counts.orientation_similarity[0] if has_orientation else None,
     )
-
-
-def threshold_ranks(matches: int, truths: int) -> Int:
-    """Return the ranks, from 1, of the falling scores that become thresholds.
-
-    For each recall c in turn, the threshold is the first score whose recall i/n is nearer to c than the recall
-    (i+1)/n of the next score: (i+1)/n - c >= c - i/n. The last score is always a threshold. The official tool
-    accumulates c and compares in floating point, which decides between equals.
-    """
-    if matches == 0:
-        return np.zeros(0, np.int64)
-    ranks = _ranks_of_recalls(truths)
-    return np.minimum(ranks[: np.searchsorted(ranks, matches) + 1], matches)
-
-
-@cache
-def _ranks_of_recalls(truths: int) -> Int:
-    """Return the (41,) rising ranks of the thresholds where every object is matched."""
-    recalls = np.cumsum(np.append(0.0, np.full(RECALL_STEPS, 1 / RECALL_STEPS)))
-    near = np.ceil(recalls * truths - 0.5).astype(np.int64)
-    tried = near[:, None] + np.arange(-2, 3)
-    is_too_soon = (tried + 1) / truths - recalls[:, None] < recalls[:, None] - tried / truths
-    firsts = np.maximum(near - 2 + is_too_soon.sum(axis=1), 1)
-    # Each score is a threshold only once: the next recall continues behind it.
-    numbers = np.arange(len(firsts))
-    return np.asarray(np.maximum.accumulate(firsts - numbers) + numbers, np.int64)
 
 
 def max_ap(truths: int, recall_points: int = 40) -> float:
@@ -143,13 +104,6 @@ def max_ap(truths: int, recall_points: int = 40) -> float:
     precision = np.zeros(RECALL_STEPS + 1)
     precision[: len(threshold_ranks(truths, truths))] = 1
     return 100 * float(precision[_RECALL_SLICES[recall_points]].mean())
-
-
-def _envelope(part: Int | Float64, whole: Int) -> Float64:
-    """Return (41,) ratios, each the maximum of it and those after it; 0 where the whole is 0."""
-    ratios = np.zeros(RECALL_STEPS + 1)
-    np.divide(part, whole, out=ratios[: len(whole)], where=whole > 0)
-    return np.maximum.accumulate(ratios[::-1])[::-1]
 
 
 # Precision-recall curves by difficulty; none where nothing of the class was detected.
@@ -173,10 +127,9 @@ class ClassMatches:
 
     def curves(self, frame_weights: Int | None = None) -> ClassCurves:
         """Return the curves of all frames, or of a resample with (F,) multiplicities of the frames."""
+        weights = np.ones(self.frames, np.int64) if frame_weights is None else frame_weights
         return {
-            name: compute_curve(
-                matches, has_orientation=self.has_orientation, frame_weights=frame_weights
-            )
+            name: compute_curve(matches, weights, has_orientation=self.has_orientation)
             for name, matches in self.by_difficulty.items()
         }
 
@@ -262,19 +215,33 @@ def resample_precision(
             expected="at least one resample of at least one frame",
             found=f"{resamples} resamples of {matches.frames} frames",
         )
-    curves = []
-    for _ in progress(range(resamples)):
+    detections = [len(one.increments) for one in matches.by_difficulty.values()]
+    at_once = max(_CACHED_COUNTS // max([1, *detections]), 1)
+    counts: dict[str, list[ThresholdCounts]] = {name: [] for name in matches.by_difficulty}
+    weights: list[Int] = []
+    for number in progress(range(resamples)):
         drawn = generator.integers(matches.frames, size=matches.frames)
-        curves.append(matches.curves(np.bincount(drawn, minlength=matches.frames)))
-    return {name: _samples([one[name] for one in curves]) for name in matches.by_difficulty}
+        weights.append(np.bincount(drawn, minlength=matches.frames))
+        if len(weights) == at_once or number == resamples - 1:
+            for name, statistics in matches.by_difficulty.items():
+                counts[name].append(count_at_thresholds(statistics, np.array(weights, np.int64)))
+            weights.clear()
+    return {
+        name: _samples(blocks, has_orientation=matches.has_orientation)
+        for name, blocks in counts.items()
+    }
 
 
-def _samples(curves: Sequence[PrecisionCurve]) -> PrecisionSamples:
-    known = [one if one.truths else None for one in curves]
-    ap = {points: [one.ap(points) if one else None for one in known] for points in RECALL_POINTS}
-    aos = {points: [one.aos(points) if one else None for one in known] for points in RECALL_POINTS}
-    return PrecisionSamples(_as_arrays(ap), _as_arrays(aos))
+def _samples(blocks: Sequence[ThresholdCounts], *, has_orientation: bool) -> PrecisionSamples:
+    has_truths = np.concatenate([block.truths > 0 for block in blocks])
+    precision = np.concatenate([block.precision for block in blocks])
+    similarity = np.concatenate([block.orientation_similarity for block in blocks])
+    return PrecisionSamples(
+        _averages(precision, has_truths), _averages(similarity, has_truths & has_orientation)
+    )
 
 
-def _as_arrays(samples: Mapping[int, Sequence[float | None]]) -> dict[int, Float64]:
-    return {points: np.array(one, np.float64) for points, one in samples.items()}
+def _averages(curves: Float64, is_known: Bool) -> dict[int, Float64]:
+    """Return (N,) averages in percent of (N, 41) curves by number of recall points."""
+    means = {points: curves[:, part].mean(axis=1) for points, part in _RECALL_SLICES.items()}
+    return {points: np.where(is_known, 100 * one, np.nan) for points, one in means.items()}

@@ -66,7 +66,8 @@ class MatchStatistics:
     Attributes:
         truths_of_frames: (F,) number of valid labels of each frame.
         matches: Matches from whose scores the thresholds are chosen.
-        increments: Changes of the counts, which add up to the counts at a threshold.
+        increments: Changes of the counts, which add up to the counts at a threshold; down to the lowest score of a
+            match, the lowest threshold.
     """
 
     truths_of_frames: Int
@@ -122,7 +123,7 @@ def match_statistics(
         false_positives=mask.is_false_positive_if_unmatched - gains.cleared,
         found_truths=gains.found_truths,
         similarity=gains.similarity,
-    )[mask.is_matchable_detection]
+    )[mask.is_matchable_detection & (boxes.detections.scores >= right.scores.min(initial=np.inf))]
     return MatchStatistics(
         truths_of_frames=np.bincount(valid_frames, minlength=boxes.frames),
         matches=matches[np.argsort(-matches.scores)],
