@@ -24,6 +24,7 @@ from perception.evaluation.obstacles import (
     ObjectObservations,
     count_objects,
     missed_moving,
+    motion_by_length,
     motion_confusions,
     object_motions,
     observe_objects,
@@ -114,6 +115,7 @@ class ObstacleReport(Report):
         shadows: Shadows of moving objects, and the voxels in them.
         points_moving: Confusion of moving points against exact truth.
         points_static: Confusion of static points against exact truth.
+        points_by_length: Confusion of moving points of labelled objects against exact truth, by the object's length.
     """
 
     config: Annotated[ObjectMatchConfig, CONTEXT]
@@ -131,6 +133,7 @@ class ObstacleReport(Report):
     shadows: Mapping[str, ShadowCounts] = field(default_factory=dict)
     points_moving: Confusion | None = None
     points_static: Confusion | None = None
+    points_by_length: Mapping[str, Confusion] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -166,6 +169,7 @@ class ObstacleReport(Report):
             Table(f"False moving clusters {view}", FalseClusterCounts.columns(), self.false_clusters),
             Table(shadows, ShadowCounts.columns(), self.shadows),
             Table(exact, Confusion.columns(), {n: one for n, one in points.items() if one is not None}),
+            Table(f"{exact}: moving, by length of the object", Confusion.columns(), self.points_by_length),
         ]
         # fmt: on
         tables = [table for table in tables if table.rows]
@@ -196,6 +200,7 @@ class ObstacleMeasure:
         self._clusters: list[MovingClusters] = []
         self._shadows: list[Shadows] = []
         self._points: dict[str, Confusion] = {}
+        self._by_length: dict[str, Confusion] = {}
         self._counted: dict[int, FrameObstacles] = {}
         self._is_exact = False
         self._frames = 0
@@ -208,6 +213,9 @@ class ObstacleMeasure:
             states = result.obstacles.point_states
             added = motion_confusions(states, truth.classes, truth.is_moving)
             self._points = add_confusions(self._points, added)
+            if labels is not None:
+                by_length = motion_by_length(states, truth, labels)
+                self._by_length = add_confusions(self._by_length, by_length)
             shadows = 0 if counted is None else counted.false_obstacles
             exact = count_exactly(result, truth, self._area, self._config)
             counted = replace(exact, false_obstacles=exact.false_obstacles + shadows)
@@ -250,6 +258,7 @@ class ObstacleMeasure:
             is_exact=self._is_exact,
             points_moving=moving,
             points_static=static,
+            points_by_length={n: one for n, one in self._by_length.items() if one.true_points},
         )
         if self._observed:
             report = self._add_object_counts(report)

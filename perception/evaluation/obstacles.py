@@ -26,7 +26,24 @@ from perception.evaluation.obstacle_counts import ObstacleCounts
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
-from perception.types import ArrayTable, Bool, Boxes3D, Float, Int, PointState, UInt8
+from perception.types import (
+    ArrayTable,
+    Bool,
+    Boxes3D,
+    Float,
+    Int,
+    Labels,
+    PointState,
+    PointTruth,
+    UInt8,
+)
+
+_LENGTHS_M = {
+    "up to 3 m": (0.0, 3.0),
+    "3 to 6 m": (3.0, 6.0),
+    "6 to 9 m": (6.0, 9.0),
+    "over 9 m": (9.0, np.inf),
+}
 
 
 @dataclass(frozen=True)
@@ -210,3 +227,24 @@ def motion_confusions(states: UInt8, classes: Int, is_moving: Bool) -> dict[str,
         "moving": confusion(states == PointState.MOVING, moves),
         "static": confusion(states == PointState.STATIC, is_static),
     }
+
+
+def motion_by_length(states: UInt8, truth: PointTruth, labels: Labels) -> dict[str, Confusion]:
+    """Compare the moving points of labelled objects with exact truth, by the length of the object.
+
+    Long bodies creep: most of their surface fills the place that it filled before.
+
+    Args:
+        states: (N,) `PointState` of the scan's points.
+        truth: Exact truth of the same points.
+        labels: Objects, whose track ids are those of the truth.
+    """
+    is_obstacle = np.isin(states, (PointState.STATIC, PointState.MOVING))
+    lengths_m = labels.boxes_velo.size_m[:, 0]
+    by_length = {}
+    for name, (low_m, high_m) in _LENGTHS_M.items():
+        ids = labels.track_ids[(lengths_m >= low_m) & (lengths_m < high_m)]
+        counts = is_obstacle & np.isin(truth.instances, ids + 1) & (truth.instances > 0)
+        moving = states[counts] == PointState.MOVING
+        by_length[name] = confusion(moving, truth.is_moving[counts])
+    return by_length

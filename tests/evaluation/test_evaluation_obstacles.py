@@ -9,11 +9,12 @@ from perception.evaluation.obstacles import (
     ObjectObservations,
     count_objects,
     missed_moving,
+    motion_by_length,
     motion_confusions,
     observe_objects,
 )
 from perception.geometry.grids import LocalArea
-from perception.types import Boxes3D, PointState
+from perception.types import Boxes3D, Labels, PointState, PointTruth
 from tests.faults import fault
 
 AREA = LocalArea()
@@ -149,3 +150,26 @@ def test_moving_and_static_points_by_hand():
 def test_labelled_objects_of_different_lengths_are_refused():
     with fault(PerceptionError, where="LabelledObjects.motions", expected="shape (0,)"):
         LabelledObjects(Boxes3D.empty(), np.zeros(1, np.int64), np.zeros(0, np.int64))
+
+
+def test_moving_points_are_compared_by_the_length_of_their_object():
+    sizes_m = np.array([[4.0, 1.8, 1.5], [16.0, 2.5, 3.8], [2.9, 1.5, 1.5]])
+    boxes = Boxes3D(np.zeros((3, 3)), sizes_m, np.zeros(3))
+    labels = Labels(
+        boxes,
+        boxes_px=np.zeros((3, 4)),
+        types=np.array(["Car", "Truck", "Car"]),
+        track_ids=np.array([0, 1, 2]),
+        truncation=np.zeros(3),
+        occlusion=np.zeros(3, np.int64),
+        dont_care_px=np.zeros((0, 4)),
+    )
+    states = np.array([MOVING, MOVING, STATIC, STATIC, GROUND, MOVING, MOVING], np.uint8)
+    instances = np.array([1, 2, 2, 2, 2, 3, 0])
+    truth = PointTruth(np.full(7, 18), instances, np.array([1, 1, 1, 1, 1, 0, 1], bool))
+    assert motion_by_length(states, truth, labels) == {
+        "up to 3 m": Confusion(0, 1, 0),
+        "3 to 6 m": Confusion(1, 0, 0),
+        "6 to 9 m": Confusion(),
+        "over 9 m": Confusion(1, 0, 2),
+    }
