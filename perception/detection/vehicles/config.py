@@ -1,6 +1,7 @@
 """Configuration of the vehicles stage: detections are located in the scan and tracked."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 
@@ -131,6 +132,9 @@ class VehicleConfig:
         body_fit: Fit of the box of people.
         min_points: Minimum number of points of an object that gets a box.
         samples: Number of points of each object that its box is fitted to.
+        traffic_side: Side of the road that vehicles keep to. Which end of a box is its front is not seen: beyond the
+            own lane on the other side, vehicles are taken to come towards the sensor, until they move.
+        lane_width_m: Width of the own lane.
         tracker: Tracker of vehicles; its `min_existence` is that of the detections that are located.
     """
 
@@ -140,4 +144,6 @@ class VehicleConfig:
     body_fit: BodyFitConfig = field(default_factory=BodyFitConfig)
     min_points: int = 3
     samples: int = 64
+    traffic_side: Literal["right", "left"] = "right"
+    lane_width_m: float = 3.5
     tracker: VehicleTrackerConfig = field(default_factory=VehicleTrackerConfig)

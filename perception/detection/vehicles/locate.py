@@ -39,7 +39,7 @@ def locate(
 ) -> Vehicles:
     """Locate each detection in the scan.
 
-    Headings are known except for their sign, and lie within half a turn; a tracker adds ids and velocities.
+    Headings are known except for their sign, which is that of the traffic there; a tracker adds ids and velocities.
     Detections below the minimum score are not located: a detector may report a hundred of them a frame, and their
     time would be lost for the others.
 
@@ -124,11 +124,18 @@ def _fit_boxes(
     boxes = Boxes3D(
         np.column_stack([outlines.centers_m, observed.ground_m]),
         np.column_stack([outlines.sizes_m, mean_m]),
-        wrap(outlines.yaw_rad, np.pi),
+        _headings_rad(outlines, config),
     )
     heights_m = fit_heights(boxes, observed.boxes_px, observed.sizes, camera[0], config.height)
     heights_m = np.maximum(heights_m, observed.top_m - observed.ground_m)
     return replace(boxes, size_m=np.column_stack([outlines.sizes_m, heights_m]))
+
+
+def _headings_rad(outlines: Rectangles, config: VehicleConfig) -> Float64:
+    """Return (F,) headings: ahead, and towards the sensor beyond the own lane on the side of the oncoming traffic."""
+    to_oncoming_m = outlines.centers_m[:, 1] * (1 if config.traffic_side == "right" else -1)
+    turn_rad = np.where(to_oncoming_m > config.lane_width_m / 2, np.pi, 0.0)
+    return np.asarray(wrap(wrap(outlines.yaw_rad, np.pi) + turn_rad))
 
 
 def _fit_outlines(

@@ -184,6 +184,15 @@ def test_a_faint_detection_takes_no_returns_of_a_certain_one():
     np.testing.assert_allclose(found.boxes.bottom_m[1], true.bottom_m[0], atol=0.25)
 
 
+@pytest.mark.parametrize(("side", "ahead"), [("right", [False, True]), ("left", [True, True])])
+def test_beyond_the_own_lane_traffic_comes_towards_the_sensor(side, ahead):
+    true = cars((15.0, 4.0, 0.2), (15.0, -1.0, 0.2))
+    config = VehicleConfig(traffic_side=side)
+    found = locate(detected(true), frame_of(road(), sides(true)), _GROUND, config)
+    assert (np.cos(found.boxes.yaw_rad) > 0).tolist() == ahead
+    assert axis_error_rad(found.boxes, true).max() < np.radians(4)
+
+
 def test_nothing_detected_gives_nothing():
     found = locate(FusedDetections.empty(), frame_of(road()), _GROUND)
     assert len(found) == 0
