@@ -14,22 +14,23 @@ from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import CONTRACT
 from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
-from train.fusion.network import RescoringMlp, load_fusion
+from perception.types import MODALITIES
+from train.fusion.network import RescoringMlp, load_fusion, outputs_of
 
-TOLERANCES = {"scores": 1e-4}
+TOLERANCES = {"scores": 1e-4, "existence": 1e-4}
 _ROWS = (0, 1, 2, 60)
 
 
-class NamedScores(nn.Module):
-    """A network with a list of outputs, as files have it."""
+class NamedOutputs(nn.Module):
+    """A network with its outputs one by one, as files have it."""
 
     def __init__(self, network: RescoringMlp) -> None:
         super().__init__()
         self.network = network
 
-    def forward(self, features: Tensor) -> tuple[Tensor]:
-        """Return (T, 3) scores."""
-        return (self.network(features),)
+    def forward(self, features: Tensor) -> tuple[Tensor, ...]:
+        """Return (T, 3) scores, and of the default variant (T, 3) existence."""
+        return torch.split(self.network(features), len(MODALITIES), dim=1)
 
 
 def export_fusion(config: ExportConfig) -> ExportResult:
@@ -55,7 +56,8 @@ def export_fusion(config: ExportConfig) -> ExportResult:
         for n in _ROWS
     ]
     example = {"features": torch.from_numpy(batches[2]["features"])}
-    exportable = Exportable(NamedScores(network).eval(), example, ("scores",), metadata)
+    names = outputs_of(network.variant)
+    exportable = Exportable(NamedOutputs(network).eval(), example, names, metadata)
     model = to_onnx(exportable)
     with TemporaryDirectory() as folder:
         file = Path(folder, "fusion.onnx")
@@ -66,7 +68,7 @@ def export_fusion(config: ExportConfig) -> ExportResult:
         metadata=dict(metadata),
         models={"fp32": model},
         variants=variants,
-        tolerances=TOLERANCES,
+        tolerances={name: TOLERANCES[name] for name in names},
         choice=ChosenVariant("fp32", "no other form is of use to so small a network"),
         timed_input=f"{_ROWS[-1]} combinations",
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+import numpy as np
 from lightning.pytorch import Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 
@@ -15,6 +16,7 @@ from data.detections.fused_frames import (
     boxes_by_detector,
     class_correctness,
     curves_by_detector,
+    existence_correctness,
     fuse_frames,
 )
 from export.fusion import export_fusion
@@ -23,7 +25,12 @@ from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.evaluation.detection.class_precision import level_columns
-from perception.evaluation.detection.reliability import Reliability, measure_reliability
+from perception.evaluation.detection.protocol import kitti_class
+from perception.evaluation.detection.reliability import (
+    Correctness,
+    Reliability,
+    measure_reliability,
+)
 from perception.evaluation.report import Table
 from perception.render.figure import save_figure
 from perception.types import MODALITIES
@@ -56,8 +63,8 @@ class FusionResult:
         epoch: Number of the checkpoint's epoch, from 1.
         part: Part of the frames that precision and reliability are of.
         counts: Number of frames and of combinations, by part.
-        mean_square_error: Mean square error of the expected IoU, by part.
-        ap_percent: Average precision by detector and difficulty.
+        mean_square_error: Mean square error of the predictions, by part.
+        ap_percent: Average precision at KITTI's IoU by class and detector, and by difficulty.
         expected_calibration_error: Expected calibration error of the scores of each detector.
         reliability: Reliability of the scores of each detector.
         swept: Errors of the sizes that were tried.
@@ -84,7 +91,7 @@ class FusionResult:
             f"Fusion, {variant}, {hidden} neurons, mean square error {error:.4f}: "
             f"AP [%] on {self.counts[f'{self.part}_frames']} {self.part} frames"
         )
-        return Table(title, level_columns(), self.ap_percent, "Car, min IoU 0.7")
+        return Table(title, level_columns(), self.ap_percent, "class, min IoU, detector")
 
 
 def report(
@@ -126,8 +133,9 @@ def report(
             part: float(mean_square(network, row_tensors(getattr(data, part)))) for part in parts
         },
         ap_percent={
-            name: {difficulty: curve.ap() for difficulty, curve in found.items()}
-            for name, found in curves_by_detector(frames, fused).items()
+            f"{one.name} {one.iou:g} {name}": {level: curve.ap() for level, curve in found.items()}
+            for one in map(kitti_class, data.detections.class_names)
+            for name, found in curves_by_detector(frames, fused, one).items()
         },
         expected_calibration_error={
             name: one.expected_calibration_error for name, one in reliability.items()
@@ -140,16 +148,36 @@ def report(
 def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
     """Fit the curves from scores to probabilities to the validation frames; write them into the checkpoint."""
     frames, class_names = data.detections.validation, data.detections.class_names
-    content = read_checkpoint(checkpoint, MODEL)
-    write_checkpoint(checkpoint, content | {"calibration": str(FusionCalibration())})
-    _, fused = _fuse(checkpoint, frames)
-    curves = {
-        name: fit_calibration(class_correctness(frames, found, class_names))
-        for name, found in boxes_by_detector(frames, fused).items()
+    unfitted = str(FusionCalibration())
+    content = read_checkpoint(checkpoint, MODEL) | {
+        "calibration": unfitted,
+        "existence_calibration": unfitted,
     }
+    write_checkpoint(checkpoint, content)
+    _, fused = _fuse(checkpoint, frames)
+    scores = boxes_by_detector(frames, fused)
+    existence = scores | {"fusion": fused.existence_boxes}
+    calibrations = {
+        "calibration": _fit(
+            {
+                name: class_correctness(
+                    frames, one, class_names if name == "fusion" else np.unique(one.types).tolist()
+                )
+                for name, one in scores.items()
+            }
+        ),
+        "existence_calibration": _fit(
+            {name: existence_correctness(frames, one) for name, one in existence.items()}
+        ),
+    }
+    write_checkpoint(checkpoint, content | calibrations)
+
+
+def _fit(found: Mapping[str, Correctness]) -> str:
+    """Return the curves of the fusion and of each detector alone as text."""
+    curves = {name: fit_calibration(one) for name, one in found.items()}
     alone = {name: curves[name] for name in MODALITIES if name in curves}
-    calibration = str(FusionCalibration(curves["fusion"], alone))
-    write_checkpoint(checkpoint, content | {"calibration": calibration})
+    return str(FusionCalibration(curves["fusion"], alone))
 
 
 def _fuse(checkpoint: Path, frames: DetectedFrames) -> tuple[Fusion, FusedFrames]:

@@ -1,6 +1,5 @@
 """Labelled frames with the detections of each modality."""
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,10 +53,6 @@ class DetectedFrames:
     def without(self, *missing: Modality) -> "DetectedFrames":
         """Return the frames without the detections of some modalities."""
         return replace(self, scenes=tuple(scene.without(*missing) for scene in self.scenes))
-
-    def of_classes(self, class_names: Collection[str]) -> "DetectedFrames":
-        """Return the frames with the detections of some classes alone."""
-        return replace(self, scenes=tuple(scene.of_classes(class_names) for scene in self.scenes))
 
     def of_modality(self, modality: Modality) -> DetectedBoxes:
         """Return the boxes of one detector."""

@@ -1,12 +1,13 @@
 """Fusion of detected frames step by step (Fig. 7.14), and the precision of each step."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.features import CLASSES
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.average_precision import (
     PrecisionCurve,
@@ -14,11 +15,13 @@ from perception.evaluation.detection.average_precision import (
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.evaluation_boxes import pair_boxes
-from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES, DetectionClass
 from perception.evaluation.detection.reliability import Correctness, match_correctness
 from perception.types import MODALITIES, Detections, FusedDetections
 
 CAR = KITTI_CLASSES[0]
+# Any road user; other labels are neither right nor wrong.
+_ROAD_USER = DetectionClass("object", iou=0.5, neighbours=("other",))
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,13 @@ class FusedFrames:
     def boxes(self) -> DetectedBoxes:
         """Boxes of the last step."""
         return DetectedBoxes.of_frames([one.detections for one in self.fused])
+
+    @property
+    def existence_boxes(self) -> DetectedBoxes:
+        """Boxes of the last step with the probability that any object is there for their score."""
+        return DetectedBoxes.of_frames(
+            [replace(one.detections, scores=one.existence) for one in self.fused]
+        )
 
     @property
     def steps(self) -> dict[str, DetectedBoxes]:
@@ -84,6 +94,17 @@ def class_correctness(
         np.concatenate([part.scores for part in parts]),
         np.concatenate([part.is_correct for part in parts]),
     )
+
+
+def existence_correctness(frames: DetectedFrames, detections: DetectedBoxes) -> Correctness:
+    """Return which detections show a road user of any class; those on other labels are left out."""
+    types = np.char.lower(frames.truth.types.astype(np.str_))
+    is_road_user = np.isin(types, [name.lower() for name in CLASSES])
+    (other,) = _ROAD_USER.neighbours
+    names = np.where(is_road_user, _ROAD_USER.name, np.where(types == DONT_CARE, types, other))
+    truth = replace(frames.truth, types=names)
+    anonymous = replace(detections, types=np.full(len(detections), _ROAD_USER.name))
+    return match_correctness(pair_boxes(truth, anonymous, len(frames)), _ROAD_USER)
 
 
 def boxes_by_detector(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.detection.fusion.class_fusion import DetectionFusion
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detector_fusion import DetectionFusion
 from perception.detection.vehicles.locate import locate
 from perception.evaluation.detection.box_rows import LocatedDetections
 from perception.evaluation.detection.fusion_measure import LocatedScene

@@ -14,7 +14,7 @@ from perception.detection.detectors.detector_description import YAML_SUFFIXES
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.class_fusion import detector_fingerprints, fusion_of
+from perception.detection.fusion.detector_fusion import detector_fingerprints, fusion_of
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.networks import open_depthcn, open_detectors, open_fusion
 from perception.errors import UsageError

@@ -20,7 +20,7 @@ from data.splits.files import read_split
 from data.splits.parts import SplitBy
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.class_fusion import detector_fingerprints
+from perception.detection.fusion.detector_fusion import detector_fingerprints
 from perception.errors import UsageError
 from perception.types import Modality, Progress
 
@@ -35,7 +35,7 @@ class SplitDetections:
         training: Frames that the fusion is fitted to.
         validation: Frames that stop the training and calibrate its scores.
         test: Frames on which the result is evaluated.
-        class_names: Classes that all detectors know.
+        class_names: Classes that two detectors or more know.
         detectors: Fingerprints of the detectors, for the model file.
         provenance: Split and frames of the training, for the model file.
     """
@@ -69,15 +69,13 @@ def split_detections(
         PerceptionError: a drive, a frame or a model cannot be read or used.
     """
     detectors = models.open()
-    class_names = shared_classes(detectors)
+    class_names = fused_classes(detectors)
     fingerprints = detector_fingerprints(detectors)
     parts = fusion_parts(sources, config, seed, detectors)
     fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), fingerprints)
     store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
     training, validation, test = (
-        detect_drives(drives, fingerprinted, store, config.on_bad_frame, progress).of_classes(
-            class_names
-        )
+        detect_drives(drives, fingerprinted, store, config.on_bad_frame, progress)
         for drives in (parts.train, parts.val, parts.test)
     )
     for part, frames in (("validation", validation), ("test", test)):
@@ -131,25 +129,25 @@ def fusion_parts(
     return replace(parts, test=without_learned_frames(tested, detectors)) if tested else parts
 
 
-def shared_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str, ...]:
-    """Return the classes that all detectors know, and log the others, which cannot be fused.
+def fused_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str, ...]:
+    """Return the classes that two detectors or more know, and log the others, which cannot be fused.
 
     Raises:
-        UsageError: they have no class in common.
+        UsageError: no two of them have a class in common.
     """
-    names = [one.class_names for one in detectors.values()]
-    shared = tuple(name for name in names[0] if all(name in one for one in names))
-    if not shared:
+    counts = Counter(name for one in detectors.values() for name in one.class_names)
+    fused = tuple(name for name, count in counts.items() if count > 1)
+    if not fused:
         raise UsageError(
             "detectors",
-            expected="a class that all of them detect",
+            expected="a class that two of them or more detect",
             found="; ".join(
                 f"{key} {', '.join(one.class_names)}" for key, one in detectors.items()
             ),
         )
-    if others := sorted({name for one in names for name in one} - set(shared)):
-        log.warning("not fused: %s, which not all detectors detect", ", ".join(others))
-    return shared
+    if others := sorted(counts.keys() - set(fused)):
+        log.warning("not fused: %s, which a single detector detects", ", ".join(others))
+    return fused
 
 
 def _unit(config: FusionDataConfig, drives: Sequence[KittiDrive]) -> SplitBy:

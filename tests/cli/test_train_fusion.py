@@ -16,7 +16,7 @@ from data.detections.split_detections import split_detections
 from data.samples.config import TrainingDrives
 from perception.cli.main import main
 from perception.cli.train import parse
-from perception.detection.fusion.class_fusion import detector_fingerprints
+from perception.detection.fusion.detector_fusion import detector_fingerprints
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
@@ -114,11 +114,13 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
         assert fusion.metadata["max_partners"] == "0"
         assert fusion.tri_boxes.max_partners == 0
         assert fusion.metadata["calibration"] == "1.0,1.0,0.0"
+        assert fusion.metadata["existence_calibration"] == "1.0,1.0,0.0"
 
 
 def says(fusion):
     features = np.random.default_rng(0).uniform(size=(5, len(FEATURES[fusion.variant])))
-    return fusion.expected_ious(features)
+    predicted = fusion.predict(features)
+    return np.hstack([predicted.scores, predicted.existence])
 
 
 def test_its_checkpoint_is_exported_as_it_is_calibrated(trained, tmp_path, capsys):

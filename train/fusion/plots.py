@@ -56,12 +56,12 @@ def fusion_figures(
 
 
 def _rescoring(frames: DetectedFrames, fusion: Fusion) -> "Figure":
-    """Return the expected IoUs over the three scores, at the mean of the other features of full tri-boxes."""
+    """Return the new scores over the three scores, at the mean of the other features of full tri-boxes."""
     scores = np.stack(np.meshgrid(*[_SCORES] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     features = np.tile(_mean_features(frames, fusion), (len(scores), 1))
     features[:, :3] = scores
-    overlaps = fusion.expected_ious(features).reshape(*[len(_SCORES)] * 3, 3)
-    return rescoring_figure(f"Joint rescoring, {fusion.variant}", _SCORES, overlaps)
+    rescored = fusion.predict(features).scores.reshape(*[len(_SCORES)] * 3, 3)
+    return rescoring_figure(f"Joint rescoring, {fusion.variant}", _SCORES, rescored)
 
 
 def _precision(

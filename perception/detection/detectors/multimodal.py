@@ -25,8 +25,8 @@ from perception.detection.detectors.modalities import (
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.network_input import PixelRectangle
-from perception.detection.fusion.class_fusion import DetectionFusion, fusion_of
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.detector_fusion import DetectionFusion, fusion_of
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
@@ -123,7 +123,8 @@ class MultimodalDetector:
         outputs = {name: running[name].result() for name in MODALITIES if name in running}
         detections = {name: one.value.detections for name, one in outputs.items()}
         used = next(iter(maps.value.values()), dense)
-        scene = scene_of(detections, size_px, used, camera)
+        class_names = {name: one.class_names for name, one in self.detectors.items()}
+        scene = scene_of(detections, size_px, used, camera, class_names)
         fused = _time(lambda: self._fusion.fuse(scene))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in outputs.items()}

@@ -1,14 +1,16 @@
 """Detections of all modalities in one frame, with the depths of their boxes."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
+    Bool,
     Calibration,
     Detections,
     Float64,
@@ -22,6 +24,8 @@ _SAMPLES_PER_EDGE = 10  # depth samples along each edge of a box
 _USUAL_SPAN_RAD = np.deg2rad(80)
 _NEAR = 0.1  # quantile of the depths that stands for the near side
 
+# Names of the classes that the detector of each modality knows.
+DetectorClasses = Mapping[Modality, tuple[str, ...]]
 # (M, 2) depths of the near side and of the middle of the boxes of each modality, NaN where unknown.
 BoxDepths = Mapping[Modality, Float64]
 
@@ -54,12 +58,14 @@ class DetectedScene:
         size_px: (width, height) of the image.
         depths_m: Depths of the boxes by modality in metres; empty without a depth map.
         known_focal_px: Vertical focal length of the camera in pixels, or None where unknown.
+        class_names: Classes that the detector of each modality knows; one without an entry knows all.
     """
 
     modality_detections: ModalityDetections
     size_px: tuple[int, int]
     depths_m: BoxDepths = field(default_factory=dict)
     known_focal_px: float | None = None
+    class_names: DetectorClasses = field(default_factory=dict)
 
     @property
     def focal_px(self) -> float:
@@ -96,6 +102,15 @@ class DetectedScene:
             ]
         )
 
+    def searched(self, types: NDArray[np.str_]) -> Bool:
+        """Return the (T, 3) mask of the modalities whose detector ran and knows each of (T,) classes."""
+        is_searched = np.zeros((len(types), len(MODALITIES)), bool)
+        for column, name in enumerate(MODALITIES):
+            if name in self.modality_detections:
+                known = self.class_names.get(name)
+                is_searched[:, column] = True if known is None else np.isin(types, known)
+        return is_searched
+
     def without(self, *lost: Modality) -> "DetectedScene":
         """Return the scene without some modalities; without both maps, depths are unknown."""
         modality_detections = {
@@ -106,31 +121,13 @@ class DetectedScene:
             depths_m = {}
         return replace(self, modality_detections=modality_detections, depths_m=depths_m)
 
-    def of_classes(self, class_names: Collection[str]) -> "DetectedScene":
-        """Return the scene with the detections of some classes alone."""
-        rows = {
-            name: rows_of_classes(found, class_names)
-            for name, found in self.modality_detections.items()
-        }
-        return replace(
-            self,
-            modality_detections={
-                name: found[rows[name]] for name, found in self.modality_detections.items()
-            },
-            depths_m={name: found[rows[name]] for name, found in self.depths_m.items()},
-        )
-
-
-def rows_of_classes(detections: Detections, class_names: Collection[str]) -> Int:
-    """Return the rows of the detections of some classes."""
-    return np.flatnonzero(np.isin(detections.types, list(class_names)))
-
 
 def scene_of(
     modality_detections: ModalityDetections,
     size_px: tuple[int, int],
     dense: DenseMaps | None = None,
     camera: Calibration | None = None,
+    class_names: DetectorClasses | None = None,
 ) -> DetectedScene:
     """Return the detections of a frame with the depths of their boxes.
 
@@ -139,6 +136,7 @@ def scene_of(
         size_px: (width, height) of the image.
         dense: Dense maps of the frame; without them, depths are unknown.
         camera: Calibration of the camera; without it, a usual camera is assumed.
+        class_names: Classes that the detector of each modality knows; all where not stated.
     """
     depths_m: BoxDepths = {}
     if dense is not None:
@@ -146,7 +144,7 @@ def scene_of(
             name: box_depths_m(found.boxes_px, dense) for name, found in modality_detections.items()
         }
     focal_px = None if camera is None else float(camera.image_P_cam[1, 1])
-    return DetectedScene(modality_detections, size_px, depths_m, focal_px)
+    return DetectedScene(modality_detections, size_px, depths_m, focal_px, class_names or {})
 
 
 def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:

@@ -9,7 +9,8 @@ The thesis' 23 features, with C = rgb, D = dm, R = rm:
 
 A missing box has zeros. The default features do not contain positions in the image, which do not transfer from one
 road to another. They add to the scores depths, metric heights of the boxes (the same for cameras of every field of
-view), overlaps, and flags of missing boxes and detectors.
+view), overlaps, flags of missing boxes and detectors, the class, and the best score of any other class at the same
+place in each modality.
 """
 
 from collections.abc import Mapping
@@ -18,10 +19,13 @@ import numpy as np
 
 from perception.detection.config import FusionVariant
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.geometry.box_overlap_px import paired_iou_px
+from perception.geometry.box_overlap_px import iou_px, paired_iou_px
 from perception.types import MODALITIES, Float64, Int
 
 _PAIRS = ((0, 1), (0, 2), (1, 2))
+# Road users; those of other classes have no flag.
+CLASSES = ("Car", "Van", "Truck", "Pedestrian", "Cyclist")
+_SAME_PLACE_IOU = 0.5  # above which boxes of two classes are at one place
 _SCORES = tuple(f"score_{name}" for name in MODALITIES)
 
 
@@ -36,6 +40,8 @@ _ADDED = (
     *(f"iou_{MODALITIES[a]}_{MODALITIES[b]}" for a, b in _PAIRS),
     *(f"{what}_{name}" for what in ("seen", "looked") for name in MODALITIES),
     "has_depth",
+    *(f"is_{name.lower()}" for name in CLASSES),
+    *(f"other_class_{name}" for name in MODALITIES),
 )
 FEATURES: Mapping[FusionVariant, tuple[str, ...]] = {
     "scores": _SCORES,
@@ -95,6 +101,24 @@ def _added(scene: DetectedScene, places: Int) -> list[Float64]:
     # A missing box has no area, and so no overlap.
     corners_px = np.vstack([boxes_px, np.zeros(4)])[places]
     overlaps = [paired_iou_px(corners_px[a], corners_px[b]) for a, b in _PAIRS]
-    looked = [float(name in scene.modality_detections) for name in MODALITIES]
-    of_frame = np.tile([[*looked, float(bool(scene.depths_m))]], (places.shape[1], 1)).T
-    return [each, np.stack(overlaps), is_observed * 1.0, of_frame]
+    types = scene.merged.detections.types[places.max(axis=0)]  # that of any box, as -1 is none
+    looked = scene.searched(types).T * 1.0
+    has_depth = np.full((1, len(types)), float(bool(scene.depths_m)))
+    flags = np.stack([types == name for name in CLASSES]) * 1.0
+    others = np.hstack([_other_class_scores(scene).T, np.zeros((len(MODALITIES), 1))])
+    other_classes = others[:, places].max(axis=1)
+    return [each, np.stack(overlaps), is_observed * 1.0, looked, has_depth, flags, other_classes]
+
+
+def _other_class_scores(scene: DetectedScene) -> Float64:
+    """Return the (M, 3) best score of any other class at the place of each box, by modality."""
+    found, columns = scene.merged.detections, scene.merged.columns
+    best = np.zeros((len(found), len(MODALITIES)))
+    is_other = found.types[:, None] != found.types
+    if not is_other.any():
+        return best
+    is_other &= iou_px(found.boxes_px, found.boxes_px) > _SAME_PLACE_IOU
+    scores = np.where(is_other, found.scores, 0.0)
+    for column in range(len(MODALITIES)):
+        best[:, column] = scores[:, columns == column].max(axis=1, initial=0.0)
+    return best

@@ -2,12 +2,23 @@
 
 boxes of three detectors -- tri-boxes -- features -- network -- three scores for each tri-box
                          -- mean of the scores of each box -- NMS -- score calibration
+
+The default network predicts two numbers for each box: how well it is expected to overlap an object of its class, by
+which boxes are ranked and blended, and the probability that any object is there.
+
+Each class is fused by the detectors that know it. The boxes of a class that a single detector knows, or that the network
+was not trained with, keep their scores:
+
+    rgb  Car Cyclist        cars are fused, cyclists are those of rgb
+    dm   Car
+    rm   Car
 """
 
 from dataclasses import dataclass, replace
 from importlib.abc import Traversable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.detection.config import FusionVariant, NmsConfig, TriBoxOverrides, tri_box_config
 from perception.detection.fusion.detected_scene import DetectedScene
@@ -34,7 +45,7 @@ CONTRACT = ModelContract(
     inputs={"features": ModelInput(np.float32, (None, None))},
     outputs=("scores",),
 )
-_MIN_ERROR = 0.02  # smallest error of a box, 1 - IoU; labels are no better
+_MIN_ERROR = 0.02  # smallest error of a box; labels are no better
 
 
 @dataclass(frozen=True)
@@ -43,15 +54,34 @@ class RescoredBoxes:
 
     Attributes:
         detections: (M) boxes in the order of `DetectedScene.merged`.
+        existence: (M,) mean of the predictions that any object is there; the scores, where a network has none.
         tri_boxes: (T, 3) rows of the combined boxes in the detections of each modality, -1 for none.
-        tri_scores: (T, 3) expected IoU of each box with the object; undefined where there is no box.
+        tri_scores: (T, 3) score of each box in its combination; undefined where there is no box.
         best: (M,) combination with the highest score of each box.
+        is_fused: (M,) mask of the boxes that the network has rescored.
     """
 
     detections: Detections
+    existence: Float64
     tri_boxes: Int
     tri_scores: Float64
     best: Int
+    is_fused: Bool
+
+
+@dataclass(frozen=True)
+class TriPredictions:
+    """Predictions of a network for T combinations, undefined where there is no box.
+
+    Attributes:
+        scores: (T, 3) score of each box: its expected IoU with the object, or of the default variant the expected
+            share of KITTI's overlap thresholds that it exceeds.
+        existence: (T, 3) probability that any object is at the place of each box; the scores where the network
+            does not predict it.
+    """
+
+    scores: Float64
+    existence: Float64
 
 
 _NO_OVERRIDES = TriBoxOverrides()
@@ -94,8 +124,10 @@ class Fusion:
             tri_box_config(self.variant, _max_partners(self.metadata.get("max_partners")))
         )
         """Combinations of boxes."""
-        self.calibrations = _calibrations(self._model)
+        self.calibrations = _calibrations(self._model, "calibration")
         """Calibration from scores to probabilities."""
+        self.existence_calibrations = _calibrations(self._model, "existence_calibration")
+        """Calibration of the predictions that any object is there."""
 
     def fuse(self, scene: DetectedScene) -> FusedDetections:
         """Return the fused detections, best first; any modality may be missing."""
@@ -112,15 +144,16 @@ class Fusion:
         merged = scene.merged
         rows = tri_boxes(scene, self.tri_boxes)
         places = merged.places(rows)
-        tri_scores = self._tri_scores(scene, rows)
-        flat, is_observed = places.ravel(), places.ravel() >= 0
-        count = len(merged.detections)
-        sums = np.bincount(flat[is_observed], tri_scores.ravel()[is_observed], count)
-        times = np.bincount(flat[is_observed], minlength=count)
-        best = _best_rows(flat, tri_scores.ravel(), count)
-        return RescoredBoxes(
-            replace(merged.detections, scores=sums / times), rows, tri_scores, best
+        is_fused = self.is_fused(scene, merged.detections.types)
+        predicted = self._predict(scene, rows, is_fused[places.max(axis=1)])
+        flat, count = places.ravel(), len(merged.detections)
+        scores, existence = (
+            _mean_of_boxes(flat, values.ravel(), count)
+            for values in (predicted.scores, predicted.existence)
         )
+        best = _best_rows(flat, predicted.scores.ravel(), count)
+        detections = replace(merged.detections, scores=scores)
+        return RescoredBoxes(detections, existence, rows, predicted.scores, best, is_fused)
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Return the boxes that suppression keeps, with the combination of each."""
@@ -135,26 +168,58 @@ class Fusion:
             is_own, is_present = places == kept[:, None], places >= 0
             is_same = is_own | (is_present & (_overlaps(others_px, is_own) > self.max_iou))
             boxes_px = _weighted_mean(others_px, is_same, rescored.tri_scores[rows])
-        scores = self.calibrations.of(scene.modality_detections).probabilities(detections.scores)
+        columns = scene.merged.columns[kept]
+        own_columns = np.where(rescored.is_fused[kept], -1, columns)
+        scores, existence = (
+            curves.probabilities(values[kept], own_columns)
+            for curves, values in (
+                (self.calibrations, rescored.detections.scores),
+                (self.existence_calibrations, rescored.existence),
+            )
+        )
         return FusedDetections(
             Detections(boxes_px, scores, detections.types),
             source_indices,
-            scene.merged.columns[kept],
-            scores,
+            columns,
+            existence,
         )
 
-    def _tri_scores(self, scene: DetectedScene, rows: Int) -> Float64:
-        """Return the (T, 3) scores of the boxes of (T, 3) combinations."""
-        if self.variant == "default" and len(scene.modality_detections) == 1:
-            # There is nothing to rescore by: the scores of a single modality keep their order.
-            places = scene.merged.places(rows)
-            return np.asarray(np.append(scene.merged.detections.scores, 0.0)[places])
-        return self.expected_ious(tri_box_features(scene, rows, self.variant))
+    def is_fused(self, scene: DetectedScene, types: NDArray[np.str_]) -> Bool:
+        """Return the (M,) mask of the classes that the network rescores in a scene."""
+        is_known = np.isin(types, self.class_names)
+        return is_known & is_rescored(scene, types, self.variant)
 
-    def expected_ious(self, features: Float64) -> Float64:
-        """Return the (T, 3) expected IoU of each box with the object, from (T, F) features."""
+    def _predict(self, scene: DetectedScene, rows: Int, is_fused: Bool) -> TriPredictions:
+        """Return the predictions for (T, 3) combinations, of which the (T,) marked ones are fused."""
+        scores = np.append(scene.merged.detections.scores, 0.0)[scene.merged.places(rows)]
+        existence = scores.copy()
+        if is_fused.any():
+            found = self.predict(tri_box_features(scene, rows[is_fused], self.variant))
+            scores[is_fused], existence[is_fused] = found.scores, found.existence
+        return TriPredictions(scores, existence)
+
+    def predict(self, features: Float64) -> TriPredictions:
+        """Return the predictions for combinations by their (T, F) features."""
         outputs = self._model({"features": features.astype(np.float32)})
-        return outputs["scores"].astype(np.float64)
+        scores = outputs["scores"].astype(np.float64)
+        existence = outputs.get("existence")
+        return TriPredictions(scores, scores if existence is None else existence.astype(np.float64))
+
+
+def is_rescored(scene: DetectedScene, types: NDArray[np.str_], variant: FusionVariant) -> Bool:
+    """Return the (M,) mask of the classes that a network of the variant can rescore in a scene.
+
+    Of a class that a single modality was searched for there is nothing that the default could rescore by.
+    """
+    min_modalities = 2 if variant == "default" else 1
+    return np.asarray(scene.searched(types).sum(axis=1) >= min_modalities)
+
+
+def _mean_of_boxes(places: Int, values: Float64, count: int) -> Float64:
+    """Return the (M,) mean of the values of each box in its combinations; arguments as of `_best_rows`."""
+    is_observed = places >= 0
+    sums = np.bincount(places[is_observed], values[is_observed], count)
+    return np.asarray(sums / np.bincount(places[is_observed], minlength=count))
 
 
 def _best_rows(places: Int, scores: Float64, count: int) -> Int:
@@ -179,17 +244,18 @@ def _overlaps(boxes_px: Float64, is_own: Bool) -> Float64:
     return paired_iou_px(own_px, boxes_px.reshape(-1, 4)).reshape(is_own.shape)
 
 
-def _weighted_mean(boxes_px: Float64, is_same: Bool, ious: Float64) -> Float64:
+def _weighted_mean(boxes_px: Float64, is_same: Bool, scores: Float64) -> Float64:
     """Return the (M, 4) means of those of (M, 3, 4) boxes that show the same object.
 
-    Errors of boxes are independent between modalities and proportional to 1 - IoU: weights are its inverse square.
+    Errors of boxes are taken as independent between modalities and proportional to 1 - score: weights are its inverse
+    square.
 
     Args:
         boxes_px: (M, 3, 4) boxes of each combination.
         is_same: (M, 3) mask of the boxes that count.
-        ious: (M, 3) expected overlap of each box with the object.
+        scores: (M, 3) score of each box.
     """
-    weights = np.where(is_same, np.maximum(1 - ious, _MIN_ERROR) ** -2, 0.0)
+    weights = np.where(is_same, np.maximum(1 - scores, _MIN_ERROR) ** -2, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     return np.asarray((weights[..., None] * boxes_px).sum(axis=1))
 
@@ -217,12 +283,14 @@ def _max_partners(stated: str | None) -> int | None:
     return int(stated) if stated is not None and stated.isdigit() else None
 
 
-def _calibrations(model: OnnxModel) -> FusionCalibration:
+def _calibrations(model: OnnxModel, key: str) -> FusionCalibration:
+    if key not in model.metadata:
+        return FusionCalibration()
     try:
-        return FusionCalibration.parse(model.metadata["calibration"])
+        return FusionCalibration.parse(model.metadata[key])
     except (ValueError, UsageError) as error:
         raise ModelError(
             model.name,
-            expected="a calibration of three numbers",
-            found=model.metadata["calibration"],
+            expected=f"{key} of three numbers a curve",
+            found=model.metadata[key],
         ) from error

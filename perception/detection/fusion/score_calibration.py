@@ -4,13 +4,13 @@ M. Kull, T. Silva Filho, P. Flach, "Beta calibration", AISTATS 2017: the logit o
 a ln s - b ln (1 - s) + c. With a = b = 1 and c = 0, scores stay as they are.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from perception.errors import UsageError
-from perception.types import MODALITIES, Float64, Modality
+from perception.types import MODALITIES, Float64, Int, Modality
 
 _EDGE = 1e-6  # minimum distance of scores from 0 and 1
 
@@ -62,7 +62,7 @@ class FusionCalibration:
 
     Attributes:
         joint: Curve of the fused scores of several modalities.
-        alone: Curve of the scores of each modality without others.
+        alone: Curve of the scores of each modality where they are not fused with others.
     """
 
     joint: BetaCalibration = BetaCalibration()
@@ -82,12 +82,18 @@ class FusionCalibration:
             {name: BetaCalibration.parse(named[name]) for name in MODALITIES if name in named},
         )
 
-    def of(self, modalities: Collection[Modality]) -> BetaCalibration:
-        """Return the curve of a frame with detections of these modalities."""
-        if len(modalities) != 1:
-            return self.joint
-        (only,) = modalities
-        return self.alone.get(only, BetaCalibration())
+    def probabilities(self, scores: Float64, columns: Int) -> Float64:
+        """Return the (M,) probabilities of (M,) scores.
+
+        Args:
+            scores: Scores of the fusion or of a modality.
+            columns: (M,) index in `MODALITIES` of the modality that a score is of, -1 of a fused one.
+        """
+        found = np.where(columns < 0, self.joint.probabilities(scores), scores)
+        for column, name in enumerate(MODALITIES):
+            rows = columns == column
+            found[rows] = self.alone.get(name, BetaCalibration()).probabilities(scores[rows])
+        return found
 
 
 def score_logs(scores: Float64) -> tuple[Float64, Float64]:

@@ -71,7 +71,8 @@ def corrupted_detector(
                     **clean.scene.modality_detections,
                     **output.scene.modality_detections,
                 }
-                scenes[one.name, level] = scene_of(found, size_px, dense, camera)
+                class_names = clean.scene.class_names
+                scenes[one.name, level] = scene_of(found, size_px, dense, camera, class_names)
         return scenes
 
     return detect

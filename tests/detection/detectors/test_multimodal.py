@@ -8,8 +8,8 @@ import pytest
 from perception.detection.detectors.modalities import fill_maps, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.class_fusion import detector_fingerprints
 from perception.detection.fusion.detected_scene import box_depths_m
+from perception.detection.fusion.detector_fusion import detector_fingerprints
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ImageError, ModelError, UsageError
 from perception.maps.densify import densify

@@ -81,6 +81,22 @@ def test_what_the_default_adds_by_hand():
     assert found["has_depth"] == [1]
 
 
+def test_classes_are_flags_beside_the_scores_of_other_classes():
+    modality_detections = {
+        "rgb": detections([[0, 0, 20, 10]], [0.9], "Van"),
+        "dm": detections([[0, 0, 20, 11]], [0.6]).joined(detections([[0, 0, 20, 9]], [0.2], "Bus")),
+        "rm": detections([[11, 0, 31, 10]], [0.7]),  # overlaps too little to be at the same place
+    }
+    scene = DetectedScene(modality_detections, (100, 50))
+    found = named(scene, [[0, -1, -1], [-1, 0, -1], [-1, 0, 0], [-1, 1, -1]])
+    assert found["is_car"] == [0, 1, 1, 0]
+    assert found["is_van"] == [1, 0, 0, 0]
+    assert found["is_truck"] == [0, 0, 0, 0]
+    assert found["other_class_rgb"] == [0, 0.9, 0.9, 0.9]
+    assert found["other_class_dm"] == [0.6, 0.2, 0.2, 0.6]
+    assert found["other_class_rm"] == [0, 0, 0, 0]
+
+
 def test_what_is_seen_is_the_same_to_cameras_of_every_field_of_view():
     scene = clumped_scene(3)
     scene = replace(scene, known_focal_px=720.0)

@@ -65,6 +65,25 @@ def test_the_thesis_keeps_the_best_box_as_it_is(fusion_file):
     assert fused.detections.boxes_px.tolist() == [[100, 100, 200, 200]]
 
 
+def test_classes_do_not_suppress_each_other(fusion_file):
+    cars = detections([[100, 100, 200, 200], [600, 100, 700, 200]], [0.6, 0.3])
+    vans = detections([[105, 100, 205, 200]], [0.7], "Van")
+    fused = Fusion(fusion_file()).fuse(DetectedScene({"rgb": cars.joined(vans)}, SIZE_PX))
+    assert fused.detections.types.tolist() == ["Van", "Car", "Car"]
+    assert fused.source_indices.tolist() == [[2, -1, -1], [0, -1, -1], [1, -1, -1]]
+
+
+def test_existence_is_a_prediction_of_its_own_with_a_curve_of_its_own(fusion_file):
+    scene = clumped_scene(0)
+    plain = Fusion(fusion_file("default")).fuse(scene)
+    np.testing.assert_array_equal(plain.existence, plain.detections.scores)
+    half = Fusion(fusion_file("default", existence=0.5, calibration="2.0,2.0,0.0")).fuse(scene)
+    np.testing.assert_allclose(half.existence, plain.detections.scores / 2, atol=1e-6)
+    curved = Fusion(fusion_file("default", existence=0.5, existence_calibration="1.0,1.0,1.0"))
+    odds = half.existence / (1 - half.existence) * np.e
+    np.testing.assert_allclose(curved.fuse(scene).existence, odds / (1 + odds), atol=1e-6)
+
+
 def test_scores_become_probabilities_in_their_order(fusion_file):
     scene = clumped_scene(0)
     plain = Fusion(fusion_file()).fuse(scene).detections
@@ -95,12 +114,11 @@ def test_curves_are_written_and_read_as_they_are():
     )
     assert FusionCalibration.parse(str(curves)) == curves
     assert FusionCalibration.parse("1.0,1.0,0.0") == FusionCalibration()
-    assert curves.of({"rgb", "dm"}) == curves.of({"rgb", "dm", "rm"}) == curves.joint
-    assert [curves.of({name}) for name in MODALITIES] == [
-        BetaCalibration(),
-        BetaCalibration(),  # not known
-        BetaCalibration(3.0, 0.0, -1e-7),
-    ]
+    half = np.full(4, 0.5)
+    # Of the fusion, of rgb, of dm, whose curve is not known, of rm.
+    found = curves.probabilities(half, np.array([-1, 0, 1, 2]))
+    first = (2 - 0.5) * np.log(2) + 0.1
+    np.testing.assert_allclose(found, 1 / (1 + np.exp([-first, 0, 0, 3 * np.log(2) + 1e-7])))
 
 
 @pytest.mark.parametrize("variant", ["scores", "features", "default"])
@@ -137,8 +155,9 @@ def test_boxes_without_area_do_no_harm(fusion_file):
             "a variant scores, features, default with its features in their order",
             "features with 23 inputs",
         ),
-        ({"calibration": "one"}, "a calibration of three numbers", "one"),
-        ({"calibration": "-1,0,0"}, "a calibration of three numbers", "-1,0,0"),
+        ({"calibration": "one"}, "calibration of three numbers a curve", "one"),
+        ({"calibration": "-1,0,0"}, "calibration of three numbers a curve", "-1,0,0"),
+        ({"existence_calibration": "1"}, "existence_calibration of three numbers a curve", "1"),
     ],
 )
 def test_files_of_other_networks(fusion_file, metadata, expected, found):

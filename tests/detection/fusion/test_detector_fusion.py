@@ -1,25 +1,18 @@
 """Detectors of different classes: what the fusion network knows is fused, the rest keeps its scores."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.fusion.class_fusion import (
-    ClassFusion,
-    ClassGroup,
-    class_groups,
-    detector_fingerprints,
-    fusion_of,
-)
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detector_fusion import detector_fingerprints, fusion_of
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
-from perception.types import MODALITIES, Detections
+from perception.types import MODALITIES, Detections, ModalityDetections
 from tests.detection.bright_cells import bright_cells
 
 SIZE_PX = (200, 100)
+CLASSES = {"rgb": ("Car", "Cyclist"), "dm": ("Car",), "rm": ("Cyclist", "Car")}
 
 
 def detections(*rows: tuple[float, float, str]) -> Detections:
@@ -50,13 +43,8 @@ def doubling(fusion_file) -> Fusion:
     return Fusion(fusion_file(weights=2 * np.eye(3), classes="Car,Van"))
 
 
-def test_classes_are_grouped_by_the_detectors_that_know_them(open_detectors):
-    detectors = open_detectors(rgb="Car,Cyclist,Van", dm="Car,Van", rm="Car")
-    assert class_groups(("Car", "Van"), detectors) == (
-        ClassGroup(("Car",), ("rgb", "dm", "rm"), is_fused=True),
-        ClassGroup(("Cyclist",), ("rgb",), is_fused=False),
-        ClassGroup(("Van",), ("rgb", "dm"), is_fused=True),
-    )
+def scene_of(found: ModalityDetections, **class_names: tuple[str, ...]) -> DetectedScene:
+    return DetectedScene(found, SIZE_PX, class_names=CLASSES | class_names)
 
 
 def test_detectors_of_the_classes_of_the_network_need_nothing_else(
@@ -66,45 +54,49 @@ def test_detectors_of_the_classes_of_the_network_need_nothing_else(
     assert caplog.records == []
 
 
-def test_other_classes_keep_the_scores_of_their_detectors(open_detectors, doubling, caplog):
-    fusion = fusion_of(doubling, open_detectors(rgb="Car,Cyclist", dm="Car", rm="Cyclist,Car"))
-    assert isinstance(fusion, ClassFusion)
-    assert len(caplog.records) == 1
+def test_classes_that_the_network_does_not_know_are_named(open_detectors, doubling, caplog):
+    fusion_of(doubling, open_detectors(rgb="Car,Cyclist", dm="Car", rm="Cyclist,Bus"))
+    assert [record.args for record in caplog.records] == [(doubling.name, "Cyclist, Bus")]
+
+
+def test_other_classes_keep_the_scores_of_their_detectors(doubling):
     found = {
         "rgb": detections((0, 0.4, "Cyclist"), (50, 0.2, "Car"), (4, 0.1, "Cyclist")),
         "dm": detections((52, 0.3, "Car")),
         "rm": detections((52, 0.1, "Car"), (2, 0.5, "Cyclist")),
     }
-    fused = fusion.fuse(DetectedScene(found, SIZE_PX))
+    fused = doubling.fuse(scene_of(found))
     assert fused.detections.types.tolist() == ["Car", "Cyclist"]
     np.testing.assert_allclose(fused.detections.scores, [0.6, 0.5], rtol=1e-6)
-    # Rows of the detections as they were given, not of one class.
     np.testing.assert_array_equal(fused.source_indices, [[1, 0, 0], [0, -1, 1]])
     np.testing.assert_array_equal(fused.dominant_modality, [1, 2])
 
 
-def test_each_class_is_fused_as_without_the_others(open_detectors, doubling):
-    fusion = fusion_of(doubling, open_detectors(rgb="Car,Cyclist", dm="Car", rm="Car"))
-    cars = {
-        "rgb": detections((50, 0.2, "Car"), (90, 0.1, "Car")),
-        "dm": detections((52, 0.3, "Car")),
+def test_each_class_takes_the_curve_of_what_it_comes_from(fusion_file):
+    curves = "1.0,1.0,1.0 rgb=1.0,1.0,-1.0 dm=1.0,1.0,-2.0"
+    fusion = Fusion(fusion_file("default", calibration=curves))
+    found = {
+        "rgb": detections((50, 0.5, "Car"), (0, 0.5, "Cyclist")),
+        "dm": detections((100, 0.5, "Bus")),
         "rm": detections(),
     }
-    mixed = cars | {"rgb": cars["rgb"].joined(detections((0, 0.05, "Cyclist")))}
-    alone, together = (
-        doubling.fuse(DetectedScene(cars, SIZE_PX)),
-        fusion.fuse(DetectedScene(mixed, SIZE_PX)),
-    )
-    np.testing.assert_array_equal(together.detections.boxes_px[:-1], alone.detections.boxes_px)
-    np.testing.assert_array_equal(together.detections.scores[:-1], alone.detections.scores)
-    np.testing.assert_array_equal(together.source_indices[:-1], alone.source_indices)
+    fused = fusion.fuse(scene_of(found, dm=("Car", "Bus"), rm=("Car",)))
+    assert fused.detections.types.tolist() == ["Car", "Cyclist", "Bus"]
+    np.testing.assert_allclose(fused.detections.scores, 1 / (1 + np.exp([-1, 1, 2])), atol=1e-6)
 
 
-def test_a_detector_that_had_no_input_is_left_out(open_detectors, doubling):
-    fusion = fusion_of(doubling, open_detectors(rgb="Car,Cyclist", dm="Car", rm="Car"))
-    fused = fusion.fuse(DetectedScene({"dm": detections((52, 0.3, "Car"))}, SIZE_PX))
+def test_a_class_of_a_single_modality_is_not_fused(fusion_file):
+    fusion = Fusion(fusion_file("default", classes="Car,Cyclist"))
+    scene = scene_of({"rgb": detections(), "dm": detections()})
+    types = np.array(["Car", "Cyclist", "Bus"])
+    assert scene.searched(types).tolist() == [[1, 1, 0], [1, 0, 0], [0, 0, 0]]
+    assert fusion.is_fused(scene, types).tolist() == [True, False, False]
+
+
+def test_a_detector_that_had_no_input_is_left_out(doubling):
+    fused = doubling.fuse(scene_of({"dm": detections((52, 0.3, "Car"))}))
     np.testing.assert_array_equal(fused.source_indices, [[-1, 0, -1]])
-    assert len(fusion.fuse(DetectedScene({}, SIZE_PX))) == 0
+    assert len(doubling.fuse(scene_of({}))) == 0
 
 
 def test_a_single_detector_of_ones_own_is_not_rescored(open_detectors, fusion_file, caplog):
@@ -113,14 +105,4 @@ def test_a_single_detector_of_ones_own_is_not_rescored(open_detectors, fusion_fi
     assert isinstance(fusion_of(Fusion(fusion_file(detectors=others)), detectors), NmsFusion)
     assert [record.args for record in caplog.records] == [("rgb.onnx", "Car, Cyclist")]
     fitted = Fusion(fusion_file(detectors=detector_fingerprints(detectors)))
-    assert isinstance(fusion_of(fitted, detectors), ClassFusion)
-
-
-def test_scene_of_some_classes_keeps_their_depths(open_detectors):
-
-    found = detections((0, 0.4, "Cyclist"), (50, 0.2, "Car"))
-    scene = DetectedScene({"dm": found}, SIZE_PX, {"dm": np.array([[5.0, 6], [7, 8]])})
-    cars = scene.of_classes(["Car"])
-    assert cars.modality_detections["dm"].types.tolist() == ["Car"]
-    np.testing.assert_array_equal(cars.depths_m["dm"], [[7, 8]])
-    assert replace(cars, depths_m={}).of_classes([]).merged.detections.types.tolist() == []
+    assert fusion_of(fitted, detectors) is fitted
