@@ -20,6 +20,7 @@ from benchmarks.stages import (
     compare_registration,
     compare_voxels,
 )
+from benchmarks.vehicle_tracking import compare_vehicle_trackers
 from perception.errors import MissingDependencyError
 
 COMPARISONS: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
@@ -59,5 +60,8 @@ def _compare_detectors(prepared: PreparedDrive) -> Comparison:
     return compare_detectors(prepared)
 
 
-# Only where asked for by name: the networks take a minute to make.
-ON_REQUEST: Mapping[str, Callable[[PreparedDrive], Comparison]] = {"detectors": _compare_detectors}
+# Only where asked for by name: the networks take a minute to make, and tracks need labels.
+ON_REQUEST: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
+    "detectors": _compare_detectors,
+    "vehicle-tracking": compare_vehicle_trackers,
+}

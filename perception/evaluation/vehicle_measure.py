@@ -223,7 +223,7 @@ class VehicleMeasure:
             return
         predicted = _predicted_boxes(vehicles, self._display_score)
         for name, frames in self._frames.items():
-            frames.extend(kitti_frames(_labelled_boxes(labels), predicted, name, 1))
+            frames.extend(kitti_frames(labelled_boxes(labels), predicted, name, 1))
         tracks = _ground_tracks(vehicles, self._display_score)
         for kind, ground_frames in self._ground_frames.items():
             ground_frames.append(ground_frame(labels, tracks, kind))
@@ -259,7 +259,8 @@ class VehicleMeasure:
         return VehicleReport(len(self._errors), tracking, on_ground, by_range, self._ids)
 
 
-def _labelled_boxes(labels: Labels) -> ImageBoxes:
+def labelled_boxes(labels: Labels) -> ImageBoxes:
+    """Return the labels of one frame as boxes of a sequence of one frame."""
     regions = len(labels.dont_care_px)
     return ImageBoxes(
         frames=np.zeros(len(labels) + regions, np.int64),
