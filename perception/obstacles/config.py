@@ -148,6 +148,9 @@ class MovingClusterConfig:
         min_voxels_near_moving: The same next to voxels that moved in the scan before.
         near_moving_m: Largest distance in metres to voxels that moved in the scan before; 0.5 m is 5 m/s at 10 Hz.
         min_appeared_ratio: Smallest share of a moving cluster's voxels that appeared in free space, 0 to 1.
+        max_returned_ratio: Largest share of the scans of the horizon, of those that saw a place that appeared, with a
+            return from it before another beam passed: more is a fence or leaves, 0 to 1.
+        max_returned_ratio_near_moving: The same next to voxels that moved in the scan before.
         stopped_ratio: Share of a cluster's visible voxels that the youngest queried scan has hit as well, from which
             on the cluster is static again, 0 to 1.
         stop_age_s: Smallest age in seconds of a scan that can tell standing from walking.
@@ -163,6 +166,8 @@ class MovingClusterConfig:
     min_voxels_near_moving: int = 4
     near_moving_m: float = 0.5
     min_appeared_ratio: float = 0.1
+    max_returned_ratio: float = 0.05
+    max_returned_ratio_near_moving: float = 0.2
     stopped_ratio: float = 0.95
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5

@@ -1,6 +1,7 @@
 """Visibility of a place in earlier scans: free, hit or occluded."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,20 @@ import numpy as np
 from perception.geometry import se3
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64, UInt8
+from perception.types import Bool, Float32, Float64, Int, UInt8
+
+
+@dataclass(frozen=True)
+class PastReturns:
+    """Scans of the horizon in which single beams ended at P places or passed them.
+
+    Attributes:
+        left: (P,) number of scans in which a beam ended at the place that another beam passed later.
+        visible: (P,) number of scans in which a beam ended there or passed.
+    """
+
+    left: Int
+    visible: Int
 
 
 @dataclass(frozen=True)
@@ -21,6 +35,7 @@ class VisibilityHistory:
         was_hit: (A, P) whether a beam ended at the place.
         was_behind_departed: (A, P) whether the place was occluded by an object that has left since.
         gaps_m: (A, P) distance in metres from that object to the place.
+        past_returns: Function that counts all scans of the horizon, for some of the places.
     """
 
     ages_s: Float64
@@ -28,6 +43,7 @@ class VisibilityHistory:
     was_hit: Bool
     was_behind_departed: Bool
     gaps_m: Float32
+    past_returns: Callable[[Int], PastReturns]
 
 
 @dataclass(frozen=True)
@@ -66,16 +82,19 @@ class FreeSpaceMemory:
         """Forget all scans."""
         self._scans.clear()
 
+    def mark_moving(self, points_velo: Float32) -> None:
+        """Remember which (P, 3) returns of the newest scan are of something that moves."""
+        self._scans[-1].image.mark_moving(points_velo)
+
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
         return self._scans[-1].image.is_free(points_velo, self._margin_m)
 
     def states_in_oldest(self, points_velo: Float32) -> UInt8:
         """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame in the oldest queried scan."""
-        past = self._scans[-1 - self._ages()[-1]]
-        past_SE3_newest = se3.inverse(past.world_SE3_velo) @ self._scans[-1].world_SE3_velo
-        points_past = se3.transform_points(past_SE3_newest, points_velo)
-        return past.image.visibility(points_past, self._margin_m).states
+        oldest = self._oldest_age()
+        points_past = se3.transform_points(self._past_SE3_newest(oldest), points_velo)
+        return self._scans[-1 - oldest].image.visibility(points_past, self._margin_m).states
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
         """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""
@@ -84,8 +103,7 @@ class FreeSpaceMemory:
         was_free, was_hit, was_behind_departed = (np.zeros(shape, bool) for _ in range(3))
         gaps_m = np.zeros(shape, np.float32)
         for row, age in enumerate(ages):
-            past = self._scans[-1 - age]
-            past_SE3_newest = se3.inverse(past.world_SE3_velo) @ self._scans[-1].world_SE3_velo
+            past, past_SE3_newest = self._scans[-1 - age], self._past_SE3_newest(age)
             points_past = se3.transform_points(past_SE3_newest, points_velo)
             visibility = past.image.visibility(points_past, self._margin_m)
             was_free[row] = visibility.states == Visibility.FREE
@@ -96,11 +114,36 @@ class FreeSpaceMemory:
             ends_now = se3.transform_points(se3.inverse(past_SE3_newest), ends)
             was_behind_departed[row, occluded] = self.is_free_in_newest(ends_now)
         return VisibilityHistory(
-            np.array(ages) * self._period_s, was_free, was_hit, was_behind_departed, gaps_m
+            np.array(ages) * self._period_s,
+            was_free,
+            was_hit,
+            was_behind_departed,
+            gaps_m,
+            lambda rows: self._past_returns(points_velo[rows]),
         )
+
+    def _past_returns(self, points_velo: Float32) -> PastReturns:
+        """Count all scans of the horizon by what they saw at (P, 3) places of the newest, the youngest first."""
+        left, visible = np.zeros((2, len(points_velo)), np.int64)
+        was_empty = np.zeros(len(points_velo), bool)
+        for age in range(1, self._oldest_age() + 1):
+            points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
+            ends, passes = self._scans[-1 - age].image.returns(points_past, self._margin_m)
+            left += ends & was_empty
+            visible += ends | passes
+            was_empty |= passes & ~ends
+        return PastReturns(left, visible)
+
+    def _past_SE3_newest(self, age: int) -> Float64:
+        return se3.inverse(self._scans[-1 - age].world_SE3_velo) @ self._scans[-1].world_SE3_velo
 
     def _ages(self) -> list[int]:
         """Return the ages of the queried scans, in scans, rising."""
+        oldest = self._oldest_age()
+        return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})
+
+    def _oldest_age(self) -> int:
+        """Return the age of the oldest scan that is queried, in scans."""
         here = self._scans[-1].world_SE3_velo[:3, 3]
         travelled_m = [
             float(np.linalg.norm(scan.world_SE3_velo[:3, 3] - here)) for scan in self._scans
@@ -111,8 +154,7 @@ class FreeSpaceMemory:
             if distance_m <= self._max_travel_m
         ]
         # At a speed beyond the limit, the scan before is still the best one.
-        oldest = min(max(usable[-1], 1), len(self._scans) - 1)
-        return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})
+        return min(max(usable[-1], 1), len(self._scans) - 1)
 
 
 def _shorten(points: Float32, by_m: Float32) -> Float32:

@@ -3,6 +3,10 @@
 A single voxel is unreliable: a window reflects once and not the next time, a beam just misses an edge. So voxels are
 joined to clusters over the ground plane, and a cluster is moving where enough of its voxels appeared in free space
 (`MovingClusterConfig`: at least `min_voxels` and `min_appeared_ratio`, and more than those that persisted).
+
+Leaves, fences and what stands behind them appear in free space without moving, since beams find another way through
+them in every scan. But they have been there before: earlier scans have returns from the same place, and later ones
+have none. What moves comes to its place once; a cluster that has left its place and is back does not move.
 """
 
 from dataclasses import dataclass
@@ -91,6 +95,12 @@ def moving_voxels(
         )
         moves &= hit < config.stopped_ratio * np.maximum(seen, 1)
     moves[0] = False
+    evidence = np.flatnonzero(moves[cluster] & (votes.appeared | votes.uncovered))
+    past = history.past_returns(evidence)
+    left = np.bincount(cluster[evidence], past.left, clusters)
+    visible = np.bincount(cluster[evidence], past.visible, clusters)
+    tolerated = np.where(goes_on, config.max_returned_ratio_near_moving, config.max_returned_ratio)
+    moves &= left <= tolerated * visible
     return _complete(columns, np.asarray(moves[cluster]), config.whole_object_ratio)
 
 

@@ -6,6 +6,7 @@ first; the second separates moving objects from those that were occluded before.
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypeVar, cast
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Int, UInt8
 
+Image = TypeVar("Image", Float32, Bool)
 _NOTHING = np.float32(np.inf)  # a direction without a return: dark, glass, or sky
 _SLOPE_STEPS = 4096
 _FIRINGS_A_COLUMN = 2  # so that a lost return rarely empties a pixel
@@ -127,8 +129,15 @@ class RangeImage:
         ranges = flat.reshape(projection.rows, projection.columns)
         self._projection = projection
         self._nearest = _block_minima(ranges, projection.blocks)
-        # Padded by one pixel on every side: neighbours are then at a fixed offset.
-        self._framed = np.pad(np.pad(ranges, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
+        self._framed = _framed(ranges)
+        self._is_moving = np.zeros(self._framed.shape, bool)
+
+    def mark_moving(self, points_velo: Float32) -> None:
+        """Remember that these (P, 3+) returns of the scan are of something that moved."""
+        pixels = self._projection.pixels(points_velo)
+        is_moving = np.zeros((self._projection.rows, self._projection.columns), bool)
+        is_moving[pixels.rows, pixels.columns] = True
+        self._is_moving = _framed(is_moving)
 
     def visibility(self, points_velo: Float32, margin_m: float) -> PointVisibility:
         """Return whether (P, 3+) places in this scan's frame are free, hit or occluded.
@@ -140,7 +149,7 @@ class RangeImage:
         """
         at = self._projection.pixels(points_velo)
         margin = np.float32(margin_m)
-        pixel = (at.rows + 1) * self._framed.shape[1] + at.columns + 1
+        pixel = self._framed_pixels(at)
         beam = self._framed.ravel().take(pixel)
         states = np.where(beam < at.ranges_m - margin, np.uint8(Visibility.OCCLUDED), np.uint8(0))
         states[self._is_passed(at, margin)] = Visibility.FREE
@@ -161,13 +170,46 @@ class RangeImage:
         around = self._nearest.ravel().take(level * self._nearest.shape[1] + pixel)
         return np.asarray((around > at.ranges_m + margin_m) & (around < _NOTHING))
 
+    def returns(self, points_velo: Float32, margin_m: float) -> tuple[Bool, Bool]:
+        """Return at which (P, 3+) places a beam ended, and beyond which one did, among the beams next to them.
+
+        Unlike `visibility`, single beams count: those that pass between leaves or the wires of a fence. Returns of
+        what moved do not.
+        """
+        at = self._projection.pixels(points_velo)
+        pixel, beams, is_moving = (
+            self._framed_pixels(at),
+            self._framed.ravel(),
+            self._is_moving.ravel(),
+        )
+        margin, ended, passed = np.float32(margin_m), *np.zeros((2, len(pixel)), bool)
+        for step in self._neighbours:
+            beyond_m = beams.take(pixel + step) - at.ranges_m
+            ended |= (np.abs(beyond_m) < margin) & ~is_moving.take(pixel + step)
+            passed |= (beyond_m >= margin) & (beyond_m < _NOTHING)
+        return ended & at.is_in_view, passed & at.is_in_view
+
+    def _framed_pixels(self, at: RangeImagePixels) -> Int:
+        """Return the pixels of the padded image."""
+        return np.asarray((at.rows + 1) * self._framed.shape[1] + at.columns + 1)
+
+    @property
+    def _neighbours(self) -> tuple[int, ...]:
+        """Offsets of the 3 x 3 pixels around one."""
+        width = self._framed.shape[1]
+        return tuple(row + column for row in (-width, 0, width) for column in (-1, 0, 1))
+
     def _ends_near(self, pixel: Int, ranges_m: Float32, margin_m: np.float32) -> Bool:
         """Return where a return in the 3 x 3 pixels around lies within the margin."""
-        beams, width = self._framed.ravel(), self._framed.shape[1]
-        is_hit = np.zeros(len(pixel), bool)
-        for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
+        beams, is_hit = self._framed.ravel(), np.zeros(len(pixel), bool)
+        for step in self._neighbours:
             is_hit |= np.abs(beams.take(pixel + step) - ranges_m) < margin_m
         return is_hit
+
+
+def _framed(image: Image) -> Image:
+    """Pad an image by one pixel on every side, so that neighbours are at a fixed offset."""
+    return cast(Image, np.pad(np.pad(image, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge"))
 
 
 def _block_minima(ranges: Float32, blocks: list[tuple[int, int]]) -> Float32:

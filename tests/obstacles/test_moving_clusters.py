@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from perception.obstacles.config import MovingClusterConfig
-from perception.obstacles.free_space import VisibilityHistory
+from perception.obstacles.free_space import PastReturns, VisibilityHistory
 from perception.obstacles.moving_clusters import moving_voxels, vote
 
 CONFIG = MovingClusterConfig()
@@ -10,11 +12,21 @@ AGES_S = np.array([0.5, 1.0, 1.5])
 NOWHERE = np.zeros((0, 3), np.float32)
 
 
-def history(*states, ages_s=AGES_S, gaps_m=None):
-    """Build a history from one word a voxel: F free, H hit, L behind a leaver, - unknown; newest first."""
+def history(*states, ages_s=AGES_S, gaps_m=None, left=0):
+    """Build a history from one word a voxel: F free, H hit, L behind a leaver, - unknown; newest first.
+
+    Of 10 scans that saw a voxel, `left` have a return from it before a beam passed.
+    """
     letters = np.array([list(word) for word in states]).T
     gaps = np.zeros(letters.shape, np.float32) if gaps_m is None else np.float32(gaps_m)
-    return VisibilityHistory(ages_s, letters == "F", letters == "H", letters == "L", gaps)
+    return VisibilityHistory(
+        ages_s,
+        letters == "F",
+        letters == "H",
+        letters == "L",
+        gaps,
+        lambda rows: PastReturns(np.broadcast_to(left, len(states))[rows], np.full(len(rows), 10)),
+    )
 
 
 def column(x, y, voxels):
@@ -63,6 +75,25 @@ def test_a_leaving_object_differs_from_one_that_was_occluded(gaps_m, expected):
     assert moves("LLL", gaps_m=gaps).tolist() == [expected] * 12
 
 
+@pytest.mark.parametrize(
+    ("left", "expected"), [(0, True), (1, False)], ids=["empty before", "a fence"]
+)
+def test_what_returned_between_passing_beams_before_does_not_move(left, expected):
+    assert moves("FFF", left=left).tolist() == [expected] * 12
+    assert moves("LLL", left=left).tolist() == [expected] * 12
+
+
+def test_what_moves_already_may_pass_where_something_stood():
+    beside = column(5.0, 0.2, 3)
+    assert moves("FFF", left=2, before=beside).all()
+    assert not moves("FFF", left=3, before=beside).any()
+
+
+def test_only_the_voxels_that_appeared_tell_a_fence():
+    left = np.array([0] * 12 + [10] * 10)
+    assert moves(["FFF"] * 12 + ["---"] * 10, voxels=22, left=left).all()
+
+
 def test_a_slow_car_s_side_moves_with_its_front():
     places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(6)])
     appeared = ["FFF"] * 24 + ["HHH"] * 12
@@ -81,5 +112,5 @@ def test_a_walker_does_not_make_the_wall_beside_him_move():
 
 def test_without_history_nothing_moves():
     empty = np.zeros((0, 12), bool)
-    none = VisibilityHistory(np.zeros(0), empty, empty, empty, empty.astype(np.float32))
+    none = replace(history("F" * 12), ages_s=np.zeros(0), was_free=empty, was_hit=empty)
     assert not moving_voxels(column(5, 0, 12), none, NOWHERE, CONFIG, gap_m=0.2).any()
