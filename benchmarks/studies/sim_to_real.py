@@ -14,7 +14,7 @@ from benchmarks.studies.detector_variants import (
 )
 from benchmarks.studies.realism import measure_realism, realism_panels, realism_table
 from benchmarks.studies.report import RESULTS, publish
-from benchmarks.studies.variant_report import frames_panels, precision_tables
+from benchmarks.studies.variant_report import frames_panels, precision_tables, variant_panels
 from perception.errors import UsageError
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import plot_curves
@@ -22,7 +22,7 @@ from perception.types import Modality
 
 UNCHANGED = "all, without augmentation"
 ALL = "1 of all"
-_LEVEL = "moderate"
+_LEVEL, _LOOSE_IOU = "moderate", min(IOU)
 
 
 def sim_to_real(
@@ -69,15 +69,16 @@ def sim_to_real(
         tables |= precision_tables("Shares of the training frames", of_shares, IOU)
         panels += frames_panels(_without(of_shares, UNCHANGED), IOU)
     if left_out:
-        tables |= loss_tables({name: metrics[name] for name in left_out})
+        of_drives = {name: metrics[name] for name in left_out}
+        tables |= loss_tables(of_drives)
+        panels += variant_panels(of_drives, _LOOSE_IOU)
     measured = [*training.validation, *(real or ())]
     realism = measure_realism(public, measured) if public else {}
-    for name, of_drives in realism.items():
+    for name, found in realism.items():
         title = f"{name}: AP R40 [% of maximum], {_LEVEL}, by distance"
-        tables[title] = realism_table(title, of_drives)
-        panels += realism_panels(name, of_drives)
-    if panels:
-        plot_curves(out, f"Synthetic drives and real ones, {modality}", panels)
+        tables[title] = realism_table(title, found)
+        panels += realism_panels(name, found)
+    plot_curves(out, f"Synthetic drives and real ones, {modality}", panels)
     publish(
         out,
         "none: the thesis trains on KITTI",

@@ -58,6 +58,11 @@ def plot_variant_curves(
     plot_path: Path, title: str, metrics: Mapping[str, VariantMetrics], iou: float
 ) -> None:
     """Draw the precision-recall curves of all variants, a panel for each drive."""
+    plot_curves(plot_path, title, variant_panels(metrics, iou))
+
+
+def variant_panels(metrics: Mapping[str, VariantMetrics], iou: float) -> list[CurvePanel]:
+    """Return the precision-recall curves of all variants, a panel for each drive."""
     panels = []
     for drive in _drives(metrics):
         curves = {
@@ -70,7 +75,7 @@ def plot_variant_curves(
         panels.append(
             precision_panel(f"{drive}, {_DISPLAY_LEVEL}, IoU over {iou:g}", curves, "AP R40")
         )
-    plot_curves(plot_path, title, panels)
+    return panels
 
 
 def frames_panels(metrics: Mapping[str, VariantMetrics], ious: Sequence[float]) -> list[CurvePanel]:

@@ -24,7 +24,7 @@ from benchmarks.studies.sim_to_real import (
     loss_tables,
     share_variants,
 )
-from benchmarks.studies.variant_report import precision_tables, times_table
+from benchmarks.studies.variant_report import precision_tables, times_table, variant_panels
 from data.results.documents import write_json
 from export import onnx
 from perception.cli.main import main
@@ -162,6 +162,12 @@ def test_the_loss_is_that_against_all_drives():
         "loss, IoU 0.5": 15.0,
     }
     assert table.to_json()["without b"]["loss, IoU 0.7"] == -2.0
+
+
+def test_left_out_drives_are_curves_of_every_measured_drive():
+    panels = variant_panels({ALL: metrics_of(60.0), "without a": metrics_of(45.0)}, 0.5)
+    (panel,) = panels
+    assert [curve.name for curve in panel.curves] == [ALL, "without a"]
 
 
 def metrics_of(ap, interval=None):
