@@ -31,7 +31,6 @@ lint: $(VENV)/.installed-dev
 # What the shipped networks have learned from: other worlds than they are judged by, none of them real. The camera
 # view starts from public weights of photographs: fetched, or PUBLIC_WEIGHTS=PATH.
 PUBLIC_WEIGHTS ?= results/weights/yolox_nano.onnx
-PUBLIC_ADDRESS := https://github.com/Kazuhito00/YOLOX-ONNX-TFLite-Sample/raw/3d4f111/model/yolox_nano.onnx
 SYNTH := results/weights/synth
 SHIPPED := perception/detection/weights
 weights: $(VENV)/.installed-dev
@@ -61,7 +60,8 @@ weights: $(VENV)/.installed-dev
 # Its content is compared with a hash when it is read.
 $(PUBLIC_WEIGHTS):
 	mkdir -p $(@D)
-	curl --fail --location --output $@ $(PUBLIC_ADDRESS)
+	curl --fail --location --output $@ \
+	  $$($(BIN)/python -c 'from train.detector.public_weights import ADDRESS; print(ADDRESS)')
 
 # All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU; what is done is not
 # done again. Two cores: make thesis STEPS=100 FRAMES=100 FLAGS="--detectors default --epochs 4 --fit-steps 15"

@@ -1,4 +1,4 @@
-"""The detector that ships: YOLOv2's head behind a trunk light enough to run three times a frame.
+"""The detector of maps that ships: YOLOv2's head behind a trunk light enough to run three times a frame.
 
     stride  2 ── 4 ── 8 ───────────────────────────── + ── conv ──> head, a cell of 8 pixels
                       │                               ^
@@ -84,7 +84,7 @@ class CompactTrunk(nn.Module):
 
 
 class CompactDetector(YoloDetector):
-    """The default detector of each modality."""
+    """The default detector."""
 
     def __init__(
         self,
