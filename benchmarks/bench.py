@@ -17,7 +17,7 @@ BenchmarkPart = Literal[
     "all", "chain", "pipeline", "registration", "ground", "voxels", "motion",
     "objects", "short-term-map", "kalman-filters", "single-object", "color-model", "maps",
     "clusters", "clusters-full-scan", "proposals", "depthcn", "average-precision", "detectors",
-    "vehicle-tracking",
+    "vehicle-tracking", "camera-detectors",
 ]  # fmt: skip
 
 _DETECTION = DetectionConfig()
@@ -43,7 +43,8 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
     Args:
         drive: Drive to run on; else a synthetic street.
         part: One stage, the chain of obstacle stages, the pipeline, or all; detectors only run by name, since
-            making their networks takes a minute, and vehicle-tracking, since it needs labels.
+            making their networks takes a minute, vehicle-tracking, since it needs labels, and camera-detectors, beside
+            the networks of the folder PUBLIC_NETWORKS (environment), with average precision where there are labels.
         frames: Number of frames for each stage.
         chain_frames: Number of frames for the chain and the pipeline, back and forth over the drive; 1000 show
             that the memory is bounded.
@@ -98,7 +99,9 @@ def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkP
     from data.synthetic.drive import SyntheticDrive
     from perception.sensor import HDL_64E, load_sensor
 
-    needs_images = part in ("all", "pipeline", "single-object", "detectors", "vehicle-tracking")
+    needs_images = part in (
+        "all", "pipeline", "single-object", "detectors", "vehicle-tracking", "camera-detectors",
+    )  # fmt: skip
     if drive is None:
         sensor = load_sensor(source.sensor) if source.sensor else HDL_64E
         return SyntheticDrive(frames, sensor=sensor, images=needs_images)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from benchmarks.average_precision import compare_average_precision
+from benchmarks.camera_detectors import compare_camera_detectors
 from benchmarks.depthcn import compare_depthcn
 from benchmarks.maps import compare_maps
 from benchmarks.measure import Comparison
@@ -60,8 +61,9 @@ def _compare_detectors(prepared: PreparedDrive) -> Comparison:
     return compare_detectors(prepared)
 
 
-# Only where asked for by name: the networks take a minute to make, and tracks need labels.
+# Only where asked for by name: networks that take a minute to make, tracks that need labels, networks of others.
 ON_REQUEST: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
     "detectors": _compare_detectors,
     "vehicle-tracking": compare_vehicle_trackers,
+    "camera-detectors": compare_camera_detectors,
 }

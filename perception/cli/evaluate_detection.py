@@ -52,7 +52,7 @@ def evaluate_detection(
 
     Args:
         drives: Object folder, tracking folder or synthetic drive; one or several.
-        detector: Detector: fusion, depthcn, rgb, dm, rm, or an ONNX file of a modality's detector.
+        detector: Detector: fusion, depthcn, rgb, dm, rm, or an ONNX or YAML file of any detector.
         classes: Classes to measure, several with commas; else all of the network, of the fusion those of KITTI's
             benchmark, Car for depthcn.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.

@@ -65,7 +65,11 @@ class ClassColumns:
 
     def of_scores(self, scores: Float32) -> Float32:
         """Return (K, C) scores of the reported classes for (K, S) scores of the network's classes."""
-        return np.stack([scores[:, list(numbers)].max(axis=1) for numbers in self.columns], axis=1)
+        reported: Float32 = scores[:, [first for first, *_ in self.columns]]
+        for number, (_, *others) in enumerate(self.columns):
+            for other in others:
+                np.maximum(reported[:, number], scores[:, other], out=reported[:, number])
+        return reported
 
     def of_labels(self, labels: Array, scores: Float32) -> Float32:
         """Return (K, C) scores of the reported classes for (K,) numbers of classes with one score each."""

@@ -14,6 +14,7 @@ import numpy as np
 from perception.detection.detectors.class_columns import KNOWN_CLASSES, ClassColumns
 from perception.detection.detectors.detector_description import (
     FILLINGS,
+    DescribedFile,
     DetectorDescription,
     described_file,
 )
@@ -90,7 +91,7 @@ class DetectorNetwork:
         return self.form.decode(outputs, size, self.classes)
 
 
-def open_network(file: Traversable, threads: int) -> DetectorNetwork:
+def open_network(file: Traversable | DescribedFile, threads: int) -> DetectorNetwork:
     """Open a detector's ONNX file, or that of a YAML file, and run it on a blank image to know its outputs.
 
     Raises:
@@ -98,36 +99,59 @@ def open_network(file: Traversable, threads: int) -> DetectorNetwork:
         UsageError: the YAML file holds no description of a detector.
         MissingDependencyError: the package onnx is not installed, and is needed for another size than the file's.
     """
-    described = described_file(file)
+    described = file if isinstance(file, DescribedFile) else described_file(file)
     model = OnnxModel(described.model, threads=threads)
     description = described.description.over(_stated(model))
     modality = description.modality or "rgb"
     name = _image_input(model, modality)
-    fixed, required = _fixed_size(model.inputs[name]), description.input_size
-    size = required or fixed or _USUAL_SIZE
+    fixed = _fixed_size(model.inputs[name])
+    size = description.input_size or fixed or _USUAL_SIZE
     blank = np.zeros((*size, CHANNELS[modality]), np.uint8)
-    if fixed in (None, size):
-        outputs = model(_inputs(model, name, blank, InputFormat()))
-    else:
-        try:
-            model = OnnxModel(described.model, threads=threads, any_image_size=True)
-            outputs = model(_inputs(model, name, blank, InputFormat()))
-        except ModelError as error:
-            raise ModelError(
-                model.name,
-                expected=f"a graph that takes images of {size} instead of {fixed}",
-                found=error.found,
-                advice="leave out input_size, or export the network with this size",
-            ) from error
+    if fixed not in (None, size):
+        model = _resized(described.model, threads, (name, blank), str(fixed))
+    outputs = model(_inputs(model, name, blank, InputFormat()))
     form = FORMS[description.output or _recognized(model, outputs, size)]
     classes = _classes(model, description, form, outputs)
-    fingerprint = model.fingerprint
-    if described.description != DetectorDescription():
-        text = f"{fingerprint} {described.description}"
-        fingerprint = hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+    fingerprint = _fingerprint(model, described.description)
     network = DetectorNetwork(model, description, modality, name, size, form, classes, fingerprint)
     network.predict(outputs, size)
     return network
+
+
+def _resized(
+    file: Traversable, threads: int, example: tuple[str, UInt8], fixed_size: str
+) -> OnnxModel:
+    """Open a file for images of any size.
+
+    Args:
+        file: File that states one size.
+        threads: Number of threads of the network.
+        example: Name of the input, and an image of another size.
+        fixed_size: Size that the file states.
+
+    Raises:
+        ModelError: the graph computes with the size that the file states.
+    """
+    name, image = example
+    try:
+        model = OnnxModel(file, threads=threads, any_image_size=True)
+        model(_inputs(model, name, image, InputFormat()))
+    except ModelError as error:
+        raise ModelError(
+            file.name,
+            expected=f"a graph that takes images of {InputSize(*image.shape[:2])} instead of {fixed_size}",
+            found=error.found,
+            advice="leave out input_size, or export the network with this size",
+        ) from error
+    return model
+
+
+def _fingerprint(model: OnnxModel, stated: DetectorDescription) -> str:
+    """Return the hash of a model file and, where one describes it, of its YAML file."""
+    if stated == DetectorDescription():
+        return model.fingerprint
+    text = f"{model.fingerprint} {stated}"
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
 def _stated(model: OnnxModel) -> DetectorDescription:

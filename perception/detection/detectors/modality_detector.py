@@ -10,6 +10,7 @@ from importlib.abc import Traversable
 import numpy as np
 
 from perception.detection.config import DEFAULT_NMS, NmsConfig
+from perception.detection.detectors.detector_description import DescribedFile
 from perception.detection.detectors.detector_network import open_network
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import CHANNELS, SHIPPED_DETECTORS, MapFilling
@@ -31,12 +32,15 @@ class ModalityDetector:
     """A trained network, from a file or of this package."""
 
     def __init__(
-        self, model: Traversable | Modality, threads: int = 2, nms: NmsConfig = DEFAULT_NMS
+        self,
+        model: Traversable | DescribedFile | Modality,
+        threads: int = 2,
+        nms: NmsConfig = DEFAULT_NMS,
     ) -> None:
         """Open the model file.
 
         Args:
-            model: ONNX file, YAML file that describes one, or the modality of a model of this package.
+            model: ONNX file, YAML file that describes one, described file, or modality of a model of this package.
             threads: Number of threads of the network.
             nms: Score threshold and suppression.
 
@@ -126,8 +130,11 @@ class ModalityDetector:
         return self._network.inputs(shown)
 
     def _predict(self, outputs: Mapping[str, Array], placement: ImagePlacement) -> Predictions:
-        """Return the predictions in pixels of the image."""
-        boxes_px, scores = self._network.predict(outputs, placement.size)
+        """Return the predictions that may be reported, in pixels of the image."""
+        found = self._network.predict(outputs, placement.size)
+        boxes_px, scores = found.of_rows(
+            np.asarray((found.scores >= self._nms.min_score).any(axis=1))
+        )
         return Predictions(placement.to_image(boxes_px), scores)
 
     def _detections(self, image: UInt8, parts: list[Predictions]) -> Detections:

@@ -1,0 +1,97 @@
+"""The camera view beside public networks: time and average precision on the same frames."""
+
+import os
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+from benchmarks.measure import Comparison, Contender, Measurement, add_peer, compare, metric
+from benchmarks.stages import PreparedDrive
+from perception.detection.detectors.detector_description import DescribedFile, DetectorDescription
+from perception.detection.detectors.image_region import detection_region
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import camera_image
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.errors import ModelError
+from perception.evaluation.detection.average_precision import kitti_average_precision
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.evaluation.report import Column
+from perception.types import Detections
+
+_DEFAULT_FOLDER = Path(__file__).parents[2] / "shared" / "public_networks"
+# Names in the table, with the files and the sizes at which they run.
+PUBLIC_NETWORKS: Mapping[str, tuple[str, InputSize | None]] = {
+    "YOLOX-nano": ("yolox_nano.onnx", InputSize(384, 1248)),
+    "YOLOX-nano, small": ("yolox_nano.onnx", InputSize(192, 640)),
+    "DEIMv2-Femto": ("deimv2_femto.onnx", None),
+}
+
+
+def compare_camera_detectors(prepared: PreparedDrive) -> Comparison:
+    """Detect in the camera images; with average precision where the drive has labels.
+
+    Raises:
+        ImageError: the drive has no images.
+    """
+    camera_image(prepared.frames[0])
+    contenders = [_contender("Trifuse", ModalityDetector("rgb"), prepared)]
+    for name, (file, size) in PUBLIC_NETWORKS.items():
+        add_peer(contenders, partial(_public, name, file, size, prepared))
+    title = f"camera detectors on {len(prepared.frames)} frames, two threads"
+    return compare(title, contenders, len(prepared.frames), *_precision_columns(prepared))
+
+
+def public_network(file: str, size: InputSize | None) -> ModalityDetector:
+    """Open a file of the folder PUBLIC_NETWORKS.
+
+    Args:
+        file: Name of the file.
+        size: Size of its input; None for that of the file.
+
+    Raises:
+        ModelError: there is no such file.
+    """
+    path = Path(os.environ.get("PUBLIC_NETWORKS", _DEFAULT_FOLDER)) / file
+    if not path.is_file():
+        raise ModelError(
+            file,
+            expected=f"a public network in {path.parent}",
+            found="no such file",
+            advice="set PUBLIC_NETWORKS to the folder of public networks",
+        )
+    return ModalityDetector(DescribedFile(path, DetectorDescription(input_size=size)))
+
+
+def _public(name: str, file: str, size: InputSize | None, prepared: PreparedDrive) -> Contender:
+    return _contender(name, public_network(file, size), prepared)
+
+
+def _contender(name: str, detector: ModalityDetector, prepared: PreparedDrive) -> Contender:
+    def run(i: int) -> Detections:
+        frame = prepared.frames[i]
+        image = camera_image(frame)
+        region = detection_region(frame.calibration, (image.shape[1], image.shape[0]))
+        return detector.detect(image, region)
+
+    return Contender(f"{name}, {detector.size}", run)
+
+
+def _precision_columns(prepared: PreparedDrive) -> list[Column[Measurement]]:
+    if not prepared.drive.has_labels:
+        return []
+    labels = [prepared.drive.labels(frame.index) for frame in prepared.frames]
+    truth = TrueBoxes.of_frames(labels)
+    return [
+        metric(f"{one.name} AP {one.iou:g} [%]", partial(_moderate, truth, one), ".1f")
+        for one in KITTI_CLASSES
+        if (truth.types == one.name).any()
+    ]
+
+
+def _moderate(truth: TrueBoxes, of_class: DetectionClass, found: list[Detections]) -> float:
+    """Return the average precision in percent, moderate."""
+    boxes = pair_boxes(truth, DetectedBoxes.of_frames(found), len(found))
+    curves = kitti_average_precision(boxes, (of_class,)).get(of_class, {})
+    return curves["moderate"].ap() if "moderate" in curves else 0.0
