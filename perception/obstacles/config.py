@@ -187,6 +187,7 @@ class RigidBodyConfig:
         long_m: Length in metres from which on a body moves along its longer axis only.
         min_distance_m: Smallest distance in metres that a body has come since the oldest queried scan.
         max_distance_m: Largest distance in metres; a body that came farther left its place.
+        max_speed_m_s: Largest speed of a body in m/s, while the history is short.
         step_m: Difference in metres of two distances that are tried.
         samples: Largest number of voxels that are compared with the earlier scan, of each end and of the whole body.
         side_margin_m: Largest distance in metres to the side of what appeared.
@@ -205,6 +206,7 @@ class RigidBodyConfig:
     long_m: float = 5.0
     min_distance_m: float = 0.3
     max_distance_m: float = 8.0
+    max_speed_m_s: float = 30.0
     step_m: float = 0.3
     samples: int = 24
     side_margin_m: float = 0.3

@@ -111,7 +111,8 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
         occupied = OccupiedPlaces(places, clusters, is_new, moves)
-        return moving_bodies(occupied, self._memory, self._config.rigid_bodies)
+        age_s = float(history.ages_s[-1])
+        return moving_bodies(occupied, self._memory, age_s, self._config.rigid_bodies)
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
         """Return the grid and the map, new ones at the start of a drive."""

@@ -63,13 +63,21 @@ class OccupiedPlaces:
 
 
 def moving_bodies(
-    occupied: OccupiedPlaces, memory: FreeSpaceMemory, config: RigidBodyConfig
+    occupied: OccupiedPlaces, memory: FreeSpaceMemory, age_s: float, config: RigidBodyConfig
 ) -> Bool:
-    """Return which of V occupied voxels belong to bodies that move along one of their axes."""
+    """Return which of V occupied voxels belong to bodies that move along one of their axes.
+
+    Args:
+        occupied: Occupied voxels of the newest scan.
+        memory: Earlier scans.
+        age_s: Age of the oldest queried scan in seconds.
+        config: Thresholds of rigid bodies.
+    """
     moves = np.zeros(len(occupied.moves), bool)
     bodies = _bodies(occupied, config)
+    farthest_m = min(config.max_distance_m, config.max_speed_m_s * age_s)
     distances_m = np.append(
-        0.0, np.arange(config.min_distance_m, config.max_distance_m, config.step_m)
+        0.0, np.arange(config.min_distance_m, farthest_m, config.step_m)
     ).astype(np.float32)
     if not bodies:
         return moves
