@@ -166,7 +166,7 @@ class MovingClusterConfig:
     min_voxels_near_moving: int = 4
     near_moving_m: float = 0.5
     min_appeared_ratio: float = 0.1
-    max_returned_ratio: float = 0.05
+    max_returned_ratio: float = 0.1
     max_returned_ratio_near_moving: float = 0.2
     stopped_ratio: float = 0.95
     stop_age_s: float = 0.3

@@ -76,7 +76,9 @@ def test_a_leaving_object_differs_from_one_that_was_occluded(gaps_m, expected):
 
 
 @pytest.mark.parametrize(
-    ("left", "expected"), [(0, True), (1, False)], ids=["empty before", "a fence"]
+    ("left", "expected"),
+    [(0, True), (1, True), (2, False)],
+    ids=["empty before", "once a leaf", "a fence"],
 )
 def test_what_returned_between_passing_beams_before_does_not_move(left, expected):
     assert moves("FFF", left=left).tolist() == [expected] * 12
