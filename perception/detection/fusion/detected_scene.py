@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.geometry.box_overlap_px import iou_px
 from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
@@ -43,6 +44,17 @@ class MergedDetections:
     detections: Detections
     columns: Int
     starts: Int
+
+    @cached_property
+    def iou(self) -> Float64:
+        """(M, M) overlap of every two boxes."""
+        return iou_px(self.detections.boxes_px, self.detections.boxes_px)
+
+    @cached_property
+    def is_same_class(self) -> Bool:
+        """(M, M) mask of every two boxes of one class."""
+        _, classes = np.unique(self.detections.types, return_inverse=True)
+        return np.asarray(classes[:, None] == classes)
 
     def places(self, tri_boxes: Int) -> Int:
         """Return the (T, 3) indices of the boxes of (T, 3) combinations among the M, -1 where there is none."""

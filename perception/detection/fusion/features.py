@@ -19,7 +19,7 @@ import numpy as np
 
 from perception.detection.config import FusionVariant
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.geometry.box_overlap_px import iou_px, paired_iou_px
+from perception.geometry.box_overlap_px import paired_iou_px
 from perception.types import MODALITIES, Float64, Int
 
 _PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -112,13 +112,9 @@ def _added(scene: DetectedScene, places: Int) -> list[Float64]:
 
 def _other_class_scores(scene: DetectedScene) -> Float64:
     """Return the (M, 3) best score of any other class at the place of each box, by modality."""
-    found, columns = scene.merged.detections, scene.merged.columns
-    best = np.zeros((len(found), len(MODALITIES)))
-    is_other = found.types[:, None] != found.types
-    if not is_other.any():
-        return best
-    is_other &= iou_px(found.boxes_px, found.boxes_px) > _SAME_PLACE_IOU
-    scores = np.where(is_other, found.scores, 0.0)
-    for column in range(len(MODALITIES)):
-        best[:, column] = scores[:, columns == column].max(axis=1, initial=0.0)
+    merged = scene.merged
+    is_other = ~merged.is_same_class & (merged.iou > _SAME_PLACE_IOU)
+    ones, others = np.nonzero(is_other)
+    best = np.zeros((len(is_other), len(MODALITIES)))
+    np.maximum.at(best, (ones, merged.columns[others]), merged.detections.scores[others])
     return best

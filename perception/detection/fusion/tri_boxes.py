@@ -12,7 +12,6 @@ import numpy as np
 
 from perception.detection.config import TRI_BOX_CONFIGS, TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.geometry.box_overlap_px import iou_px
 from perception.types import MODALITIES, Bool, Float64, Int
 
 
@@ -28,12 +27,10 @@ def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["feat
     merged = scene.merged
     if not len(merged.detections):
         return np.zeros((0, len(MODALITIES)), np.int64)
-    boxes_px, types = merged.detections.boxes_px, merged.detections.types
-    iou = iou_px(boxes_px, boxes_px)
-    is_same = (iou > config.min_iou) & (types[:, None] == types)
+    is_same = (merged.iou > config.min_iou) & merged.is_same_class
     if config.by_set:
         is_same = _in_one_set(is_same)
-    partners, counts = _partners(scene, np.where(is_same, iou, -1.0), config.max_partners)
+    partners, counts = _partners(scene, np.where(is_same, merged.iou, -1.0), config.max_partners)
     # Every choice of one partner in each modality, for every box: the digits of one number for each choice.
     choices = counts.prod(axis=1)
     box = np.repeat(np.arange(len(counts)), choices)
