@@ -33,25 +33,34 @@ lint: $(VENV)/.installed-dev
 PUBLIC_WEIGHTS ?= results/weights/yolox_nano.onnx
 SYNTH := results/weights/synth
 SHIPPED := perception/detection/weights
+CLASSES := Car,Van,Truck,Pedestrian,Cyclist
 weights: $(VENV)/.installed-dev
-	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 1600 --seed 1000
+	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 800 --seed 1000
+	$(BIN)/trifuse synth $(SYNTH)/train2 --layout object --frames 400 --seed 40000
+	$(BIN)/trifuse synth $(SYNTH)/train3 --layout object --frames 360 --seed 60000
+	$(BIN)/trifuse synth $(SYNTH)/depthcn --layout object --frames 1600 --seed 1000
 	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --seed 5000
 	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 240 --seed 9000
 	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
+	$(BIN)/trifuse synth $(SYNTH)/fusion2 --layout object --frames 120 --seed 80000
 	$(MAKE) $(PUBLIC_WEIGHTS)
 	$(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality rgb --config yolox \
 	  --model.weights.public $(PUBLIC_WEIGHTS) --out results/weights/rgb
 	$(BIN)/trifuse export results/weights/rgb/best.ckpt --out $(SHIPPED)/rgb_yolox.onnx --data $(SYNTH)/val
 	for modality in dm rm; do \
-	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
-	    --epochs 12 --out results/weights/$$modality && \
+	  $(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 --validation $(SYNTH)/val --modality $$modality \
+	    --model.classes $(CLASSES) --epochs 7 --out results/weights/$$modality-first && \
+	  $(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 $(SYNTH)/train3 --validation $(SYNTH)/val \
+	    --modality $$modality --model.classes $(CLASSES) --epochs 9 --seed 1 \
+	    --model.weights.checkpoint results/weights/$$modality-first/best.ckpt --out results/weights/$$modality && \
 	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
 	    --data $(SYNTH)/val --int8 && \
 	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
 	done
-	$(BIN)/trifuse train fusion $(SYNTH)/fusion --out results/weights/fusion
+	$(BIN)/trifuse train fusion $(SYNTH)/fusion $(SYNTH)/fusion2 --data.shares 75,15,10 \
+	  --epochs 8 --out results/weights/fusion
 	cp results/weights/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
-	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 6 --out results/weights/depthcn
+	$(BIN)/trifuse train depthcn $(SYNTH)/depthcn --validation $(SYNTH)/val --epochs 6 --out results/weights/depthcn
 	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test
 	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
