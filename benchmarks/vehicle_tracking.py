@@ -38,10 +38,10 @@ def compare_vehicle_trackers(prepared: PreparedDrive) -> Comparison:
     for name, detector in _networks().items():
         detections = [detector.detect(camera_image(frame)) for frame in prepared.frames]
         ours = _OurTracker(prepared.frames, poses, detections)
-        plain = _PlainTracker(detections)
+        reference = _ReferenceTracker(detections)
         contenders += [
             Contender(f"Trifuse: {name}", ours.run),
-            Contender(f"two thresholds in the image: {name}", plain.run),
+            Contender(f"two thresholds in the image: {name}", reference.run),
         ]
     columns = [
         metric("HOTA [%]", partial(_ratio, labels, "HOTA"), ".1f"),
@@ -92,7 +92,7 @@ class _OurTracker:
 
 
 @dataclass
-class _PlainTracker:
+class _ReferenceTracker:
     """The reference tracker in the image.
 
     Attributes:

@@ -68,8 +68,8 @@ class VehicleTrackerConfig:
         min_size_px: Minimum width and height in that share.
         max_walking_speed_m_s: Speed from which on a person rides; detectors see the rider of a cycle, too.
         class_change_cost: Cost of a detection of another class than that of the track.
-        max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 20
-            leaves out 1 of 360 true pairs (chi-squared, 6 degrees of freedom).
+        max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 30
+            leaves out 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
         position_noise_m: Standard deviation of a located position, at any distance.
         position_noise_per_m: Increase of that standard deviation with distance.
         sparse_noise_m: Standard deviation of a position located by one point; divided by the root of the number
@@ -101,11 +101,11 @@ class VehicleTrackerConfig:
     max_unseen_unconfirmed_s: float = 0.25
     max_unseen_s: float = 1.5
     min_iou: float = 0.1
-    side_deviation_share: float = 0.12
+    side_deviation_share: float = 0.14
     min_size_px: float = 4.0
     max_walking_speed_m_s: float = 3.0
-    class_change_cost: float = 5.0
-    max_cost: float = 20.0
+    class_change_cost: float = 10.0
+    max_cost: float = 30.0
     position_noise_m: float = 0.2
     position_noise_per_m: float = 0.01
     sparse_noise_m: float = 1.2

@@ -87,7 +87,8 @@ class VehicleObservations(ArrayTable):
         rows = np.flatnonzero(is_located)
         return cls(
             detections,
-            vehicles.fused.existence,
+            # What fits an object well exists at least as surely.
+            np.maximum(vehicles.fused.existence, detections.scores),
             assumed.replaced(rows, located[rows]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
