@@ -11,7 +11,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from perception.errors import MissingDependencyError, ModelError
+from perception.errors import ModelError
 
 Array = NDArray[Any]
 Value = TypeVar("Value")
@@ -104,7 +104,6 @@ class OnnxModel:
 
         Raises:
             ModelError: the file is missing, is no ONNX model, or does not meet the requirements.
-            MissingDependencyError: the package onnx is not installed, and the size in the file has to be removed.
         """
         self.name = file.name
         """Name of the file."""
@@ -218,12 +217,8 @@ def _content(file: Traversable) -> bytes:
 
 def _without_size(content: bytes) -> bytes:
     """Return a model whose images may have any height and width, and whose outputs any shape."""
-    try:
-        import onnx
-    except ImportError as error:
-        raise MissingDependencyError(
-            "onnx", needed_for="another input size than the file's", extra="train", reason=error
-        ) from error
+    import onnx
+
     model = onnx.load_from_string(content)
     for entry in model.graph.input:
         axes = entry.type.tensor_type.shape.dim

@@ -97,7 +97,6 @@ def open_network(file: Traversable | DescribedFile, threads: int) -> DetectorNet
     Raises:
         ModelError: the file holds no detector of a known form, or one of another input or classes.
         UsageError: the YAML file holds no description of a detector.
-        MissingDependencyError: the package onnx is not installed, and is needed for another size than the file's.
     """
     described = file if isinstance(file, DescribedFile) else described_file(file)
     model = OnnxModel(described.model, threads=threads)
