@@ -44,7 +44,8 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
 	$(BIN)/trifuse synth $(SYNTH)/fusion2 --layout object --frames 120 --seed 80000
 	$(MAKE) $(PUBLIC_WEIGHTS)
-	$(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality rgb --config yolox \
+	$(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 $(SYNTH)/train3 --validation $(SYNTH)/val \
+	  --modality rgb --config yolox \
 	  --model.weights.public $(PUBLIC_WEIGHTS) --out results/weights/rgb
 	$(BIN)/trifuse export results/weights/rgb/best.ckpt --out $(SHIPPED)/rgb_yolox.onnx --data $(SYNTH)/val
 	for modality in dm rm; do \

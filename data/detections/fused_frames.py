@@ -15,13 +15,12 @@ from perception.evaluation.detection.average_precision import (
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.evaluation_boxes import pair_boxes
-from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES, DetectionClass
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.evaluation.detection.reliability import Correctness, match_correctness
 from perception.types import MODALITIES, Detections, FusedDetections
 
 CAR = KITTI_CLASSES[0]
-# Any road user; other labels are neither right nor wrong.
-_ROAD_USER = DetectionClass("object", iou=0.5, neighbours=("other",))
+_MIN_OBJECT_IOU = 0.5  # above which a detection shows that an object is there
 
 
 @dataclass(frozen=True)
@@ -97,14 +96,16 @@ def class_correctness(
 
 
 def existence_correctness(frames: DetectedFrames, detections: DetectedBoxes) -> Correctness:
-    """Return which detections show a road user of any class; those on other labels are left out."""
-    types = np.char.lower(frames.truth.types.astype(np.str_))
-    is_road_user = np.isin(types, [name.lower() for name in CLASSES])
-    (other,) = _ROAD_USER.neighbours
-    names = np.where(is_road_user, _ROAD_USER.name, np.where(types == DONT_CARE, types, other))
-    truth = replace(frames.truth, types=names)
-    anonymous = replace(detections, types=np.full(len(detections), _ROAD_USER.name))
-    return match_correctness(pair_boxes(truth, anonymous, len(frames)), _ROAD_USER)
+    """Return which detections show a road user of any class, several of one object alike; those on other labels are left out."""
+    boxes = pair_boxes(frames.truth, detections, len(frames))
+    pairs = boxes.overlaps[boxes.overlaps.iou > _MIN_OBJECT_IOU]
+    is_road_user = np.isin(boxes.truth_types[pairs.truths], [name.lower() for name in CLASSES])
+    is_there = np.zeros(len(detections), bool)
+    is_there[pairs.detections[is_road_user]] = True
+    is_left_out = boxes.dont_care_shares > _MIN_OBJECT_IOU
+    is_left_out[pairs.detections[~is_road_user]] = True
+    counts = is_there | ~is_left_out
+    return Correctness(detections.scores[counts], is_there[counts])
 
 
 def boxes_by_detector(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
