@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from perception.errors import UsageError
-from perception.evaluation.detection.average_precision import match_detections, max_ap
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
     KITTI_CLASSES,
@@ -123,12 +120,16 @@ def range_name(range_m: tuple[float, float]) -> str:
 
 
 def _precision(frames: Sequence[RangedFrame], detection_class: DetectionClass) -> RangePrecision:
+    from perception.evaluation.detection.average_precision import match_detections, max_ap
+    from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+    from perception.evaluation.detection.evaluation_boxes import pair_boxes
+
     truths = TrueBoxes.of_frames([frame.labels for frame in frames])
     detected = DetectedBoxes.of_frames([frame.detections for frame in frames])
     neighbours = (*detection_class.neighbours, _ELSEWHERE)
-    wanted = replace(detection_class, neighbours=neighbours)
+    of_range = replace(detection_class, neighbours=neighbours)
     boxes = pair_boxes(truths, detected, len(frames))
-    curve = match_detections(boxes, [wanted], [_MODERATE])[wanted].curves().get(_MODERATE.name)
+    curve = match_detections(boxes, [of_range], [_MODERATE])[of_range].curves().get(_MODERATE.name)
     heights_px = truths.boxes_px[:, 3] - truths.boxes_px[:, 1]
     is_object = (truths.types == detection_class.name) & (heights_px > _MODERATE.min_height_px)
     is_object &= truths.occlusion <= _MODERATE.max_occlusion

@@ -109,6 +109,6 @@ def test_legs_move_with_the_phase():
 def test_drawn_configurations_differ_and_are_possible():
     rng = np.random.default_rng(0)
     drawn = [draw_config(rng) for _ in range(20)]
-    assert len({config.road.pavement_m for config in drawn}) == 20
+    assert len({(config.road.lane_m, config.road.pavement_m) for config in drawn}) == 20
     with fault(UsageError, expected="leader_gap_m from 9"):
         WorldConfig(leader_gap_m=3.0)
