@@ -164,8 +164,9 @@ def prepare_image(
     left, top, right, bottom = placement.region
     region, content = image[top:bottom, left:right], placement.content
     size_px = content.width_px, content.height_px
-    shrinks = content.width_px < region.shape[1] or content.height_px < region.shape[0]
-    smooth = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    # Down to a half, linear interpolation reads every pixel, in a seventh of the time.
+    skips = 2 * content.width_px < region.shape[1] or 2 * content.height_px < region.shape[0]
+    smooth = cv2.INTER_AREA if skips else cv2.INTER_LINEAR
     how = smooth if modality == "rgb" else cv2.INTER_NEAREST
     if size_px != region.shape[1::-1]:
         region = np.asarray(cv2.resize(region, size_px, interpolation=how), np.uint8)
