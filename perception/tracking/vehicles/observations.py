@@ -22,11 +22,13 @@ class FrameGeometry:
         stamp_s: Time of the scan.
         world_SE3_velo: (4, 4) pose of the LiDAR.
         image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
+        image_size_px: Width and height of the image.
     """
 
     stamp_s: float
     world_SE3_velo: Float64
     image_P_velo: Float64
+    image_size_px: tuple[int, int]
 
     @property
     def image_P_world(self) -> Float64:
@@ -40,6 +42,10 @@ class FrameGeometry:
         depth_scale = np.linalg.norm(rows[2])
         axis = rows[2] / depth_scale
         return float(np.linalg.norm(rows[1] - (rows[1] @ axis) * axis) / depth_scale)
+
+    def clip(self, boxes_px: Float64) -> Float64:
+        """Return the parts of (T, 4) boxes within the image."""
+        return np.clip(boxes_px, 0.0, np.tile(self.image_size_px, 2) - 1.0)
 
     def project(self, points_world: Float64) -> Float64:
         """Return (T, 3) column, row and depth of (T, 3) points; NaN behind the camera."""

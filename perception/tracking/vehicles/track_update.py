@@ -25,11 +25,11 @@ def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig
 
 
 def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry) -> Float64:
-    """Return (T, 4) the predicted box of each track in the image, which moves and grows as its 3D box; NaN behind the camera."""
+    """Return (T, 4) the predicted box of each track within the image, which moves and grows as its 3D box; NaN behind the camera."""
     now_px = frame.project(tracks.middles_world)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
-    return np.asarray((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
+    return frame.clip((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
 
 
 def init_tracks(

@@ -79,8 +79,10 @@ class VehicleTracker:
         """
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
             self.clear()
-        calibration, _ = camera_of(frame)
-        frame_geometry = FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
+        calibration, size_px = camera_of(frame)
+        frame_geometry = FrameGeometry(
+            frame.stamp_s, world_SE3_velo, calibration.image_P_velo, size_px
+        )
         observations = VehicleObservations.of(vehicles, frame_geometry, self._config)
         self._predict(frame_geometry)
         self._learn_classes(observations.detections.types)

@@ -10,7 +10,7 @@ from perception.tracking.vehicles.observations import FrameGeometry, VehicleObse
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
 
 _POSE = se3.from_euler(0.01, -0.02, 0.6, np.array([100.0, -50.0, 3.0]))
-_GEOMETRY = FrameGeometry(0.0, _POSE, CALIBRATION.image_P_velo)
+_GEOMETRY = FrameGeometry(0.0, _POSE, CALIBRATION.image_P_velo, (1242, 375))
 
 
 def test_a_pixel_and_its_depth_are_the_point_again():
@@ -23,6 +23,13 @@ def test_a_pixel_and_its_depth_are_the_point_again():
 
 def test_the_focal_length_is_that_of_the_camera():
     assert pytest.approx(720.0) == _GEOMETRY.focal_px
+
+
+def test_a_box_that_leaves_the_image_ends_at_its_edge():
+    boxes_px = np.array([[-30.0, 246.0, 98.0, 400.0], [1200.0, -5.0, 1300.0, 90.0], [np.nan] * 4])
+    np.testing.assert_array_equal(
+        _GEOMETRY.clip(boxes_px), [[0, 246, 98, 374], [1200, 0, 1241, 90], [np.nan] * 4]
+    )
 
 
 def test_a_detection_without_returns_is_about_where_its_height_says():

@@ -287,6 +287,13 @@ def test_detections_of_low_scores_continue_a_track():
     assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(5)] == [[0]] * 5
 
 
+def test_a_car_that_leaves_the_image_has_its_box_within():
+    drive, world = Drive(speed_m_s=20.0), cars((20.0, 5.0, 0.0))
+    left_px = [drive.observe(world).vehicles.fused.detections.boxes_px[0, 0] for _ in range(8)]
+    assert left_px[0] > 300.0
+    assert left_px[-2:] == [0.0, 0.0]
+
+
 def test_a_car_that_overtakes_another_keeps_its_id():
     drive, pair = Drive(), cars((15.0, 1.5, 0.0), (30.0, -1.5, 0.0))
     for step in range(30):
