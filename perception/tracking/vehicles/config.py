@@ -93,7 +93,7 @@ class VehicleTrackerConfig:
         shared_ids: Common ids with the tracks of moving objects.
     """
 
-    min_existence: float = 0.1
+    min_existence: float = 0.2
     new_track_existence: float = 0.5
     high_existence: float = 0.5
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)

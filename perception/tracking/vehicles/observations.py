@@ -70,17 +70,23 @@ class VehicleObservations(ArrayTable):
 
     Attributes:
         detections: (D) detections in the image.
-        existence: (D,) probability that an object is there.
         boxes_world: (D) boxes in the world; of a detection without returns without extent but the assumed height.
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
     """
 
     detections: Detections
-    existence: Float64
     boxes_world: Boxes3D
     is_located: Bool
     noise: Annotated[Float64, 2, 2]
+
+    @property
+    def existence(self) -> Float64:
+        """(D,) probability that an object is there: at least that its box fits.
+
+        Mere existence, as the fusion predicts it, is too sure on real streets.
+        """
+        return self.detections.scores
 
     @classmethod
     def of(cls, vehicles: Vehicles, frame: FrameGeometry, config: VehicleTrackerConfig) -> Self:
@@ -93,8 +99,6 @@ class VehicleObservations(ArrayTable):
         rows = np.flatnonzero(is_located)
         return cls(
             detections,
-            # What fits an object well exists at least as surely.
-            np.maximum(vehicles.fused.existence, detections.scores),
             assumed.replaced(rows, located[rows]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),

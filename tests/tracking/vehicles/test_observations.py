@@ -1,5 +1,7 @@
 """Where detections are in the world: by their returns, else by their height in the image."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,13 @@ def test_a_box_that_leaves_the_image_ends_at_its_edge():
     np.testing.assert_array_equal(
         _GEOMETRY.clip(boxes_px), [[0, 246, 98, 374], [1200, 0, 1241, 90], [np.nan] * 4]
     )
+
+
+def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
+    fused = replace(detected(cars((20.0, 4.0, 0.0)), 0.3), existence=np.array([0.97]))
+    vehicles = locate(fused, frame_of(road()), FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, VehicleTrackerConfig())
+    np.testing.assert_array_equal(seen.existence, [0.3])
 
 
 def test_a_detection_without_returns_is_about_where_its_height_says():

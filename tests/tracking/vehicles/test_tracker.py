@@ -287,6 +287,13 @@ def test_detections_of_low_scores_continue_a_track():
     assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(5)] == [[0]] * 5
 
 
+def test_detections_of_the_lowest_scores_continue_no_track():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        drive.observe(world)
+    assert drive.observe(world, scores=0.15).vehicles.ids.tolist() == [-1]
+
+
 def test_a_car_that_leaves_the_image_has_its_box_within():
     drive, world = Drive(speed_m_s=20.0), cars((20.0, 5.0, 0.0))
     left_px = [drive.observe(world).vehicles.fused.detections.boxes_px[0, 0] for _ in range(8)]
