@@ -8,6 +8,7 @@ import pytest
 
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
+from perception.detection.onnx_model import shipped_model
 
 ROOT = Path(__file__).parents[1]
 SCANS = 12  # that are left of a raw drive
@@ -49,8 +50,10 @@ def place(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def kitti(place, kitti_root) -> Path:
-    """Return a folder of KITTI's layouts where the commands look for it; its raw drives are short."""
+    """Return a folder of KITTI's layouts, of short raw drives, and of a detector where the commands look for them."""
     (place / "kitti").mkdir()
+    (place / "detector.onnx").write_bytes(shipped_model("rgb_yolox").read_bytes())
+    (place / "detector.yaml").write_text("model: detector.onnx\n")
     for layout in ("tracking", "object"):
         (place / "kitti" / layout).symlink_to(kitti_root / layout)
     for file in (kitti_root / "raw").rglob("*.*"):
