@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick lint bench weights thesis format clean help
+.PHONY: demo test quick lint bench bench-compare weights thesis format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
@@ -13,6 +13,7 @@ help:
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
 	@echo "make thesis train and measure all of the thesis' section 7.2, as long as STEPS says"
 	@echo "make bench  every stage beside its reference implementation and the best library"
+	@echo "make bench-compare REV=main   processor time of each stage beside that of another revision, in turns"
 
 demo: $(VENV)/.installed
 	$(BIN)/trifuse demo
@@ -87,6 +88,12 @@ format: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev $(VENV)/.installed-bench
 	$(BIN)/trifuse bench
+
+# On a synthetic street, or on real frames where KITTI_ROOT is set.
+REV ?= main
+bench-compare: $(VENV)/.installed-dev
+	$(BIN)/python -m perception bench --compare $(REV) \
+	  $(if $(KITTI_ROOT),--drive $(KITTI_ROOT)/tracking --sequence 0000) $(FLAGS)
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -1,7 +1,10 @@
 """`trifuse bench`."""
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal
 
 from data.results.command_config import SECTION, CommandConfig
@@ -32,6 +35,7 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
     part: BenchmarkPart = "all",
     frames: int = 30,
     chain_frames: int = 150,
+    compare: str | None = None,
     detection: DetectionConfig = _DETECTION,
 ) -> None:
     """Time every stage beside its reference implementation, the thesis' method and the best library.
@@ -48,12 +52,17 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
         frames: Number of frames for each stage.
         chain_frames: Number of frames for the chain and the pipeline, back and forth over the drive; 1000 show
             that the memory is bounded.
+        compare: Revision, as git knows it, with which this source tree takes turns: processor time of each stage
+            of the default pipeline, in place of all other parts.
         detection: Detectors of the pipeline.
     """
     from benchmarks import comparisons, pipeline, stages
     from data.results.documents import describe_machine, write_json
     from perception.geometry.threads import limit_blas_threads
 
+    if compare is not None:
+        _compare_with_revision(compare, drive, source, report, frames)
+        return
     opened = _open(drive, source, frames, part)
     machine = describe_machine()
     print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
@@ -88,6 +97,36 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
         document[name] = comparison.to_json()
     if report.json is not None:
         write_json(report.json, document)
+
+
+def _compare_with_revision(
+    revision: str, drive: Path | None, source: SourceFlags, report: ReportFlags, frames: int
+) -> None:
+    """Print the processor time of each stage in this source tree and in another revision."""
+    from benchmarks.revisions import compare_with_revision
+    from data.results.documents import describe_machine, write_json
+
+    with _on_disk(drive, source, frames) as path:
+        table = compare_with_revision(revision, path, frames, source.sequence, source.sensor)
+    machine = describe_machine()
+    _print(f"{table.text()}\non {machine}")
+    if report.json is not None:
+        write_json(report.json, {"machine": machine, "stages": table.to_json()})
+
+
+@contextmanager
+def _on_disk(drive: Path | None, source: SourceFlags, frames: int) -> Iterator[Path]:
+    """Yield the path of the drive, or of a synthetic one, which two processes read."""
+    if drive is not None:
+        yield drive
+        return
+    from benchmarks.revisions import WARM_UP
+    from data.synthetic.collection import SynthConfig, write_drives
+    from perception.sensor import HDL_64E, load_sensor
+
+    sensor = load_sensor(source.sensor) if source.sensor else HDL_64E
+    with TemporaryDirectory(prefix="trifuse-") as folder:
+        yield write_drives(Path(folder), SynthConfig(frames=WARM_UP + frames, sensor=sensor))[0]
 
 
 def _print(table: str) -> None:

@@ -1,0 +1,209 @@
+"""Two revisions of the source tree on the same frames in turns: processor time of each stage, and its ratio.
+
+    frames   0..4    5..9          5..9    10..14        10..14 ...
+    process  this    this - other  other - other - this  this   ...
+
+Both run one stage after another with one thread each, and are measured in processor time. A frame of one is compared
+with the same frame of the other, computed moments before or after, so that the ratio holds on a busy machine.
+"""
+
+import io
+import json
+import os
+import subprocess
+import sys
+import tarfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import numpy as np
+
+from benchmarks.revision_worker import FRAME, SORTED
+from perception.errors import PerceptionError, UsageError
+from perception.evaluation.report import Metric, Metrics, Table
+
+ROOT = Path(__file__).parents[1]
+THIS_TREE = "this source tree"
+IN_SORTS = "all of a frame / sort"
+# Frames before the first that is compared: registration has its window of scans then, kernels are compiled.
+WARM_UP = 8
+# Frames that one process computes before it is the other's turn: few, so that both meet the same load.
+_TURN = 4
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+)
+
+# Time in seconds by stage, of each frame.
+StageSeconds = Sequence[Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class StageRatio(Metrics):
+    """Processor time of one stage in both revisions.
+
+    Attributes:
+        other_ms: Median time in the other revision in milliseconds; None where it has no such stage.
+        this_ms: Median time in this source tree in milliseconds; None where it has no such stage.
+        ratio: Median over the frames of the time in this source tree, relative to that in the other revision.
+        ratio_p25: First quartile of the same ratio.
+        ratio_p75: Third quartile of the same ratio.
+    """
+
+    other_ms: Annotated[float | None, Metric("other [ms]", ".2f")]
+    this_ms: Annotated[float | None, Metric("this [ms]", ".2f")]
+    ratio: Annotated[float | None, Metric("this / other", ".2f")]
+    ratio_p25: Annotated[float | None, Metric("p25", ".2f")]
+    ratio_p75: Annotated[float | None, Metric("p75", ".2f")]
+
+
+def compare_with_revision(
+    revision: str, drive: Path, frames: int, sequence: str | None = None, sensor: str | None = None
+) -> Table[StageRatio]:
+    """Return the processor time of each stage in this source tree and in another revision.
+
+    Args:
+        revision: Name of the other revision, as git knows it.
+        drive: Drive, in any layout.
+        frames: Number of compared frames, after those that warm up.
+        sequence: Sequence of the drive.
+        sensor: LiDAR model; else that which the drive states.
+
+    Raises:
+        UsageError: There is no such revision, or too few frames.
+        PerceptionError: One of the processes has ended.
+    """
+    with ExitStack() as on_exit:
+        tree = on_exit.enter_context(source_tree(revision))
+        words = (str(drive.resolve()), sequence or "", sensor or "")
+        other = on_exit.enter_context(_RevisionProcess(revision, tree, words))
+        this = on_exit.enter_context(_RevisionProcess(THIS_TREE, ROOT, words))
+        times: tuple[list[Mapping[str, float]], ...] = ([], [])
+        for number, (first, last) in enumerate(_turns(frames)):
+            sides = ((other, times[0]), (this, times[1]))
+            for process, measured in sides if number % 2 else reversed(sides):
+                measured.extend(process.run(first, last))
+    compared = [of_one[WARM_UP:] for of_one in times]
+    if not compared[0]:
+        raise UsageError(
+            str(drive),
+            expected=f"more than the {WARM_UP} frames that warm up",
+            found=str(len(times[0])),
+        )
+    count = f"{len(compared[0])} frames of {drive.name}"
+    return stage_ratios(f"processor time of {THIS_TREE} and of {revision}, {count}", *compared)
+
+
+def stage_ratios(title: str, other: StageSeconds, this: StageSeconds) -> Table[StageRatio]:
+    """Return the table of all stages of either revision.
+
+    Args:
+        title: Title of the table.
+        other: Times of the other revision.
+        this: Times of this source tree, of the same frames.
+    """
+    stages = dict.fromkeys(stage for frame in (*this, *other) for stage in frame)
+    ordered = [*(stage for stage in stages if stage not in (FRAME, SORTED)), FRAME, SORTED]
+    rows = {stage: _ratio(_seconds(other, stage), _seconds(this, stage)) for stage in ordered}
+    in_sorts = [_seconds(side, FRAME) / _seconds(side, SORTED) / 1e3 for side in (other, this)]
+    rows[IN_SORTS] = _ratio(*in_sorts)
+    note = f"{IN_SORTS}: a number of sorts, not milliseconds"
+    return Table(title, StageRatio.columns(), rows, heading="stage", notes=(note,))
+
+
+@contextmanager
+def source_tree(revision: str) -> Iterator[Path]:
+    """Write the source tree of a revision to a temporary folder.
+
+    Args:
+        revision: Name of the revision, as git knows it.
+
+    Raises:
+        UsageError: There is no such revision, or this is no clone of the repository.
+    """
+    command = ["git", "-C", str(ROOT), "archive", "--format=tar", revision]
+    try:
+        archive = subprocess.run(command, capture_output=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError) as error:
+        said = getattr(error, "stderr", b"").decode().strip() or str(error)
+        raise UsageError(
+            f"--compare {revision}",
+            expected="a revision that git knows",
+            found=said.splitlines()[0],
+        ) from error
+    with TemporaryDirectory(prefix="trifuse-") as folder:
+        with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
+            tar.extractall(folder, filter="data")
+        yield Path(folder)
+
+
+class _RevisionProcess:
+    """The process that runs the pipeline of one source tree; a context manager, which ends it."""
+
+    def __init__(self, name: str, tree: Path, words: Sequence[str]) -> None:
+        """Start the process.
+
+        Args:
+            name: Name of the revision.
+            tree: Source tree.
+            words: Path, sequence and sensor of the drive.
+        """
+        self._name = name
+        worker = Path(__file__).with_name("revision_worker.py")
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", str(worker), *words],
+            env={**os.environ, **_ONE_THREAD, "PYTHONPATH": str(tree)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> "_RevisionProcess":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._process.communicate()
+
+    def run(self, first: int, last: int) -> list[Mapping[str, float]]:
+        """Return the times of a range of frames.
+
+        Raises:
+            PerceptionError: The process has ended.
+        """
+        assert self._process.stdin is not None and self._process.stdout is not None
+        try:
+            print(first, last, file=self._process.stdin, flush=True)
+            times: list[Mapping[str, float]] = json.loads(self._process.stdout.readline())
+        except (BrokenPipeError, json.JSONDecodeError) as error:
+            raise PerceptionError(
+                f"pipeline of {self._name}",
+                expected="a process that runs until the last frame",
+                found=f"a process that has ended with exit code {self._process.wait()}",
+                advice="look for its message above",
+            ) from error
+        return times
+
+
+def _turns(frames: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last frame of each turn, the first of which warms up."""
+    yield 0, WARM_UP
+    for first in range(WARM_UP, WARM_UP + frames, _TURN):
+        yield first, min(first + _TURN, WARM_UP + frames)
+
+
+def _seconds(frames: StageSeconds, stage: str) -> "np.ndarray[Any, np.dtype[np.float64]]":
+    return np.array([frame.get(stage, np.nan) for frame in frames])
+
+
+def _ratio(other_s: Any, this_s: Any) -> StageRatio:  # noqa: ANN401 - arrays, as above
+    """Return the comparison of one stage, frame by frame."""
+    medians = (_percentile(1e3 * seconds, 50) for seconds in (other_s, this_s))
+    return StageRatio(*medians, *(_percentile(this_s / other_s, q) for q in (50, 25, 75)))
+
+
+def _percentile(values: Any, percent: float) -> float | None:  # noqa: ANN401 - an array, as above
+    known = values[np.isfinite(values)]
+    return float(np.percentile(known, percent)) if known.size else None
