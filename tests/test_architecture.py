@@ -10,6 +10,7 @@ ROOT = Path(__file__).parents[1]
 # Lowest first; a module may import its own layer and the layers below it.
 LAYERS = [
     {"perception.types", "perception.errors", "perception.sensor", "perception.atomic_file"},
+    {"perception.kernels"},
     {"perception.geometry"},
     {"perception.localization"},
     {"perception.obstacles", "perception.datmo", "perception.maps", "perception.tracking"},

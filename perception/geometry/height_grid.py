@@ -8,12 +8,13 @@ y ^   n3 ---- n4         Heights live at the nodes, numbered along y first. Betw
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Annotated
+from typing import Annotated, cast
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import solveh_banded
+from scipy.linalg.lapack import dpbsv
 
+from perception.kernels.heights import GridNumbers, add_normal_equations, distances_from_surface
 from perception.types import ArrayTable, Float, Float64, Int
 
 
@@ -78,6 +79,11 @@ class HeightGrid:
         """Number of nodes."""
         return self.nodes_x * self.nodes_y
 
+    @property
+    def numbers(self) -> GridNumbers:
+        """The grid as compiled functions take it."""
+        return self.x0_m, self.y0_m, self.cell_m, self.nodes_x, self.nodes_y
+
     @cached_property
     def nodes_xy_m(self) -> Float64:
         """(size, 2) positions of the nodes."""
@@ -98,39 +104,31 @@ class HeightGrid:
             weights=np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v]),
         )
 
-    @property
-    def roughness(self) -> Float64:
-        """The matrix of the sum of squared second differences, in LAPACK's upper banded form; not to be changed."""
-        return _roughness(self.nodes_x, self.nodes_y)
-
-    @property
-    def _bandwidth(self) -> int:
-        return 2 * self.nodes_y
-
     def fit(
-        self, samples: HeightSamples, place: BilinearWeights, stiffness: float, prior_m: Float64
+        self,
+        samples: HeightSamples,
+        stiffness: float,
+        prior_m: Float64,
+        scales_m: tuple[float, float] = (np.inf, np.inf),
     ) -> Float64:
         """Return (size,) heights that minimise squared misfits + stiffness x roughness.
 
         Args:
             samples: Heights that the surface is fitted to.
-            place: Position of the samples between the nodes, from `bilinear`.
             stiffness: Weight of the squared second differences between nodes.
-            prior_m: (size,) heights used, with next to no weight, where nothing else determines the surface.
+            prior_m: (size,) heights from which residuals are taken, and which are used, with next to no weight, where
+                nothing else determines the surface.
+            scales_m: Scales in metres of the robust weights of residuals below and above; infinite for equal weights.
         """
-        banded = stiffness * self.roughness
-        banded[-1] += _PRIOR_WEIGHT
+        banded = stiffness * _roughness(self.nodes_x, self.nodes_y)
+        banded[:, -1] += _PRIOR_WEIGHT
         right = _PRIOR_WEIGHT * prior_m
-        weighted = samples.weights * place.weights
-        offsets = (0, 1, self.nodes_y, self.nodes_y + 1)
-        for a in range(4):
-            right += np.bincount(place.nodes[a], weighted[a] * samples.points[:, 2], self.size)
-            for b in range(a, 4):
-                shares = np.bincount(place.nodes[b], weighted[a] * place.weights[b], self.size)
-                banded[self._bandwidth - offsets[b] + offsets[a]] += shares
-        return np.asarray(
-            solveh_banded(banded, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
+        right += add_normal_equations(
+            samples.points, samples.weights, prior_m, scales_m, self.numbers, banded
         )
+        # Without the checks and copies of scipy.linalg: the matrix is positive definite by the prior.
+        _, heights_m, _ = dpbsv(banded.T, right, overwrite_ab=True, overwrite_b=True)
+        return np.asarray(heights_m)
 
 
 @dataclass(frozen=True)
@@ -151,27 +149,8 @@ class HeightSurface:
 
     def distance_m(self, points_velo: Float) -> Float:
         """Return (N,) signed distances of (N, 3+) points from the surface, along its cell's normal."""
-        grid, dtype = self.grid, points_velo.dtype
-        u = (points_velo[:, 0] - dtype.type(grid.x0_m)) * dtype.type(1 / grid.cell_m)
-        v = (points_velo[:, 1] - dtype.type(grid.y0_m)) * dtype.type(1 / grid.cell_m)
-        # Truncation instead of the floor: positions beyond the lower edge are clipped to cell 0 as well.
-        i = np.clip(u.astype(np.int32), 0, grid.nodes_x - 2)
-        j = np.clip(v.astype(np.int32), 0, grid.nodes_y - 2)
-        cells = i * (grid.nodes_y - 1) + j
-        a, b, c, d, normal_z = self._cells.astype(dtype).take(cells, axis=1)
-        u, v = u - i.astype(dtype), v - j.astype(dtype)
-        return np.asarray((points_velo[:, 2] - (a + b * u + (c + d * u) * v)) * normal_z)
-
-    @cached_property
-    def _cells(self) -> Float64:
-        """(5, cells) a, b, c, d of each cell and the z of its unit normal."""
-        nodes = self.heights_m.reshape(self.grid.nodes_x, self.grid.nodes_y)
-        a = nodes[:-1, :-1]
-        b, c = nodes[1:, :-1] - a, nodes[:-1, 1:] - a
-        d = nodes[1:, 1:] - a - b - c
-        slopes = (b + d / 2) / self.grid.cell_m, (c + d / 2) / self.grid.cell_m
-        normal_z = 1 / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
-        return np.stack([a, b, c, d, normal_z]).reshape(5, -1)
+        points = cast(Float, np.ascontiguousarray(points_velo))
+        return distances_from_surface(points, self.heights_m, self.grid.numbers)
 
 
 _PRIOR_WEIGHT = 1e-3  # against the 1 of a sample
@@ -180,6 +159,7 @@ _PRIOR_WEIGHT = 1e-3  # against the 1 of a sample
 # Cached here and not in the grids, which are sent from one process to another with every frame.
 @lru_cache(maxsize=16)
 def _roughness(nodes_x: int, nodes_y: int) -> Float64:
+    """Return the matrix of the sum of squared second differences, the transpose of LAPACK's upper banded form."""
     along_x, along_y = sparse.identity(nodes_x), sparse.identity(nodes_y)
     differences = sparse.vstack(
         [
@@ -190,8 +170,8 @@ def _roughness(nodes_x: int, nodes_y: int) -> Float64:
     )
     product = sparse.triu(differences.T @ differences).tocoo()
     bandwidth = 2 * nodes_y
-    banded = np.zeros((bandwidth + 1, nodes_x * nodes_y))
-    banded[bandwidth + product.row - product.col, product.col] = product.data
+    banded = np.zeros((nodes_x * nodes_y, bandwidth + 1))
+    banded[product.col, bandwidth + product.row - product.col] = product.data
     return banded
 
 

@@ -16,29 +16,19 @@ import numpy as np
 from perception.geometry.grids import LocalArea
 from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 from perception.geometry.se3 import inverse
+from perception.kernels.heights import (
+    lowest_of_cells,
+    points_over_cells,
+    robust_plane,
+    sums_of_cells,
+)
 from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.config import GroundSurfaceConfig
 from perception.sensor import LidarModel
-from perception.types import ArrayTable, Bool, Float32, Float64, Int
+from perception.types import Bool, Float32, Float64, Int
 
-
-@dataclass(frozen=True)
-class _CellPoints(ArrayTable):
-    """Points of one scan on or near the ground, and the small cell of each.
-
-    Attributes:
-        x, y, z: (N,) metres.
-        cells: (N,) number of the cell.
-    """
-
-    x: Float32
-    y: Float32
-    z: Float32
-    cells: Int
-
-    @property
-    def xyz(self) -> Float64:
-        return np.column_stack([self.x, self.y, self.z]).astype(np.float64)
+_PLANE_ROUNDS = 12
+_PLANE_SAMPLE = 1200  # points are plenty for three numbers
 
 
 @dataclass(frozen=True)
@@ -69,6 +59,9 @@ class GroundSurfaceEstimator:
         self._stiff = HeightGrid.covering(low_m, high_m, 2 * self._config.cell_m)
         self._fine = HeightGrid.covering(low_m, high_m, self._config.cell_m)
         self._samples = HeightGrid.covering(low_m, high_m, self._config.sample_m)
+        cell_centers_m = self._samples.nodes_xy_m + self._samples.cell_m / 2
+        self._stiff_at_cells = self._stiff.bilinear(cell_centers_m)
+        self._stiff_at_fine = self._stiff.bilinear(self._fine.nodes_xy_m)
         self._footing = _footing(sensor.height_m)
         self._memories: deque[_Memory] = deque(maxlen=self._config.remembered_scans)
         self._updates = 0
@@ -84,43 +77,35 @@ class GroundSurfaceEstimator:
             self._memories.clear()
             self._updates = 0
         scan, config = window.newest, self._config
-        points = self._points_over_grid(scan)
+        stride = max(-(-len(scan.points_velo) // config.max_points), 1)
+        points, cells = points_over_cells(scan.points_velo, stride, self._samples.numbers)
         memory = self._recall(scan.world_SE3_velo)
-        stiff = self._stiff_surface(self._lowest(points).joined(memory))
-        averages, is_clean = self._averages(points, stiff)
+        stiff = self._stiff_surface(self._lowest(points, cells).joined(memory))
+        averages, is_clean = self._averages(points, cells, stiff)
         samples = averages.joined(self._gaps(memory, averages))
-        coarse_m = self._stiff.bilinear(self._fine.nodes_xy_m).interpolate(stiff)
+        coarse_m = self._stiff_at_fine.interpolate(stiff)
         fine = self._robust_fit(
             self._fine, samples, coarse_m, config.scales_m, config.fine_stiffness
         )
         self._remember(averages[is_clean], scan)
         return HeightSurface(self._fine, fine)
 
-    def _points_over_grid(self, scan: PosedScan) -> _CellPoints:
-        """Return the points over the grid, up to where obstacles matter."""
-        stride = max(-(-len(scan.points_velo) // self._config.max_points), 1)
-        x, y, z = scan.points_velo[::stride, :3].T.copy()
-        grid = self._samples
-        per_m = np.float32(1 / grid.cell_m)
-        i, j = (x - np.float32(grid.x0_m)) * per_m, (y - np.float32(grid.y0_m)) * per_m
-        inside = (i >= 0) & (i < grid.nodes_x - 1) & (j >= 0) & (j < grid.nodes_y - 1)
-        rows = np.flatnonzero(inside)
-        cells = i[rows].astype(np.int64) * grid.nodes_y + j[rows].astype(np.int64)
-        return _CellPoints(x[rows], y[rows], z[rows], cells)
-
-    def _lowest(self, points: _CellPoints) -> HeightSamples:
+    def _lowest(self, points: Float32, cells: Int) -> HeightSamples:
         """Return the lowest point of each small cell, where its height can be that of the ground."""
-        off_level_m = np.abs(points.z + self._height_m)
-        reach_m = np.hypot(points.x, points.y)
-        points = points[off_level_m < self._config.max_step_m + self._config.max_slope * reach_m]
-        lowest_m = np.full(self._samples.size, np.inf, np.float32)
-        np.minimum.at(lowest_m, points.cells, points.z)
-        lowest = points[points.z == lowest_m[points.cells]]
-        return HeightSamples(lowest.xyz, np.ones(len(lowest.z)))
+        lowest = lowest_of_cells(
+            points,
+            cells,
+            self._samples.size,
+            -self._height_m,
+            self._config.max_step_m,
+            self._config.max_slope,
+        )
+        return HeightSamples(lowest, np.ones(len(lowest)))
 
     def _stiff_surface(self, samples: HeightSamples) -> Float64:
         config = self._config
-        plane = _robust_plane(samples.points, self._height_m)
+        sample = samples.points[:: max(1, len(samples) // _PLANE_SAMPLE)]
+        plane = robust_plane(np.ascontiguousarray(sample), -self._height_m, _PLANE_ROUNDS)
         plane_m = self._stiff.nodes_xy_m @ plane[:2] + plane[2]
         return self._robust_fit(
             self._stiff, samples, plane_m, config.stiff_scales_m, config.stiffness
@@ -134,35 +119,29 @@ class GroundSurfaceEstimator:
         scales_m: tuple[float, ...],
         stiffness: float,
     ) -> Float64:
-        """Fit repeatedly, with less weight for samples of larger residual (Geman-McClure)."""
-        place, heights_m = grid.bilinear(samples.points), start_m
+        """Fit repeatedly, with less weight for samples of larger residual."""
+        heights_m = start_m
         for scale_m in scales_m:
-            misfit_m = samples.points[:, 2] - place.interpolate(heights_m)
-            scale = np.where(misfit_m < 0, scale_m * self._config.low_scale_ratio, scale_m)
-            weights = samples.weights / (1 + (misfit_m / scale) ** 2) ** 2
-            weighted = HeightSamples(samples.points, weights)
-            heights_m = grid.fit(weighted, place, stiffness, heights_m)
+            low_m = scale_m * self._config.low_scale_ratio
+            heights_m = grid.fit(samples, stiffness, heights_m, (low_m, scale_m))
         return heights_m
 
-    def _averages(self, points: _CellPoints, stiff_m: Float64) -> tuple[HeightSamples, Bool]:
+    def _averages(
+        self, points: Float32, cells: Int, stiff_m: Float64
+    ) -> tuple[HeightSamples, Bool]:
         """Average the points near the first surface by small cells.
 
         Returns:
             The averages, and which of them come from cells without obstacles.
         """
-        config, size = self._config, self._samples.size
-        centers = self._samples.nodes_xy_m + self._samples.cell_m / 2
-        ground_m = self._stiff.bilinear(centers).interpolate(stiff_m).astype(np.float32)
-        above_m = points.z - ground_m[points.cells]
-        low_m, high_m = config.obstacle_band_m
-        above_ground = points.cells[(above_m > low_m) & (above_m < high_m)]
-        near = points[np.abs(above_m) < config.band_m]
-        counts = np.bincount(near.cells, minlength=size)
-        seen = np.flatnonzero(counts)
-        sums = [np.bincount(near.cells, values, size)[seen] for values in (near.x, near.y, near.z)]
-        means = np.column_stack(sums) / counts[seen, None]
-        weights = np.minimum(counts[seen], config.full_count) / config.full_count
-        return HeightSamples(means, weights), np.bincount(above_ground, minlength=size)[seen] == 0
+        config, ground_m = self._config, self._stiff_at_cells.interpolate(stiff_m)
+        sums, has_obstacle = sums_of_cells(
+            points, cells, ground_m, config.band_m, *config.obstacle_band_m
+        )
+        seen = np.flatnonzero(sums[:, 3])
+        counts = sums[seen, 3]
+        weights = np.minimum(counts, config.full_count) / config.full_count
+        return HeightSamples(sums[seen, :3] / counts[:, None], weights), ~has_obstacle[seen]
 
     def _recall(self, world_SE3_velo: Float64) -> HeightSamples:
         """Return the remembered averages and the ground below the vehicle, in the newest scan's frame, inside the grid."""
@@ -194,35 +173,6 @@ class GroundSurfaceEstimator:
         if self._updates % self._config.remember_every == 0:
             self._memories.append(_Memory(clean, scan.world_SE3_velo))
         self._updates += 1
-
-
-_PLANE_ROUNDS = 12
-_PLANE_SAMPLE = 1200  # points are plenty for three numbers
-_PLANE_PRIOR = np.array(
-    [30.0, 30.0, 1.0]
-)  # level ground at the sensor's height, as if observed once
-
-
-def _robust_plane(points: Float64, height_m: float) -> Float64:
-    """Fit z = p x + q y + r to (N, 3) low points, starting from level ground, as (p, q, r).
-
-    The scale of the robust weights grows with range, as slopes do, and shrinks round by round.
-    """
-    points = points[:: max(1, len(points) // _PLANE_SAMPLE)]
-    basis = np.column_stack([points[:, :2], np.ones(len(points))])
-    range_m = np.hypot(points[:, 0], points[:, 1])
-    level = np.array([0.0, 0.0, -height_m])
-    plane = level
-    for number in range(_PLANE_ROUNDS):
-        scale_m = np.maximum(0.08, (0.25 + 0.06 * range_m) * 0.7**number)
-        misfit_m = points[:, 2] - basis @ plane
-        scale_m = np.where(misfit_m < 0, 2 * scale_m, scale_m)
-        weighted = basis / (1 + (misfit_m / scale_m) ** 2)[:, None] ** 2
-        plane = np.linalg.solve(
-            weighted.T @ basis + np.diag(_PLANE_PRIOR),
-            weighted.T @ points[:, 2] + _PLANE_PRIOR * level,
-        )
-    return plane
 
 
 def _footing(height_m: float) -> HeightSamples:

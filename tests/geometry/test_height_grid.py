@@ -63,7 +63,7 @@ def test_fit_equals_the_dense_least_squares(stiffness: float) -> None:
                 add(2 * stiffness, {n: 1, n + 1: -1, n + 5: -1, n + 6: 1}, 0)
             add(1e-3, {n: 1}, prior_m[n])
     expected = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0]
-    found = GRID.fit(samples, GRID.bilinear(samples.points), stiffness, prior_m)
+    found = GRID.fit(samples, stiffness, prior_m)
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
@@ -72,14 +72,14 @@ def test_a_plane_is_fitted_exactly_however_stiff() -> None:
     points = np.column_stack([xy, 0.3 * xy[:, 0] - 0.2 * xy[:, 1] + 1.0])
     samples = HeightSamples(points, np.ones(30))
     truth = 0.3 * GRID.nodes_xy_m[:, 0] - 0.2 * GRID.nodes_xy_m[:, 1] + 1.0
-    found = GRID.fit(samples, GRID.bilinear(points), 1e3, truth)
+    found = GRID.fit(samples, 1e3, truth)
     np.testing.assert_allclose(found, truth, atol=1e-9)
 
 
 def test_without_samples_the_prior_stands() -> None:
     prior_m = np.full(GRID.size, -1.7)
     nothing = HeightSamples(np.zeros((0, 3)), np.zeros(0))
-    found = GRID.fit(nothing, GRID.bilinear(nothing.points), 1.0, prior_m)
+    found = GRID.fit(nothing, 1.0, prior_m)
     np.testing.assert_allclose(found, prior_m, atol=1e-9)
 
 
