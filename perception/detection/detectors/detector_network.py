@@ -2,7 +2,7 @@
 
 import ast
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.abc import Traversable
@@ -238,12 +238,11 @@ def _inputs(model: OnnxModel, name: str, image: UInt8, how: InputFormat) -> dict
 
 def _normalized(image: UInt8, how: InputFormat, entry: ModelInput) -> Array:
     """Return the (C, h, w) planes of an image as (scale * pixel - mean) / std."""
-    planes: Sequence[Array] = cv2.split(image)
-    if how.color_order == "BGR":
-        planes = planes[::-1]
+    count = image.shape[2]
+    planes: UInt8 = np.empty((count, *image.shape[:2]), np.uint8)
+    cv2.split(image, list(planes[::-1] if how.color_order == "BGR" else planes))
     if entry.type is np.uint8:
-        return np.stack(planes).astype(np.uint8, copy=False)
-    count = len(planes)
+        return planes
     stds, means = np.resize(how.std, count), np.resize(how.mean, count)
     normalized: Float32 = np.empty((count, *image.shape[:2]), np.float32)
     for k, plane in enumerate(planes):

@@ -10,9 +10,6 @@ Unknown pixels of a map are 0.
 from collections.abc import Mapping
 from typing import Literal
 
-import cv2
-import numpy as np
-
 from perception.errors import ImageError
 from perception.maps.densify import DenseMaps, dense_maps, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
@@ -43,8 +40,8 @@ def map_image(dense: DenseMaps, modality: MapModality) -> UInt8:
     """Return the (H, W, 1) depth or reflectance map as 8-bit numbers, 0 where unknown."""
     if modality == "rm":
         return encode_reflectance(dense.reflectance)[..., None]
-    image = cv2.multiply(encode_depth(dense.depth_m), dense.is_valid.view(np.uint8))
-    return np.asarray(image, np.uint8)[..., None]
+    # An unknown depth is 0, which is encoded as the nearest: 0.
+    return encode_depth(dense.depth_m)[..., None]
 
 
 def camera_image(frame: Frame) -> UInt8:

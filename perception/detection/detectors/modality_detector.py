@@ -21,8 +21,11 @@ from perception.detection.detectors.network_input import (
     place_tiles,
     prepare_image,
 )
-from perception.detection.detectors.output_forms import Predictions
-from perception.detection.detectors.postprocess import postprocess_detections
+from perception.detection.detectors.postprocess import (
+    Candidates,
+    best_candidates,
+    suppress_candidates,
+)
 from perception.detection.onnx_model import Array, shipped_model
 from perception.errors import ImageError
 from perception.types import Detections, Modality, UInt8
@@ -84,14 +87,11 @@ class ModalityDetector:
             ModelError: an output of the network is not finite.
         """
         placements = self._placements(image, region)
-        parts = [self._predict(self.model(self._inputs(image, one)), one) for one in placements]
-        # Of an object that a tile cuts, another tile or the whole image shows more.
         whole = placements[0].region
-        kept = [
-            part if one.region == whole else part.of_rows(~one.is_cut(part.boxes_px, whole))
-            for one, part in zip(placements, parts, strict=True)
+        parts = [
+            self._candidates(self.model(self._inputs(image, one)), one, whole) for one in placements
         ]
-        return self._detections(image, kept)
+        return self._detections(image, Candidates.joined(parts))
 
     def preprocess(self, image: UInt8) -> Array:
         """Return the (1, C, h, w) input of the network for a whole (H, W, C) image.
@@ -104,7 +104,8 @@ class ModalityDetector:
 
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return the detections in a whole (H, W, C) image by the outputs of the network for it."""
-        return self._detections(image, [self._predict(outputs, self._placements(image, None)[0])])
+        placement = self._placements(image, None)[0]
+        return self._detections(image, self._candidates(outputs, placement, placement.region))
 
     def _placements(
         self, image: UInt8, region: PixelRectangle | None
@@ -129,19 +130,21 @@ class ModalityDetector:
         )
         return self._network.inputs(shown)
 
-    def _predict(self, outputs: Mapping[str, Array], placement: ImagePlacement) -> Predictions:
-        """Return the predictions that may be reported, in pixels of the image."""
+    def _candidates(
+        self, outputs: Mapping[str, Array], placement: ImagePlacement, whole: PixelRectangle
+    ) -> Candidates:
+        """Return the candidates in pixels of the image, without what a tile of the whole region cuts."""
         found = self._network.predict(outputs, placement.size)
-        boxes_px, scores = found.of_rows(
-            np.asarray((found.scores >= self._nms.min_score).any(axis=1))
-        )
-        return Predictions(placement.to_image(boxes_px), scores)
+        best = best_candidates(found.boxes_px, found.scores, self._nms)
+        placed = replace(best, boxes_px=placement.to_image(best.boxes_px))
+        if placement.region == whole:
+            return placed
+        # Of an object that a tile cuts, another tile or the whole image shows more.
+        return placed.of_rows(~placement.is_cut(placed.boxes_px, whole))
 
-    def _detections(self, image: UInt8, parts: list[Predictions]) -> Detections:
+    def _detections(self, image: UInt8, candidates: Candidates) -> Detections:
         height, width = image.shape[:2]
-        boxes_px, scores = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        found = postprocess_detections(
-            boxes_px, scores, self.class_names, InputSize(height, width), self._nms
-        )
+        size = InputSize(height, width)
+        found = suppress_candidates(candidates, self.class_names, size, self._nms)
         # To the centres of the outermost pixels, as in KITTI's labels.
         return replace(found, boxes_px=np.minimum(found.boxes_px, [width - 1, height - 1] * 2))

@@ -168,26 +168,17 @@ def prepare_image(
     skips = 2 * content.width_px < region.shape[1] or 2 * content.height_px < region.shape[0]
     smooth = cv2.INTER_AREA if skips else cv2.INTER_LINEAR
     how = smooth if modality == "rgb" else cv2.INTER_NEAREST
-    if size_px != region.shape[1::-1]:
-        region = np.asarray(cv2.resize(region, size_px, interpolation=how), np.uint8)
-    shown = region.reshape(content.height_px, content.width_px, -1)
-    if shown.shape[:2] == placement.size:
-        return shown
-    below, right_of = (
-        placement.size.height_px - content.bottom,
-        placement.size.width_px - content.right,
-    )
     value = _PAD_VALUES[modality] if pad_value is None else pad_value
-    padded = cv2.copyMakeBorder(
-        shown,
-        content.top,
-        below,
-        content.left,
-        right_of,
-        cv2.BORDER_CONSTANT,
-        value=[value] * 3,
-    )
-    return np.asarray(padded, np.uint8).reshape(*placement.size, -1)
+    padded: UInt8 = np.empty((*placement.size, region.shape[2]), np.uint8)
+    shown = padded[content.top : content.bottom, content.left : content.right]
+    if shown.shape != padded.shape:
+        padded[: content.top] = padded[content.bottom :] = value
+        padded[:, : content.left] = padded[:, content.right :] = value
+    if size_px == region.shape[1::-1]:
+        shown[:] = region
+    else:
+        cv2.resize(region, size_px, dst=shown, interpolation=how)
+    return padded
 
 
 def jpeg_compressed(image: UInt8, quality: int) -> UInt8:

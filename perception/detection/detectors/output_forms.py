@@ -27,7 +27,7 @@ from perception.detection.detectors.class_columns import (
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_input import Alignment, Resize
 from perception.detection.onnx_model import Array
-from perception.types import Bool, Float, Float32
+from perception.types import Float, Float32
 
 OutputFormName = Literal[
     "trifuse", "detr", "torchvision", "ultralytics-end-to-end", "ultralytics", "yolox", "yolo"
@@ -45,10 +45,6 @@ class Predictions(NamedTuple):
 
     boxes_px: Float
     scores: Float32
-
-    def of_rows(self, rows: Bool) -> "Predictions":
-        """Return those that a (K,) mask keeps."""
-        return Predictions(self.boxes_px[rows], self.scores[rows])
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,88 @@
 """Objects from what a network predicts at every position of its input."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from perception.detection.config import DEFAULT_NMS, NmsConfig
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.suppression import suppress
-from perception.types import Detections, Float
+from perception.detection.suppression import suppress_boxes
+from perception.types import Bool, Detections, Float, Float64, Int
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """K boxes that may be objects, each of one class.
+
+    Attributes:
+        boxes_px: (K, 4) boxes x1 y1 x2 y2.
+        scores: (K,) scores.
+        classes: (K,) numbers of the classes.
+    """
+
+    boxes_px: Float64
+    scores: Float64
+    classes: Int
+
+    @classmethod
+    def joined(cls, parts: Sequence["Candidates"]) -> "Candidates":
+        """Return the candidates of several parts, one part after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.concatenate([one.boxes_px for one in parts]),
+            np.concatenate([one.scores for one in parts]),
+            np.concatenate([one.classes for one in parts]),
+        )
+
+    def of_rows(self, rows: Bool) -> "Candidates":
+        """Return those that a (K,) mask keeps."""
+        return Candidates(self.boxes_px[rows], self.scores[rows], self.classes[rows])
+
+
+def best_candidates(boxes_px: Float, scores: Float, nms: NmsConfig = DEFAULT_NMS) -> Candidates:
+    """Return the best candidates of a network's predictions, in their order.
+
+    Thousands of scores are compared in one pass, and the boxes of the best are all that is read.
+
+    Args:
+        boxes_px: (K, 4) predicted boxes x1 y1 x2 y2.
+        scores: (K, classes) predicted scores.
+        nms: Score threshold, and maximum number of candidates; equals of the last one are kept, too.
+    """
+    every: Float = scores.reshape(-1)
+    chosen = np.flatnonzero(every >= nms.min_score)
+    if len(chosen) > nms.max_candidates:
+        above = every[chosen]
+        chosen = chosen[above >= np.partition(above, -nms.max_candidates)[-nms.max_candidates]]
+    rows, classes = np.divmod(chosen, scores.shape[1])
+    return Candidates(boxes_px[rows].astype(np.float64), every[chosen].astype(np.float64), classes)
+
+
+def suppress_candidates(
+    candidates: Candidates,
+    class_names: Sequence[str],
+    size: InputSize,
+    nms: NmsConfig = DEFAULT_NMS,
+) -> Detections:
+    """Return the objects of one image, best first.
+
+    Args:
+        candidates: Candidates in pixels of the image.
+        class_names: Class names by number.
+        size: Image size, to which boxes are clipped.
+        nms: Suppression.
+    """
+    limits = [size.width_px, size.height_px] * 2
+    boxes_px = np.clip(candidates.boxes_px, 0, limits)
+    has_area = (boxes_px[:, 2] > boxes_px[:, 0]) & (boxes_px[:, 3] > boxes_px[:, 1])
+    rows = np.flatnonzero(has_area)
+    best = rows[np.argsort(-candidates.scores[rows], kind="stable")[: nms.max_candidates]]
+    boxes_px, scores, classes = boxes_px[best], candidates.scores[best], candidates.classes[best]
+    kept = suppress_boxes(boxes_px, scores, classes, nms.max_iou)[: nms.max_detections]
+    types = np.array(class_names, np.str_)[classes[kept]]
+    return Detections(boxes_px[kept], scores[kept], types)
 
 
 def postprocess_detections(
@@ -19,8 +94,6 @@ def postprocess_detections(
 ) -> Detections:
     """Return the objects of one image, best first, in pixels of the network's input.
 
-    Stretching an image does not change overlaps, so that boxes are suppressed before they are scaled back.
-
     Args:
         boxes_px: (K, 4) predicted boxes x1 y1 x2 y2.
         scores: (K, classes) predicted scores.
@@ -28,22 +101,4 @@ def postprocess_detections(
         size: Input size, to which boxes are clipped.
         nms: Score threshold and suppression.
     """
-    threshold = max(nms.min_score, _top_k_threshold(scores, nms.max_candidates))
-    positions, classes = np.nonzero(scores >= threshold)
-    limits = np.tile([size.width_px, size.height_px], 2)
-    within_px = np.clip(boxes_px[positions].astype(np.float64), 0, limits)
-    x1, y1, x2, y2 = within_px.T
-    rows = np.flatnonzero((x2 > x1) & (y2 > y1))
-    confidences = scores[positions, classes].astype(np.float64)
-    best = rows[np.argsort(-confidences[rows], kind="stable")[: nms.max_candidates]]
-    candidates = Detections(
-        within_px[best], confidences[best], np.array(class_names, np.str_)[classes[best]]
-    )
-    return candidates[suppress(candidates, nms.max_iou)[: nms.max_detections]]
-
-
-def _top_k_threshold(scores: Float, count: int) -> float:
-    """Return a score that at most the count best predictions exceed."""
-    if scores.size <= count:
-        return 0.0
-    return float(np.partition(scores, -count, axis=None)[-count])
+    return suppress_candidates(best_candidates(boxes_px, scores, nms), class_names, size, nms)
