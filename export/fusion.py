@@ -5,7 +5,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
-from torch import Tensor, nn
 
 from export.onnx import Exportable, to_onnx
 from export.result import ChosenVariant, ExportConfig, ExportResult
@@ -14,23 +13,10 @@ from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import CONTRACT
 from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
-from perception.types import MODALITIES
-from train.fusion.network import RescoringMlp, load_fusion, outputs_of
+from train.fusion.network import load_fusion
 
-TOLERANCES = {"scores": 1e-4, "existence": 1e-4}
+TOLERANCES = {"scores": 1e-4}
 _ROWS = (0, 1, 2, 60)
-
-
-class NamedOutputs(nn.Module):
-    """A network with its outputs one by one, as files have it."""
-
-    def __init__(self, network: RescoringMlp) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, features: Tensor) -> tuple[Tensor, ...]:
-        """Return (T, 3) scores, and of the default variant (T, 3) existence."""
-        return torch.split(self.network(features), len(MODALITIES), dim=1)
 
 
 def export_fusion(config: ExportConfig) -> ExportResult:
@@ -56,8 +42,7 @@ def export_fusion(config: ExportConfig) -> ExportResult:
         for n in _ROWS
     ]
     example = {"features": torch.from_numpy(batches[2]["features"])}
-    names = outputs_of(network.variant)
-    exportable = Exportable(NamedOutputs(network).eval(), example, names, metadata)
+    exportable = Exportable(network.eval(), example, tuple(TOLERANCES), metadata)
     model = to_onnx(exportable)
     with TemporaryDirectory() as folder:
         file = Path(folder, "fusion.onnx")
@@ -68,7 +53,7 @@ def export_fusion(config: ExportConfig) -> ExportResult:
         metadata=dict(metadata),
         models={"fp32": model},
         variants=variants,
-        tolerances={name: TOLERANCES[name] for name in names},
+        tolerances=TOLERANCES,
         choice=ChosenVariant("fp32", "no other form is of use to so small a network"),
         timed_input=f"{_ROWS[-1]} combinations",
     )

@@ -71,7 +71,8 @@ def torch_runner(exportable: Exportable) -> Network:
     def run(batch: Arrays) -> Arrays:
         tensors = [torch.from_numpy(batch[name]) for name in exportable.inputs]
         with torch.inference_mode():
-            outputs = exportable.module(*tensors)
+            found = exportable.module(*tensors)
+        outputs = found if isinstance(found, tuple) else (found,)
         return {
             name: output.numpy() for name, output in zip(exportable.outputs, outputs, strict=True)
         }

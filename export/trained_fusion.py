@@ -16,7 +16,6 @@ from data.detections.fused_frames import (
     boxes_by_detector,
     class_correctness,
     curves_by_detector,
-    existence_correctness,
     fuse_frames,
 )
 from export.fusion import export_fusion
@@ -26,11 +25,7 @@ from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.evaluation.detection.class_precision import level_columns
 from perception.evaluation.detection.protocol import kitti_class
-from perception.evaluation.detection.reliability import (
-    Correctness,
-    Reliability,
-    measure_reliability,
-)
+from perception.evaluation.detection.reliability import Reliability, measure_reliability
 from perception.evaluation.report import Table
 from perception.render.figure import save_figure
 from perception.types import MODALITIES
@@ -148,36 +143,20 @@ def report(
 def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
     """Fit the curves from scores to probabilities to the validation frames; write them into the checkpoint."""
     frames, class_names = data.detections.validation, data.detections.class_names
-    unfitted = str(FusionCalibration())
-    content = read_checkpoint(checkpoint, MODEL) | {
-        "calibration": unfitted,
-        "existence_calibration": unfitted,
-    }
+    content = read_checkpoint(checkpoint, MODEL) | {"calibration": str(FusionCalibration())}
     write_checkpoint(checkpoint, content)
     _, fused = _fuse(checkpoint, frames)
-    scores = boxes_by_detector(frames, fused)
-    existence = scores | {"fusion": fused.existence_boxes}
-    calibrations = {
-        "calibration": _fit(
-            {
-                name: class_correctness(
-                    frames, one, class_names if name == "fusion" else np.unique(one.types).tolist()
-                )
-                for name, one in scores.items()
-            }
-        ),
-        "existence_calibration": _fit(
-            {name: existence_correctness(frames, one) for name, one in existence.items()}
-        ),
+    curves = {
+        name: fit_calibration(
+            class_correctness(
+                frames, one, class_names if name == "fusion" else np.unique(one.types).tolist()
+            )
+        )
+        for name, one in boxes_by_detector(frames, fused).items()
     }
-    write_checkpoint(checkpoint, content | calibrations)
-
-
-def _fit(found: Mapping[str, Correctness]) -> str:
-    """Return the curves of the fusion and of each detector alone as text."""
-    curves = {name: fit_calibration(one) for name, one in found.items()}
     alone = {name: curves[name] for name in MODALITIES if name in curves}
-    return str(FusionCalibration(curves["fusion"], alone))
+    calibration = str(FusionCalibration(curves["fusion"], alone))
+    write_checkpoint(checkpoint, content | {"calibration": calibration})
 
 
 def _fuse(checkpoint: Path, frames: DetectedFrames) -> tuple[Fusion, FusedFrames]:

@@ -1,13 +1,12 @@
 """Fusion of detected frames step by step (Fig. 7.14), and the precision of each step."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.features import CLASSES
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.average_precision import (
     PrecisionCurve,
@@ -20,7 +19,6 @@ from perception.evaluation.detection.reliability import Correctness, match_corre
 from perception.types import MODALITIES, Detections, FusedDetections
 
 CAR = KITTI_CLASSES[0]
-_MIN_OBJECT_IOU = 0.5  # above which a detection shows that an object is there
 
 
 @dataclass(frozen=True)
@@ -41,13 +39,6 @@ class FusedFrames:
     def boxes(self) -> DetectedBoxes:
         """Boxes of the last step."""
         return DetectedBoxes.of_frames([one.detections for one in self.fused])
-
-    @property
-    def existence_boxes(self) -> DetectedBoxes:
-        """Boxes of the last step with the probability that any object is there for their score."""
-        return DetectedBoxes.of_frames(
-            [replace(one.detections, scores=one.existence) for one in self.fused]
-        )
 
     @property
     def steps(self) -> dict[str, DetectedBoxes]:
@@ -93,19 +84,6 @@ def class_correctness(
         np.concatenate([part.scores for part in parts]),
         np.concatenate([part.is_correct for part in parts]),
     )
-
-
-def existence_correctness(frames: DetectedFrames, detections: DetectedBoxes) -> Correctness:
-    """Return which detections show a road user of any class, several of one object alike; those on other labels are left out."""
-    boxes = pair_boxes(frames.truth, detections, len(frames))
-    pairs = boxes.overlaps[boxes.overlaps.iou > _MIN_OBJECT_IOU]
-    is_road_user = np.isin(boxes.truth_types[pairs.truths], [name.lower() for name in CLASSES])
-    is_there = np.zeros(len(detections), bool)
-    is_there[pairs.detections[is_road_user]] = True
-    is_left_out = boxes.dont_care_shares > _MIN_OBJECT_IOU
-    is_left_out[pairs.detections[~is_road_user]] = True
-    counts = is_there | ~is_left_out
-    return Correctness(detections.scores[counts], is_there[counts])
 
 
 def boxes_by_detector(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:

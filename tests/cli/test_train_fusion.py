@@ -114,13 +114,11 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
         assert fusion.metadata["max_partners"] == "0"
         assert fusion.tri_boxes.max_partners == 0
         assert fusion.metadata["calibration"] == "1.0,1.0,0.0"
-        assert fusion.metadata["existence_calibration"] == "1.0,1.0,0.0"
 
 
 def says(fusion):
     features = np.random.default_rng(0).uniform(size=(5, len(FEATURES[fusion.variant])))
-    predicted = fusion.predict(features)
-    return np.hstack([predicted.scores, predicted.existence])
+    return fusion.predict(features)
 
 
 def test_its_checkpoint_is_exported_as_it_is_calibrated(trained, tmp_path, capsys):

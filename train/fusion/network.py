@@ -18,13 +18,8 @@ from train.checkpoints import Content, load_network
 from train.fusion.config import MODEL
 
 
-def outputs_of(variant: FusionVariant) -> tuple[str, ...]:
-    """Return the outputs of a network, each of which has a column a modality."""
-    return ("scores", "existence") if variant == "default" else ("scores",)
-
-
 class RescoringMlp(nn.Module):
-    """Network from (T, F) features to (T, 3) scores, of the default variant to (T, 6) scores and existence.
+    """Network from (T, F) features to (T, 3) scores.
 
     features - to -1..1 over the training set - tanh layers - linear, in the default a sigmoid after it
 
@@ -56,7 +51,7 @@ class RescoringMlp(nn.Module):
         count = len(FEATURES[variant])
         self.register_buffer("lows", torch.zeros(count))
         self.register_buffer("scales", torch.ones(count))
-        sizes = (count, *hidden, len(MODALITIES) * len(outputs_of(variant)))
+        sizes = (count, *hidden, len(MODALITIES))
         self.layers = nn.ModuleList(nn.Linear(before, after) for before, after in pairwise(sizes))
         for layer in self.linear_layers:
             nn.init.xavier_normal_(layer.weight)
@@ -85,7 +80,7 @@ class RescoringMlp(nn.Module):
         return (features - self.lows) * self.scales - 1
 
     def activations(self, features: Tensor) -> list[Tensor]:
-        """Return the (T, V) input of each layer for (T, F) features, and the (T, 3) or (T, 6) output."""
+        """Return the (T, V) input of each layer for (T, F) features, and the (T, 3) output."""
         *hidden, last = self.linear_layers
         values = [self.mapped(features)]
         for layer in hidden:
@@ -94,7 +89,7 @@ class RescoringMlp(nn.Module):
         return [*values, torch.sigmoid(raw) if self.is_bounded else raw]
 
     def forward(self, features: Tensor) -> Tensor:
-        """Return (T, 3) scores, or (T, 6) scores and existence, of the boxes of (T, F) combinations."""
+        """Return (T, 3) scores of the boxes of (T, F) combinations."""
         return self.activations(features)[-1]
 
 
@@ -114,10 +109,7 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
             "features": ",".join(FEATURES[variant]),
             "hidden": ",".join(map(str, found["hidden"])),
         }
-        metadata |= {
-            name: content.get(name, str(FusionCalibration()))
-            for name in ("calibration", "existence_calibration")
-        }
+        metadata["calibration"] = content.get("calibration", str(FusionCalibration()))
         metadata["optimizer"] = found["optimizer"]["class_path"].rpartition(".")[2]
         stated = ("variant", "max_partners", "detectors", "classes")
         network = RescoringMlp(variant, found["hidden"])

@@ -60,7 +60,7 @@ def _rescoring(frames: DetectedFrames, fusion: Fusion) -> "Figure":
     scores = np.stack(np.meshgrid(*[_SCORES] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     features = np.tile(_mean_features(frames, fusion), (len(scores), 1))
     features[:, :3] = scores
-    rescored = fusion.predict(features).scores.reshape(*[len(_SCORES)] * 3, 3)
+    rescored = fusion.predict(features).reshape(*[len(_SCORES)] * 3, 3)
     return rescoring_figure(f"Joint rescoring, {fusion.variant}", _SCORES, rescored)
 
 

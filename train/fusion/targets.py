@@ -1,8 +1,7 @@
 """Training rows of the fusion: features and targets of combinations.
 
 In the thesis' variants the target of a box is its IoU with the object (6.5), (6.6). Average precision asks whether the
-IoU exceeds a threshold, so that the default learns the share of KITTI's thresholds that are exceeded, and beside it
-whether a road user of any class is there.
+IoU exceeds a threshold, so that the default learns the share of KITTI's thresholds that are exceeded.
 
 The default also learns from frames without one of the detectors, and from jittered scores: on roads that they were not
 trained on, the scores of detectors are miscalibrated by different amounts. Trained on jittered scores, the fusion
@@ -18,7 +17,7 @@ import numpy as np
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.config import FusionVariant, TriBoxConfig, tri_box_config
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.features import CLASSES, tri_box_features
+from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.rescoring import is_rescored
 from perception.detection.fusion.score_calibration import BetaCalibration
 from perception.detection.fusion.tri_boxes import tri_boxes
@@ -29,7 +28,6 @@ from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import ArrayTable, Bool, Float32, Float64, Modality
 
 _MIN_IGNORED_IOU = 0.5  # with a neighbouring type or DontCare region, above which a box is ignored
-MIN_OBJECT_IOU = 0.5  # with a road user of any class, above which a box shows that it is there
 _KITTI_IOUS = tuple(sorted({one.iou for one in KITTI_CLASSES}))
 _MAX_ROWS = 20_000_000  # 8 GB in double precision
 # Modalities that are dropped; with a single one left there is nothing to fuse.
@@ -45,14 +43,10 @@ class BoxTargets:
     Attributes:
         ious: (M,) largest IoU with a label of the same type, 0 without one.
         is_used: (M,) mask of the boxes outside DontCare regions and off neighbouring types, such as Van for Car.
-        is_object: (M,) mask of the boxes that show a road user of any class.
-        is_object_used: (M,) mask of the boxes outside DontCare regions and off labels that are no road user.
     """
 
     ious: Float64
     is_used: Bool
-    is_object: Bool
-    is_object_used: Bool
 
 
 @dataclass(frozen=True)
@@ -61,9 +55,9 @@ class FusionRows(ArrayTable):
 
     Attributes:
         features: (T, F) features of each combination.
-        targets: (T, 3) IoU of each box with the object, 0 where there is no box. Of the default variant (T, 6): share
-            of KITTI's thresholds that this IoU exceeds, then whether any road user is there.
-        weights: (T, 3) or (T, 6) weight of each target.
+        targets: (T, 3) IoU of each box with the object, 0 where there is no box; of the default variant the share of
+            KITTI's thresholds that this IoU exceeds.
+        weights: (T, 3) weight of each target.
     """
 
     features: Annotated[Float32, ...]
@@ -83,16 +77,8 @@ def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     regions_px = truth.boxes_px[true_types == DONT_CARE]
     in_region = intersection_over_area_px(found.boxes_px, regions_px).max(axis=1, initial=0.0)
     is_outside = in_region <= _MIN_IGNORED_IOU
-    is_road_user = np.isin(true_types, [name.lower() for name in CLASSES])
-    is_object, is_other = (
-        iou[:, columns].max(axis=1, initial=0.0) > MIN_OBJECT_IOU
-        for columns in (is_road_user, ~is_road_user & (true_types != DONT_CARE))
-    )
     return BoxTargets(
-        ious,
-        (ious > _MIN_IGNORED_IOU) | ((in_alike <= _MIN_IGNORED_IOU) & is_outside),
-        is_object,
-        is_object | (~is_other & is_outside),
+        ious, (ious > _MIN_IGNORED_IOU) | ((in_alike <= _MIN_IGNORED_IOU) & is_outside)
     )
 
 
@@ -186,10 +172,8 @@ def _scene_rows(
     ious = np.where(is_observed, found.ious[places], 0.0)
     targets, weights = ious, ~is_observed | found.is_used[places]
     if variant == "default":
-        exceeded = np.mean([ious > threshold for threshold in _KITTI_IOUS], axis=0)
-        targets = np.hstack([exceeded, found.is_object[places]])
-        is_counted = np.hstack([found.is_used[places], found.is_object_used[places]])
-        weights = np.tile(is_observed, 2) & is_counted
+        targets = np.mean([ious > threshold for threshold in _KITTI_IOUS], axis=0)
+        weights = is_observed & found.is_used[places]
     return FusionRows(
         tri_box_features(scene, rows, variant).astype(np.float32),
         targets.astype(np.float32),

@@ -3,8 +3,8 @@
 boxes of three detectors -- tri-boxes -- features -- network -- three scores for each tri-box
                          -- mean of the scores of each box -- NMS -- score calibration
 
-The default network predicts two numbers for each box: how well it is expected to overlap an object of its class, by
-which boxes are ranked and blended, and the probability that any object is there.
+The default network predicts how well each box is expected to overlap an object of its class, by which boxes are
+ranked and blended.
 
 Each class is fused by the detectors that know it. The boxes of a class that a single detector knows, or that the network
 was not trained with, keep their scores:
@@ -54,7 +54,6 @@ class RescoredBoxes:
 
     Attributes:
         detections: (M) boxes in the order of `DetectedScene.merged`.
-        existence: (M,) mean of the predictions that any object is there; the scores, where a network has none.
         tri_boxes: (T, 3) rows of the combined boxes in the detections of each modality, -1 for none.
         tri_scores: (T, 3) score of each box in its combination; undefined where there is no box.
         best: (M,) combination with the highest score of each box.
@@ -62,26 +61,10 @@ class RescoredBoxes:
     """
 
     detections: Detections
-    existence: Float64
     tri_boxes: Int
     tri_scores: Float64
     best: Int
     is_fused: Bool
-
-
-@dataclass(frozen=True)
-class TriPredictions:
-    """Predictions of a network for T combinations, undefined where there is no box.
-
-    Attributes:
-        scores: (T, 3) score of each box: its expected IoU with the object, or of the default variant the expected
-            share of KITTI's overlap thresholds that it exceeds.
-        existence: (T, 3) probability that any object is at the place of each box; the scores where the network
-            does not predict it.
-    """
-
-    scores: Float64
-    existence: Float64
 
 
 _NO_OVERRIDES = TriBoxOverrides()
@@ -124,10 +107,8 @@ class Fusion:
             tri_box_config(self.variant, _max_partners(self.metadata.get("max_partners")))
         )
         """Combinations of boxes."""
-        self.calibrations = _calibrations(self._model, "calibration")
+        self.calibrations = _calibrations(self._model)
         """Calibration from scores to probabilities."""
-        self.existence_calibrations = _calibrations(self._model, "existence_calibration")
-        """Calibration of the predictions that any object is there."""
 
     def fuse(self, scene: DetectedScene) -> FusedDetections:
         """Return the fused detections, best first; any modality may be missing."""
@@ -145,15 +126,12 @@ class Fusion:
         rows = tri_boxes(scene, self.tri_boxes)
         places = merged.places(rows)
         is_fused = self.is_fused(scene, merged.detections.types)
-        predicted = self._predict(scene, rows, is_fused[places.max(axis=1)])
+        tri_scores = self._tri_scores(scene, rows, is_fused[places.max(axis=1)])
         flat, count = places.ravel(), len(merged.detections)
-        scores, existence = (
-            _mean_of_boxes(flat, values.ravel(), count)
-            for values in (predicted.scores, predicted.existence)
-        )
-        best = _best_rows(flat, predicted.scores.ravel(), count)
+        scores = _mean_of_boxes(flat, tri_scores.ravel(), count)
+        best = _best_rows(flat, tri_scores.ravel(), count)
         detections = replace(merged.detections, scores=scores)
-        return RescoredBoxes(detections, existence, rows, predicted.scores, best, is_fused)
+        return RescoredBoxes(detections, rows, tri_scores, best, is_fused)
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Return the boxes that suppression keeps, with the combination of each."""
@@ -170,40 +148,30 @@ class Fusion:
             boxes_px = _weighted_mean(others_px, is_same, rescored.tri_scores[rows])
         columns = scene.merged.columns[kept]
         own_columns = np.where(rescored.is_fused[kept], -1, columns)
-        scores, existence = (
-            curves.probabilities(values[kept], own_columns)
-            for curves, values in (
-                (self.calibrations, rescored.detections.scores),
-                (self.existence_calibrations, rescored.existence),
-            )
-        )
-        return FusedDetections(
-            Detections(boxes_px, scores, detections.types),
-            source_indices,
-            columns,
-            existence,
-        )
+        scores = self.calibrations.probabilities(detections.scores, own_columns)
+        found = Detections(boxes_px, scores, detections.types)
+        return FusedDetections(found, source_indices, columns, existence=scores)
 
     def is_fused(self, scene: DetectedScene, types: NDArray[np.str_]) -> Bool:
         """Return the (M,) mask of the classes that the network rescores in a scene."""
         is_known = np.isin(types, self.class_names)
         return is_known & is_rescored(scene, types, self.variant)
 
-    def _predict(self, scene: DetectedScene, rows: Int, is_fused: Bool) -> TriPredictions:
-        """Return the predictions for (T, 3) combinations, of which the (T,) marked ones are fused."""
+    def _tri_scores(self, scene: DetectedScene, rows: Int, is_fused: Bool) -> Float64:
+        """Return the (T, 3) scores of (T, 3) combinations, of which the (T,) marked ones are fused."""
         scores = np.append(scene.merged.detections.scores, 0.0)[scene.merged.places(rows)]
-        existence = scores.copy()
         if is_fused.any():
-            found = self.predict(tri_box_features(scene, rows[is_fused], self.variant))
-            scores[is_fused], existence[is_fused] = found.scores, found.existence
-        return TriPredictions(scores, existence)
+            scores[is_fused] = self.predict(tri_box_features(scene, rows[is_fused], self.variant))
+        return scores
 
-    def predict(self, features: Float64) -> TriPredictions:
-        """Return the predictions for combinations by their (T, F) features."""
+    def predict(self, features: Float64) -> Float64:
+        """Return the (T, 3) scores of combinations by their (T, F) features, undefined where there is no box.
+
+        A score is the expected IoU of a box with the object, or of the default variant the expected share of
+        KITTI's overlap thresholds that it exceeds.
+        """
         outputs = self._model({"features": features.astype(np.float32)})
-        scores = outputs["scores"].astype(np.float64)
-        existence = outputs.get("existence")
-        return TriPredictions(scores, scores if existence is None else existence.astype(np.float64))
+        return outputs["scores"].astype(np.float64)
 
 
 def is_rescored(scene: DetectedScene, types: NDArray[np.str_], variant: FusionVariant) -> Bool:
@@ -283,14 +251,13 @@ def _max_partners(stated: str | None) -> int | None:
     return int(stated) if stated is not None and stated.isdigit() else None
 
 
-def _calibrations(model: OnnxModel, key: str) -> FusionCalibration:
-    if key not in model.metadata:
-        return FusionCalibration()
+def _calibrations(model: OnnxModel) -> FusionCalibration:
+    stated = model.metadata["calibration"]
     try:
-        return FusionCalibration.parse(model.metadata[key])
+        return FusionCalibration.parse(stated)
     except (ValueError, UsageError) as error:
         raise ModelError(
             model.name,
-            expected=f"{key} of three numbers a curve",
-            found=model.metadata[key],
+            expected="calibration of three numbers a curve",
+            found=stated,
         ) from error

@@ -135,7 +135,9 @@ class VehicleConfig:
         traffic_side: Side of the road that vehicles keep to. Which end of a box is its front is not seen: beyond the
             own lane on the other side, vehicles are taken to come towards the sensor, until they move.
         lane_width_m: Width of the own lane.
-        tracker: Tracker of vehicles; its `min_existence` is that of the detections that are located.
+        min_existence: Minimum existence of a detection that is located. A lower one than the tracker's, since a box
+            that fits too badly to count may still hold returns that are not another object's.
+        tracker: Tracker of vehicles.
     """
 
     points: VehiclePointsConfig = field(default_factory=VehiclePointsConfig)
@@ -146,4 +148,5 @@ class VehicleConfig:
     samples: int = 64
     traffic_side: Literal["right", "left"] = "right"
     lane_width_m: float = 3.5
+    min_existence: float = 0.05
     tracker: VehicleTrackerConfig = field(default_factory=VehicleTrackerConfig)

@@ -51,7 +51,7 @@ def locate(
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     detections, sizes = fused.detections, SizePriors.of(fused.detections.types)
-    likely = np.flatnonzero(fused.existence >= config.tracker.min_existence)
+    likely = np.flatnonzero(fused.existence >= config.min_existence)
     objects = ImageObjects(detections.boxes_px, fused.existence, sizes)[likely]
     leaders = objects.leaders(config.points.same_place_iou)
     leading = np.flatnonzero(leaders == np.arange(len(leaders)))

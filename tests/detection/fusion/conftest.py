@@ -14,25 +14,18 @@ AS_IT_WAS = np.eye(3)
 Write = Callable[..., Path]
 
 
-def weighted_sums(
-    variant: FusionVariant, weights, existence: float | None = None, **metadata: str
-) -> bytes:
-    """Return a file of: scores = (the first 3 features) @ weights; existence is a multiple of the scores."""
+def weighted_sums(variant: FusionVariant, weights, **metadata: str) -> bytes:
+    """Return a file of: scores = (the first 3 features) @ weights."""
     names = FEATURES[variant]
     matrix = np.zeros((len(names), 3), np.float32)
     matrix[:3] = weights
     nodes = [helper.make_node("MatMul", ["features", "matrix"], ["scores"])]
-    outputs, constants = ["scores"], [numpy_helper.from_array(matrix, "matrix")]
-    if existence is not None:
-        nodes.append(helper.make_node("Mul", ["scores", "factor"], ["existence"]))
-        constants.append(numpy_helper.from_array(np.float32(existence), "factor"))
-        outputs.append("existence")
     graph = helper.make_graph(
         nodes,
         "weighted_sums",
         [helper.make_tensor_value_info("features", TensorProto.FLOAT, ["T", len(names)])],
-        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["T", 3]) for name in outputs],
-        constants,
+        [helper.make_tensor_value_info("scores", TensorProto.FLOAT, ["T", 3])],
+        [numpy_helper.from_array(matrix, "matrix")],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
     known = {
@@ -50,13 +43,11 @@ def weighted_sums(
 
 @pytest.fixture
 def fusion_file(tmp_path) -> Write:
-    """Return a function that writes such a file: variant, (3, 3) weights, factor of existence, other facts by name."""
+    """Return a function that writes such a file: variant, (3, 3) weights, other facts by name."""
 
-    def write(
-        variant: FusionVariant = "features", weights=AS_IT_WAS, existence=None, **metadata: str
-    ) -> Path:
+    def write(variant: FusionVariant = "features", weights=AS_IT_WAS, **metadata: str) -> Path:
         path = tmp_path / f"fusion_{variant}.onnx"
-        path.write_bytes(weighted_sums(variant, weights, existence, **metadata))
+        path.write_bytes(weighted_sums(variant, weights, **metadata))
         return path
 
     return write

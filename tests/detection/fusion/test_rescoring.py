@@ -73,17 +73,6 @@ def test_classes_do_not_suppress_each_other(fusion_file):
     assert fused.source_indices.tolist() == [[2, -1, -1], [0, -1, -1], [1, -1, -1]]
 
 
-def test_existence_is_a_prediction_of_its_own_with_a_curve_of_its_own(fusion_file):
-    scene = clumped_scene(0)
-    plain = Fusion(fusion_file("default")).fuse(scene)
-    np.testing.assert_array_equal(plain.existence, plain.detections.scores)
-    half = Fusion(fusion_file("default", existence=0.5, calibration="2.0,2.0,0.0")).fuse(scene)
-    np.testing.assert_allclose(half.existence, plain.detections.scores / 2, atol=1e-6)
-    curved = Fusion(fusion_file("default", existence=0.5, existence_calibration="1.0,1.0,1.0"))
-    odds = half.existence / (1 - half.existence) * np.e
-    np.testing.assert_allclose(curved.fuse(scene).existence, odds / (1 + odds), atol=1e-6)
-
-
 def test_scores_become_probabilities_in_their_order(fusion_file):
     scene = clumped_scene(0)
     plain = Fusion(fusion_file()).fuse(scene).detections
@@ -92,6 +81,11 @@ def test_scores_become_probabilities_in_their_order(fusion_file):
     assert (np.diff(curved.scores) <= 0).all()
     logit = 2 * np.log(plain.scores) - 0.5 * np.log(1 - plain.scores) - 1
     np.testing.assert_allclose(curved.scores, 1 / (1 + np.exp(-logit)), atol=1e-9)
+
+
+def test_a_detection_exists_by_its_score(fusion_file):
+    fused = Fusion(fusion_file("default", calibration="2.0,0.5,-1.0")).fuse(clumped_scene(0))
+    np.testing.assert_array_equal(fused.existence, fused.detections.scores)
 
 
 @pytest.mark.parametrize("left", MODALITIES)
@@ -157,7 +151,6 @@ def test_boxes_without_area_do_no_harm(fusion_file):
         ),
         ({"calibration": "one"}, "calibration of three numbers a curve", "one"),
         ({"calibration": "-1,0,0"}, "calibration of three numbers a curve", "-1,0,0"),
-        ({"existence_calibration": "1"}, "existence_calibration of three numbers a curve", "1"),
     ],
 )
 def test_files_of_other_networks(fusion_file, metadata, expected, found):

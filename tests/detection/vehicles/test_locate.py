@@ -11,7 +11,6 @@ from perception.detection.vehicles.locate import locate
 from perception.geometry.camera import box_outlines_px, project
 from perception.geometry.se3 import wrap
 from perception.maps.projection import VIRTUAL_CAMERA
-from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.types import Boxes3D, Detections, FusedDetections
 from tests.vehicle_scenes import (
     CALIBRATION,
@@ -137,11 +136,11 @@ def test_two_returns_give_a_distance_but_no_box():
 def test_detections_below_the_minimum_score_are_not_located():
     true = cars((12.0, 4.0, 0.4), (20.0, -4.0, 0.0))
     frame = frame_of(road(), sides(true))
-    found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
+    found = locate(detected(true, np.array([0.04, 0.9])), frame, _GROUND)
     assert np.isfinite(found.boxes.yaw_rad).tolist() == [False, True]
     assert set(found.owners.tolist()) == {-1, 1}
-    all_of_them = VehicleConfig(tracker=VehicleTrackerConfig(min_existence=0.0))
-    found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND, all_of_them)
+    all_of_them = VehicleConfig(min_existence=0.0)
+    found = locate(detected(true, np.array([0.04, 0.9])), frame, _GROUND, all_of_them)
     assert np.isfinite(found.boxes.yaw_rad).all()
 
 

@@ -29,20 +29,6 @@ def test_overlap_with_the_best_label_of_the_type():
     targets = box_targets(scene, truth)
     np.testing.assert_allclose(targets.ious, [0.5, 0])
     assert targets.is_used.tolist() == [True, True]
-    assert targets.is_object.tolist() == [True, False]  # the pedestrian
-
-
-def test_what_is_no_road_user_is_neither_there_nor_not():
-    boxes = [[0, 0, 20, 10], [100, 0, 120, 10], [200, 0, 220, 10], [300, 0, 320, 10]]
-    truth = truth_of(
-        ("Tram", [0, 0, 20, 10]),
-        ("DontCare", [90, 0, 200, 50]),
-        ("Van", [200, 0, 220, 10]),
-    )
-    targets = box_targets(DetectedScene({"dm": detections(boxes)}, SIZE_PX), truth)
-    assert targets.is_object.tolist() == [False, False, True, False]
-    assert targets.is_object_used.tolist() == [False, False, True, True]
-    assert targets.is_used.tolist() == [True, False, False, True]
 
 
 def test_vans_and_unlabelled_regions_are_not_used():
@@ -77,15 +63,15 @@ def test_the_thesis_asks_zero_of_what_is_not_there():
 
 def test_the_default_asks_nothing_of_it_and_sees_every_loss():
     rows = fusion_rows(frames(), "default")
-    # An overlap of 0.5 exceeds neither of KITTI's thresholds, and shows nothing.
-    assert rows.targets[0].tolist() == [1, 0, 0, 1, 0, 0]
-    assert rows.weights[0].tolist() == [1, 1, 0, 1, 1, 0]
+    # An overlap of 0.5 exceeds neither of KITTI's thresholds.
+    assert rows.targets[0].tolist() == [1, 0, 0]
+    assert rows.weights[0].tolist() == [1, 1, 0]
     # rgb lost; dm; rm, where both others stay.
     share = pytest.approx(1 / len(DROPPED_MODALITIES))
     assert [tuple(row) for row in rows.weights[1:].tolist()] == [
-        (0, share, 0) * 2,
-        (share, 0, 0) * 2,
-        (share, share, 0) * 2,
+        (0, share, 0),
+        (share, 0, 0),
+        (share, share, 0),
     ]
 
 
@@ -95,9 +81,7 @@ def test_the_default_asks_which_thresholds_are_exceeded():
     scene = DetectedScene({"rgb": detections(boxes), "rm": detections([])}, SIZE_PX)
     rows = fusion_rows(DetectedFrames((scene,), truth_of(*labels)), "default")
     assert rows.targets[:3, 0].tolist() == [1, 0.5, 0]
-    assert rows.targets[:3, 3].tolist() == [1, 1, 1]
     assert rows.weights[:3, 0].tolist() == [1, 1, 0]  # a van is no wrong car
-    assert rows.weights[:3, 3].tolist() == [1, 1, 1]
 
 
 def test_the_default_sees_all_again_by_detectors_that_are_doubted():

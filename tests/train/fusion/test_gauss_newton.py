@@ -37,8 +37,6 @@ def residuals_of(network, rows, parameters):
 @pytest.mark.parametrize("hidden", [(2,), (4, 3), (3, 2, 2)])
 def test_the_sums_are_those_of_the_whole_jacobian(variant, hidden):
     rows = tensors_of(toy_rows(features=len(FEATURES[variant])))
-    if variant == "default":  # with existence beside the scores
-        rows[1:] = [torch.cat([one, one.flip(1)], dim=1) for one in rows[1:]]
     network = toy_network(hidden, variant)
     parameters = {name: weight.detach() for name, weight in network.named_parameters()}
     by_name = jacrev(lambda values: residuals_of(network, rows, values))(parameters)
