@@ -143,7 +143,8 @@ class DetectorTraining(LightningModule):
             # The data module adds the frames of this training.
             self.hparams.update({ENTRY: learned.get(ENTRY, UNKNOWN)})
         self._distillation = Distillation(self.network, distillation)
-        self.sizes = scaled_sizes(self.image.size, *scales)
+        scaled_sizes(self.image.size, *scales)  # which validates them
+        self.scales = scales
         self.metrics: DetectionMetrics | None = None
         """Metrics of the last validation or test."""
         self._truths: dict[str, TrueBoxes] = {}
@@ -173,8 +174,8 @@ class DetectorTraining(LightningModule):
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Return the loss of a batch at one of the sizes."""
         trainer, step = self.trainer, self.trainer.global_step
-        size = size_of_batch(self.sizes, step, self.seed)
-        before = InputSize(*batch["images"].shape[-2:])
+        before = InputSize(*batch["images"].shape[-2:])  # which may be a crop
+        size = size_of_batch(scaled_sizes(before, *self.scales), step, self.seed)
         images, labels = batch["images"].float(), _labels(batch)
         if size != before:
             how: Interpolation = "bilinear" if self.image.modality == "rgb" else "nearest"

@@ -18,6 +18,8 @@ class GeometricConfig(AugmentationConfig):
         aspect: Largest factor, less 1, of width over height.
         shift: Largest shift as a fraction of the image, beyond the freedom that the zoom gives.
         occlusion: Probability that nearer objects hide parts of the image.
+        crop: Fraction of the width that a training image leaves out; most are cut around an object. Steps on
+            crops take less time, so that more are made.
     """
 
     MAX: ClassVar = {
@@ -27,6 +29,7 @@ class GeometricConfig(AugmentationConfig):
         "aspect": 1.0,
         "shift": 0.5,
         "occlusion": 1.0,
+        "crop": 0.9,
     }
 
     flip: float = 0.5
@@ -35,6 +38,7 @@ class GeometricConfig(AugmentationConfig):
     aspect: float = 0.08
     shift: float = 0.04
     occlusion: float = 0.4
+    crop: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Geometric augmentation, which images and maps share: flip, zoom, focal length, aspect, shift, occlusion.
+"""Geometric augmentation, which images and maps share: flip, zoom, focal length, aspect, shift, occlusion, crop.
 
 A zoomed image is the view from a nearer place: objects are larger and as much nearer, so that depths are divided
 by the zoom. Another focal length makes objects larger at the same distance.
@@ -16,6 +16,7 @@ from data.samples.images.targets import (
     clip_boxes,
     has_area,
 )
+from perception.detection.detectors.input_size import SIZE_STEP_PX
 from perception.geometry.box_overlap_px import area_px, intersection_over_area_px
 from perception.types import Float64, Modality, UInt8
 
@@ -23,6 +24,7 @@ _MAX_OCCLUDERS = 3
 _OCCLUDER_HEIGHTS = (0.04, 0.3)  # of the image's height; an occluder is up to twice as wide as high
 _GREY_SPREAD = 40.0
 _AROUND = (60, 190)  # values around an image that has become smaller
+_CROPS_ON_OBJECTS = 0.7  # the others lie anywhere, and show what is no object
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,15 @@ class GeometricTransform:
     offset_px: tuple[float, float] = (0.0, 0.0)
     zoom: float = 1.0
     occluders_px: Float64 | None = None
+
+    def from_column(self, left_px: int) -> "GeometricTransform":
+        """Return the transform to an image that begins at a column of this one's."""
+        hidden_px = self.occluders_px
+        if hidden_px is not None:
+            hidden_px = np.maximum(hidden_px - [left_px, 0, left_px, 0], 0)
+        return replace(
+            self, offset_px=(self.offset_px[0] - left_px, self.offset_px[1]), occluders_px=hidden_px
+        )
 
 
 def draw_geometric_transform(
@@ -64,18 +75,44 @@ def draw_geometric_transform(
     )
 
 
+def crop_size_px(size_px: tuple[int, int], crop: float) -> tuple[int, int]:
+    """Return the (width, height) of crops of a (width, height) image; the network takes multiples of 32."""
+    steps = max(1, round((1 - crop) * size_px[0] / SIZE_STEP_PX))
+    return (min(size_px[0], SIZE_STEP_PX * steps), size_px[1]) if crop else size_px
+
+
+def draw_crop_column(
+    labels: DetectionTargets, widths_px: tuple[int, int], rng: np.random.Generator
+) -> int:
+    """Draw the first column of a crop: most crops hold an object, at any place of theirs.
+
+    Args:
+        labels: Targets of the whole image.
+        widths_px: Widths of the image and of the crop.
+        rng: Random generator.
+    """
+    whole_px, crop_px = widths_px
+    targets_px = labels.boxes_px[~labels.is_ignored]
+    column = rng.uniform(0, whole_px - crop_px)
+    if len(targets_px) and rng.random() < _CROPS_ON_OBJECTS:
+        x1, _, x2, _ = targets_px[rng.integers(len(targets_px))].tolist()
+        column = (x1 + x2) / 2 - rng.uniform(0.15, 0.85) * crop_px
+    return int(np.clip(round(column), 0, whole_px - crop_px))
+
+
 def warp_image(
     image: UInt8,
     geometric_transform: GeometricTransform,
     modality: Modality,
     rng: np.random.Generator,
+    size_px: tuple[int, int] | None = None,
 ) -> UInt8:
-    """Return a transformed (h, w, C) image.
+    """Return a transformed (h, w, C) image, of another (width, height) where one is given.
 
     Maps are resampled to the nearest pixel and unknown around it; images are grey around it. Values are not
     changed: the depths of a depth map have to be divided by the zoom afterwards.
     """
-    height, width = image.shape[:2]
+    width, height = size_px or (image.shape[1], image.shape[0])
     is_image = modality == "rgb"
     scale, offset = np.array(geometric_transform.scale), np.array(geometric_transform.offset_px)
     # OpenCV's coordinates are of pixel centres.
@@ -88,7 +125,7 @@ def warp_image(
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=rng.uniform(*_AROUND, 3).tolist() if is_image else 0,
     )
-    warped_image = np.asarray(warped, np.uint8).reshape(image.shape)
+    warped_image = np.asarray(warped, np.uint8).reshape(height, width, -1)
     if geometric_transform.occluders_px is not None:
         for x1, y1, x2, y2 in geometric_transform.occluders_px.astype(int).tolist():
             patch = warped_image[y1:y2, x1:x2]

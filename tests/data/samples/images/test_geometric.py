@@ -1,11 +1,15 @@
 """Flip, zoom, shift and occlusion: images and boxes stay together, in all views."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from data.samples.images.config import GeometricConfig
 from data.samples.images.geometric import (
     GeometricTransform,
+    crop_size_px,
+    draw_crop_column,
     draw_geometric_transform,
     transform_targets,
     warp_image,
@@ -181,3 +185,40 @@ def test_none_places_nothing_elsewhere():
 def test_a_magnitude_that_cannot_be_is_refused():
     with fault(UsageError, "augmentation flip", "a magnitude from 0 to 1"):
         GeometricConfig(flip=2)
+
+
+@pytest.mark.parametrize("name", PLACEMENTS)
+def test_a_crop_is_a_part_of_the_whole_image(name):
+    whole = replace(PLACEMENTS[name][0], occluders_px=np.array([[50.0, 20, 70, 40]]))
+    image, rng = modality_image(BOX, 3), np.random.default_rng
+    uncut = warp_image(image, replace(whole, occluders_px=None), "rgb", rng(0))
+    cut = warp_image(
+        image, replace(whole.from_column(24), occluders_px=None), "rgb", rng(0), (96, 96)
+    )
+    np.testing.assert_array_equal(cut, uncut[:, 24:120])
+    np.testing.assert_array_equal(whole.from_column(24).occluders_px, [[26, 20, 46, 40]])
+    np.testing.assert_array_equal(whole.from_column(60).occluders_px, [[0, 20, 10, 40]])
+    labels = transform_targets(labels_of(BOX), whole.from_column(24), (96, 96))
+    uncut_labels = transform_targets(labels_of(BOX), whole, SIZE_PX)
+    moved = uncut_labels.boxes_px - [24, 0, 24, 0]
+    np.testing.assert_allclose(labels.boxes_px, np.clip(moved, 0, 96))
+
+
+def test_crops_keep_the_height_and_take_widths_that_the_network_takes():
+    assert crop_size_px((960, 288), 0.0) == (960, 288)
+    assert crop_size_px((960, 288), 0.5) == (480, 288)
+    assert crop_size_px((960, 288), 0.52) == (448, 288)
+    assert crop_size_px((160, 96), 0.9) == (32, 96)
+
+
+def test_most_crops_hold_an_object_and_all_lie_within_the_image():
+    labels = labels_of((140, 30, 150, 50))
+    columns = [draw_crop_column(labels, (160, 64), np.random.default_rng(s)) for s in range(300)]
+    assert min(columns) >= 0
+    assert max(columns) <= 96
+    holds = np.mean([column + 64 > 140 for column in columns])
+    assert 0.7 < holds < 0.9
+    nothing = [
+        draw_crop_column(labels_of(), (160, 64), np.random.default_rng(s)) for s in range(99)
+    ]
+    assert np.std(nothing) > 20
