@@ -2,14 +2,13 @@
 
 import numpy as np
 
+from perception.kernels.boxes import iou_of_all
 from perception.types import Float64
 
 
 def iou_px(a: Float64, b: Float64) -> Float64:
     """Return (A, B) intersection over union of (A, 4) and (B, 4) boxes x1 y1 x2 y2; 0 of no area."""
-    intersection = intersection_px(a, b)
-    union = area_px(a)[:, None] + area_px(b) - intersection
-    return _share(intersection, union)
+    return iou_of_all(np.ascontiguousarray(a, np.float64), np.ascontiguousarray(b, np.float64))
 
 
 def intersection_over_area_px(a: Float64, b: Float64) -> Float64:

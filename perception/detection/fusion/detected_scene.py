@@ -151,10 +151,12 @@ def scene_of(
         class_names: Classes that the detector of each modality knows; all where not stated.
     """
     depths_m: BoxDepths = {}
-    if dense is not None:
-        depths_m = {
-            name: box_depths_m(found.boxes_px, dense) for name, found in modality_detections.items()
-        }
+    if dense is not None and modality_detections:
+        # All boxes at once: a call costs more than a box.
+        boxes_px = [found.boxes_px for found in modality_detections.values()]
+        every_m = box_depths_m(np.concatenate(boxes_px), dense)
+        parts_m = np.split(every_m, np.cumsum([len(one) for one in boxes_px[:-1]]))
+        depths_m = dict(zip(modality_detections, parts_m, strict=True))
     focal_px = None if camera is None else float(camera.image_P_cam[1, 1])
     return DetectedScene(modality_detections, size_px, depths_m, focal_px, class_names or {})
 
