@@ -1,6 +1,7 @@
 """Alignment of one scan with another: box-grid filter, local covariances, ICP and GICP."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -33,6 +34,16 @@ class PreprocessedPoints:
         """Return the number of points after the filter."""
         return int(self.cloud.size())
 
+    @cached_property
+    def places_m(self) -> Float64:
+        """(P, 3) positions of the points."""
+        return np.asarray(self.cloud.points())[:, :3]
+
+    @cached_property
+    def normals(self) -> Float64:
+        """(P, 3) directions in which the local surfaces are thinnest."""
+        return np.asarray(np.linalg.eigh(np.asarray(self.cloud.covs())[:, :3, :3])[1][:, :, 0])
+
 
 @dataclass(frozen=True)
 class Alignment:
@@ -58,7 +69,40 @@ def preprocess_points(
     # small_gicp prints a line for each point outside its grid and for each empty tree, which nobody can act on.
     inside = points[_is_in_grid(points[:, :3], voxel_size_m), :3].astype(np.float64)
     # On several threads the filter keeps another set of points in each run.
-    cloud = small_gicp.voxelgrid_sampling(inside, voxel_size_m, 1)
+    return _with_covariances(
+        small_gicp.voxelgrid_sampling(inside, voxel_size_m, 1), neighbors, threads
+    )
+
+
+def on_surfaces(
+    source: PreprocessedPoints,
+    target: PreprocessedPoints,
+    target_SE3_source: Float64,
+    max_distance_m: float,
+    neighbors: int = 10,
+) -> PreprocessedPoints:
+    """Return the source without the points that are off the surfaces of the target.
+
+    Args:
+        source: Points that are moved.
+        target: Points that stay.
+        target_SE3_source: (4, 4) transform from the source to the target.
+        max_distance_m: Largest distance of a point from the surface at the nearest point of the target in metres.
+        neighbors: Number of points that a local surface is fitted to.
+    """
+    if min(len(source), len(target)) == 0:
+        return source
+    rotation, translation_m = target_SE3_source[:3, :3], target_SE3_source[:3, 3]
+    moved = source.places_m @ rotation.T + translation_m
+    nearest, _ = target.tree.batch_nearest_neighbor_search(moved)
+    away_m = ((moved - target.places_m[nearest]) * target.normals[nearest]).sum(axis=1)
+    cloud = small_gicp.PointCloud(source.places_m[np.abs(away_m) < max_distance_m])
+    return _with_covariances(cloud, neighbors, threads=1)
+
+
+def _with_covariances(
+    cloud: small_gicp.PointCloud, neighbors: int, threads: int
+) -> PreprocessedPoints:
     if not cloud.size():
         return PreprocessedPoints(cloud, tree=None)
     tree = small_gicp.KdTree(cloud, num_threads=threads)

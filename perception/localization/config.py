@@ -41,6 +41,8 @@ class RegistrationConfig:
         min_inlier_ratio: Smallest share of matched points of an accepted alignment, 0 to 1.
         max_cost_ratio: Largest cost of an alignment from another motion, as a share of that from the motion so far,
             at which it is a correction.
+        min_moving_ratio: Smallest share of a scan's points that move at which later scans are not aligned with them.
+        surface_distance_m: Largest distance in metres of a static point from the surfaces of such a scan.
         max_correction_m: Largest translation in metres from the initial guess of an accepted alignment.
         max_correction_rad: Largest rotation in rad from the initial guess of an accepted alignment.
         max_gap_s: Largest time between two scans, in seconds, that are matched.
@@ -65,6 +67,8 @@ class RegistrationConfig:
     keyframe_inlier_ratio: float = 0.6
     min_inlier_ratio: float = 0.4
     max_cost_ratio: float = 0.85
+    min_moving_ratio: float = 0.1
+    surface_distance_m: float = 0.1
     max_correction_m: float = 1.0
     max_correction_rad: float = float(np.radians(4))
     max_gap_s: float = 1.0

@@ -8,8 +8,9 @@ to the INS would break that agreement, so they are left to drift.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,10 +26,11 @@ from perception.localization.alignment import (
     Alignment,
     PreprocessedPoints,
     align,
+    on_surfaces,
     preprocess_points,
 )
 from perception.localization.config import RegistrationConfig
-from perception.types import Float32, Float64
+from perception.types import Bool, Float32, Float64
 
 
 class PoseOrigin(StrEnum):
@@ -58,20 +60,57 @@ class Localization:
     is_reset: bool = False
 
 
+class _ScanPoints:
+    """Points of a scan: all of them, and those that are not known to move."""
+
+    def __init__(self, points_velo: Float32, config: RegistrationConfig) -> None:
+        self._stride = max(-(-len(points_velo) // config.max_points), 1)
+        self._points_velo, self._config = points_velo[:: self._stride], config
+        self._is_moving: Bool | None = None
+        self.all = self._preprocess(self._points_velo)
+
+    @property
+    def is_crowded(self) -> bool:
+        """Whether so much moves that it would pull an alignment along."""
+        return self._is_moving is not None
+
+    @cached_property
+    def static(self) -> PreprocessedPoints:
+        """Points that are not known to move."""
+        if self._is_moving is None:
+            return self.all
+        return self._preprocess(self._points_velo[~self._is_moving])
+
+    def mark_moving(self, is_moving: Bool) -> None:
+        """Remember which (N,) points of the whole scan move."""
+        is_moving = is_moving[:: self._stride]
+        if is_moving.mean() >= self._config.min_moving_ratio:
+            self._is_moving = is_moving
+
+    def forget_moving(self) -> None:
+        """Forget which points move, where the poses that told it were wrong."""
+        self._is_moving = None
+        self.__dict__.pop("static", None)
+
+    def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
+        config = self._config
+        return preprocess_points(points_velo, config.voxel_size_m, config.neighbors, config.threads)
+
+
 @dataclass(frozen=True)
 class _LocatedScan:
     """State that later scans need of an earlier one."""
 
     stamp_s: float
     ins_world_SE3_velo: Float64 | None
-    points: PreprocessedPoints
+    points: _ScanPoints
     localization: Localization
     velocity: Float64 | None  # (6,) rotation vector and translation a second, in the LiDAR frame
 
 
 _INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
-# Distances since the keyframe that are tried in turn without INS, and the speeds at which they are possible.
-_CREEPING_M, _CREEPING_M_S, _MIN_CREEPING_S = (1.0, 2.0, 3.0, 4.0), 4.0, 0.5
+# Without INS: distances from the motion that was found to others that are tried in turn, in a jam of such speeds.
+_CREEPING_M, _CREEPING_M_S, _MIN_CREEPING_S = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0), 4.0, 0.5
 
 
 class LidarOdometry:
@@ -83,7 +122,9 @@ class LidarOdometry:
     In a traffic jam most surfaces around creep along with the vehicle. From scan to scan the static ones move less
     than the reach of a match, and the nearest minimum is that of the jam; over a metre or more the minimum of what is
     static is lower. So a keyframe is at least so far back, and other motions since the keyframe are tried: that of
-    the INS, or, where the vehicle seems to be static, creeping ahead.
+    the INS, or, where the vehicle seems to be slow, one metre more or less. Where much moves, keyframes leave it out, and
+    a scan is matched by what lies on their surfaces where the INS or the motion so far puts it: vehicles that came less
+    than the reach of a match would pull the pose along.
     """
 
     def __init__(self, config: RegistrationConfig | None = None) -> None:
@@ -130,7 +171,7 @@ class LidarOdometry:
         step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
         if step_ins is not None:
             self._check_motion(step_ins, gap_s, last.velocity, source)
-        points = self._preprocess(points_velo)
+        points = _ScanPoints(points_velo, self._config)
         localization = self._locate(points, stamp_s, ins_world_SE3_velo, last)
         # After a correction the last pose no longer tells the velocity, but the keyframe's does.
         is_corrected = localization.is_reset and localization.origin is PoseOrigin.REGISTERED
@@ -139,12 +180,17 @@ class LidarOdometry:
         self._update_keyframe(self._last, last)
         return localization
 
+    def mark_moving(self, is_moving: Bool) -> None:
+        """Remember which (N,) points of the last scan move: later scans are not aligned with them."""
+        if self._last is not None:
+            self._last.points.mark_moving(is_moving)
+
     def _start(
         self, points_velo: Float32, stamp_s: float, ins_world_SE3_velo: Float64 | None
     ) -> Localization:
         pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
         localization = Localization(pose, PoseOrigin.START, is_reset=True)
-        points = self._preprocess(points_velo)
+        points = _ScanPoints(points_velo, self._config)
         self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, None)
         self._set_keyframe(self._last)
         return localization
@@ -173,7 +219,7 @@ class LidarOdometry:
 
     def _locate(
         self,
-        points: PreprocessedPoints,
+        points: _ScanPoints,
         stamp_s: float,
         ins_world_SE3_velo: Float64 | None,
         last: _LocatedScan,
@@ -185,10 +231,17 @@ class LidarOdometry:
         if is_near:
             world_SE3_keyframe = self._keyframe.localization.world_SE3_velo
             steps = self._guess_motions(step_ins, last.velocity, gap_s)
-            carried = self._best_alignment(
-                points, [inverse(world_SE3_keyframe) @ last_pose @ step for step in steps]
-            )
-            other = self._other_alignment(points, stamp_s, ins_world_SE3_velo, carried)
+            guesses = [inverse(world_SE3_keyframe) @ last_pose @ step for step in steps]
+            motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
+            of_static = None
+            if last.points.is_crowded:
+                of_static = self._static_alignment(
+                    points.all, guesses[0] if motion_ins is None else motion_ins
+                )
+            carried = of_static or self._best_alignment(points.all, guesses)
+            other = self._other_alignment(points.all, stamp_s, motion_ins, carried)
+            if other is not None:
+                self._keyframe.points.forget_moving()
             best = other or carried
             if best is not None:
                 pose = _rounded(world_SE3_keyframe @ best.target_SE3_source)
@@ -203,30 +256,32 @@ class LidarOdometry:
         self,
         points: PreprocessedPoints,
         stamp_s: float,
-        ins_world_SE3_velo: Float64 | None,
+        motion_ins: Float64 | None,
         carried: Alignment | None,
     ) -> Alignment | None:
         """Return an alignment from another motion since the keyframe, where it is clearly better."""
         if carried is None:
             return None
         found, reach_m = carried.target_SE3_source, self._config.max_correspondence_m / 2
-        guess = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
-        if guess is None:
-            guess = self._guess_creeping(found, stamp_s)
+        guess = self._guess_creeping(found, stamp_s) if motion_ins is None else motion_ins
         if guess is None or _length_m(found - guess) < reach_m:
             return None
         other = self._best_alignment(points, [guess])
-        is_better = other is not None and other.cost < self._config.max_cost_ratio * carried.cost
-        return other if is_better else None
+        if other is None:
+            return None
+        if self._last is not None and self._last.points.is_crowded:
+            # Alignments are compared by all points: what is called moving depends on the poses.
+            carried = self._best_alignment(points, [found]) or carried
+        return other if other.cost < self._config.max_cost_ratio * carried.cost else None
 
     def _guess_creeping(self, found: Float64, stamp_s: float) -> Float64 | None:
-        """Return a motion ahead since the keyframe, another one at each call, where the vehicle seems to be static."""
+        """Return another motion since the keyframe than the slow one that was found, a different one at each call."""
         age_s = stamp_s - self._keyframe.stamp_s
-        if _length_m(found) > self._config.min_keyframe_distance_m / 2 or age_s < _MIN_CREEPING_S:
+        if age_s < _MIN_CREEPING_S or _length_m(found) > _CREEPING_M_S * age_s:
             return None
         self._tries += 1
-        guess = _ahead(_CREEPING_M[self._tries % len(_CREEPING_M)])
-        return guess if _length_m(guess) <= _CREEPING_M_S * age_s else None
+        away_m = _CREEPING_M[self._tries % len(_CREEPING_M)]
+        return found @ _ahead(away_m) if abs(away_m) <= _CREEPING_M_S * age_s else None
 
     def _update_keyframe(self, scan: _LocatedScan, last: _LocatedScan) -> None:
         """Replace the keyframe where it is too far back, by a scan that is far enough back."""
@@ -271,7 +326,7 @@ class LidarOdometry:
         self, source: PreprocessedPoints, initial_guesses: Sequence[Float64]
     ) -> Alignment | None:
         """Align with the keyframe from each initial guess, and return the best accepted alignment."""
-        target = self._keyframe.points
+        target = self._keyframe.points.all
         config = self._config
         reach_m = config.max_correspondence_m
         if (
@@ -292,6 +347,20 @@ class LidarOdometry:
         ]
         return min(accepted, key=lambda alignment: alignment.cost, default=None)
 
+    def _static_alignment(
+        self, points: PreprocessedPoints, initial_guess: Float64
+    ) -> Alignment | None:
+        """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
+        config, static = self._config, self._keyframe.points.static
+        kept = on_surfaces(
+            points, static, initial_guess, config.surface_distance_m, config.neighbors
+        )
+        found = align(static, kept, initial_guess, config.max_correspondence_m, config.threads)
+        if not self._is_accepted(initial_guess, found):
+            return None
+        share = len(kept) / len(points) / (len(static) / len(self._keyframe.points.all))
+        return replace(found, inlier_ratio=min(1.0, found.inlier_ratio * share))
+
     def _is_accepted(self, initial_guess: Float64, alignment: Alignment) -> bool:
         correction = inverse(initial_guess) @ alignment.target_SE3_source
         return bool(
@@ -299,15 +368,6 @@ class LidarOdometry:
             and alignment.inlier_ratio >= self._config.min_inlier_ratio
             and np.linalg.norm(correction[:3, 3]) <= self._config.max_correction_m
             and rotation_angle_rad(correction) <= self._config.max_correction_rad
-        )
-
-    def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
-        stride = max(-(-len(points_velo) // self._config.max_points), 1)
-        return preprocess_points(
-            points_velo[::stride],
-            self._config.voxel_size_m,
-            self._config.neighbors,
-            self._config.threads,
         )
 
 

@@ -9,7 +9,7 @@ from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig, WindowIcpConfig
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.types import Frame, Int, Method
+from perception.types import Bool, Frame, Int, Method
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,10 @@ class Registration:
             self._window.pop()
         self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
         return RegisteredScans(self._window, rows, pose.is_reset)
+
+    def mark_moving(self, is_moving: Bool) -> None:
+        """Remember which (N,) points of the newest scan move: later scans are not aligned with them."""
+        self._odometry.mark_moving(is_moving)
 
 
 def register_window(window: ScanWindow, config: WindowIcpConfig | None = None) -> ScanWindow:

@@ -99,6 +99,7 @@ class LidarStages:
         ground = clock.run("ground", self._ground.update, scans.window)
         voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
         obstacles = clock.run("static and moving", self._motion.segment, voxels)
+        self._registration.mark_moving(obstacles.point_states == PointState.MOVING)
         scan = _segmented_scan(frame, scans, ground, obstacles)
         tracks = Tracks.empty()
         if self._datmo is not None and with_datmo:

@@ -5,7 +5,7 @@ import pytest
 
 from perception.errors import PoseError
 from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
-from perception.localization.alignment import align, preprocess_points
+from perception.localization.alignment import align, on_surfaces, preprocess_points
 from perception.localization.config import RegistrationConfig
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 
@@ -131,6 +131,33 @@ def test_a_jam_that_creeps_along_does_not_carry_the_pose() -> None:
     assert degrees < 0.1
     assert len(resets) == 2  # the start, and where the jam is told from the street
     assert resets[1] < 10
+
+
+def test_vehicles_that_move_off_do_not_pull_the_pose() -> None:
+    """Lorries that come 30 cm or less between two keyframes match, but not what is static."""
+    pose, odometry = np.eye(4), LidarOdometry()
+    for index in range(12):
+        static, lorries = observed_from(pose, index)[::4], lorries_around(index)
+        lorries[:, 0] += 0.06 * index
+        points = np.concatenate([static, lorries])
+        found = odometry.update(points, index * STEP_S, pose)
+        odometry.mark_moving(np.arange(len(points)) >= len(static))
+        metres, degrees = apart(pose, found.world_SE3_velo)
+        assert metres < 0.05
+        assert degrees < 0.1
+    assert found.origin is PoseOrigin.REGISTERED
+
+
+def test_what_is_off_the_surfaces_takes_no_part() -> None:
+    target = preprocess_points(observed_from(np.eye(4), 1), voxel_size_m=0.5)
+    beside = np.random.default_rng(0).uniform((2, -3, 0), (8, 3, 1), (400, 3))
+    source = np.concatenate([observed_from(np.eye(4), 2)[:, :3], beside])
+    kept = on_surfaces(
+        preprocess_points(source.astype(np.float32), voxel_size_m=0.5), target, np.eye(4), 0.1
+    )
+    is_beside = (np.abs(kept.places_m[:, 1]) < 3) & (np.abs(kept.places_m[:, 2] - 0.5) < 0.5)
+    assert not is_beside[(kept.places_m[:, 0] > 2) & (kept.places_m[:, 0] < 8)].any()
+    assert len(kept) > 0.9 * len(target)
 
 
 def test_many_keyframes_do_not_skew_the_rotation() -> None:
