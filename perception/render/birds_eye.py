@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from perception.geometry.grids import LocalArea
+from perception.kernels.drawing import paint_points
 from perception.render import palette
 from perception.render.canvas import (
     FIXED_POINT_BITS,
@@ -18,9 +19,6 @@ from perception.render.canvas import (
     blank_canvas,
     draw_text,
     fixed_point,
-    packed,
-    paint_pixels,
-    pixel_indices,
     text_width_px,
 )
 from perception.render.ego_vehicle import vehicle_outline_m
@@ -32,6 +30,9 @@ _RING_STEP_M = 10.0
 _SCALE_M = 5.0
 # Height above the ground from which static voxels have their full colour; they are dark at the ground.
 _FULL_HEIGHT_M = 1.8
+# Colours of static voxels by brightness, 0 to 255, and of moving ones.
+_STATIC = (np.arange(256)[:, None] / 255 * palette.STATIC).astype(np.uint8)
+_MOVING = np.array([palette.MOVING], np.uint8)
 # Direction to the light, from the front left; slopes are drawn steeper than they are.
 _TO_LIGHT = np.array([0.5, 0.5, 0.7])
 _SLOPE_EXAGGERATION = 4.0
@@ -90,7 +91,7 @@ def draw_birds_eye(view: BirdsEyeView, result: Result, surface: GroundMesh) -> U
     draw_points(canvas, view, result)
     draw_rings(canvas, view)
     draw_static(canvas, view, result.obstacles.static, surface)
-    draw_squares(canvas, view, result.obstacles.moving, np.array(palette.MOVING))
+    draw_squares(canvas, view, result.obstacles.moving, _MOVING)
     draw_vehicle(canvas, view)
     return canvas
 
@@ -123,30 +124,36 @@ def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
     """Draw every point of the scan: pale on the ground, grey outside the local area."""
     tints = np.array([palette.POINTS] * len(PointState), np.uint8)
     tints[PointState.GROUND] = palette.GROUND_POINTS
-    pixels = view.to_pixels(result.frame.points_velo)
-    shown, places = pixel_indices(pixels, view.size_px, view.size_px[0])
-    states = result.obstacles.point_states.take(shown)
-    paint_pixels(canvas, places, packed(tints).take(states))
+    points, states = result.frame.points_velo, result.obstacles.point_states
+    paint_points(canvas, view.image_P_velo, points, states, tints, 1)
 
 
 def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: GroundMesh) -> None:
     """Draw static voxels as squares, brighter with height, the highest on top."""
     above_m = voxels.centers_m[:, 2] - float(np.median(surface.height_m))
     lowest_first = np.argsort(above_m, kind="stable")
-    brightness = np.clip(0.5 + 0.5 * above_m / _FULL_HEIGHT_M, 0.4, 1.0)[lowest_first, None]
+    brightness = np.clip(0.5 + 0.5 * above_m / _FULL_HEIGHT_M, 0.4, 1.0)[lowest_first]
+    levels = np.rint(255 * brightness).astype(np.uint8)
     ordered = Voxels(voxels.centers_m[lowest_first], voxels.counts[lowest_first], voxels.size_m)
-    draw_squares(canvas, view, ordered, brightness * palette.STATIC)
+    draw_squares(canvas, view, ordered, _STATIC, levels)
 
 
-def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Float) -> None:
-    """Fill the footprint of each voxel with (3,) or (V, 3) colours, the last on top."""
-    edge = max(int(np.ceil(voxels.size_m * view.pixels_per_m)), 1)
-    corner = view.to_pixels(voxels.centers_m) - (edge - 1) / 2
-    width, height = view.size_px
-    shown, first = pixel_indices(corner, (width - edge + 1, height - edge + 1), width)
-    painted = packed(np.broadcast_to(colors, (len(voxels), 3)).take(shown, axis=0).astype(np.uint8))
-    square = (np.arange(edge)[:, None] * width + np.arange(edge)).ravel()
-    paint_pixels(canvas, (square[:, None] + first).ravel(), np.tile(painted, len(square)))
+def draw_squares(
+    canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: UInt8, numbers: UInt8 | None = None
+) -> None:
+    """Fill the footprint of each voxel, the last on top.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        view: View from above.
+        voxels: (V) voxels in the LiDAR frame.
+        colors: (C, 3) colours.
+        numbers: (V,) number of the colour of each voxel; else all have the first.
+    """
+    edge_px = max(int(np.ceil(voxels.size_m * view.pixels_per_m)), 1)
+    points = np.ascontiguousarray(voxels.centers_m, np.float32)
+    numbers = np.zeros(len(points), np.uint8) if numbers is None else numbers
+    paint_points(canvas, view.image_P_velo, points, numbers, colors, edge_px)
 
 
 def draw_rings(canvas: UInt8, view: BirdsEyeView) -> None:

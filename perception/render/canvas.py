@@ -5,16 +5,12 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.render.palette import TEXT, Color
 from perception.types import Bool, Float64, Int, UInt8
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 FIXED_POINT_BITS = 4  # of OpenCV's sub-pixel drawing
-
-# Red, green, blue and a spare byte as one number; ten times as fast to write as three bytes.
-PackedColors = NDArray[np.uint32]
 
 
 class Align(Enum):
@@ -44,45 +40,6 @@ def is_inside(pixels: Float64 | Int, size_px: tuple[int, int], margin_px: float 
             & (column < size_px[0] - 0.5 + margin_px)
             & (row < size_px[1] - 0.5 + margin_px)
         )
-
-
-def packed(colors: UInt8) -> PackedColors:
-    """Return (N, 3) colours as (N,) numbers."""
-    four = np.zeros((len(colors), 4), np.uint8)
-    four[:, :3] = colors
-    return four.view(np.uint32)[:, 0]
-
-
-def unpacked(image: PackedColors) -> UInt8:
-    """Return (H, W) packed colours as an (H, W, 3) image."""
-    four = image.view(np.uint8).reshape(*image.shape, 4)
-    return np.asarray(cv2.cvtColor(four, cv2.COLOR_RGBA2RGB), np.uint8)
-
-
-def paint_pixels(canvas: UInt8, indices: Int, colors: PackedColors) -> None:
-    """Paint K pixels of a canvas; where an index repeats, the last colour stays.
-
-    Args:
-        canvas: (H, W, 3) canvas.
-        indices: (K,) row * width + column of each pixel.
-        colors: (K,) packed colours, or one for all.
-    """
-    four = cv2.cvtColor(canvas, cv2.COLOR_RGB2RGBA)
-    four.view(np.uint32).reshape(-1)[indices] = colors
-    canvas[:] = cv2.cvtColor(four, cv2.COLOR_RGBA2RGB)
-
-
-def pixel_indices(pixels: Float64, size_px: tuple[int, int], width_px: int) -> tuple[Int, Int]:
-    """Return the rows of (N, 2) pixels that round to one within (width, height), and their indices.
-
-    Args:
-        pixels: (N, 2) columns and rows; NaN is outside.
-        size_px: (width, height) within which pixels count.
-        width_px: Width of the canvas, for the index row * width + column.
-    """
-    shown = np.flatnonzero(is_inside(pixels, size_px))
-    column, row = (np.rint(pixels[:, axis].take(shown)).astype(np.int64) for axis in (0, 1))
-    return shown, row * width_px + column
 
 
 def fixed_point(pixels: Float64) -> Int:

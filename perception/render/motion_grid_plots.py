@@ -148,10 +148,11 @@ def _draw_on_image(
     stack = cell_columns(grids, ground, step.height_m)
     visible = render_cubes(camera.image_P_velo, (width, height), stack)
     tints = step.colors[rows, columns][stack.counts]
-    lit = tints[visible.cubes] * _FACE_LIGHT[visible.faces, None]
-    image = camera.image.reshape(-1, 3).astype(np.float64)
-    image[visible.pixels] += _OPACITY * (lit - image[visible.pixels])
-    axes.imshow(image.reshape(height, width, 3).astype(np.uint8))
+    is_cube = visible.is_cube
+    lit = tints[visible.cubes[is_cube]] * _FACE_LIGHT[visible.faces[is_cube], None]
+    image = camera.image.astype(np.float64)
+    image[is_cube] += _OPACITY * (lit - image[is_cube])
+    axes.imshow(image.astype(np.uint8))
     for number, box_m in enumerate(corners(step.boxes)):
         pixels, _ = project(camera.image_P_velo, box_m[_BOX_WALK])
         axes.plot(*pixels.T, color=rgb(palette.track_color(number)), linewidth=1.3)

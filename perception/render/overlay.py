@@ -8,10 +8,11 @@ import numpy as np
 
 from perception.geometry.camera import project
 from perception.geometry.grids import LocalArea
+from perception.kernels.drawing import blend_cubes, blend_mesh
 from perception.render import palette
-from perception.render.canvas import FIXED_POINT_BITS, PackedColors, fixed_point, packed, unpacked
+from perception.render.canvas import FIXED_POINT_BITS, fixed_point
 from perception.render.cubes import CubeImage, render_cubes
-from perception.types import Float32, Float64, GroundModel, Int, Obstacles, UInt8, Voxels
+from perception.types import Float64, GroundModel, Int, Obstacles, UInt8, Voxels
 
 _NEAREST_M = 0.7
 # Brightness of the faces across x, y and z: the light comes from high in front of the vehicle.
@@ -19,8 +20,7 @@ _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
 # Voxels of more points are brighter, as in the author's figures; from this number of points on fully bright.
 _FULL_COUNT = 8
 _FULLNESS = (0.8 + 0.2 * np.arange(_FULL_COUNT + 1) / _FULL_COUNT).astype(np.float32)
-# From the colour of the fill to that of the mesh, by the share of a pixel that a line covers.
-_MESH_COLORS = packed(np.linspace(palette.GROUND, palette.GROUND_MESH, 256).astype(np.uint8))
+_MESH_COLORS = np.array([palette.GROUND, palette.GROUND_MESH], np.float64)
 
 
 @dataclass(frozen=True)
@@ -107,47 +107,43 @@ def draw_overlay(
         style: Opacities.
     """
     height, width = image.shape[:2]
-    voxels, color_indices = _voxels_and_color_indices(obstacles)
+    voxels, colors = _voxels_and_colors(obstacles)
     cubes = render_cubes(image_P_velo, (width, height), voxels)
-    colors, opacity = _paint_ground(image_P_velo, (width, height), surface, style)
-    _hide_behind(cubes, opacity, style.gap_px)
-    face_color_indices = color_indices.take(cubes.cubes) * len(_FACE_LIGHT) + cubes.faces
-    colors.reshape(-1)[cubes.pixels] = _CUBE_COLORS.take(face_color_indices)
-    opacity.reshape(-1)[cubes.pixels] = style.cube_opacity
-    # Nothing is drawn over the sky.
-    rows = slice(int(opacity.any(axis=1).argmax()), None)
-    blended = image.copy()
-    shares = opacity[rows], 1 - opacity[rows]
-    cv2.blendLinear(unpacked(colors[rows]), image[rows], *shares, dst=blended[rows])
+    fill, mesh = _ground_masks(image_P_velo, (width, height), surface)
+    bare = _is_bare(cubes, style.gap_px)
+    blended = np.ascontiguousarray(image).copy()
+    opacities = np.array([[style.ground_opacity, style.mesh_opacity]])
+    blend_mesh(blended, fill * bare, mesh * bare, _MESH_COLORS, opacities)
+    blend_cubes(blended, cubes.cubes, cubes.faces, colors, style.cube_opacity)
     return blended
 
 
-def _cube_colors() -> PackedColors:
-    """Return the colours of cubes by kind (static, moving), number of points and face."""
+def _cube_colors() -> UInt8:
+    """Return the colours of cubes by kind (static, moving), number of points and face, as (C, 3, 3)."""
     kinds = np.array([palette.STATIC, palette.MOVING], np.float32)
     tints = kinds[:, None] * _FULLNESS[:, None]
-    return packed((tints[:, :, None] * _FACE_LIGHT[:, None]).astype(np.uint8).reshape(-1, 3))
+    return (tints[:, :, None] * _FACE_LIGHT[:, None]).astype(np.uint8).reshape(-1, 3, 3)
 
 
 _CUBE_COLORS = _cube_colors()
 
 
-def _voxels_and_color_indices(obstacles: Obstacles) -> tuple[Voxels, Int]:
-    """Merge static and moving voxels, so that they hide each other, with the (V,) color index of each."""
+def _voxels_and_colors(obstacles: Obstacles) -> tuple[Voxels, UInt8]:
+    """Merge static and moving voxels, so that they hide each other, with the (V, 3, 3) colours of their faces."""
     both = Voxels(
         np.concatenate([obstacles.static.centers_m, obstacles.moving.centers_m]),
         np.concatenate([obstacles.static.counts, obstacles.moving.counts]),
         obstacles.static.size_m,
     )
-    color_indices = np.minimum(both.counts, _FULL_COUNT)
-    color_indices[len(obstacles.static) :] += len(_FULLNESS)
-    return both, color_indices
+    kinds = np.minimum(both.counts, _FULL_COUNT)
+    kinds[len(obstacles.static) :] += len(_FULLNESS)
+    return both, _CUBE_COLORS.take(kinds, axis=0)
 
 
-def _paint_ground(
-    image_P_velo: Float64, size_px: tuple[int, int], surface: GroundMesh, style: OverlayStyle
-) -> tuple[PackedColors, Float32]:
-    """Return the (H, W) colours and (H, W) opacity of a faint fill and a mesh of lines on it."""
+def _ground_masks(
+    image_P_velo: Float64, size_px: tuple[int, int], surface: GroundMesh
+) -> tuple[UInt8, UInt8]:
+    """Return the (H, W) mask of the ground, and the share of each pixel that a mesh of lines covers, 0 to 255."""
     width, height = size_px
     nodes_m = surface.nodes_m
     pixels, depth_m = project(image_P_velo, nodes_m.reshape(-1, 3))
@@ -161,14 +157,7 @@ def _paint_ground(
     lines = [*nodes_px, *np.ascontiguousarray(nodes_px.transpose(1, 0, 2))]
     if len(nodes_px) > 1:
         cv2.polylines(mesh, lines, False, 255, 1, cv2.LINE_AA, FIXED_POINT_BITS)
-    colors = np.full((height, width), _MESH_COLORS[0])
-    opacity = fill * np.float32(style.ground_opacity / 255)
-    # Few pixels belong to lines.
-    places = np.flatnonzero(mesh != 0)
-    shares = mesh.reshape(-1).take(places)
-    colors.reshape(-1)[places] = _MESH_COLORS.take(shares)
-    opacity.reshape(-1)[places] += shares * np.float32(style.mesh_opacity / 255)
-    return colors, opacity
+    return fill, mesh
 
 
 def _clipped_fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
@@ -177,9 +166,9 @@ def _clipped_fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
     return fixed_point(np.clip(pixels, -reach, reach))
 
 
-def _hide_behind(cubes: CubeImage, opacity: Float32, gap_px: tuple[int, int]) -> None:
-    """Clear the ground behind the gaps within an obstacle."""
-    solid = np.zeros(opacity.shape, np.uint8)
-    solid.reshape(-1)[cubes.pixels] = 1
-    closed = cv2.morphologyEx(solid, cv2.MORPH_CLOSE, np.ones(gap_px[::-1], np.uint8))
-    opacity *= 1 - closed
+def _is_bare(cubes: CubeImage, gap_px: tuple[int, int]) -> UInt8:
+    """Return the (H, W) mask, 1 or 0, of what lies behind no obstacle and no gap within one."""
+    solid = cubes.is_cube.view(np.uint8)
+    return 1 - np.asarray(
+        cv2.morphologyEx(solid, cv2.MORPH_CLOSE, np.ones(gap_px[::-1], np.uint8)), np.uint8
+    )

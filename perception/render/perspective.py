@@ -7,14 +7,12 @@ import numpy as np
 
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler
+from perception.kernels.drawing import HIDDEN, paint_points
 from perception.render import palette
 from perception.render.canvas import (
     FIXED_POINT_BITS,
     blank_canvas,
     fixed_point,
-    packed,
-    paint_pixels,
-    pixel_indices,
 )
 from perception.render.ego_vehicle import Face, vehicle_faces
 from perception.render.overlay import GroundMesh, OverlayStyle, draw_overlay
@@ -26,6 +24,11 @@ _FIELD_OF_VIEW_RAD = np.radians(64)
 _MAX_ASPECT = 0.62  # of the vertical field of view to the horizontal one
 # Direction to the light that shades the vehicle.
 _TO_LIGHT = np.array([-0.45, 0.25, 0.86])
+# Colours of points by reflectance, brighter up to 0.6.
+_LEVELS_PER_UNIT = 100
+_POINTS = np.minimum(
+    (0.45 + 0.9 * np.arange(0, 0.601, 1 / _LEVELS_PER_UNIT))[:, None] * palette.POINTS, 255
+).astype(np.uint8)
 # No image lies under the obstacles here, and gaps between voxels are left open.
 _SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
 
@@ -75,13 +78,10 @@ def draw_perspective(size_px: tuple[int, int], result: Result, surface: GroundMe
 
 def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
     """Draw the points outside the local area, brighter with their reflectance."""
-    outside = np.flatnonzero(result.obstacles.point_states == PointState.OUTSIDE)
-    points = result.frame.points_velo.take(outside, axis=0)
-    pixels, _ = project(image_P_velo, points)
-    visible, places = pixel_indices(pixels, (image.shape[1], image.shape[0]), image.shape[1])
-    brightness = 0.45 + 0.9 * np.minimum(points[:, 3:4].take(visible, axis=0), 0.6)
-    tints = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
-    paint_pixels(image, places, packed(tints))
+    points = result.frame.points_velo
+    is_outside = result.obstacles.point_states == PointState.OUTSIDE
+    levels = np.minimum(points[:, 3] * _LEVELS_PER_UNIT, len(_POINTS) - 1).astype(np.uint8)
+    paint_points(image, image_P_velo, points, np.where(is_outside, levels, HIDDEN), _POINTS, 1)
 
 
 def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:

@@ -32,7 +32,7 @@ def test_an_area_is_fitted_and_centred():
 
 def test_a_voxel_covers_its_footprint_only():
     canvas = np.zeros((300, 200, 3), np.uint8)
-    draw_squares(canvas, VIEW, voxels_at((10, 0, 0), size_m=0.3), np.array(MOVING))
+    draw_squares(canvas, VIEW, voxels_at((10, 0, 0), size_m=0.3), np.array([MOVING], np.uint8))
     rows, columns = np.nonzero(canvas.any(axis=2))
     assert set(rows) == {149, 150, 151}
     assert set(columns) == {99, 100, 101}
@@ -41,7 +41,9 @@ def test_a_voxel_covers_its_footprint_only():
 
 def test_voxels_beyond_the_canvas_are_left_out():
     canvas = np.zeros((300, 200, 3), np.uint8)
-    draw_squares(canvas, VIEW, voxels_at((90, 0, 0), (0, 90, 0), (-9, 0, 0)), np.array(MOVING))
+    draw_squares(
+        canvas, VIEW, voxels_at((90, 0, 0), (0, 90, 0), (-9, 0, 0)), np.array([MOVING], np.uint8)
+    )
     assert not canvas.any()
 
 

@@ -1,0 +1,191 @@
+"""Points and cubes drawn into images, pixel by pixel."""
+
+import math
+
+import numpy as np
+from numba import types
+
+from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
+from perception.types import Float, Float64, Int, UInt8
+
+# Number of a point that is not drawn.
+HIDDEN = 255
+_NEAREST_M = 0.6
+# A cube at an angle is broader than its edge; a full diagonal would hide the cubes behind it.
+_SPREAD = 1.2
+_PROJECTION = array_of(types.float64, 2)
+_POINTS = array_of(types.float32, 2)
+_CANVAS = written(types.uint8, 3)
+
+
+@compiled((_CANVAS, _PROJECTION, _POINTS, array_of(types.uint8), array_of(types.uint8, 2), WHOLE))
+def paint_points(
+    canvas: UInt8, image_P_velo: Float64, points: Float, numbers: UInt8, colors: UInt8, edge_px: int
+) -> None:
+    """Draw each point as a square, the last on top; those behind the camera are left out.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        image_P_velo: (3, 4) projection to the canvas.
+        points: (N, 3+) points.
+        numbers: (N,) number of the colour of each point, or `HIDDEN`.
+        colors: (C, 3) colours.
+        edge_px: Edge of the squares in pixels.
+    """
+    height, width = canvas.shape[:2]
+    p = image_P_velo
+    half = (edge_px - 1) / 2
+    for i in range(len(points)):
+        if numbers[i] == HIDDEN:
+            continue
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        depth_m = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + p[2, 3]
+        if not depth_m > 1e-6:
+            continue
+        u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + p[0, 3]) / depth_m - half
+        v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + p[1, 3]) / depth_m - half
+        if not (-edge_px < u < width and -edge_px < v < height):
+            continue
+        left, top = int(np.rint(u)), int(np.rint(v))
+        for row in range(max(top, 0), min(top + edge_px, height)):
+            for column in range(max(left, 0), min(left + edge_px, width)):
+                for channel in range(3):
+                    canvas[row, column, channel] = colors[numbers[i], channel]
+
+
+@compiled((written(types.int32, 2), _PROJECTION, _POINTS, NUMBER))
+def splat_cubes(nearest: Int, image_P_velo: Float64, centers_m: Float, size_m: float) -> None:
+    """Write the number of the nearest cube of each pixel, each cube a square as large as it appears.
+
+    Args:
+        nearest: (H, W) numbers of the cubes; other pixels stay as they are.
+        image_P_velo: (3, 4) projection.
+        centers_m: (V, 3) centres of the cubes.
+        size_m: Edge of the cubes in metres.
+    """
+    height, width = nearest.shape
+    p = image_P_velo
+    across = np.array([
+        p[0, 1] * p[2, 2] - p[0, 2] * p[2, 1],
+        p[0, 2] * p[2, 0] - p[0, 0] * p[2, 2],
+        p[0, 0] * p[2, 1] - p[0, 1] * p[2, 0],
+    ])  # fmt: skip
+    scale_px = _SPREAD * size_m * math.sqrt((across**2).sum() / (p[2, :3] ** 2).sum())
+    depths_m = np.full((height, width), np.inf, np.float32)
+    for i in range(len(centers_m)):
+        x, y, z = centers_m[i, 0], centers_m[i, 1], centers_m[i, 2]
+        depth_m = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + p[2, 3]
+        if not depth_m > _NEAREST_M:
+            continue
+        edge_px = max(int(np.rint(scale_px / depth_m)), 1)
+        half = (edge_px - 1) / 2
+        u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + p[0, 3]) / depth_m - half
+        v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + p[1, 3]) / depth_m - half
+        if not (-edge_px < u < width and -edge_px < v < height):
+            continue
+        left, top, depth = int(np.rint(u)), int(np.rint(v)), np.float32(depth_m)
+        for row in range(max(top, 0), min(top + edge_px, height)):
+            for column in range(max(left, 0), min(left + edge_px, width)):
+                if depth <= depths_m[row, column]:
+                    depths_m[row, column] = depth
+                    nearest[row, column] = i
+
+
+@compiled((written(types.uint8, 2), array_of(types.int32, 2), _PROJECTION, _POINTS, NUMBER))
+def faces_of_cubes(
+    faces: UInt8, nearest: Int, image_P_velo: Float64, centers_m: Float, size_m: float
+) -> None:
+    """Write the face through which the ray of each pixel enters its cube: 0 across x, 1 across y, 2 across z.
+
+    A ray enters a slab half an edge before its middle, and the cube with its last slab.
+
+    Args:
+        faces: (H, W) faces; pixels without a cube stay as they are.
+        nearest: (H, W) number of the cube of each pixel, -1 without one.
+        image_P_velo: (3, 4) projection.
+        centers_m: (V, 3) centres of the cubes.
+        size_m: Edge of the cubes in metres.
+    """
+    height, width = nearest.shape
+    turn = np.linalg.inv(image_P_velo[:, :3].copy())
+    camera_m = -(turn @ image_P_velo[:, 3].copy())
+    for row in range(height):
+        for column in range(width):
+            cube = nearest[row, column]
+            if cube < 0:
+                continue
+            face, latest = 0, -np.inf
+            for axis in range(3):
+                ray = turn[axis, 0] * column + turn[axis, 1] * row + turn[axis, 2]
+                slower = 1 / (ray if abs(ray) > 1e-9 else 1e-9)
+                middle = (centers_m[cube, axis] - camera_m[axis]) * slower
+                enters = middle - abs(slower) * size_m / 2
+                if enters > latest:
+                    face, latest = axis, enters
+            faces[row, column] = face
+
+
+@compiled(
+    (
+        _CANVAS,
+        array_of(types.int32, 2),
+        array_of(types.uint8, 2),
+        array_of(types.uint8, 3),
+        NUMBER,
+    )
+)
+def blend_cubes(canvas: UInt8, nearest: Int, faces: UInt8, colors: UInt8, opacity: float) -> None:
+    """Blend the visible face of each pixel's cube into a canvas.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        nearest: (H, W) number of the cube of each pixel, -1 without one.
+        faces: (H, W) visible face of that cube.
+        colors: (V, 3, 3) colour of each face of each cube.
+        opacity: Opacity of the cubes, 0 to 1.
+    """
+    height, width = nearest.shape
+    share = round(256 * opacity)
+    for row in range(height):
+        for column in range(width):
+            cube = nearest[row, column]
+            if cube >= 0:
+                for channel in range(3):
+                    color = np.int64(colors[cube, faces[row, column], channel])
+                    below = np.int64(canvas[row, column, channel])
+                    canvas[row, column, channel] = (
+                        share * color + (256 - share) * below + 128
+                    ) >> 8
+
+
+@compiled((_CANVAS, array_of(types.uint8, 2), array_of(types.uint8, 2), _PROJECTION, _PROJECTION))
+def blend_mesh(
+    canvas: UInt8, fill: UInt8, mesh: UInt8, colors: Float64, opacities: Float64
+) -> None:
+    """Blend a surface and the lines on it into a canvas.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        fill: (H, W) 255 on the surface, else 0.
+        mesh: (H, W) share of each pixel that a line covers, 0 to 255.
+        colors: (2, 3) colours of surface and lines.
+        opacities: (1, 2) opacity of the surface, and what a line adds to it, 0 to 1.
+    """
+    height, width = fill.shape
+    opacity = opacities[0, 0]
+    share = round(256 * opacity)
+    # Most pixels are bare surface, whose blending has one factor and one summand for each channel.
+    surface = np.rint(share * colors[0] + 128).astype(np.int64)
+    for row in range(height):
+        for column in range(width):
+            if mesh[row, column]:
+                on_line = mesh[row, column] / 255
+                opacity = opacities[0, 0] * fill[row, column] / 255 + opacities[0, 1] * on_line
+                for channel in range(3):
+                    color = colors[0, channel] + on_line * (colors[1, channel] - colors[0, channel])
+                    below = canvas[row, column, channel]
+                    canvas[row, column, channel] = int(below + opacity * (color - below) + 0.5)
+            elif fill[row, column]:
+                for channel in range(3):
+                    below = np.int64(canvas[row, column, channel])
+                    canvas[row, column, channel] = (surface[channel] + (256 - share) * below) >> 8
