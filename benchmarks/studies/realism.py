@@ -50,7 +50,7 @@ class RangedFrame:
     @classmethod
     def of(cls, labels: Labels, detections: Detections, focal_px: float) -> "RangedFrame":
         """Measure the distances; the focal length is that of rows."""
-        from perception.detection.vehicles.class_sizes import SizePriors
+        from perception.tracking.vehicles.class_sizes import SizePriors
 
         label_distances_m = np.hypot(*labels.boxes_velo.bottom_m[:, :2].T)
         _, y1, _, y2 = detections.boxes_px.T

@@ -7,9 +7,9 @@ people move along the road, as the vehicle drives.
 
 import numpy as np
 
-from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import BodyFitConfig
 from perception.detection.vehicles.l_shape_fit import Rectangles
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Float64
 
 

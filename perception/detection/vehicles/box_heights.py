@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import BoxHeightConfig
 from perception.geometry.boxes import corners
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Boxes3D, Calibration, Float64
 
 
@@ -33,6 +33,10 @@ def fit_heights(
     tops_m = -beside / planes[..., 2]
     seen_m = (tops_m - corners_m[..., 2]).min(axis=1)
     mean_m, deviation_m = sizes.height_m.T
+    # A vehicle may be of another class, a person is not.
+    deviation_m = np.where(
+        sizes.has_sides, np.maximum(deviation_m, config.min_vehicle_deviation_m), deviation_m
+    )
     height_px = np.maximum(y2 - y1, 1.0)[:, 0]
     share = config.top_deviation_px / height_px + config.top_deviation_share
     variance_m2 = (share * mean_m) ** 2

@@ -93,11 +93,13 @@ class BoxHeightConfig:
         top_deviation_px: Standard deviation of the upper side of the 2D box.
         top_deviation_share: Increase of the same, as a share of the box's height.
         max_deviations: Maximum difference from the height of the class that is trusted, in its standard deviations.
+        min_vehicle_deviation_m: Minimum standard deviation of the height of a vehicle, whose class may be another.
     """
 
     top_deviation_px: float = 1.0
     top_deviation_share: float = 0.05
     max_deviations: float = 2.5
+    min_vehicle_deviation_m: float = 0.3
 
 
 @dataclass(frozen=True)

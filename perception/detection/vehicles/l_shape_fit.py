@@ -13,8 +13,8 @@ from typing import Annotated
 
 import numpy as np
 
-from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import LShapeFitConfig
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import ArrayTable, Float32, Float64
 
 

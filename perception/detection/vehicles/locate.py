@@ -7,7 +7,6 @@ import numpy as np
 
 from perception.detection.vehicles.body_fit import fit_bodies
 from perception.detection.vehicles.box_heights import fit_heights
-from perception.detection.vehicles.class_sizes import SizePriors
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.l_shape_fit import ImageSpans, Rectangles, fit_rectangles
 from perception.detection.vehicles.vehicle_points import (
@@ -17,6 +16,7 @@ from perception.detection.vehicles.vehicle_points import (
 )
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import (
     ArrayTable,
     Boxes3D,

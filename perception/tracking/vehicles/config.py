@@ -26,11 +26,13 @@ class DuplicateConfig:
         min_iou: Minimum IoU in the image, unless the returns of both lie apart.
         min_iou_apart: Minimum IoU in the image where the returns of both lie apart.
         min_share: Minimum share of a box without returns that lies within the other.
+        same_place_iou: Minimum IoU in the image of detections of several classes that are one object.
     """
 
     min_iou: float = 0.4
     min_iou_apart: float = 0.75
     min_share: float = 0.7
+    same_place_iou: float = 0.6
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,16 @@ class EvidenceConfig:
         miss: Evidence that a frame without a detection takes away.
         confirmation: Minimum evidence of a confirmed track; one detection is never enough.
         memory: Share of the past evidence that the next frame leaves, since detections of one object err alike.
+        height_deviation_m: Standard deviation of the height of a track, which tells classes apart.
+        class_score_weight: Weight of the logarithm of scores beside that of the likelihood of a height.
     """
 
     prior: float = 0.5
     miss: float = 0.2
     confirmation: float = 2.0
     memory: float = 0.8
+    height_deviation_m: float = 0.03
+    class_score_weight: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,8 @@ class VehicleTrackerConfig:
         assumed_depth_share: Standard deviation of its depth, as a share of the depth.
         assumed_side_share: Standard deviation of its position across the line of sight, as a share of its width.
         box_gain: Gain of the correction of a box in the image.
+        outline_weight: Weight of the outline of a 3D box in the reported box of a vehicle in the image.
+        max_outline_share: Maximum difference of their sides, as a share of width and height, of boxes that agree.
         relocate_after_s: Time located elsewhere than predicted after which a track moves there.
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
@@ -113,6 +121,8 @@ class VehicleTrackerConfig:
     assumed_depth_share: float = 0.3
     assumed_side_share: float = 0.12
     box_gain: float = 0.7
+    outline_weight: float = 0.5
+    max_outline_share: float = 0.4
     relocate_after_s: float = 0.35
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0

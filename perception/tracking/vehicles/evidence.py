@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import EvidenceConfig
-from perception.types import Float64
+from perception.types import Float64, Int
 
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
@@ -20,11 +21,33 @@ def probability(evidence: Float64) -> Float64:
     return np.asarray(1.0 / (1.0 + np.exp(-evidence)))
 
 
-def class_evidence(
-    types: NDArray[np.str_], existence: Float64, classes: NDArray[np.str_]
-) -> Float64:
-    """Return (D, C) the evidence of detections for each class."""
-    return np.where(types[:, None] == classes, existence[:, None], 0.0)
+def likeliest_classes(
+    evidence: Float64, heights_m: Float64, classes: NDArray[np.str_], config: EvidenceConfig
+) -> Int:
+    """Return (T,) the number of the likeliest class of each track.
+
+    Detectors tell vehicles from people, and these from each other. The image of a van deceives them, its height does
+    not: it decides between vehicles, whose scores all err alike.
+
+    Args:
+        evidence: (T, C) sums of the scores of each class.
+        heights_m: (T,) heights of the boxes; NaN where they are not observed.
+        classes: (C,) names of the classes.
+        config: Weight of the scores, and deviation of the heights.
+    """
+    sizes = SizePriors.of(classes)
+    mean_m, deviation_m = sizes.height_m.T
+    variance_m2 = deviation_m**2 + config.height_deviation_m**2
+    squared_m2 = (heights_m[:, None] - mean_m) ** 2
+    by_height = -(squared_m2 / variance_m2 + np.log(variance_m2)) / 2
+    shares = evidence / np.maximum(evidence.sum(axis=1, keepdims=True), _MIN_PROBABILITY)
+    by_score = np.log(np.maximum(shares, _MIN_PROBABILITY))
+    is_told_by_height = sizes.has_sides & np.isfinite(heights_m)[:, None]
+    is_alike = sizes.has_sides == sizes.has_sides[evidence.argmax(axis=1)][:, None]
+    likelihoods = np.where(
+        is_told_by_height, config.class_score_weight * by_score + by_height, by_score
+    )
+    return np.asarray(np.where(is_alike, likelihoods, -np.inf).argmax(axis=1))
 
 
 def _log_odds(probabilities: Float64) -> Float64:

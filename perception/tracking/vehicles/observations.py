@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.geometry import se3
+from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.tracking.vehicles.config import VehicleTrackerConfig
@@ -73,24 +75,36 @@ class VehicleObservations(ArrayTable):
         boxes_world: (D) boxes in the world; of a detection without returns without extent but the assumed height.
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
+        class_scores: (D, C) highest score of each class at the place of the detection.
     """
 
     detections: Detections
     boxes_world: Boxes3D
     is_located: Bool
     noise: Annotated[Float64, 2, 2]
+    class_scores: Annotated[Float64, ...]
 
     @property
     def existence(self) -> Float64:
-        """(D,) probability that an object is there: at least that its box fits.
-
-        Mere existence, as the fusion predicts it, is too sure on real streets.
-        """
-        return self.detections.scores
+        """(D,) probability that an object is there: one of a class that was detected at the place."""
+        return np.asarray(np.minimum(self.class_scores.sum(axis=1), 1.0))
 
     @classmethod
-    def of(cls, vehicles: Vehicles, frame: FrameGeometry, config: VehicleTrackerConfig) -> Self:
-        """Transform vehicles to the world."""
+    def of(
+        cls,
+        vehicles: Vehicles,
+        frame: FrameGeometry,
+        classes: NDArray[np.str_],
+        config: VehicleTrackerConfig,
+    ) -> Self:
+        """Transform vehicles to the world.
+
+        Args:
+            vehicles: Located detections of the frame.
+            frame: Pose and camera.
+            classes: (C,) classes of the tracker.
+            config: Noise, and the overlap of detections at one place.
+        """
         detections = vehicles.fused.detections
         is_located = np.isfinite(vehicles.boxes.bottom_m[:, 0])
         assumed, assumed_noise = _assumed(detections.boxes_px, frame, config)
@@ -102,7 +116,16 @@ class VehicleObservations(ArrayTable):
             assumed.replaced(rows, located[rows]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
+            _class_scores(detections, classes, config.duplicates.same_place_iou),
         )
+
+
+def _class_scores(detections: Detections, classes: NDArray[np.str_], min_iou: float) -> Float64:
+    """Return (D, C) the highest score of each class at the place of each detection."""
+    boxes_px, scores = detections.boxes_px, detections.scores
+    is_same_place = iou_px(boxes_px, boxes_px) >= min_iou
+    own = np.where(classes[:, None] == detections.types, scores, 0.0)
+    return np.asarray(np.where(is_same_place[:, None], own, 0.0).max(axis=2, initial=0.0))
 
 
 def _located_noise(vehicles: Vehicles, config: VehicleTrackerConfig) -> Float64:

@@ -34,11 +34,10 @@ def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry) -> Float64:
 
 def init_tracks(
     observations: VehicleObservations,
-    class_evidence: Float64,
     frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
-    """Return the new tracks of D detections with (D, C) evidence for each class."""
+    """Return the new tracks of D detections."""
     count, boxes = len(observations), observations.boxes_world
     states = motion_model.init(
         boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2], config.motion
@@ -49,7 +48,7 @@ def init_tracks(
         yaw_rad=boxes.yaw_rad,
         low_world_m=boxes.bottom_m[:, 2],
         ids=np.full(count, -1),
-        class_evidence=class_evidence,
+        class_evidence=observations.class_scores,
         scores=observations.detections.scores,
         evidence=detection_evidence(observations.existence, config.evidence),
         detections=np.ones(count, np.int64),
@@ -70,7 +69,6 @@ def init_tracks(
 def update_tracks(
     tracks: VehicleTable,
     observations: VehicleObservations,
-    class_evidence: Float64,
     frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
@@ -80,7 +78,7 @@ def update_tracks(
     evidence = tracks.evidence + detection_evidence(observations.existence, config.evidence)
     tracks = replace(
         tracks,
-        class_evidence=tracks.class_evidence + class_evidence,
+        class_evidence=tracks.class_evidence + observations.class_scores,
         scores=observations.detections.scores,
         evidence=evidence,
         detections=tracks.detections + 1,

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.geometry.box_overlap_px import iou_px
+from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
-from perception.tracking.vehicles.evidence import class_evidence, probability
+from perception.tracking.vehicles.evidence import likeliest_classes, probability
 from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
 from perception.tracking.vehicles.shared_ids import SharedIds
 from perception.tracking.vehicles.track_update import (
@@ -83,9 +84,9 @@ class VehicleTracker:
         frame_geometry = FrameGeometry(
             frame.stamp_s, world_SE3_velo, calibration.image_P_velo, size_px
         )
-        observations = VehicleObservations.of(vehicles, frame_geometry, self._config)
         self._predict(frame_geometry)
-        self._learn_classes(observations.detections.types)
+        self._learn_classes(vehicles.fused.detections.types)
+        observations = VehicleObservations.of(vehicles, frame_geometry, self._classes, self._config)
         self._update_and_init(observations, frame_geometry)
         tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
         return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
@@ -122,7 +123,6 @@ class VehicleTracker:
         is_single[likely] = ~is_duplicate(observations[likely], config.duplicates)
         sure = is_single & (existence >= config.high_existence)
         doubtful = is_single & ~sure
-        by_class = class_evidence(observations.detections.types, existence, self._classes)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
@@ -130,7 +130,7 @@ class VehicleTracker:
             pairs = self._match(self._tracks[free], observations[chosen], frame_geometry)
             rows, seen = free[pairs.tracks], chosen[pairs.detections]
             corrected = update_tracks(
-                self._tracks[rows], observations[seen], by_class[seen], frame_geometry, config
+                self._tracks[rows], observations[seen], frame_geometry, config
             )
             self._tracks = self._tracks.replaced(rows, corrected)
             self._row_of[seen] = rows
@@ -143,7 +143,7 @@ class VehicleTracker:
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
             self._tracks = self._tracks.joined(
-                init_tracks(observations[new], by_class[new], frame_geometry, config)
+                init_tracks(observations[new], frame_geometry, config)
             )
 
     def _match(
@@ -177,7 +177,11 @@ class VehicleTracker:
         """Return (T,) the class of the most evidence of each track; a person who was faster than a walker rides."""
         if not len(tracks):
             return np.array([], np.str_)
-        types = self._classes[tracks.class_evidence.argmax(axis=1)]
+        heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], np.nan)
+        rows = likeliest_classes(
+            tracks.class_evidence, heights_m, self._classes, self._config.evidence
+        )
+        types = self._classes[rows]
         is_fast = tracks.top_speed_m_s > self._config.max_walking_speed_m_s
         return np.where(is_fast & (types == _WALKER), _RIDER, types)
 
@@ -191,17 +195,19 @@ class VehicleTracker:
         velocities_m_s[seen[is_known]] = tracks[is_known].velocities_velo(
             frame_geometry.world_SE3_velo
         )
+        boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._config)
+        boxes_px = _blended_boxes_px(tracks, boxes[seen], frame_geometry, self._config)
         covariances, is_located = vehicles.covariances.copy(), tracks.is_located
         covariances[seen[is_located]] = covariances_velo(
             tracks.covariance[is_located], frame_geometry.world_SE3_velo
         )
         return replace(
             vehicles,
-            fused=self._with_evidence(vehicles.fused, seen, tracks),
+            fused=self._with_evidence(vehicles.fused, seen, replace(tracks, boxes_px=boxes_px)),
             ids=ids,
             velocities_m_s=velocities_m_s,
             covariances=covariances,
-            boxes=_tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._config),
+            boxes=boxes,
         )
 
     def _with_evidence(
@@ -228,6 +234,27 @@ def _side_distances(
     deviations_px = config.side_deviation_share * np.tile(sizes_px, 2)[:, None]
     off = (seen_px - expected_px[:, None]) / deviations_px
     return np.asarray((off**2).sum(axis=2))
+
+
+def _blended_boxes_px(
+    tracks: VehicleTable,
+    boxes: Boxes3D,
+    frame_geometry: FrameGeometry,
+    config: VehicleTrackerConfig,
+) -> Float64:
+    """Return (T, 4) boxes between those in the image and the outlines of the 3D boxes where both agree.
+
+    What hides a part of a vehicle cuts its box in the image, not its 3D box; returns of another object move the 3D
+    box, not the one in the image. People fill their 3D boxes less than vehicles do.
+    """
+    boxes_px = tracks.boxes_px
+    outlines_px = box_outlines_px(frame_geometry.image_P_velo, boxes, frame_geometry.image_size_px)
+    sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], config.min_size_px)
+    off_px = outlines_px - boxes_px
+    agrees = (np.abs(off_px) <= config.max_outline_share * np.tile(sizes_px, 2)).all(axis=1)
+    is_vehicle = tracks.sizes_m[:, 0] >= config.small_length_m
+    weights = np.where(agrees & is_vehicle, config.outline_weight, 0.0)
+    return np.asarray(boxes_px + weights[:, None] * np.nan_to_num(off_px))
 
 
 def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:

@@ -12,6 +12,7 @@ from perception.tracking.vehicles.observations import FrameGeometry, VehicleObse
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
 
 _POSE = se3.from_euler(0.01, -0.02, 0.6, np.array([100.0, -50.0, 3.0]))
+_CLASSES = np.array(["Car", "Van"])
 _GEOMETRY = FrameGeometry(0.0, _POSE, CALIBRATION.image_P_velo, (1242, 375))
 
 
@@ -37,15 +38,25 @@ def test_a_box_that_leaves_the_image_ends_at_its_edge():
 def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
     fused = replace(detected(cars((20.0, 4.0, 0.0)), 0.3), existence=np.array([0.97]))
     vehicles = locate(fused, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
     np.testing.assert_array_equal(seen.existence, [0.3])
+
+
+def test_scores_of_two_classes_at_one_place_add_up():
+    shown = detected(cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.3, 0.4])
+    types = np.array(["Car", "Van", "Van"])
+    shown = replace(shown, detections=replace(shown.detections, types=types))
+    vehicles = locate(shown, frame_of(road()), FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    np.testing.assert_allclose(seen.class_scores, [[0.5, 0.3], [0.5, 0.3], [0.0, 0.4]])
+    np.testing.assert_allclose(seen.existence, [0.8, 0.8, 0.4])
 
 
 def test_a_detection_without_returns_is_about_where_its_height_says():
     boxes = cars((30.0, 4.0, 0.0), (60.0, -4.0, 0.0), size_m=(4.0, 1.65, 1.6))
     frame = frame_of(road(step_m=1.0))
     vehicles = locate(detected(boxes), frame, FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
     assert not seen.is_located.any()
     expected = (boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3])[:, :2]
     # The nearer end of a car gives the height of its box.
@@ -60,7 +71,7 @@ def test_a_detection_without_returns_is_about_where_its_height_says():
 def test_a_detection_with_returns_is_where_they_are():
     boxes = cars((20.0, 4.0, 0.0))
     vehicles = locate(detected(boxes), frame_of(road(), sides(boxes)), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
     assert seen.is_located.all()
     expected = boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3]
     np.testing.assert_allclose(seen.boxes_world.bottom_m, expected, atol=0.3)

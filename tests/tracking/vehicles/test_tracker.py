@@ -34,6 +34,7 @@ class Drive:
         missed: tuple[int, ...] = (),
         blind: bool = False,
         returns_of: Boxes3D | None = None,
+        boxes_px: np.ndarray | None = None,
     ) -> VehicleTrackerResult:
         """Drive for a tenth of a second, and update the tracker.
 
@@ -45,6 +46,7 @@ class Drive:
             missed: Rows that are not detected.
             blind: Whether the LiDAR observes the road only.
             returns_of: Objects in the world that the LiDAR observes; else the vehicles.
+            boxes_px: Detected boxes in the image; else those of a perfect detector.
         """
         self.index += 1
         x_m = 0.1 * self.speed_m_s * self.index
@@ -54,6 +56,8 @@ class Drive:
         frame = frame_of(_ROAD, body, index=self.index)
         found = np.setdiff1d(np.arange(len(world)), missed)
         shown = detected(boxes, scores)
+        if boxes_px is not None:
+            shown = replace(shown, detections=replace(shown.detections, boxes_px=boxes_px))
         if types:
             shown = replace(shown, detections=replace(shown.detections, types=np.array(types)))
         located = locate(shown[found], frame, FlatRoad())
@@ -159,14 +163,57 @@ def test_covariances_shrink_and_belong_to_the_axes_of_the_lidar():
     assert np.isnan(hidden.covariances[1]).all()
 
 
-def test_the_class_of_a_track_has_the_largest_sum_of_evidence():
-    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
+def test_the_class_of_a_person_has_the_largest_sum_of_evidence():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0), size_m=(0.8, 0.6, 1.75))
+    walks, rides = "Pedestrian", "Cyclist"
     reported = []
-    for kind in ("Car", "Car", "Van", "Car", "Van", "Van", "Van", "Van"):
+    for kind in (walks, walks, rides, walks, rides, rides, rides, rides):
         vehicles = drive.observe(world, types=(kind,)).vehicles
         reported.append((vehicles.ids.tolist(), vehicles.fused.detections.types.tolist()))
     assert [ids for ids, _ in reported] == [[-1]] + [[0]] * 7
-    assert [kind for _, kind in reported] == [["Car"]] * 6 + [["Van"]] * 2
+    assert [kind for _, kind in reported] == [[walks]] * 6 + [[rides]] * 2
+
+
+@pytest.mark.parametrize(("height_m", "expected"), [(1.5, "Car"), (2.1, "Van")])
+def test_height_tells_a_van_from_a_car_whatever_its_image(height_m, expected):
+    drive = Drive(speed_m_s=0.0)
+    world = cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0), size_m=(4.6, 1.8, height_m))
+    for _ in range(3):
+        vehicles = drive.observe(world, types=("Car", "Van")).vehicles
+    assert vehicles.fused.detections.types.tolist() == [expected, expected]
+
+
+def test_a_tall_vehicle_is_no_person():
+    drive = Drive(speed_m_s=0.0)
+    world = cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0), size_m=(4.0, 1.65, 1.75))
+    for _ in range(3):
+        vehicles = drive.observe(world, types=("Car", "Pedestrian")).vehicles
+    assert vehicles.fused.detections.types.tolist() == ["Car", "Pedestrian"]
+
+
+def test_without_returns_the_class_is_that_of_the_detections():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0), size_m=(4.6, 1.8, 2.1))
+    for _ in range(3):
+        vehicles = drive.observe(world, types=("Car", "Van"), blind=True).vehicles
+    assert vehicles.fused.detections.types.tolist() == ["Car", "Van"]
+
+
+def test_a_box_that_is_cut_in_the_image_is_completed_by_its_3d_box():
+    drive, world = Drive(speed_m_s=0.0), cars((15.0, 5.0, 0.0))
+    true_px = detected(observed_from(0.0, world)[1]).detections.boxes_px
+    cut_px = true_px - np.array([0, 0, 20, 0])
+    for _ in range(4):
+        reported_px = drive.observe(world, boxes_px=cut_px).vehicles.fused.detections.boxes_px
+    assert cut_px[0, 2] + 5 < reported_px[0, 2] < true_px[0, 2]
+    np.testing.assert_allclose(reported_px[0, [0, 1, 3]], true_px[0, [0, 1, 3]], atol=6)
+
+
+def test_a_3d_box_elsewhere_leaves_the_box_in_the_image_alone():
+    drive, world = Drive(speed_m_s=0.0), cars((15.0, 5.0, 0.0))
+    for _ in range(4):
+        shown = drive.observe(world, returns_of=cars((10.0, 4.2, 0.0))).vehicles
+    true_px = detected(observed_from(0.0, world)[1]).detections.boxes_px
+    np.testing.assert_allclose(shown.fused.detections.boxes_px, true_px, atol=0.01)
 
 
 def test_two_classes_at_one_place_are_one_object():

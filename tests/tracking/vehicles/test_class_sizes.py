@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.detection.vehicles.class_sizes import CLASS_SIZES, SizePriors
+from perception.tracking.vehicles.class_sizes import CLASS_SIZES, SizePriors
 
 
 def test_sizes_are_those_of_the_name_in_capitals_or_not():
