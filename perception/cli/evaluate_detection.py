@@ -33,7 +33,7 @@ def evaluate_detection(
     metric: PrecisionFlags,
     report: ReportFlags,
     config: CommandConfig,
-    detector: str = "fusion",
+    detector: tuple[str, ...] = ("fusion",),
     classes: tuple[str, ...] = (),
     fusions: tuple[Path, ...] = (),
     cache: Path | None = None,
@@ -43,7 +43,7 @@ def evaluate_detection(
     worst_count: int = 12,
     detection: DetectionConfig = _DETECTION,
 ) -> None:
-    """Measure a detector on labelled drives by KITTI's object benchmark: average precision.
+    """Measure detectors on labelled drives by KITTI's object benchmark: average precision.
 
     Each drive is measured by itself. The fusion has scores of its 3D boxes, too, located in each scan by itself, and
     is measured beside each modality alone, and with modalities missing (Table 7.10).
@@ -52,26 +52,28 @@ def evaluate_detection(
 
     Args:
         drives: Object folder, tracking folder or synthetic drive; one or several.
-        detector: Detector: fusion, depthcn, rgb, dm, rm, or an ONNX or YAML file of any detector.
+        detector: Detector: fusion, depthcn, rgb, dm, rm, or a file of any, ONNX or YAML; several with commas.
         classes: Classes to measure, several with commas; else all of the network, of the fusion those of KITTI's
             benchmark, Car for depthcn.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.
         cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
         plot: PNG file for the precision-recall curves.
         reliability_plot: PNG file for the share of correct detections over their scores, of the fusion.
-        worst_frames: Folder for images of the frames with most errors.
+        worst_frames: Folder for images of the frames with most errors, of the first detector.
         worst_count: Number of these images of each drive and class.
         detection: Detectors: networks, proposals, suppression.
     """
-    from data.detections.measured_detectors import DetectorOptions, open_detector
+    from data.detections.compared_detectors import open_compared
+    from data.detections.measured_detectors import DetectorOptions
     from data.detections.measured_drives import DriveReader, measure_drives
     from perception.cli.progress import progress_bar
 
     require_positive("--worst-count", worst_count)
-    if reliability_plot is not None and detector != "fusion":
-        raise UsageError("--reliability-plot", expected="--detector fusion", found=detector)
+    if reliability_plot is not None and detector != ("fusion",):
+        named = ",".join(detector)
+        raise UsageError("--reliability-plot", expected="--detector fusion", found=named)
     options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar())
-    opened = open_detector(detector, options)
+    opened = open_compared(detector, options)
     worst = None if worst_frames is None else (worst_frames, worst_count)
     reader = DriveReader(**vars(drive), progress=progress_bar)
     measured = measure_drives(opened, drives, reader, worst)

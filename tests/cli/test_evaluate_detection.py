@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from data.detections import measured_detectors
+from data.detections import measured_detectors, measured_drives
+from data.detections.compared_detectors import open_compared
 from data.detections.measured_detectors import DetectorOptions, open_detector
 from data.open_drive import open_drive
 from perception.cli.main import main
@@ -150,6 +151,54 @@ def test_bad_frames_stop_or_are_skipped(car_frames, label_reader, capsys):
         command(
             "evaluate", "detection", car_frames, "--detector", "depthcn", "--on-bad-frame", "skip"
         )
+
+
+# Several detectors
+
+
+def test_detectors_stand_beside_each_other(
+    car_frames, network_files, label_reader, tmp_path, capsys
+):
+    label_reader(car_frames)
+    plot, out, worst = (tmp_path / name for name in ("curves.png", "metrics.json", "worst"))
+    words = ("--iou", "0.5", "--bootstrap", "0", "--plot", plot, "--json", out)
+    names = f"depthcn,{network_files['dm']}"
+    assert evaluate(car_frames, "--detector", names, *words, "--worst-frames", worst) == 0
+    printed = capsys.readouterr().out
+    rows = rows_of(printed, car_frames, "Car: AP R40 [%] by detector and IoU")
+    # Six cars, low in the image, which DepthCN finds, three milliseconds a frame; bright cells are cars nowhere.
+    assert rows["depthcn 0.5"] == ["-", "12.50", "12.50", "3.0"]
+    assert rows["dm.onnx 0.5"][:3] == ["-", "0.00", "0.00"]
+    assert rows["perfect detector"] == ["-", "12.50", "12.50", "-"]
+    assert rows["Objects: 0 easy, 6 moderate, 6 hard"] == []
+    document = json.loads(out.read_text())
+    detectors = document["results"][str(car_frames)]["detectors"]
+    assert list(detectors) == ["depthcn", "dm.onnx"]
+    found = detectors["depthcn"]["classes"]["Car"]["0.5"]["moderate"]
+    assert (found["objects"], found["ap_r40_percent"]) == (6, 12.5)
+    assert list(document["networks"]) == ["depthcn", "dm.onnx dm"]
+    assert plot.stat().st_size > 10_000
+
+
+def test_frames_are_read_once_for_all_detectors(car_frames, network_files, monkeypatch, capsys):
+    read = []
+    frames = measured_drives.read_frames
+    monkeypatch.setattr(
+        measured_drives,
+        "read_frames",
+        lambda *given, **named: (read.append(one) or one for one in frames(*given, **named)),
+    )
+    names = f"{network_files['dm']},{network_files['rm']}"
+    assert evaluate(car_frames, "--detector", names, "--iou", "0.5", "--bootstrap", "0") == 0
+    assert len(read) == 3
+    assert "rm.onnx 0.5" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("names", "found"), [((), "none"), (("dm", "dm"), "dm, dm")])
+def test_no_detector_or_one_twice(names, found):
+    options = DetectorOptions(DetectionConfig(), (), PrecisionConfig())
+    with fault(UsageError, where="--detector", found=found):
+        open_compared(names, options)
 
 
 # A detector of one modality

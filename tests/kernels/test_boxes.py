@@ -14,7 +14,7 @@ def scattered(seed: int, count: int) -> np.ndarray:
     return np.hstack([corner, corner + random.integers(0, 12, (count, 2))]).astype(float)
 
 
-def plain_iou(a: np.ndarray, b: np.ndarray) -> float:
+def reference_iou(a: np.ndarray, b: np.ndarray) -> float:
     pixels = np.zeros((2, 50, 50), bool)
     for mask, box in zip(pixels, (a, b), strict=True):
         x1, y1, x2, y2 = box.astype(int)
@@ -25,7 +25,7 @@ def plain_iou(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_iou_equals_counted_pixels():
     a, b = scattered(0, 20), scattered(1, 15)
-    expected = [[plain_iou(one, other) for other in b] for one in a]
+    expected = [[reference_iou(one, other) for other in b] for one in a]
     np.testing.assert_allclose(iou_of_all(a, b), expected, atol=1e-12)
 
 

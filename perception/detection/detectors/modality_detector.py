@@ -22,9 +22,9 @@ from perception.detection.detectors.network_input import (
     prepare_image,
 )
 from perception.detection.detectors.postprocess import (
-    Candidates,
-    best_candidates,
-    suppress_candidates,
+    ScoredBoxes,
+    suppressed_detections,
+    top_k_boxes,
 )
 from perception.detection.onnx_model import Array, shipped_model
 from perception.errors import ImageError
@@ -89,9 +89,10 @@ class ModalityDetector:
         placements = self._placements(image, region)
         whole = placements[0].region
         parts = [
-            self._candidates(self.model(self._inputs(image, one)), one, whole) for one in placements
+            self._scored_boxes(self.model(self._inputs(image, one)), one, whole)
+            for one in placements
         ]
-        return self._detections(image, Candidates.joined(parts))
+        return self._detections(image, ScoredBoxes.joined(parts))
 
     def preprocess(self, image: UInt8) -> Array:
         """Return the (1, C, h, w) input of the network for a whole (H, W, C) image.
@@ -105,7 +106,7 @@ class ModalityDetector:
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return the detections in a whole (H, W, C) image by the outputs of the network for it."""
         placement = self._placements(image, None)[0]
-        return self._detections(image, self._candidates(outputs, placement, placement.region))
+        return self._detections(image, self._scored_boxes(outputs, placement, placement.region))
 
     def _placements(
         self, image: UInt8, region: PixelRectangle | None
@@ -130,21 +131,21 @@ class ModalityDetector:
         )
         return self._network.inputs(shown)
 
-    def _candidates(
+    def _scored_boxes(
         self, outputs: Mapping[str, Array], placement: ImagePlacement, whole: PixelRectangle
-    ) -> Candidates:
-        """Return the candidates in pixels of the image, without what a tile of the whole region cuts."""
+    ) -> ScoredBoxes:
+        """Return the best boxes in pixels of the image, without what a tile of the whole region cuts."""
         found = self._network.predict(outputs, placement.size)
-        best = best_candidates(found.boxes_px, found.scores, self._nms)
+        best = top_k_boxes(found.boxes_px, found.scores, self._nms)
         placed = replace(best, boxes_px=placement.to_image(best.boxes_px))
         if placement.region == whole:
             return placed
         # Of an object that a tile cuts, another tile or the whole image shows more.
         return placed.of_rows(~placement.is_cut(placed.boxes_px, whole))
 
-    def _detections(self, image: UInt8, candidates: Candidates) -> Detections:
+    def _detections(self, image: UInt8, boxes: ScoredBoxes) -> Detections:
         height, width = image.shape[:2]
         size = InputSize(height, width)
-        found = suppress_candidates(candidates, self.class_names, size, self._nms)
+        found = suppressed_detections(boxes, self.class_names, size, self._nms)
         # To the centres of the outermost pixels, as in KITTI's labels.
         return replace(found, boxes_px=np.minimum(found.boxes_px, [width - 1, height - 1] * 2))

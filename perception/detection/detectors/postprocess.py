@@ -12,7 +12,7 @@ from perception.types import Bool, Detections, Float, Float64, Int
 
 
 @dataclass(frozen=True)
-class Candidates:
+class ScoredBoxes:
     """K boxes that may be objects, each of one class.
 
     Attributes:
@@ -26,8 +26,8 @@ class Candidates:
     classes: Int
 
     @classmethod
-    def joined(cls, parts: Sequence["Candidates"]) -> "Candidates":
-        """Return the candidates of several parts, one part after the other."""
+    def joined(cls, parts: Sequence["ScoredBoxes"]) -> "ScoredBoxes":
+        """Return the boxes of several parts, one part after the other."""
         if len(parts) == 1:
             return parts[0]
         return cls(
@@ -36,20 +36,20 @@ class Candidates:
             np.concatenate([one.classes for one in parts]),
         )
 
-    def of_rows(self, rows: Bool) -> "Candidates":
+    def of_rows(self, rows: Bool) -> "ScoredBoxes":
         """Return those that a (K,) mask keeps."""
-        return Candidates(self.boxes_px[rows], self.scores[rows], self.classes[rows])
+        return ScoredBoxes(self.boxes_px[rows], self.scores[rows], self.classes[rows])
 
 
-def best_candidates(boxes_px: Float, scores: Float, nms: NmsConfig = DEFAULT_NMS) -> Candidates:
-    """Return the best candidates of a network's predictions, in their order.
+def top_k_boxes(boxes_px: Float, scores: Float, nms: NmsConfig = DEFAULT_NMS) -> ScoredBoxes:
+    """Return the boxes with the best scores of a network's predictions, in their order.
 
     Thousands of scores are compared in one pass, and the boxes of the best are all that is read.
 
     Args:
         boxes_px: (K, 4) predicted boxes x1 y1 x2 y2.
         scores: (K, classes) predicted scores.
-        nms: Score threshold, and maximum number of candidates; equals of the last one are kept, too.
+        nms: Score threshold, and maximum number of boxes; equals of the last one are kept, too.
     """
     every: Float = scores.reshape(-1)
     chosen = np.flatnonzero(every >= nms.min_score)
@@ -57,11 +57,11 @@ def best_candidates(boxes_px: Float, scores: Float, nms: NmsConfig = DEFAULT_NMS
         above = every[chosen]
         chosen = chosen[above >= np.partition(above, -nms.max_candidates)[-nms.max_candidates]]
     rows, classes = np.divmod(chosen, scores.shape[1])
-    return Candidates(boxes_px[rows].astype(np.float64), every[chosen].astype(np.float64), classes)
+    return ScoredBoxes(boxes_px[rows].astype(np.float64), every[chosen].astype(np.float64), classes)
 
 
-def suppress_candidates(
-    candidates: Candidates,
+def suppressed_detections(
+    boxes: ScoredBoxes,
     class_names: Sequence[str],
     size: InputSize,
     nms: NmsConfig = DEFAULT_NMS,
@@ -69,17 +69,17 @@ def suppress_candidates(
     """Return the objects of one image, best first.
 
     Args:
-        candidates: Candidates in pixels of the image.
+        boxes: Boxes with scores in pixels of the image.
         class_names: Class names by number.
         size: Image size, to which boxes are clipped.
         nms: Suppression.
     """
     limits = [size.width_px, size.height_px] * 2
-    boxes_px = np.clip(candidates.boxes_px, 0, limits)
+    boxes_px = np.clip(boxes.boxes_px, 0, limits)
     has_area = (boxes_px[:, 2] > boxes_px[:, 0]) & (boxes_px[:, 3] > boxes_px[:, 1])
     rows = np.flatnonzero(has_area)
-    best = rows[np.argsort(-candidates.scores[rows], kind="stable")[: nms.max_candidates]]
-    boxes_px, scores, classes = boxes_px[best], candidates.scores[best], candidates.classes[best]
+    best = rows[np.argsort(-boxes.scores[rows], kind="stable")[: nms.max_candidates]]
+    boxes_px, scores, classes = boxes_px[best], boxes.scores[best], boxes.classes[best]
     kept = suppress_boxes(boxes_px, scores, classes, nms.max_iou)[: nms.max_detections]
     types = np.array(class_names, np.str_)[classes[kept]]
     return Detections(boxes_px[kept], scores[kept], types)
@@ -101,4 +101,4 @@ def postprocess_detections(
         size: Input size, to which boxes are clipped.
         nms: Score threshold and suppression.
     """
-    return suppress_candidates(best_candidates(boxes_px, scores, nms), class_names, size, nms)
+    return suppressed_detections(top_k_boxes(boxes_px, scores, nms), class_names, size, nms)

@@ -258,6 +258,11 @@ class PrecisionReport(Report):
     notes: Sequence[str] = ()
     benchmark: Report | None = None
 
+    @property
+    def by_class(self) -> Mapping[str, ClassPrecision]:
+        """Metrics of each class by its name."""
+        return {one.name: one for one in self.classes}
+
     def tables(self) -> Sequence[Table[Any]]:
         """Return the benchmark's table, and one with a row for each class, difficulty and IoU in the image."""
         rows = {
@@ -309,6 +314,19 @@ class PrecisionReport(Report):
             elif all(metrics.curve is None for metrics in one.first.values()):
                 yield f"{one.name}: nothing detected, so it has no metrics."
         yield from few_objects_note(row.objects for row in rows if row.curve is not None)
+
+
+def level_panel(
+    title: str, precisions: Mapping[str, ClassPrecision], level: str, iou: float
+) -> CurvePanel:
+    """Return the curves of several detectors or steps of one, by name, at a difficulty and an IoU."""
+    at_level = {name: one.metrics[iou][level] for name, one in precisions.items()}
+    curves = {
+        f"{name}: {one.ap(one.recall_points[0]):.1f} %": one.curve.precision
+        for name, one in at_level.items()
+        if one.curve is not None
+    }
+    return precision_panel(title, curves, "average precision")
 
 
 def few_objects_note(objects: Iterable[int]) -> Iterator[str]:

@@ -46,6 +46,11 @@ class DetectorReport(PrecisionReport):
     seconds: Mapping[str, Float64] = field(default_factory=dict)
     proposals_per_frame: float | None = None
 
+    @property
+    def median_frame_ms(self) -> float:
+        """Median time of a frame in milliseconds."""
+        return self._frame_ms()["p50"]
+
     def median_ms(self, stage: str) -> float:
         """Return the median time of a stage in milliseconds."""
         return 1e3 * float(np.median(self.seconds[stage]))

@@ -6,7 +6,7 @@ KITTI's benchmark, with those of the 3D boxes, are of the fusion alone.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -28,6 +28,7 @@ from perception.evaluation.detection.class_precision import (
     ClassPrecision,
     PrecisionMeasure,
     few_objects_note,
+    level_panel,
 )
 from perception.evaluation.detection.config import PUBLISHED_CLASS
 from perception.evaluation.detection.estimates import (
@@ -44,7 +45,7 @@ from perception.evaluation.detection.reliability import (
     measure_reliability,
 )
 from perception.evaluation.report import Report, Table
-from perception.render.curve_plots import CurvePanel, precision_panel
+from perception.render.curve_plots import CurvePanel
 from perception.types import MODALITIES, Detections, Modality
 
 Fuse = Callable[[DetectedScene], Detections]
@@ -158,8 +159,9 @@ class ClassFusionReport(Report):
         """Return the curves at the first IoU: of the rows by difficulty, and of the steps."""
         iou = next(iter(self._first.metrics))
         rows = {name: row.precision for name, row in self.rows.items()}
-        panels = [_panel(f"{level}, IoU over {iou:g}", rows, level) for level in LEVELS]
-        steps = _panel(f"steps of the fusion, {_STEPS_LEVEL}", self.steps, _STEPS_LEVEL)
+        panels = [level_panel(f"{level}, IoU over {iou:g}", rows, level, iou) for level in LEVELS]
+        title = f"steps of the fusion, {_STEPS_LEVEL}"
+        steps = level_panel(title, self.steps, _STEPS_LEVEL, iou)
         return [*panels, steps]
 
     @property
@@ -210,6 +212,13 @@ class FusionReport(Report):
 
     benchmark: BenchmarkScores
     classes: Mapping[str, ClassFusionReport]
+    median_frame_ms: None = field(default=None, init=False)  # detections are cached
+
+    @property
+    def by_class(self) -> Mapping[str, ClassPrecision]:
+        """Metrics of Trifuse's fusion for each class by its name."""
+        row = VARIANT_NAMES["default"]
+        return {name: one.rows[row].precision for name, one in self.classes.items()}
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return the benchmark's table, and those of each class."""
@@ -246,16 +255,6 @@ def _table(title: str, rows: Mapping[str, EstimateRow], spec: str) -> Table[Esti
     has_thesis = any(thesis[0] in row for row in rows.values())
     further = [estimate_column(name, spec) for name in thesis] if has_thesis else []
     return estimate_table(title, rows, spec, further)
-
-
-def _panel(title: str, rows: Mapping[str, ClassPrecision], level: str) -> CurvePanel:
-    first = {name: one.first[level] for name, one in rows.items()}
-    curves = {
-        f"{name}: {one.ap(one.recall_points[0]):.1f} %": one.curve.precision
-        for name, one in first.items()
-        if one.curve is not None
-    }
-    return precision_panel(title, curves, "average precision")
 
 
 def _thesis(name: str) -> EstimateRow:
