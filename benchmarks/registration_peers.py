@@ -1,9 +1,8 @@
-"""Registration by other libraries, and the one-line call of small_gicp."""
+"""Registration by other libraries."""
 
 from collections.abc import Callable
 
 import numpy as np
-import small_gicp
 
 from perception.errors import MissingDependencyError
 from perception.types import Float32, Float64
@@ -12,15 +11,25 @@ from perception.types import Float32, Float64
 Register = Callable[[Float32, Float32, Float64], Float64]
 
 
-def one_call_small_gicp(target: Float32, source: Float32, guess: Float64) -> Float64:
-    """Align two scans by small_gicp's one-line call with its defaults on two threads."""
-    result = small_gicp.align(
-        target[:, :3].astype(np.float64),
-        source[:, :3].astype(np.float64),
-        init_T_target_source=guess,
-        num_threads=2,
-    )
-    return np.asarray(result.T_target_source)
+def one_call_small_gicp() -> Register:
+    """Return small_gicp's one-line call with its defaults on two threads."""
+    try:
+        import small_gicp
+    except ImportError as error:
+        raise MissingDependencyError(
+            "small_gicp", needed_for="the small_gicp registration peer", extra="bench", reason=error
+        ) from error
+
+    def register(target: Float32, source: Float32, guess: Float64) -> Float64:
+        result = small_gicp.align(
+            target[:, :3].astype(np.float64),
+            source[:, :3].astype(np.float64),
+            init_T_target_source=guess,
+            num_threads=2,
+        )
+        return np.asarray(result.T_target_source)
+
+    return register
 
 
 def open3d_point_to_plane(voxel_size_m: float = 0.5, reach_m: float = 1.0) -> Register:

@@ -80,12 +80,15 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
 
     contenders = [
         Contender("Trifuse", ours),
-        Contender("small_gicp, one call", scan_to_scan(one_call_small_gicp)),
         Contender(
             "thesis: whole window (Algorithm 2)",
             lambda i: register_window(prepared.windows[i]),
         ),
     ]
+    add_peer(
+        contenders,
+        lambda: Contender("small_gicp, one call", scan_to_scan(one_call_small_gicp())),
+    )
     add_peer(
         contenders,
         lambda: Contender("Open3D, point to plane", scan_to_scan(open3d_point_to_plane())),

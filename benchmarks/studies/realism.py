@@ -15,7 +15,6 @@ from perception.evaluation.detection.protocol import (
     DetectionClass,
 )
 from perception.evaluation.report import Column, Table
-from perception.geometry.box_overlap_px import iou_px
 from perception.render.curve_plots import Curve, CurvePanel
 from perception.types import Bool, Detections, Float64, Labels
 
@@ -50,6 +49,7 @@ class RangedFrame:
     @classmethod
     def of(cls, labels: Labels, detections: Detections, focal_px: float) -> "RangedFrame":
         """Measure the distances; the focal length is that of rows."""
+        from perception.geometry.box_overlap_px import iou_px
         from perception.tracking.vehicles.class_sizes import SizePriors
 
         label_distances_m = np.hypot(*labels.boxes_velo.bottom_m[:, :2].T)

@@ -1,48 +1,49 @@
-"""Alignment of one scan with another: box-grid filter, local covariances, ICP and GICP."""
+"""Alignment of one scan with another: mean points and surface normals of voxels, ICP and GICP."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-import small_gicp
 
-from perception.types import Bool, Float32, Float64
+from perception.kernels.scan_matching import (
+    align_surfaces,
+    distances_to_surfaces,
+    means_and_normals,
+    voxel_moments,
+)
+from perception.types import Float32, Float64, Int
 
 _MIN_POINTS = 50  # of a filtered scan; fewer do not determine six degrees of freedom
-_MAX_ITERATIONS = 20
-# Cells of the box filter on each side of the origin: small_gicp has 21 bits for an axis.
-_GRID_CELLS = 2**20 - 1
+_MAX_ITERATIONS = 15
+_SURFACE_REACH = 4.0  # voxels in which the surface at a point is looked for
+_TABLE_SIZE = 2**14  # voxels of a street; doubled for a scan that fills more
 # A smaller step ends the alignment. What it leaves is of the order of its square (measured: with steps a
 # third as small, poses stay as far from the truth, for another quarter of the time).
-_STEP_RAD, _STEP_M = 1e-3, 3e-3
+_STEPS = (1e-3, 3e-3)  # rad, m
 
 
 @dataclass(frozen=True)
 class PreprocessedPoints:
-    """A downsampled scan with a local covariance at each point.
+    """A downsampled scan with the surface normal at each point.
 
     Attributes:
-        cloud: Points and covariances of small_gicp.
-        tree: Search tree of small_gicp over the points; None without points.
+        surfaces: (M, 6) mean point of each occupied voxel, and normal of the surface there; 0 without a surface.
+        table: Hash table of the voxels.
+        voxel_size_m: Edge of a voxel in metres.
     """
 
-    cloud: Any
-    tree: Any
+    surfaces: Float64
+    table: Int
+    voxel_size_m: float
 
     def __len__(self) -> int:
         """Return the number of points after the filter."""
-        return int(self.cloud.size())
+        return len(self.surfaces)
 
-    @cached_property
+    @property
     def places_m(self) -> Float64:
-        """(P, 3) positions of the points."""
-        return np.asarray(self.cloud.points())[:, :3]
-
-    @cached_property
-    def normals(self) -> Float64:
-        """(P, 3) directions in which the local surfaces are thinnest."""
-        return np.asarray(np.linalg.eigh(np.asarray(self.cloud.covs())[:, :3, :3])[1][:, :, 0])
+        """(M, 3) positions of the points."""
+        return self.surfaces[:, :3]
 
 
 @dataclass(frozen=True)
@@ -62,16 +63,13 @@ class Alignment:
     is_converged: bool
 
 
-def preprocess_points(
-    points: Float32, voxel_size_m: float, neighbors: int = 10, threads: int = 1
-) -> PreprocessedPoints:
-    """Downsample (N, 3+) points to one per voxel, and fit a covariance to each one's neighbours."""
-    # small_gicp prints a line for each point outside its grid and for each empty tree, which nobody can act on.
-    inside = points[_is_in_grid(points[:, :3], voxel_size_m), :3].astype(np.float64)
-    # On several threads the filter keeps another set of points in each run.
-    return _with_covariances(
-        small_gicp.voxelgrid_sampling(inside, voxel_size_m, 1), neighbors, threads
-    )
+def preprocess_points(points: Float32, voxel_size_m: float, stride: int = 1) -> PreprocessedPoints:
+    """Downsample every `stride`-th of (N, 3+) points to one per voxel, and fit a surface to those around each."""
+    points, size, is_full = np.ascontiguousarray(points, np.float32), _TABLE_SIZE, True
+    while is_full:
+        moments, table, is_full = voxel_moments(points, stride, voxel_size_m, size)
+        size *= 2
+    return PreprocessedPoints(means_and_normals(moments, table, voxel_size_m), table, voxel_size_m)
 
 
 def on_surfaces(
@@ -79,41 +77,24 @@ def on_surfaces(
     target: PreprocessedPoints,
     target_SE3_source: Float64,
     max_distance_m: float,
-    neighbors: int = 10,
 ) -> PreprocessedPoints:
-    """Return the source without the points that are off the surfaces of the target.
+    """Return the source without the points that are off the surfaces of the target; it cannot be a target itself.
 
     Args:
         source: Points that are moved.
         target: Points that stay.
         target_SE3_source: (4, 4) transform from the source to the target.
         max_distance_m: Largest distance of a point from the surface at the nearest point of the target in metres.
-        neighbors: Number of points that a local surface is fitted to.
     """
-    if min(len(source), len(target)) == 0:
-        return source
-    rotation, translation_m = target_SE3_source[:3, :3], target_SE3_source[:3, 3]
-    moved = source.places_m @ rotation.T + translation_m
-    nearest, _ = target.tree.batch_nearest_neighbor_search(moved)
-    away_m = ((moved - target.places_m[nearest]) * target.normals[nearest]).sum(axis=1)
-    cloud = small_gicp.PointCloud(source.places_m[np.abs(away_m) < max_distance_m])
-    return _with_covariances(cloud, neighbors, threads=1)
-
-
-def _with_covariances(
-    cloud: small_gicp.PointCloud, neighbors: int, threads: int
-) -> PreprocessedPoints:
-    if not cloud.size():
-        return PreprocessedPoints(cloud, tree=None)
-    tree = small_gicp.KdTree(cloud, num_threads=threads)
-    small_gicp.estimate_covariances(cloud, tree, neighbors, threads)
-    return PreprocessedPoints(cloud, tree)
-
-
-def _is_in_grid(xyz: Float32, voxel_size_m: float) -> Bool:
-    """Return (N,) whether a finite point lies within the grid of the box filter."""
-    limit_m = _GRID_CELLS * voxel_size_m
-    return np.asarray((np.abs(xyz) < limit_m).all(axis=1))
+    away_m = distances_to_surfaces(
+        target.surfaces,
+        target.table,
+        target.voxel_size_m,
+        source.surfaces,
+        np.ascontiguousarray(target_SE3_source, np.float64),
+        _SURFACE_REACH * target.voxel_size_m,
+    )
+    return replace(source, surfaces=source.surfaces[away_m < max_distance_m])
 
 
 def align(
@@ -121,7 +102,6 @@ def align(
     source: PreprocessedPoints,
     initial_guess: Float64,
     max_correspondence_m: float,
-    threads: int = 1,
     kind: Literal["ICP", "GICP"] = "GICP",
 ) -> Alignment:
     """Align the source with the target.
@@ -130,28 +110,31 @@ def align(
         target: Points that stay.
         source: Points that are moved.
         initial_guess: (4, 4) first guess of `target_SE3_source`.
-        max_correspondence_m: Largest distance of a match in metres.
-        threads: Number of threads; more than one changes the last digits from run to run.
+        max_correspondence_m: Largest distance of a match in metres, at most 15 voxels.
         kind: Point-to-point ICP as in the thesis, or GICP.
     """
     if min(len(target), len(source)) < _MIN_POINTS:
         return Alignment(initial_guess, inlier_ratio=0.0, cost=1.0, is_converged=False)
-    result = small_gicp.align(
-        target.cloud,
-        source.cloud,
-        target.tree,
-        initial_guess,
-        registration_type=kind,
-        max_correspondence_distance=max_correspondence_m,
-        num_threads=threads,
-        max_iterations=_MAX_ITERATIONS,
-        rotation_epsilon=_STEP_RAD,
-        translation_epsilon=_STEP_M,
+    sides = [
+        points.surfaces if kind == "GICP" else _without_normals(points)
+        for points in (target, source)
+    ]
+    pose, matches, error, is_converged = align_surfaces(
+        sides[0],
+        target.table,
+        target.voxel_size_m,
+        sides[1],
+        np.ascontiguousarray(initial_guess, np.float64),
+        max_correspondence_m,
+        _STEPS,
+        _MAX_ITERATIONS,
     )
-    unmatched = len(source) - result.num_inliers
-    return Alignment(
-        target_SE3_source=np.asarray(result.T_target_source),
-        inlier_ratio=result.num_inliers / len(source),
-        cost=(result.error + unmatched) / len(source),
-        is_converged=bool(result.converged),
-    )
+    unmatched = len(source) - matches
+    return Alignment(pose, matches / len(source), (error + unmatched) / len(source), is_converged)
+
+
+def _without_normals(points: PreprocessedPoints) -> Float64:
+    """Return (M, 6) surfaces whose normals are 0: the error of a match is its distance in all directions."""
+    surfaces = points.surfaces.copy()
+    surfaces[:, 3:] = 0
+    return surfaces

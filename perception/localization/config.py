@@ -14,12 +14,10 @@ class WindowIcpConfig:
     Attributes:
         voxel_size_m: Edge of a cell of the box-grid filter in metres (open in the thesis).
         max_correspondence_m: Largest distance of a point-to-point match in metres (open in the thesis).
-        threads: Number of threads of the ICP.
     """
 
     voxel_size_m: float = 0.5
     max_correspondence_m: float = 1.0
-    threads: int = 2
 
 
 @dataclass(frozen=True)
@@ -30,9 +28,7 @@ class RegistrationConfig:
         method: Method of this stage; else that of the pipeline.
         voxel_size_m: Edge of a cell of the box-grid filter in metres.
         max_points: Largest number of points of a scan that are filtered; scans with more are thinned evenly.
-        neighbors: Number of points that a local surface is fitted to.
         max_correspondence_m: Largest distance of a match in metres; leaves out what moved.
-        threads: Number of threads of the alignment.
         keyframe_distance_m: Distance in metres after which the reference scan is replaced.
         min_keyframe_distance_m: Distance in metres of the reference scan from which on what is static is told from
             vehicles that creep along.
@@ -53,14 +49,12 @@ class RegistrationConfig:
         icp: Registration by the method of the thesis.
     """
 
-    # Measured: voxels of 0.3 m are no better, of 0.7 m half as accurate; 10 to 20 neighbours are no better than 8;
+    # Measured: voxels of 0.3 m are no better, of 0.7 m half as accurate;
     # with a sixth of an HDL-64E scan steps are 8 mm off those of a whole one, with a quarter 6 mm.
     method: Method | None = None
     voxel_size_m: float = 0.5
     max_points: int = 20_500
-    neighbors: int = 8
     max_correspondence_m: float = 0.5
-    threads: int = 2
     keyframe_distance_m: float = 5.0
     min_keyframe_distance_m: float = 1.0
     keyframe_angle_rad: float = float(np.radians(15))

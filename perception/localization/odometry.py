@@ -94,7 +94,7 @@ class _ScanPoints:
 
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
         config = self._config
-        return preprocess_points(points_velo, config.voxel_size_m, config.neighbors, config.threads)
+        return preprocess_points(points_velo, config.voxel_size_m)
 
 
 @dataclass(frozen=True)
@@ -333,12 +333,11 @@ class LidarOdometry:
             len(initial_guesses) > 2
         ):  # without any prior the guesses are metres apart: match far before matching near
             initial_guesses = [
-                align(target, source, initial_guess, 3 * reach_m, config.threads).target_SE3_source
+                align(target, source, initial_guess, 3 * reach_m).target_SE3_source
                 for initial_guess in initial_guesses
             ]
         alignments = [
-            align(target, source, initial_guess, reach_m, config.threads)
-            for initial_guess in initial_guesses
+            align(target, source, initial_guess, reach_m) for initial_guess in initial_guesses
         ]
         accepted = [
             alignment
@@ -352,10 +351,8 @@ class LidarOdometry:
     ) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
         config, static = self._config, self._keyframe.points.static
-        kept = on_surfaces(
-            points, static, initial_guess, config.surface_distance_m, config.neighbors
-        )
-        found = align(static, kept, initial_guess, config.max_correspondence_m, config.threads)
+        kept = on_surfaces(points, static, initial_guess, config.surface_distance_m)
+        found = align(static, kept, initial_guess, config.max_correspondence_m)
         if not self._is_accepted(initial_guess, found):
             return None
         share = len(kept) / len(points) / (len(static) / len(self._keyframe.points.all))

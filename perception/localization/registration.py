@@ -88,21 +88,18 @@ def register_window(window: ScanWindow, config: WindowIcpConfig | None = None) -
     """
     config = config or WindowIcpConfig()
     newest = window.newest
-    target = preprocess_points(newest.points_velo, config.voxel_size_m, threads=config.threads)
+    target = preprocess_points(newest.points_velo, config.voxel_size_m)
     newest_SE3_world = inverse(newest.world_SE3_velo)
     registered = ScanWindow(previous_scans=len(window) - 1)
     for scan in window:
         pose = scan.world_SE3_velo
         if scan is not newest:
-            source = preprocess_points(
-                scan.points_velo, config.voxel_size_m, threads=config.threads
-            )
+            source = preprocess_points(scan.points_velo, config.voxel_size_m)
             found = align(
                 target,
                 source,
                 newest_SE3_world @ pose,
                 config.max_correspondence_m,
-                config.threads,
                 "ICP",
             )
             if found.is_converged:

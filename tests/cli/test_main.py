@@ -56,7 +56,7 @@ def test_the_help_of_every_command_imports_nothing_heavy():
     code = (
         "import sys\n"
         "from perception.cli.main import COMMANDS\n"
-        "heavy = {'torch', 'scipy', 'cv2', 'onnxruntime', 'small_gicp', 'matplotlib', 'av'}\n"
+        "heavy = {'torch', 'scipy', 'cv2', 'onnxruntime', 'numba', 'matplotlib', 'av'}\n"
         "found = {}\n"
         "for name, command in COMMANDS.items():\n"
         f"    command.help(name, everything=not name.startswith({TRAININGS}))\n"

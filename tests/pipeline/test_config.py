@@ -16,7 +16,7 @@ from perception.pipeline import PipelineConfig
 from perception.sensor import HDL_64E
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
 
-HEAVY = ("scipy", "cv2", "onnxruntime", "small_gicp", "torch")
+HEAVY = ("scipy", "cv2", "onnxruntime", "numba", "torch")
 
 # Number of the table, flag, value of the thesis in the unit of the flag.
 TABLE_7_1 = [

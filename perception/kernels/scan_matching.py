@@ -1,0 +1,479 @@
+"""Scan matching: the mean point of each occupied voxel with its surface normal, and GICP between two such clouds.
+
+Voxels are found by the bars of 32 that they form along z. A hash table has a row for each bar that holds a point: its
+key (-1 of an empty row), a bit for each occupied voxel, and the number of the lowest of them:
+
+    table row   key, bits 00101100..., first 17   ->   voxels 2, 4 and 5 of the bar are numbers 17, 18 and 19
+
+Every voxel holds one mean point, so that the nearest one within the edge of a voxel lies in the 27 voxels around.
+"""
+
+import numpy as np
+from numba import types
+
+from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
+from perception.types import Float32, Float64, Int
+
+_HALF = 1 << 20  # voxels on each side of the origin: 21 bits for an axis
+_MIN_VOXELS = 5  # fewer do not determine a surface
+# Squared noise along the normal of a surface, relative to that along the surface (GICP, Segal et al. 2009).
+_FLATNESS = 1e-3
+
+_POINTS, _ROWS, _TABLE = (
+    array_of(types.float32, 2),
+    array_of(types.float64, 2),
+    array_of(types.int64, 2),
+)
+
+
+@compiled((_TABLE, WHOLE, WHOLE, WHOLE))
+def _table_row(table: Int, i: int, j: int, bar: int) -> int:
+    """Return the table's row of a bar, or the empty one where it belongs."""
+    key = ((j + _HALF) << 42) | ((bar + _HALF) << 21) | (i + _HALF)
+    last = len(table) - 1
+    # Eight bars side by side stay together, since they are read together.
+    row = ((((key >> 3) * 0x1E3779B97F4A7C15) >> 40 << 3) | (i & 7)) & last
+    while table[row, 0] != key and table[row, 0] != -1:
+        row = (row + 1) & last
+    return row
+
+
+@compiled((WHOLE,))
+def _count_bits(bits: int) -> int:
+    """Return the number of bits that are set among the lowest 32."""
+    bits = bits - ((bits >> 1) & 0x55555555)
+    bits = (bits & 0x33333333) + ((bits >> 2) & 0x33333333)
+    bits = (bits + (bits >> 4)) & 0x0F0F0F0F
+    return ((bits * 0x01010101) >> 24) & 0xFF
+
+
+@compiled((_POINTS, WHOLE, NUMBER, WHOLE))
+def voxel_moments(
+    points: Float32, stride: int, edge_m: float, table_size: int
+) -> tuple[Float64, Int, bool]:
+    """Sum every `stride`-th of (N, 3+) points by voxels; points beyond the grid are left out.
+
+    Returns:
+        (M, 10) number of points, sums of x, y, z, and of xx, xy, xz, yy, yz, zz; the hash table; whether more than
+        half of the table would be filled, so that a larger one is needed.
+    """
+    count = (len(points) + stride - 1) // stride
+    table, free = np.zeros((table_size, 3), np.int64), table_size // 2
+    table[:, 0] = -1
+    bars, bits = np.empty(count, np.int64), np.empty(count, np.int64)
+    limit_m = (_HALF - 1) * edge_m
+    for number in range(count):
+        x, y, z = points[number * stride, 0], points[number * stride, 1], points[number * stride, 2]
+        bars[number] = -1
+        if abs(x) < limit_m and abs(y) < limit_m and abs(z) < limit_m:
+            i, j = int(np.floor(x / edge_m)), int(np.floor(y / edge_m))
+            k = int(np.floor(z / edge_m))
+            row = _table_row(table, i, j, k >> 5)
+            if table[row, 0] == -1:
+                table[row, 0] = ((j + _HALF) << 42) | (((k >> 5) + _HALF) << 21) | (i + _HALF)
+                free -= 1
+                if free == 0:
+                    return np.zeros((0, 10)), table, True
+            table[row, 1] |= 1 << (k & 31)
+            bars[number], bits[number] = row, 1 << (k & 31)
+    voxels = 0
+    for row in range(table_size):
+        table[row, 2] = voxels
+        voxels += _count_bits(table[row, 1])
+    moments = np.zeros((voxels, 10))
+    for number in range(count):
+        bar = bars[number]
+        if bar >= 0:
+            sums = moments[table[bar, 2] + _count_bits(table[bar, 1] & (bits[number] - 1))]
+            x, y = np.float64(points[number * stride, 0]), np.float64(points[number * stride, 1])
+            z = np.float64(points[number * stride, 2])
+            sums[0] += 1
+            sums[1], sums[2], sums[3] = sums[1] + x, sums[2] + y, sums[3] + z
+            sums[4], sums[5], sums[6] = sums[4] + x * x, sums[5] + x * y, sums[6] + x * z
+            sums[7], sums[8], sums[9] = sums[7] + y * y, sums[8] + y * z, sums[9] + z * z
+    return moments, table, False
+
+
+@compiled((_ROWS,))
+def _flattest_direction(covariance: Float64) -> tuple[float, float, float]:
+    """Return the unit eigenvector of the smallest eigenvalue of a symmetric 3 x 3 matrix."""
+    a, b, c = covariance[0, 0], covariance[0, 1], covariance[0, 2]
+    d, e, f = covariance[1, 1], covariance[1, 2], covariance[2, 2]
+    mean = (a + d + f) / 3
+    off = b * b + c * c + e * e
+    spread = np.sqrt(((a - mean) ** 2 + (d - mean) ** 2 + (f - mean) ** 2 + 2 * off) / 6)
+    if spread <= 1e-12 * mean or spread == 0:
+        return 0.0, 0.0, 0.0
+    p, q, r = (a - mean) / spread, (d - mean) / spread, (f - mean) / spread
+    u, v, w = b / spread, c / spread, e / spread
+    half_determinant = (p * (q * r - w * w) - u * (u * r - w * v) + v * (u * w - q * v)) / 2
+    angle = np.arccos(min(max(half_determinant, -1.0), 1.0)) / 3
+    smallest = mean + 2 * spread * np.cos(angle + 2 * np.pi / 3)
+    # Rows of the matrix minus the eigenvalue are at right angles to the eigenvector: their longest cross product.
+    a, d, f = a - smallest, d - smallest, f - smallest
+    x1, y1, z1 = b * e - c * d, c * b - a * e, a * d - b * b
+    x2, y2, z2 = b * f - c * e, c * c - a * f, a * e - b * c
+    x3, y3, z3 = d * f - e * e, e * c - b * f, b * e - d * c
+    n1, n2 = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2
+    n3 = x3 * x3 + y3 * y3 + z3 * z3
+    if n2 > n1 and n2 >= n3:
+        x1, y1, z1, n1 = x2, y2, z2, n2
+    elif n3 > n1:
+        x1, y1, z1, n1 = x3, y3, z3, n3
+    if n1 <= 0:
+        return 0.0, 0.0, 0.0
+    length = np.sqrt(n1)
+    return x1 / length, y1 / length, z1 / length
+
+
+@compiled((_ROWS, _TABLE, NUMBER, array_of(types.float64), WHOLE, written(types.float64)))
+def _add_around(
+    moments: Float64, table: Int, edge_m: float, place: Float64, rings: int, total: Float64
+) -> int:
+    """Sum the moments of the voxels around a place, 27 in one ring, and return the number of occupied ones."""
+    i0, j0 = int(np.floor(place[0] / edge_m)), int(np.floor(place[1] / edge_m))
+    low, bits = int(np.floor(place[2] / edge_m)) - rings, (1 << (2 * rings + 1)) - 1
+    total[:] = 0
+    voxels = 0
+    for i in range(i0 - rings, i0 + rings + 1):
+        for j in range(j0 - rings, j0 + rings + 1):
+            for bar in range(low >> 5, ((low + 2 * rings) >> 5) + 1):
+                at = _table_row(table, i, j, bar)
+                # The bits of the voxels around, where they are in this bar.
+                shift = low - (bar << 5)
+                window = (bits << shift if shift >= 0 else bits >> -shift) & table[at, 1]
+                if window == 0:
+                    continue
+                first = table[at, 2] + _count_bits(table[at, 1] & ((window & -window) - 1))
+                for around in range(first, first + _count_bits(window)):
+                    voxels += 1
+                    for entry in range(10):
+                        total[entry] += moments[around, entry]
+    return voxels
+
+
+@compiled((_ROWS, _TABLE, NUMBER))
+def means_and_normals(moments: Float64, table: Int, edge_m: float) -> Float64:
+    """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
+
+    Where too few voxels are occupied, those farther around are taken, too; the normal is 0 where these are too few.
+    """
+    surfaces = np.empty((len(moments), 6))
+    total, covariance = np.empty(10), np.empty((3, 3))
+    for row in range(len(moments)):
+        for axis in range(3):
+            surfaces[row, axis] = moments[row, 1 + axis] / moments[row, 0]
+        voxels = _add_around(moments, table, edge_m, surfaces[row, :3], 1, total)
+        if voxels < _MIN_VOXELS:
+            voxels = _add_around(moments, table, edge_m, surfaces[row, :3], 2, total)
+        if voxels < _MIN_VOXELS:
+            surfaces[row, 3:] = 0
+            continue
+        x, y, z = total[1] / total[0], total[2] / total[0], total[3] / total[0]
+        covariance[0, 0], covariance[0, 1] = (
+            total[4] / total[0] - x * x,
+            total[5] / total[0] - x * y,
+        )
+        covariance[0, 2], covariance[1, 1] = (
+            total[6] / total[0] - x * z,
+            total[7] / total[0] - y * y,
+        )
+        covariance[1, 2], covariance[2, 2] = (
+            total[8] / total[0] - y * z,
+            total[9] / total[0] - z * z,
+        )
+        surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = _flattest_direction(covariance)
+    return surfaces
+
+
+@compiled((_ROWS, _TABLE, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER))
+def _nearest(
+    surfaces: Float64, table: Int, edge_m: float, x: float, y: float, z: float, reach_m: float
+) -> int:
+    """Return the row of the mean point nearest to a position within reach, at most 15 voxels; else -1."""
+    u, v = x / edge_m, y / edge_m
+    i0, j0, k0 = int(np.floor(u)), int(np.floor(v)), int(np.floor(z / edge_m))
+    u, v = u - i0, v - j0
+    rings = int(np.ceil(reach_m / edge_m))
+    low, bits = k0 - rings, (1 << (2 * rings + 1)) - 1
+    best, nearest = reach_m * reach_m, -1
+    # The bar of the position comes first: it leaves few others to search.
+    for ring in range(rings + 1):
+        for i in range(-ring, ring + 1):
+            across = 0.0 if i == 0 else ((u - i - 1 if i < 0 else i - u) * edge_m) ** 2
+            step = 1 if abs(i) == ring else max(2 * ring, 1)
+            for j in range(-ring, ring + 1, step):
+                along = 0.0 if j == 0 else ((v - j - 1 if j < 0 else j - v) * edge_m) ** 2
+                if across + along >= best:
+                    continue
+                for bar in range(low >> 5, ((low + 2 * rings) >> 5) + 1):
+                    at = _table_row(table, i0 + i, j0 + j, bar)
+                    shift = low - (bar << 5)
+                    window = (bits << shift if shift >= 0 else bits >> -shift) & table[at, 1]
+                    if window == 0:
+                        continue
+                    first = table[at, 2] + _count_bits(table[at, 1] & ((window & -window) - 1))
+                    for row in range(first, first + _count_bits(window)):
+                        dx, dy = surfaces[row, 0] - x, surfaces[row, 1] - y
+                        dz = surfaces[row, 2] - z
+                        distance = dx * dx + dy * dy + dz * dz
+                        if distance < best:
+                            best, nearest = distance, row
+    return nearest
+
+
+@compiled((_ROWS, WHOLE, _ROWS))
+def _moved_point(source: Float64, row: int, pose: Float64) -> tuple[float, float, float]:
+    """Return the position of a point of the source in the frame of the target."""
+    x, y, z = source[row, 0], source[row, 1], source[row, 2]
+    return (
+        pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3],
+        pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3],
+        pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3],
+    )
+
+
+@compiled((written(types.float64, 2), written(types.float64)))
+def _solve(matrix: Float64, right: Float64) -> bool:
+    """Solve a symmetric positive definite system, given by its upper triangle, in place (Cholesky)."""
+    size = len(right)
+    for i in range(size):
+        for j in range(i, size):
+            total = matrix[i, j]
+            for k in range(i):
+                total -= matrix[k, i] * matrix[k, j]
+            if i == j:
+                if not total > 0:
+                    return False
+                matrix[i, i] = np.sqrt(total)
+            else:
+                matrix[i, j] = total / matrix[i, i]
+    for i in range(size):
+        for k in range(i):
+            right[i] -= matrix[k, i] * right[k]
+        right[i] /= matrix[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    return True
+
+
+@compiled((array_of(types.float64), _ROWS))
+def _moved(motion: Float64, pose: Float64) -> Float64:
+    """Return a (4, 4) pose after a motion, a rotation vector and a translation (Rodrigues)."""
+    angle = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
+    x, y, z = motion[0], motion[1], motion[2]
+    sine, versine = 1.0, 0.5
+    if angle > 1e-9:
+        sine, versine = np.sin(angle) / angle, (1 - np.cos(angle)) / (angle * angle)
+    rotation = np.empty((3, 3))
+    rotation[0, 0], rotation[1, 1] = 1 - versine * (y * y + z * z), 1 - versine * (x * x + z * z)
+    rotation[2, 2] = 1 - versine * (x * x + y * y)
+    rotation[0, 1], rotation[1, 0] = versine * x * y - sine * z, versine * x * y + sine * z
+    rotation[0, 2], rotation[2, 0] = versine * x * z + sine * y, versine * x * z - sine * y
+    rotation[1, 2], rotation[2, 1] = versine * y * z - sine * x, versine * y * z + sine * x
+    moved = np.zeros((4, 4))
+    moved[3, 3] = 1
+    for i in range(3):
+        moved[i, 3] = motion[3 + i]
+        for j in range(4):
+            for k in range(3):
+                moved[i, j] += rotation[i, k] * pose[k, j]
+    return moved
+
+
+@compiled(
+    (
+        _ROWS,
+        _TABLE,
+        NUMBER,
+        _ROWS,
+        WHOLE,
+        _ROWS,
+        NUMBER,
+        written(types.float64, 2),
+        written(types.float64),
+    )
+)
+def _add_matches(
+    target: Float64,
+    table: Int,
+    edge_m: float,
+    source: Float64,
+    stride: int,
+    target_SE3_source: Float64,
+    reach_m: float,
+    hessian: Float64,
+    gradient: Float64,
+) -> tuple[int, float]:
+    """Match every `stride`-th point of the source, and add up the normal equations of a small motion of it.
+
+    The motion is a rotation vector and a translation in the frame of the target, applied after `target_SE3_source`.
+
+    Args:
+        target: (M, 6) points and normals of the target.
+        table: Its hash table.
+        edge_m: Edge of its voxels in metres.
+        source: (N, 6) points and normals of the source.
+        stride: Step from one point of the source to the next.
+        target_SE3_source: (4, 4) pose of the source.
+        reach_m: Largest distance of a match in metres.
+        hessian: (6, 6) matrix that is added to.
+        gradient: (6,) vector that is added to.
+
+    Returns:
+        The number of matches and the sum of half their squared errors.
+    """
+    T = target_SE3_source
+    matches, error = 0, 0.0
+    jm = np.empty((6, 3))
+    for row in range(0, len(source), stride):
+        px, py, pz = _moved_point(source, row, T)
+        near = _nearest(target, table, edge_m, px, py, pz, reach_m)
+        if near < 0:
+            continue
+        rx, ry, rz = target[near, 0] - px, target[near, 1] - py, target[near, 2] - pz
+        tx, ty, tz = target[near, 3], target[near, 4], target[near, 5]
+        matches += 1
+        nx, ny, nz = source[row, 3], source[row, 4], source[row, 5]
+        sx = T[0, 0] * nx + T[0, 1] * ny + T[0, 2] * nz
+        sy = T[1, 0] * nx + T[1, 1] * ny + T[1, 2] * nz
+        sz = T[2, 0] * nx + T[2, 1] * ny + T[2, 2] * nz
+        # Both covariances together: I - (1 - flatness) n n^T each, by the two normals.
+        share = 1 - _FLATNESS
+        a, b, c = (
+            2 - share * (sx * sx + tx * tx),
+            -share * (sx * sy + tx * ty),
+            -share * (sx * sz + tx * tz),
+        )
+        d, e, f = (
+            2 - share * (sy * sy + ty * ty),
+            -share * (sy * sz + ty * tz),
+            2 - share * (sz * sz + tz * tz),
+        )
+        # Its inverse by the adjugate.
+        A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+        D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+        scale = 1 / (a * A + b * B + c * C)
+        A, B, C, D, E, F = A * scale, B * scale, C * scale, D * scale, E * scale, F * scale
+        mx, my, mz = A * rx + B * ry + C * rz, B * rx + D * ry + E * rz, C * rx + E * ry + F * rz
+        error += (rx * mx + ry * my + rz * mz) / 2
+        # J = [-[p]x, I]; rows of J^T M, the upper three are [p]x M.
+        jm[0, 0], jm[0, 1], jm[0, 2] = py * C - pz * B, py * E - pz * D, py * F - pz * E
+        jm[1, 0], jm[1, 1], jm[1, 2] = pz * A - px * C, pz * B - px * E, pz * C - px * F
+        jm[2, 0], jm[2, 1], jm[2, 2] = px * B - py * A, px * D - py * B, px * E - py * C
+        hessian[0, 0] += py * jm[0, 2] - pz * jm[0, 1]
+        hessian[0, 1] += pz * jm[0, 0] - px * jm[0, 2]
+        hessian[0, 2] += px * jm[0, 1] - py * jm[0, 0]
+        hessian[1, 1] += pz * jm[1, 0] - px * jm[1, 2]
+        hessian[1, 2] += px * jm[1, 1] - py * jm[1, 0]
+        hessian[2, 2] += px * jm[2, 1] - py * jm[2, 0]
+        for i in range(3):
+            for j in range(3):
+                hessian[i, 3 + j] += jm[i, j]
+        hessian[3, 3], hessian[3, 4], hessian[3, 5] = (
+            hessian[3, 3] + A,
+            hessian[3, 4] + B,
+            hessian[3, 5] + C,
+        )
+        hessian[4, 4], hessian[4, 5], hessian[5, 5] = (
+            hessian[4, 4] + D,
+            hessian[4, 5] + E,
+            hessian[5, 5] + F,
+        )
+        gradient[0] += py * mz - pz * my
+        gradient[1] += pz * mx - px * mz
+        gradient[2] += px * my - py * mx
+        gradient[3], gradient[4], gradient[5] = gradient[3] + mx, gradient[4] + my, gradient[5] + mz
+    return matches, error
+
+
+@compiled(
+    (
+        _ROWS,
+        _TABLE,
+        NUMBER,
+        _ROWS,
+        _ROWS,
+        NUMBER,
+        types.UniTuple(types.float64, 2),
+        WHOLE,
+    )
+)
+def align_surfaces(
+    target: Float64,
+    table: Int,
+    edge_m: float,
+    source: Float64,
+    initial_guess: Float64,
+    reach_m: float,
+    steps: tuple[float, float],
+    iterations: int,
+) -> tuple[Float64, int, float, bool]:
+    """Align the source with the target by Gauss-Newton steps (GICP): with a quarter of its points, then with all.
+
+    Args:
+        target: (M, 6) points and normals of the target.
+        table: Its hash table.
+        edge_m: Edge of its voxels in metres.
+        source: (N, 6) points and normals of the source; without normals on either side it is point-to-point ICP.
+        initial_guess: (4, 4) first guess of `target_SE3_source`.
+        reach_m: Largest distance of a match in metres.
+        steps: Rotation in rad and translation in metres of a step that ends the alignment.
+        iterations: Largest number of steps with all points, and of those with a quarter.
+
+    Returns:
+        (4, 4) `target_SE3_source`, the number of matches, the sum of half their squared errors, and whether the last
+        step was small enough.
+    """
+    pose, matches, error, is_converged = initial_guess.copy(), 0, 0.0, False
+    for stride in (4, 1):
+        looser = 1.0 if stride == 1 else 3.0
+        for number in range(iterations + 1):
+            hessian, motion = np.zeros((6, 6)), np.zeros(6)
+            matches, error = _add_matches(
+                target, table, edge_m, source, stride, pose, reach_m, hessian, motion
+            )
+            if number == iterations:
+                break
+            for axis in range(6):
+                hessian[axis, axis] += 1e-6
+            if not _solve(hessian, motion):
+                return initial_guess.copy(), 0, 0.0, False
+            pose = _moved(motion, pose)
+            turn = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
+            way = np.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
+            is_converged = turn < looser * steps[0] and way < looser * steps[1]
+            if is_converged:
+                break
+    return pose, matches, error, is_converged
+
+
+@compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER))
+def distances_to_surfaces(
+    target: Float64,
+    table: Int,
+    edge_m: float,
+    source: Float64,
+    target_SE3_source: Float64,
+    reach_m: float,
+) -> Float64:
+    """Return the (N,) distance of each point of the source from the surface at the nearest point of the target.
+
+    Args:
+        target: (M, 6) points and normals of the target.
+        table: Its hash table.
+        edge_m: Edge of its voxels in metres.
+        source: (N, 6) points and normals of the source.
+        target_SE3_source: (4, 4) pose of the source.
+        reach_m: Distance in metres within which the nearest point is; infinite where there is none.
+    """
+    away_m = np.full(len(source), np.inf)
+    for row in range(len(source)):
+        x, y, z = _moved_point(source, row, target_SE3_source)
+        near = _nearest(target, table, edge_m, x, y, z, reach_m)
+        if near >= 0:
+            dx, dy, dz = target[near, 0] - x, target[near, 1] - y, target[near, 2] - z
+            away_m[row] = abs(dx * target[near, 3] + dy * target[near, 4] + dz * target[near, 5])
+    return away_m

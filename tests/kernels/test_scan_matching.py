@@ -1,0 +1,120 @@
+"""Compiled functions of scan matching, each beside its reference in NumPy."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from perception.geometry.se3 import from_euler
+from perception.kernels.scan_matching import (
+    align_surfaces,
+    distances_to_surfaces,
+    means_and_normals,
+    voxel_moments,
+)
+
+EDGE_M = 0.5
+
+
+def street(seed: int = 0) -> np.ndarray:
+    """Return points of a road, two walls at the sides and one across, with 1 cm of noise."""
+    random = np.random.default_rng(seed)
+    along, across, up = (
+        random.uniform(low, high, 4000) for low, high in ((-9, 20), (-6, 6), (0, 4))
+    )
+    zero = np.zeros(4000)
+    parts = [(along, across, zero - 1.7), (along, zero + 6, up - 1.7), (along, zero - 6, up - 1.7)]
+    parts.append((zero[:800] + 20, across[:800], up[:800] - 1.7))
+    points = np.concatenate([np.column_stack(part) for part in parts])
+    return (points + random.normal(0, 0.01, points.shape)).astype(np.float32)
+
+
+def reference_voxels(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the cell, the number of points and the mean of each occupied voxel."""
+    cells = np.floor(points.astype(np.float64) / EDGE_M).astype(int)
+    cells, group, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    sums = [np.bincount(group.ravel(), axis) for axis in points.T.astype(np.float64)]
+    return cells, counts, np.transpose(sums) / counts[:, None]
+
+
+def in_order(rows: np.ndarray) -> np.ndarray:
+    return rows[np.lexsort(rows[:, :3].round(6).T)]
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_voxels_and_means_equal_the_reference(stride: int) -> None:
+    points = street()
+    moments, table, is_full = voxel_moments(points, stride, EDGE_M, 2**13)
+    _, counts, means = reference_voxels(points[::stride])
+    assert not is_full
+    found = in_order(np.column_stack([moments[:, 1:4] / moments[:, :1], moments[:, 0]]))
+    np.testing.assert_allclose(found, in_order(np.column_stack([means, counts])), atol=1e-9)
+    assert (table[:, 0] >= 0).sum() < len(moments)
+
+
+def test_normals_equal_the_reference() -> None:
+    points = street()
+    moments, table, _ = voxel_moments(points, 1, EDGE_M, 2**13)
+    surfaces = means_and_normals(moments, table, EDGE_M)
+    cells = np.floor(points.astype(np.float64) / EDGE_M).astype(int)
+    for mean, normal in zip(surfaces[::50, :3], surfaces[::50, 3:], strict=True):
+        around = (np.abs(cells - np.floor(mean / EDGE_M)) <= 1).all(axis=1)
+        expected = np.linalg.eigh(np.cov(points[around].T.astype(np.float64), bias=True))
+        # A corner has two directions that are about as flat.
+        if expected.eigenvalues[1] > 2 * expected.eigenvalues[0]:
+            assert abs(normal @ expected.eigenvectors[:, 0]) > 1 - 1e-6
+
+
+def test_a_table_that_is_too_small_says_so() -> None:
+    assert voxel_moments(street(), 1, EDGE_M, 64)[2]
+
+
+def test_points_beyond_the_grid_are_left_out() -> None:
+    points = np.array([[1e9, 0, 0], [np.nan, 0, 0], [1, 2, 3]], np.float32)
+    moments, _, _ = voxel_moments(points, 1, EDGE_M, 16)
+    np.testing.assert_allclose(moments[:, :4], [[1, 1, 2, 3]])
+
+
+@pytest.mark.parametrize("reach_m", [0.2, 0.5, 1.4])
+def test_matches_are_the_nearest_within_reach(reach_m: float) -> None:
+    target, source = street(0), street(1)[::5] + np.float32(0.3)
+    _, _, means = reference_voxels(target)
+    _, _, moved = reference_voxels(source)
+    moments, table, _ = voxel_moments(target, 1, EDGE_M, 2**13)
+    surfaces = np.hstack([moments[:, 1:4] / moments[:, :1], np.zeros((len(moments), 3))])
+    points = np.hstack([moved, np.zeros((len(moved), 3))])
+    _, matches, error, _ = align_surfaces(
+        surfaces, table, EDGE_M, points, np.eye(4), reach_m, (1e-3, 1e-3), 0
+    )
+    away_m, _ = cKDTree(means).query(moved, distance_upper_bound=reach_m)
+    away_m = away_m[np.isfinite(away_m)]
+    assert matches == len(away_m)
+    # Without normals the covariances are the identity each, and the error is half a quarter of the squared distance.
+    np.testing.assert_allclose(error, (away_m**2).sum() / 4)
+
+
+def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
+    truth = from_euler(0.004, -0.006, 0.02, np.array([0.3, -0.1, 0.05]))
+    points = street(1)
+    moved = (points @ truth[:3, :3].T + truth[:3, 3]).astype(np.float32)
+    clouds = []
+    for part in (moved, street(2)):
+        moments, table, _ = voxel_moments(part, 1, EDGE_M, 2**13)
+        clouds.append((means_and_normals(moments, table, EDGE_M), table))
+    arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20)
+    pose, matches, _, is_converged = align_surfaces(*arguments)
+    assert is_converged
+    assert matches > 0.8 * len(clouds[1][0])
+    np.testing.assert_allclose(pose, truth, atol=6e-3)
+    np.testing.assert_array_equal(align_surfaces(*arguments)[0], pose)
+
+
+def test_distances_are_those_from_the_surfaces() -> None:
+    moments, table, _ = voxel_moments(street(0), 1, EDGE_M, 2**13)
+    surfaces = means_and_normals(moments, table, EDGE_M)
+    raised = surfaces[(np.abs(surfaces[:, 1]) < 4) & (surfaces[:, 0] < 18)]
+    lift = np.eye(4)
+    lift[2, 3] = 0.2
+    away_m = distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)
+    np.testing.assert_allclose(away_m, 0.2, atol=0.02)
+    lift[2, 3] = 50
+    assert np.isinf(distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)).all()
