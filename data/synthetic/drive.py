@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -34,6 +34,13 @@ class SyntheticDrive:
     has_poses = True
     has_labels = True
     notes = ()
+    _make: "partial[Self]"
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:  # noqa: ANN401 - those of any drive
+        """Remember the arguments, of which the drive can be made again."""
+        drive = super().__new__(cls)
+        drive._make = partial(cls, *args, **kwargs)
+        return drive
 
     def __init__(
         self,
@@ -69,6 +76,11 @@ class SyntheticDrive:
 
     def _random(self, stream: int, index: int = 0) -> np.random.Generator:
         return np.random.default_rng([self._seed, stream, index])
+
+    @property
+    def make(self) -> "partial[Self]":
+        """Function that makes the same drive, as in another process, which ray casting scenes cannot be sent to."""
+        return self._make
 
     @property
     def calibration(self) -> Calibration:

@@ -1,7 +1,7 @@
 """A street with its traffic, drawn from a seed: the exact truth of a synthetic drive."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,25 @@ from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
+
+
+# Moments that are remembered: scan, image and labels of a frame ask for the same one, two frames at a time.
+_REMEMBERED_MOMENTS = 4
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where the vehicle and the actors are at one time.
+
+    Attributes:
+        ego_s_m: Position of the ego vehicle along the road in metres.
+        ego_xy_m: (2,) its place in the world.
+        states: States of the actors that were asked for, by track id.
+    """
+
+    ego_s_m: float
+    ego_xy_m: Float64
+    states: dict[int, MovingObject] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -47,6 +66,7 @@ class World:
     shapes: Sequence[tuple[int, ...]]
     object_rows: Sequence[int]
     sensor_unit: int = 0
+    _moments: dict[float, Moment] = field(default_factory=dict, repr=False, compare=False)
 
     def world_SE3_body(self, times_s: Float64) -> Float64:
         """Return (K, 4, 4) poses of the ego body over the road: sway, and pitch under braking."""
@@ -80,10 +100,22 @@ class World:
 
     def is_near(self, actor: Actor, time_s: float, within_m: float) -> bool:
         """Return whether an actor is within a distance of the ego vehicle, measured along the road."""
+        moment = self._moment(time_s)
         if actor.path is None:
-            offset = actor.world_SE3_parked[:2, 3] - self.road.place(*self.ego.at(time_s))[:2]
+            offset = actor.world_SE3_parked[:2, 3] - moment.ego_xy_m
             return bool(offset @ offset < within_m**2)
-        return bool(abs(actor.path.at(time_s)[0] - self.ego.at(time_s)[0]) < within_m)
+        return bool(abs(actor.path.at(time_s)[0] - moment.ego_s_m) < within_m)
+
+    def _moment(self, time_s: float) -> Moment:
+        """Return what is remembered of a time."""
+        moment = self._moments.get(time_s)
+        if moment is None:
+            s_m, l_m = self.ego.at(time_s)
+            moment = Moment(float(s_m), self.road.place(s_m, l_m)[:2])
+            for oldest in list(self._moments)[: 1 - _REMEMBERED_MOMENTS]:
+                self._moments.pop(oldest, None)
+            self._moments[time_s] = moment
+        return moment
 
     def footprints(
         self, moving: Sequence[MovingObject], centre_m: Float64, within_m: float
@@ -101,9 +133,13 @@ class World:
 
     def state(self, actor: Actor, time_s: float) -> MovingObject:
         """Return where an actor is, and which shape it has there."""
-        shape = self.shapes[actor.track_id][actor.phase(time_s)]
-        pose, velocity = actor.pose(self.road, time_s), actor.velocity_m_s(self.road, time_s)
-        return MovingObject(shape, self.object_rows[actor.track_id], pose, velocity)
+        states = self._moment(time_s).states
+        if actor.track_id not in states:
+            shape = self.shapes[actor.track_id][actor.phase(time_s)]
+            pose, velocity = actor.pose(self.road, time_s), actor.velocity_m_s(self.road, time_s)
+            object_row = self.object_rows[actor.track_id]
+            states[actor.track_id] = MovingObject(shape, object_row, pose, velocity)
+        return states[actor.track_id]
 
 
 def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator) -> World:

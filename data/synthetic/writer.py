@@ -13,9 +13,12 @@ tracking labels. `.label` files hold SemanticKITTI's words: class below, track i
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
 
 import cv2
 import numpy as np
@@ -26,29 +29,26 @@ from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
 from perception.atomic_file import write_atomically
+from perception.pipeline.remote_object import RemoteObject
 from perception.sensor import sensor_to_json
 from perception.types import Float64, Labels, PointTruth, UInt8
 
 DATE = "2025_06_01"
 _NOON = datetime(2025, 6, 1, 12, 0, 0)
-_THREADS = 2  # ray casting and array arithmetic let go of the interpreter
+# From this number of images on, every second frame is written by a process of its own, which first has to build the
+# world again. Two threads alone keep 1.5 cores busy.
+MIN_FRAMES_OF_A_PROCESS = 16
 
 
 @dataclass(frozen=True)
-class EncodedFrame:
-    """Encoded files of one frame.
+class WrittenFrame:
+    """What is written of one frame together with all others.
 
     Attributes:
-        scan: Scan: x, y, z, reflectance as float32.
-        truth: SemanticKITTI label of each point.
-        image: Image as PNG, or None without a camera.
         packet: INS packet as a row of text.
         labels: Labels by KITTI's rules.
     """
 
-    scan: bytes
-    truth: bytes
-    image: bytes | None
     packet: str
     labels: Labels
 
@@ -60,6 +60,10 @@ class FrameFolders:
     scans: Path
     truth: Path
     images: Path
+
+
+# Writes the frame of an index under a name.
+Writer = Callable[[int, str], WrittenFrame]
 
 
 def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], object]) -> Path:
@@ -164,34 +168,68 @@ def semantic_kitti_labels(truth: PointTruth) -> np.ndarray:
 
 def _write_frames(
     drive: SyntheticDrive, stems: Mapping[int, str], folders: FrameFolders, *, is_tracking: bool
-) -> Iterator[tuple[int, EncodedFrame]]:
+) -> Iterator[tuple[int, WrittenFrame]]:
     """Write scans, truth and images of the frames that have a file name; yield them in order."""
+    here = FrameWriter(drive, folders, is_tracking=is_tracking)
+    with ExitStack() as on_exit:
+        write_there: Writer = here.write
+        if drive.has_images and len(stems) >= MIN_FRAMES_OF_A_PROCESS:
+            make = partial(_make_writer, drive.make, folders, is_tracking=is_tracking)
+            remote = RemoteObject("the frame writer", make, "write fewer frames at a time")
+            on_exit.callback(remote.close)
+            write_there = partial(_write_remotely, remote)
+        # Each frame goes to the writer that is free.
+        writers: SimpleQueue[Writer] = SimpleQueue()
+        for writer in (here.write, write_there):
+            writers.put(writer)
 
-    def write(index: int) -> EncodedFrame:
-        frame, stem = encode_frame(drive, index, is_tracking=is_tracking), stems[index]
-        if frame.image is not None:
-            write_atomically(folders.images / f"{stem}.png", frame.image)
-        write_atomically(folders.truth / f"{stem}.label", frame.truth)
-        write_atomically(folders.scans / f"{stem}.bin", frame.scan)
-        return frame
+        def write(index: int) -> WrittenFrame:
+            writer = writers.get()
+            try:
+                return writer(index, stems[index])
+            finally:
+                writers.put(writer)
 
-    with ThreadPoolExecutor(_THREADS, thread_name_prefix="synth") as pool:
-        try:
-            yield from zip(stems, pool.map(write, stems), strict=True)
-        finally:
-            pool.shutdown(cancel_futures=True)
+        pool = on_exit.enter_context(ThreadPoolExecutor(2, thread_name_prefix="synth"))
+        on_exit.callback(pool.shutdown, cancel_futures=True)
+        yield from zip(stems, pool.map(write, stems), strict=True)
 
 
-def encode_frame(drive: SyntheticDrive, index: int, *, is_tracking: bool) -> EncodedFrame:
-    """Render one frame and encode it."""
-    scan = drive.scan(index)
-    return EncodedFrame(
-        scan=scan.points_velo.tobytes(),
-        truth=semantic_kitti_labels(scan.truth).tobytes(),
-        image=_png(drive.image(index)) if drive.has_images else None,
-        packet=format_oxts_packet(drive.ins_packet(index)),
-        labels=drive.labels(index, is_tracking=is_tracking),
-    )
+@dataclass(frozen=True)
+class FrameWriter:
+    """Renders frames of a drive, and writes their scans, truth and images.
+
+    Attributes:
+        drive: Drive of the frames.
+        folders: Folders of the files.
+        is_tracking: Whether labels are those of tracking.
+    """
+
+    drive: SyntheticDrive
+    folders: FrameFolders
+    is_tracking: bool
+
+    def write(self, index: int, stem: str) -> WrittenFrame:
+        """Write a frame under a name; return what is written with all frames together."""
+        drive, folders = self.drive, self.folders
+        scan = drive.scan(index)
+        if drive.has_images:
+            write_atomically(folders.images / f"{stem}.png", _png(drive.image(index)))
+        labels = semantic_kitti_labels(scan.truth)
+        write_atomically(folders.truth / f"{stem}.label", labels.tobytes())
+        write_atomically(folders.scans / f"{stem}.bin", scan.points_velo.tobytes())
+        packet = format_oxts_packet(drive.ins_packet(index))
+        return WrittenFrame(packet, drive.labels(index, is_tracking=self.is_tracking))
+
+
+def _write_remotely(remote: RemoteObject[FrameWriter], index: int, stem: str) -> WrittenFrame:
+    return remote.call(FrameWriter.write, index, stem)
+
+
+def _make_writer(
+    make_drive: Callable[[], SyntheticDrive], folders: FrameFolders, *, is_tracking: bool
+) -> FrameWriter:
+    return FrameWriter(make_drive(), folders, is_tracking)
 
 
 def _png(image: UInt8) -> bytes:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
+from data.synthetic import writer
 from data.synthetic.collection import SynthConfig, draw_drive, write_drives
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import SemanticClass
@@ -90,3 +91,12 @@ def test_nothing_to_write_is_refused():
         SynthConfig(frames=0)
     with fault(UsageError, expected="raw, tracking or object"):
         SynthConfig(layout="odometry")
+
+
+@pytest.mark.slow
+def test_a_second_process_writes_the_same_bytes(made, tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "MIN_FRAMES_OF_A_PROCESS", FRAMES)
+    [folder] = write_drives(tmp_path, SEQUENCE)
+    for index, frame in enumerate(open_drive(folder)):
+        assert np.array_equal(frame.points_velo, made[index].points_velo)
+        assert np.array_equal(frame.image, made[index].image)
