@@ -44,8 +44,11 @@ CLASS_SIZES: Mapping[str, ClassSize] = {
     "person_sitting": ClassSize(Normal(0.80, 0.22), Normal(0.59, 0.08), Normal(1.27, 0.11), False),
     "cyclist": ClassSize(Normal(1.76, 0.18), Normal(0.60, 0.12), Normal(1.74, 0.09), False),
 }
+_ROW_OF = {name: row for row, name in enumerate(CLASS_SIZES)}
 # What a detector calls by another name is as large as a car.
-OTHER_SIZE = CLASS_SIZES["car"]
+_OTHER = _ROW_OF["car"]
+_SIZES_M = np.array([(one.length, one.width, one.height) for one in CLASS_SIZES.values()])
+_HAS_SIDES = np.array([one.has_sides for one in CLASS_SIZES.values()])
 
 
 @dataclass(frozen=True)
@@ -67,8 +70,6 @@ class SizePriors(ArrayTable):
     @classmethod
     def of(cls, types: NDArray[np.str_]) -> Self:
         """Return the sizes of M class names, in capitals or not."""
-        sizes = [CLASS_SIZES.get(name.lower(), OTHER_SIZE) for name in types.tolist()]
-        columns = ((one.length, one.width, one.height) for one in sizes)
-        numbers = np.array(list(columns), np.float64).reshape(len(sizes), 3, 2)
-        has_sides = np.array([one.has_sides for one in sizes], bool)
-        return cls(numbers[:, 0], numbers[:, 1], numbers[:, 2], has_sides)
+        rows = np.array([_ROW_OF.get(name.lower(), _OTHER) for name in types.tolist()], np.int64)
+        sizes_m = _SIZES_M[rows]
+        return cls(sizes_m[:, 0], sizes_m[:, 1], sizes_m[:, 2], _HAS_SIDES[rows])

@@ -12,7 +12,7 @@ from perception.types import Bool
 def is_duplicate(observations: VehicleObservations, config: DuplicateConfig) -> Bool:
     """Return (D,) whether each detection is a second one of an object that a better one has found."""
     covers = covered(observations, observations, config)
-    best_first = np.argsort(-observations.existence, kind="stable")
+    best_first = np.argsort(-observations.detections.scores, kind="stable")
     is_single = np.zeros(len(observations), bool)
     for row in best_first.tolist():
         is_single[row] = not (covers[row] & is_single).any()

@@ -5,10 +5,19 @@ from numpy.typing import NDArray
 
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import EvidenceConfig
-from perception.types import Float64, Int
+from perception.types import Bool, Float64, Int
 
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
+
+
+def existence(scores: Float64, is_person: Bool, config: EvidenceConfig) -> Float64:
+    """Return (D,) the probability that detections of (D,) scores, summed over classes, show an object.
+
+    A score says how well a box fits, too, which is less likely for people than that they are there.
+    """
+    offsets = np.where(is_person, config.person_log_odds, 0.0)
+    return probability(_log_odds(scores) + offsets)
 
 
 def detection_evidence(existence: Float64, config: EvidenceConfig) -> Float64:

@@ -10,8 +10,10 @@ from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
-from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Vehicles
+from perception.tracking.vehicles.evidence import existence
+from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Int, Vehicles
 
 NEAREST_M = 0.5
 
@@ -65,29 +67,28 @@ class FrameGeometry:
 
 @dataclass(frozen=True)
 class VehicleObservations(ArrayTable):
-    """D detections in the world.
+    """D detections in the world, those that may exist.
 
     A detection without returns has the depth at which an object of the assumed height has the height of its box: a
     guess, but one that moves in the image with the ego vehicle nearly as the object does.
 
     Attributes:
+        rows: (D,) rows among all detections of the frame.
         detections: (D) detections in the image.
         boxes_world: (D) boxes in the world; of a detection without returns without extent but the assumed height.
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
         class_scores: (D, C) highest score of each class at the place of the detection.
+        existence: (D,) probability that an object of any class is there.
     """
 
+    rows: Int
     detections: Detections
     boxes_world: Boxes3D
     is_located: Bool
     noise: Annotated[Float64, 2, 2]
     class_scores: Annotated[Float64, ...]
-
-    @property
-    def existence(self) -> Float64:
-        """(D,) probability that an object is there: one of a class that was detected at the place."""
-        return np.asarray(np.minimum(self.class_scores.sum(axis=1), 1.0))
+    existence: Float64
 
     @classmethod
     def of(
@@ -103,20 +104,27 @@ class VehicleObservations(ArrayTable):
             vehicles: Located detections of the frame.
             frame: Pose and camera.
             classes: (C,) classes of the tracker.
-            config: Noise, and the overlap of detections at one place.
+            config: Noise, minimum existence, and the overlap of detections at one place.
         """
         detections = vehicles.fused.detections
-        is_located = np.isfinite(vehicles.boxes.bottom_m[:, 0])
+        class_scores = _class_scores(detections, classes, config.duplicates.same_place_iou)
+        is_person = ~SizePriors.of(detections.types).has_sides
+        likely = existence(class_scores.sum(axis=1), is_person, config.evidence)
+        kept = np.flatnonzero(likely >= config.min_existence)
+        detections, boxes = detections[kept], vehicles.boxes[kept]
+        is_located = np.isfinite(boxes.bottom_m[:, 0])
         assumed, assumed_noise = _assumed(detections.boxes_px, frame, config)
-        located = transform_boxes(frame.world_SE3_velo, vehicles.boxes)
-        noise = _located_noise(vehicles, config)
+        located = transform_boxes(frame.world_SE3_velo, boxes)
+        noise = _located_noise(boxes, vehicles.point_counts[kept], config)
         rows = np.flatnonzero(is_located)
         return cls(
+            kept,
             detections,
             assumed.replaced(rows, located[rows]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
-            _class_scores(detections, classes, config.duplicates.same_place_iou),
+            class_scores[kept],
+            likely[kept],
         )
 
 
@@ -124,13 +132,17 @@ def _class_scores(detections: Detections, classes: NDArray[np.str_], min_iou: fl
     """Return (D, C) the highest score of each class at the place of each detection."""
     boxes_px, scores = detections.boxes_px, detections.scores
     is_same_place = iou_px(boxes_px, boxes_px) >= min_iou
-    own = np.where(classes[:, None] == detections.types, scores, 0.0)
-    return np.asarray(np.where(is_same_place[:, None], own, 0.0).max(axis=2, initial=0.0))
+    by_class = np.zeros((len(scores), len(classes)))
+    for column, name in enumerate(classes.tolist()):
+        rows = np.flatnonzero(detections.types == name)
+        at_place = np.where(is_same_place[:, rows], scores[rows], 0.0)
+        by_class[:, column] = at_place.max(axis=1, initial=0.0)
+    return by_class
 
 
-def _located_noise(vehicles: Vehicles, config: VehicleTrackerConfig) -> Float64:
-    points = np.maximum(vehicles.point_counts, 1)
-    away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
+def _located_noise(boxes: Boxes3D, point_counts: Int, config: VehicleTrackerConfig) -> Float64:
+    points = np.maximum(point_counts, 1)
+    away_m = np.nan_to_num(np.linalg.norm(boxes.bottom_m, axis=1))
     variances = (
         config.position_noise_m**2
         + (config.position_noise_per_m * away_m) ** 2

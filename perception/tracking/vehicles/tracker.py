@@ -15,6 +15,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
 from perception.tracking.tracker import covariances_velo
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
 from perception.tracking.vehicles.evidence import likeliest_classes, probability
@@ -116,15 +117,11 @@ class VehicleTracker:
     ) -> None:
         """Continue tracks by detections, those that surely exist first, and begin new tracks by the others."""
         config = self._config
-        self._row_of = np.full(len(observations), -1)
-        existence = observations.existence
-        is_single = existence >= config.min_existence
-        likely = np.flatnonzero(is_single)
-        is_single[likely] = ~is_duplicate(observations[likely], config.duplicates)
-        sure = is_single & (existence >= config.high_existence)
-        doubtful = is_single & ~sure
+        observations = observations[~is_duplicate(observations, config.duplicates)]
+        existence, track_of = observations.existence, np.full(len(observations), -1)
+        sure = existence >= config.high_existence
         free = np.arange(len(self._tracks))
-        for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
+        for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
             if not (len(chosen) and len(free)):
                 continue
             pairs = self._match(self._tracks[free], observations[chosen], frame_geometry)
@@ -133,18 +130,19 @@ class VehicleTracker:
                 self._tracks[rows], observations[seen], frame_geometry, config
             )
             self._tracks = self._tracks.replaced(rows, corrected)
-            self._row_of[seen] = rows
+            track_of[seen] = rows
             free = free[pairs.unmatched_tracks]
         missed = np.zeros(len(self._tracks))
         missed[free] = config.evidence.miss
         self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
-        is_left = is_single & (self._row_of < 0) & (existence >= config.new_track_existence)
-        new = np.flatnonzero(is_left)
+        new = np.flatnonzero((track_of < 0) & (existence >= config.new_track_existence))
         if len(new):
-            self._row_of[new] = len(self._tracks) + np.arange(len(new))
+            track_of[new] = len(self._tracks) + np.arange(len(new))
             self._tracks = self._tracks.joined(
                 init_tracks(observations[new], frame_geometry, config)
             )
+        is_tracked = track_of >= 0
+        self._seen, self._track_of = observations.rows[is_tracked], track_of[is_tracked]
 
     def _match(
         self, tracks: VehicleTable, observations: VehicleObservations, frame_geometry: FrameGeometry
@@ -157,7 +155,12 @@ class VehicleTracker:
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, detections.boxes_px, config)
-        is_other = self._types(tracks)[:, None] != detections.types
+        types = self._types(tracks)
+        is_other = types[:, None] != detections.types
+        # A van may be taken for a car, but no person for a vehicle.
+        is_allowed &= (
+            SizePriors.of(types).has_sides[:, None] == SizePriors.of(detections.types).has_sides
+        )
         costs = in_image + on_ground + config.class_change_cost * is_other
         return assign_with_max_cost(costs, is_allowed, config.max_cost)
 
@@ -187,8 +190,7 @@ class VehicleTracker:
 
     def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
         """Return the detections with the ids, motion and boxes of their tracks."""
-        seen = np.flatnonzero(self._row_of >= 0)
-        tracks = self._tracks[self._row_of[seen]]
+        seen, tracks = self._seen, self._tracks[self._track_of]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
         is_known = is_velocity_known(tracks, self._config)

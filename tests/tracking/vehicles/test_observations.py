@@ -39,7 +39,7 @@ def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
     fused = replace(detected(cars((20.0, 4.0, 0.0)), 0.3), existence=np.array([0.97]))
     vehicles = locate(fused, frame_of(road()), FlatRoad())
     seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
-    np.testing.assert_array_equal(seen.existence, [0.3])
+    np.testing.assert_allclose(seen.existence, [0.3])
 
 
 def test_scores_of_two_classes_at_one_place_add_up():

@@ -191,6 +191,29 @@ def test_a_tall_vehicle_is_no_person():
     assert vehicles.fused.detections.types.tolist() == ["Car", "Pedestrian"]
 
 
+def test_a_person_within_the_box_of_a_vehicle_does_not_continue_its_track():
+    drive, world = Drive(speed_m_s=0.0), cars((12.0, 4.0, 0.0))
+    for _ in range(4):
+        known = drive.observe(world).vehicles
+    (x1, y1, x2, y2), *_ = known.fused.detections.boxes_px.tolist()
+    person_px = np.array([[x1 + (x2 - x1) / 3, y1, x2 - (x2 - x1) / 3, y2]])
+    for _ in range(4):
+        inside = drive.observe(world, types=("Pedestrian",), boxes_px=person_px).vehicles
+    assert known.ids.tolist() == [0]
+    assert inside.ids.tolist() == [1]
+    assert inside.fused.detections.types.tolist() == ["Pedestrian"]
+
+
+def test_a_person_is_there_at_a_score_at_which_a_vehicle_is_doubtful():
+    vehicles, people = Drive(speed_m_s=0.0), Drive(speed_m_s=0.0)
+    person = cars((12.0, 4.0, 0.0), size_m=(0.8, 0.6, 1.75))
+    for _ in range(3):
+        vehicle_ids = vehicles.observe(cars((12.0, 4.0, 0.0)), scores=0.35).vehicles.ids
+        person_ids = people.observe(person, scores=0.35, types=("Pedestrian",)).vehicles.ids
+    assert vehicle_ids.tolist() == [-1]
+    assert person_ids.tolist() == [0]
+
+
 def test_without_returns_the_class_is_that_of_the_detections():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0), size_m=(4.6, 1.8, 2.1))
     for _ in range(3):
