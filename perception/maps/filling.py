@@ -6,6 +6,7 @@ from typing import Self
 import cv2
 import numpy as np
 
+from perception.kernels.map_filling import highest_rows
 from perception.maps.projection import SparseMaps
 from perception.types import Bool, Float32, Int
 
@@ -27,8 +28,8 @@ def first_rows(sparse: SparseMaps) -> Int:
     width, height = sparse.size_px
     if not len(sparse):
         return np.full(width, height, np.int32)
-    top = np.full(width, height, np.int32)
-    np.minimum.at(top, sparse.pixels[:, 0], sparse.pixels[:, 1])
+    columns, rows = np.ascontiguousarray(sparse.pixels.T, np.int32)
+    top = highest_rows(columns, rows, width, height)
     top = top[nearest_true(top < height)]
     around = np.ones((1, 2 * _WIDER_PX + 1), np.uint8)
     return np.asarray(cv2.erode(top[None].astype(np.float32), around)[0] - _HIGHER_PX, np.int32)

@@ -7,7 +7,7 @@ from typing import Annotated
 import cv2
 import numpy as np
 
-from perception.geometry.camera import project
+from perception.kernels.map_filling import project_nearest
 from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Frame, Int
 
 # Nearer returns are those of the vehicle itself.
@@ -61,18 +61,10 @@ def project_scan(
     points_velo: Float32, calibration: Calibration, size_px: tuple[int, int]
 ) -> SparseMaps:
     """Project (N, 4) points into an image of (width, height); the nearest wins a pixel."""
-    image_P_velo = calibration.image_P_velo
-    points = points_velo.take(rows_near_view(points_velo, image_P_velo, size_px), axis=0)
-    exact_px, depth_m = project(image_P_velo, points)
-    with np.errstate(invalid="ignore"):
-        u, v = np.rint(exact_px.T)
-        is_inside = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
-    rows = np.flatnonzero(is_inside & (depth_m > _NEAREST_M))
-    depths = depth_m[rows].astype(np.float32)
-    # Stored component by component, the order in which later steps read them.
-    pixels = np.stack([u[rows], v[rows]]).astype(np.int32)
-    order = _nearest_of_each(pixels.T, depths, size_px)
-    return SparseMaps(pixels.take(order, axis=1).T, depths[order], points[rows[order], 3], size_px)
+    points = np.ascontiguousarray(points_velo, np.float32)
+    image_P_velo = np.ascontiguousarray(calibration.image_P_velo, np.float64)
+    pixels, depth_m, reflectance = project_nearest(points, image_P_velo, *size_px, _NEAREST_M)
+    return SparseMaps(pixels.T, depth_m, reflectance, size_px)
 
 
 def project_frame(frame: Frame) -> SparseMaps:
@@ -112,27 +104,6 @@ def rows_near_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[i
     rows = np.flatnonzero(is_inner.view(np.uint32).ravel() == np.uint32(0x01010101))
     # Points without a return lie at the origin, which a camera behind the LiDAR has in view.
     return rows if (inner[:, 3] <= 0).any() else rows[points_velo[rows, :3].any(axis=1)]
-
-
-def _nearest_of_each(pixels: Int, depths_m: Float32, size_px: tuple[int, int]) -> Int:
-    """Return which of N points own their pixels, the farthest first."""
-    order = _farthest_first(depths_m)
-    flat_indices = _flat_indices(pixels, size_px)[order]
-    # Of several values written to one pixel, the last remains.
-    owner = np.empty(size_px[0] * size_px[1], np.int32)
-    owner[flat_indices] = order
-    return order[np.flatnonzero(owner[flat_indices] == order)]
-
-
-def _farthest_first(depths_m: Float32) -> Int:
-    """Return the order of positive depths; of equals, the first comes last.
-
-    Positive floats and their bits are in the same order, so that depth and index sort as one number.
-    """
-    keys = depths_m.view(np.uint32).astype(np.uint64) << np.uint64(32)
-    keys |= np.arange(len(keys), dtype=np.uint64)
-    keys.sort()
-    return np.asarray(keys[::-1] & np.uint64(0xFFFFFFFF), np.intp)
 
 
 def _flat_indices(pixels: Int, size_px: tuple[int, int]) -> Int:

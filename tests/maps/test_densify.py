@@ -9,8 +9,7 @@ from benchmarks.reference.maps import (
     fill_natural_by_discs,
     fill_nearest_by_search,
 )
-from perception.maps.beam_rows import ColumnFillingConfig
-from perception.maps.column_filling import fill_columns
+from perception.maps.column_filling import ColumnFillingConfig, fill_columns
 from perception.maps.densify import FILL_METHODS, densify
 from perception.maps.distance_filling import fill_natural, fill_nearest
 from perception.maps.filling import region_of_interest

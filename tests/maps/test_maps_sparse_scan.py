@@ -6,8 +6,7 @@ import pytest
 from benchmarks.maps import held_out_errors
 from benchmarks.reference.maps import fill_columns_by_loop
 from data.synthetic.drive import SyntheticDrive
-from perception.maps.beam_rows import ColumnFillingConfig
-from perception.maps.column_filling import fill_columns
+from perception.maps.column_filling import ColumnFillingConfig, fill_columns
 from perception.maps.densify import densify
 from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps, project_frame
