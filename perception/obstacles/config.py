@@ -190,12 +190,17 @@ class RigidBodyConfig:
         max_speed_m_s: Largest speed of a body in m/s, while the history is short.
         step_m: Difference in metres of two distances that are tried.
         samples: Largest number of voxels that are compared with the earlier scan, of each end and of the whole body.
-        side_margin_m: Largest distance in metres to the side of what appeared.
+        max_width_m: Largest width of a body in metres, that of a lorry with its mirrors; of a wider cluster, only what is
+            in line with what appeared is a body.
+        side_margin_m: Largest distance in metres to the side of what appeared in a wider cluster.
         min_explained_ratio: Smallest share of a body's visible voxels that the earlier scan hit where they came from.
         min_gain_ratio: Smallest share by which more voxels are explained than of a static body.
         end_m: Largest length of a front or rear in metres.
         min_end_voxels: Smallest number of voxels of a front that appeared, or of a rear that left free space.
         min_end_ratio: Smallest share of these in the front or rear, 0 to 1.
+        max_taken_ratio: Largest share of the places of the rear of then at which the newest scan has returns, 0 to 1.
+        speeds_on_the_way: First, last and step of the speeds since the younger queried scans that are tried, as shares of
+            the mean speed since the oldest.
     """
 
     # A tram of two parts has 22 m. Steps of 0.3 m are within the margin of a hit on both sides.
@@ -209,12 +214,15 @@ class RigidBodyConfig:
     max_speed_m_s: float = 30.0
     step_m: float = 0.3
     samples: int = 24
+    max_width_m: float = 3.2
     side_margin_m: float = 0.3
     min_explained_ratio: float = 0.9
     min_gain_ratio: float = 0.05
     end_m: float = 1.5
     min_end_voxels: int = 5
     min_end_ratio: float = 0.5
+    max_taken_ratio: float = 0.3
+    speeds_on_the_way: tuple[float, float, float] = (0.4, 1.7, 0.1)
 
 
 @dataclass(frozen=True)

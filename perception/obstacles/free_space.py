@@ -90,15 +90,14 @@ class FreeSpaceMemory:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
         return self._scans[-1].image.is_free(points_velo, self._margin_m)
 
-    def states_in_oldest(self, points_velo: Float32) -> UInt8:
-        """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame in the oldest queried scan."""
-        oldest = self._oldest_age()
-        points_past = se3.transform_points(self._past_SE3_newest(oldest), points_velo)
-        return self._scans[-1 - oldest].image.visibility(points_past, self._margin_m).states
+    def states(self, points_velo: Float32, age: int) -> UInt8:
+        """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
+        points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
+        return self._scans[-1 - age].image.visibility(points_past, self._margin_m).states
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
         """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""
-        ages = self._ages()
+        ages = self.queried_ages()
         shape = (len(ages), len(points_velo))
         was_free, was_hit, was_behind_departed = (np.zeros(shape, bool) for _ in range(3))
         gaps_m = np.zeros(shape, np.float32)
@@ -137,7 +136,7 @@ class FreeSpaceMemory:
     def _past_SE3_newest(self, age: int) -> Float64:
         return se3.inverse(self._scans[-1 - age].world_SE3_velo) @ self._scans[-1].world_SE3_velo
 
-    def _ages(self) -> list[int]:
+    def queried_ages(self) -> list[int]:
         """Return the ages of the queried scans, in scans, rising."""
         oldest = self._oldest_age()
         return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})

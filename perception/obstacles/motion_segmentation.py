@@ -14,7 +14,7 @@ from perception.obstacles.free_space import FreeSpaceMemory, VisibilityHistory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmenter import MotionSegmenter
 from perception.obstacles.moving_clusters import moving_voxels, occupied_clusters, vote
-from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
+from perception.obstacles.rigid_bodies import OccupiedPlaces, are_in_cells_of, moving_bodies
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
 from perception.sensor import HDL_64E, LidarModel
@@ -88,7 +88,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         )
         history = self._memory.query(places)
         moves = moving_voxels(places, history, before, self._config.moving_clusters, self._gap_m)
-        moves |= self._moving_bodies(places, history, moves)
+        moves |= self._moving_bodies(places, history, before, moves)
         self._moved_before, self._world_SE3_before = places[moves], pose
         self._memory.mark_moving(above_ground.points_velo[moves[voxels.group_of]])
 
@@ -102,7 +102,9 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
             moving=Voxels(places[moves], moving.counts, self._config.voxel_size_m),
         )
 
-    def _moving_bodies(self, places: Float32, history: VisibilityHistory, moves: Bool) -> Bool:
+    def _moving_bodies(
+        self, places: Float32, history: VisibilityHistory, before: Float32, moves: Bool
+    ) -> Bool:
         """Return which places belong to bodies of which most fills the place that it filled before."""
         if len(places) == 0 or len(history.ages_s) == 0:
             return moves
@@ -110,7 +112,8 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         clusters = occupied_clusters(places, self._config.moving_clusters.cell_m)
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
-        occupied = OccupiedPlaces(places, clusters, is_new, moves)
+        was_moving = are_in_cells_of(places, before, self._config.moving_clusters.near_moving_m)
+        occupied = OccupiedPlaces(places, clusters, votes.appeared, is_new, was_moving, moves)
         age_s = float(history.ages_s[-1])
         return moving_bodies(occupied, self._memory, age_s, self._config.rigid_bodies)
 

@@ -31,6 +31,7 @@ class _Body:
         front: (F,) some of the voxels at the front.
         rear: (R,) some of the voxels at the rear.
         sides: (S,) some of all voxels.
+        advanced: Number of new voxels at the front.
     """
 
     rows: Int
@@ -38,6 +39,7 @@ class _Body:
     front: Int
     rear: Int
     sides: Int
+    advanced: int
 
     @property
     def samples(self) -> Int:
@@ -52,13 +54,17 @@ class OccupiedPlaces:
     Attributes:
         places_m: (V, 3) their positions in the LiDAR frame.
         clusters: (V,) cluster of each, 0 for none.
-        is_new: (V,) whether the place was not occupied before.
+        appeared: (V,) whether the place was free in older scans.
+        is_new: (V,) whether no scan had a return from the place, not even the youngest.
+        was_moving: (V,) whether something that moved in the scan before is near.
         moves: (V,) whether it is known to move.
     """
 
     places_m: Float32
     clusters: Int
+    appeared: Bool
     is_new: Bool
+    was_moving: Bool
     moves: Bool
 
 
@@ -84,22 +90,42 @@ def moving_bodies(
     moved = [
         _moved_back(occupied.places_m[body.samples], body.axis, distances_m) for body in bodies
     ]
-    states = memory.states_in_oldest(np.concatenate(moved))
+    ages = memory.queried_ages()
+    states = memory.states(np.concatenate(moved), ages[-1])
     starts = np.cumsum([0, *(len(part) for part in moved)])
     for body, start, stop in zip(bodies, starts[:-1], starts[1:], strict=True):
         seen = states[start:stop].reshape(len(distances_m), -1)
-        best = _best_distance(seen, config)
-        if best and _has_an_end(body, seen[best], distances_m[best], occupied, memory, config):
-            moves[body.rows] = True
+        for row in _likely_distances(seen, config):
+            path = _Path(occupied, memory, body, float(distances_m[row]))
+            if path.has_an_end(seen[row], config) and path.is_open(config):
+                moves[body.rows] = True
+                break
     return moves
+
+
+def are_in_cells_of(places_m: Float32, others_m: Float32, cell_m: float) -> Bool:
+    """Return which of (V, 3) places share a ground cell with one of (B, 3) others."""
+    if min(len(places_m), len(others_m)) == 0:
+        return np.zeros(len(places_m), bool)
+    low = np.floor(others_m[:, :2].min(axis=0) / cell_m).astype(np.int64)
+    others = np.floor(others_m[:, :2] / cell_m).astype(np.int64) - low
+    shape = others.max(axis=0) + 1
+    is_occupied = np.zeros(shape, bool)
+    is_occupied[others[:, 0], others[:, 1]] = True
+    cells = np.floor(places_m[:, :2] / cell_m).astype(np.int64) - low
+    inside = ((cells >= 0) & (cells < shape)).all(axis=1)
+    cells = np.where(inside[:, None], cells, 0)
+    return np.asarray(inside & is_occupied[cells[:, 0], cells[:, 1]])
 
 
 def _bodies(occupied: OccupiedPlaces, config: RigidBodyConfig) -> list[_Body]:
     """Return the clusters in which enough is new, along both directions of each of their axes."""
     clusters = occupied.clusters
     new, rest = np.bincount(clusters, occupied.is_new), np.bincount(clusters, ~occupied.moves)
+    was_moving = np.bincount(clusters, occupied.was_moving)
     is_large = np.bincount(clusters) >= config.min_body_voxels
-    is_candidate = is_large & (new >= config.min_voxels) & (rest >= config.min_voxels)
+    may_move = np.maximum(new, was_moving) >= config.min_voxels
+    is_candidate = is_large & may_move & (rest >= config.min_voxels)
     is_candidate[0] = False
     order = np.argsort(clusters, kind="stable")
     starts = np.searchsorted(clusters[order], np.arange(len(new) + 1))
@@ -111,23 +137,30 @@ def _bodies(occupied: OccupiedPlaces, config: RigidBodyConfig) -> list[_Body]:
             continue
         turns = 2 if length_m > config.long_m else 4
         for turn_rad in np.pi / 2 * np.array([0, 2, 1, 3])[:turns]:
-            bodies.append(_body(occupied, rows, heading_rad + turn_rad, config))
+            body = _body(occupied, rows, heading_rad + turn_rad, config)
+            bodies += [] if body is None else [body]
     return bodies
 
 
 def _body(
     occupied: OccupiedPlaces, rows: Int, heading_rad: float, config: RigidBodyConfig
-) -> _Body:
+) -> _Body | None:
+    """Return the part of a cluster that may be a body: all of it if it is as wide as a vehicle, else what is in line."""
     axis = np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0], np.float32)
     left_m = occupied.places_m[rows] @ np.array([-axis[1], axis[0], 0.0], np.float32)
-    low_m, high_m = np.quantile(left_m[occupied.is_new[rows]], (0.05, 0.95))
-    margin_m = config.side_margin_m
-    rows = rows[(left_m > low_m - margin_m) & (left_m < high_m + margin_m)]
+    if np.ptp(left_m) > config.max_width_m:
+        is_new, margin_m = occupied.is_new[rows], config.side_margin_m
+        if np.count_nonzero(is_new) < config.min_voxels:
+            return None
+        low_m, high_m = np.quantile(left_m[is_new], (0.05, 0.95))
+        rows = rows[(left_m > low_m - margin_m) & (left_m < high_m + margin_m)]
     along_m = occupied.places_m[rows] @ axis
     front = rows[along_m > along_m.max() - config.end_m]
     rear = rows[along_m < along_m.min() + config.end_m]
     count = config.samples
-    return _Body(rows, axis, _thinned(front, count), _thinned(rear, count), _thinned(rows, count))
+    advanced = int(np.count_nonzero(occupied.is_new[front]))
+    ends = _thinned(front, count), _thinned(rear, count)
+    return _Body(rows, axis, *ends, _thinned(rows, count), advanced)
 
 
 def _longer_axis(places_m: Float32) -> tuple[float, float]:
@@ -156,53 +189,95 @@ def _moved_back(places_m: Float32, axis: Float32, distances_m: Float32) -> Float
     return np.asarray(places_m - distances_m[:, None, None] * axis, np.float32).reshape(-1, 3)
 
 
-def _best_distance(states: UInt8, config: RigidBodyConfig) -> int:
-    """Return the row of the distance that explains the earlier scan, 0 where the body may be static.
+def _likely_distances(states: UInt8, config: RigidBodyConfig) -> Int:
+    """Return the rows of the distances that explain the earlier scan better than a static body, the best first.
 
     Args:
         states: (D, S) visibility of the samples in that scan, moved back by each distance; the first is 0.
         config: Thresholds.
     """
     hits = (states == Visibility.HIT).sum(axis=1)
-    free = (states == Visibility.FREE).sum(axis=1)
-    known = (states != Visibility.UNKNOWN).sum(axis=1)
-    explained = hits / np.maximum(known, 1)
-    fits = hits >= config.min_explained_ratio * (hits + free)
-    best = int(np.argmax(np.where(fits, explained, -1.0)))
-    gains = explained[best] - explained[0] >= config.min_gain_ratio
-    return best if fits[best] and gains else 0
+    explained = hits / np.maximum((states != Visibility.UNKNOWN).sum(axis=1), 1)
+    fits = _fits(states, config)
+    explains = fits & (explained - explained[0] >= config.min_gain_ratio)
+    best_first = np.argsort(-explained, kind="stable")
+    return np.asarray(best_first[explains[best_first]])
 
 
-def _has_an_end(
-    body: _Body,
-    states: UInt8,
-    distance_m: float,
-    occupied: OccupiedPlaces,
-    memory: FreeSpaceMemory,
-    config: RigidBodyConfig,
-) -> bool:
-    """Return whether the front appeared where it was not, or the rear has left where it was.
+@dataclass(frozen=True)
+class _Path:
+    """The way that a body may have come since the oldest queried scan.
 
-    Args:
-        body: Body.
-        states: Visibility of its samples in the earlier scan, moved back by the distance.
-        distance_m: Distance in metres.
+    Attributes:
         occupied: All voxels.
         memory: Earlier scans.
-        config: Thresholds.
+        body: Body.
+        distance_m: Distance that it came, in metres.
     """
-    is_hit = states == Visibility.HIT
-    places_m, axis = occupied.places_m, body.axis
-    ahead_m = places_m[body.front] @ axis
-    is_first = ahead_m > ahead_m.max() - distance_m
-    came = (is_hit[: len(body.front)] & occupied.is_new[body.front])[is_first]
-    if len(came) >= config.min_end_voxels and came.mean() > config.min_end_ratio:
-        return True
-    behind_m = places_m[body.rear] @ axis
-    is_last = behind_m < behind_m.min() + distance_m
-    stop = len(body.front) + len(body.rear)
-    left = is_hit[len(body.front) : stop] & memory.is_free_in_newest(
-        _moved_back(places_m[body.rear], axis, np.array([distance_m], np.float32))
-    )
-    left = left[is_last]
-    return bool(len(left) >= config.min_end_voxels and left.mean() > config.min_end_ratio)
+
+    occupied: OccupiedPlaces
+    memory: FreeSpaceMemory
+    body: _Body
+    distance_m: float
+
+    def has_an_end(self, states: UInt8, config: RigidBodyConfig) -> bool:
+        """Return whether the front appeared where it was not, or the rear has left where it was.
+
+        Args:
+            states: (S,) visibility of the samples in the oldest scan, where they were.
+            config: Thresholds.
+        """
+        body, occupied = self.body, self.occupied
+        is_hit = states == Visibility.HIT
+        is_first = self._is_in_end(body.front, body.axis)
+        came = (is_hit[: len(body.front)] & occupied.appeared[body.front])[is_first]
+        if _shows_an_end(came, config) and body.advanced >= config.min_end_voxels:
+            return True
+        stop = len(body.front) + len(body.rear)
+        left = is_hit[len(body.front) : stop] & (self._rear_states() == Visibility.FREE)
+        return _shows_an_end(left[self._is_in_end(body.rear, -body.axis)], config)
+
+    def is_open(self, config: RigidBodyConfig) -> bool:
+        """Return whether the body was on its way in between, and nothing else is where its rear was.
+
+        One of a row of parked cars fits the place of its neighbour, who is still there.
+        """
+        is_last = self._is_in_end(self.body.rear, -self.body.axis)
+        taken = (self._rear_states() == Visibility.HIT)[is_last]
+        if len(taken) and taken.mean() > config.max_taken_ratio:
+            return False
+        return all(self._was_on_its_way(age, config) for age in self.memory.queried_ages()[:-1])
+
+    def _was_on_its_way(self, age: int, config: RigidBodyConfig) -> bool:
+        """Return whether an earlier scan hit the body somewhere near where a steady speed puts it then."""
+        share = age / self.memory.queried_ages()[-1]
+        distances_m = self.distance_m * share * np.arange(*config.speeds_on_the_way)
+        places_m = self.occupied.places_m[self.body.samples]
+        moved = _moved_back(places_m, self.body.axis, distances_m.astype(np.float32))
+        return bool(
+            _fits(self.memory.states(moved, age).reshape(len(distances_m), -1), config).any()
+        )
+
+    def _is_in_end(self, rows: Int, axis: Float32) -> Bool:
+        """Return which voxels are within the distance of the outermost along an axis."""
+        along_m = self.occupied.places_m[rows] @ axis
+        return np.asarray(along_m > along_m.max() - self.distance_m)
+
+    def _rear_states(self) -> UInt8:
+        """Return the visibility of the places of the rear of then in the newest scan."""
+        places_m, distance_m = (
+            self.occupied.places_m[self.body.rear],
+            np.array([self.distance_m], np.float32),
+        )
+        return self.memory.states(_moved_back(places_m, self.body.axis, distance_m), 0)
+
+
+def _shows_an_end(rows: Bool, config: RigidBodyConfig) -> bool:
+    return len(rows) >= config.min_end_voxels and bool(rows.mean() > config.min_end_ratio)
+
+
+def _fits(states: UInt8, config: RigidBodyConfig) -> Bool:
+    """Return whether (D, S) places were hit rather than free, at each of D distances."""
+    hits = (states == Visibility.HIT).sum(axis=1)
+    free = (states == Visibility.FREE).sum(axis=1)
+    return np.asarray((hits > 0) & (hits >= config.min_explained_ratio * (hits + free)))

@@ -141,6 +141,55 @@ def test_the_smooth_side_of_a_long_vehicle_moves_with_its_ends(speed_m_s):
     assert moving_share(owner, states, 1) == 0
 
 
+def test_a_wide_trailer_moves_with_the_narrow_end_that_appeared():
+    def scene(k):
+        x = 4.0 + 0.2 * k
+        return [box(x, 4.0, 9.0, 2.5, 1.5), box(x + 8.95, 4.9, 1.2, 0.6, 2.4)]
+
+    owner, states, _ = last(drive(scene, 20))
+    assert moving_share(owner, states, 0) > 0.95
+
+
+def test_a_long_vehicle_that_slows_down_moves_as_a_whole():
+    def scene(k):
+        t = 0.1 * k
+        return [box(4.0 + 2.2 * t - 0.45 * t**2, 4.0, 9.0, 2.5, 3.0)]
+
+    *_, (owner, states, _) = drive(scene, 21)  # 0.4 m/s at the end
+    assert moving_share(owner, states, 0) > 0.95
+
+
+def test_a_long_vehicle_moves_while_its_front_leaves_the_area():
+    def scene(k):
+        return [box(33.0 - 13.0 + 0.2 * k, 4.0, 9.0, 2.5, 3.0)]
+
+    shares = [moving_share(*frame[:2], 0) for frame in drive(scene, 50)]
+    assert min(shares[20:]) > 0.9
+
+
+def test_the_stretch_of_a_rail_that_is_visible_between_lorries_is_static():
+    def scene(k):
+        x = 0.25 * k
+        lorries = [box(x + start, 4.0, 8.0, 2.5, 3.0) for start in (-26.0, -12.0, 2.0, 16.0)]
+        return [*lorries, box(-20.0, 8.5, 60.0, 0.3, 1.0)]
+
+    for owner, states, _ in drive(scene, 30):
+        if (owner == 5).sum() > 20:
+            assert moving_share(owner, states, 4) < 0.02
+
+
+def test_a_parked_car_that_comes_to_light_in_a_row_is_static():
+    def scene(k):
+        row = [box(x, 4.0, 4.2, 1.8, 1.5) for x in (2.0, 8.0, 14.0, 20.0)]
+        return [box(-2.0 + 0.6 * k, 1.2, 4.2, 1.8, 1.7), *row]
+
+    for owner, states, _ in drive(scene, 24):
+        for number in (1, 2, 3, 4):
+            if (owner == number + 1).sum() > 20:
+                # What comes to light may appear for a scan, but no car of the row moves as a whole.
+                assert moving_share(owner, states, number) < 0.4
+
+
 def test_a_walker_along_a_wall_does_not_move_the_wall():
     def scene(k):
         return [box(7.0, 4.0, 10.0, 0.4, 1.7), box(8.0 + 0.12 * k, 3.4)]
