@@ -111,7 +111,7 @@ class VehicleTrackerConfig:
     max_unseen_unconfirmed_s: float = 0.25
     max_unseen_s: float = 1.5
     min_iou: float = 0.1
-    side_deviation_share: float = 0.14
+    side_deviation_share: float = 0.16
     min_size_px: float = 4.0
     max_walking_speed_m_s: float = 3.0
     class_change_cost: float = 10.0
@@ -122,7 +122,7 @@ class VehicleTrackerConfig:
     assumed_height_m: float = 1.6
     assumed_depth_share: float = 0.3
     assumed_side_share: float = 0.12
-    box_gain: float = 0.7
+    box_gain: float = 0.5
     outline_weight: float = 0.5
     max_outline_share: float = 0.4
     relocate_after_s: float = 0.35
