@@ -44,7 +44,7 @@ class Probabilities(nn.Module):
         self.verifier = verifier
 
     def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (M,) probabilities and (M, 4) boxes in pixels."""
+        """Return (M,) probabilities, (M, C) of C classes, and (M, 4) boxes in pixels."""
         logits, boxes_px = self.verifier(crops, windows_px)
         return torch.sigmoid(logits), boxes_px
 

@@ -6,7 +6,7 @@ from benchmarks.reference.overlap import area, iou
 from perception.detection.config import DEFAULT_NMS, NmsConfig
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import propose
-from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
+from perception.detection.depthcn.verifier import Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame
@@ -33,7 +33,7 @@ def detect_one_by_one(
         for row in suppress_by_loop(boxes_px, verified.scores, nms.max_iou)
         if verified.scores[row] >= nms.min_score and area(boxes_px[row].tolist()) > 0
     ]
-    return Detections(boxes_px[kept], verified.scores[kept], np.full(len(kept), VEHICLE))
+    return Detections(boxes_px[kept], verified.scores[kept], verified.types[kept])
 
 
 def verify_one_by_one(verifier: Verifier, image: UInt8, windows: Float64) -> VerifierPrediction:
@@ -42,6 +42,7 @@ def verify_one_by_one(verifier: Verifier, image: UInt8, windows: Float64) -> Ver
     return VerifierPrediction(
         np.concatenate([np.zeros(0), *(one.scores for one in verified)]),
         np.concatenate([np.zeros((0, 4)), *(one.boxes_px for one in verified)]),
+        np.concatenate([np.zeros(0, np.str_), *(one.types for one in verified)]),
     )
 
 

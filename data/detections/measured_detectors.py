@@ -59,7 +59,7 @@ class DetectorOptions:
     Attributes:
         config: Networks, proposals and suppression.
         classes: Names of the classes to measure; none for all of a network, those of KITTI's benchmark for the
-            fusion, Car for DepthCN.
+            fusion.
         metric: Metric configuration.
         fusions: ONNX files of further fusion networks.
         cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
@@ -115,7 +115,8 @@ def measured_network(network: ModalityDetector, options: DetectorOptions) -> Mea
 
 def _depthcn(options: DetectorOptions) -> MeasuredDetector:
     """Return DepthCN, which is opened for the sensor of each drive."""
-    classes = _parse_classes(options.classes, ("Car",))
+    verifier = open_depthcn(options.config, HDL_64E).verifier
+    classes = _parse_classes(options.classes, verifier.class_names)
 
     def start(drive: Drive) -> tuple[Detect, DetectorMeasure]:
         network = open_depthcn(options.config, drive.sensor)
@@ -124,10 +125,8 @@ def _depthcn(options: DetectorOptions) -> MeasuredDetector:
             title, classes, options, notes
         )
 
-    model = open_depthcn(options.config, HDL_64E).verifier.model
-    return MeasuredDetector(
-        "DepthCN", {"depthcn": dict(model.metadata)}, classes, start, _camera_image
-    )
+    metadata = {"depthcn": dict(verifier.model.metadata)}
+    return MeasuredDetector("DepthCN", metadata, classes, start, _camera_image)
 
 
 def _fusion(options: DetectorOptions) -> MeasuredDetector:

@@ -54,7 +54,7 @@ def evaluate_detection(
         drives: Object folder, tracking folder or synthetic drive; one or several.
         detector: Detector: fusion, depthcn, rgb, dm, rm, or a file of any, ONNX or YAML; several with commas.
         classes: Classes to measure, several with commas; else all of the network, of the fusion those of KITTI's
-            benchmark, Car for depthcn.
+            benchmark.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.
         cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
         plot: PNG file for the precision-recall curves.

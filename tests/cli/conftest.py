@@ -51,7 +51,7 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             return FrameDetections(found, {"reading": 0.002, "guessing": 0.001}, labels_px), dense
 
         model = SimpleNamespace(metadata=METADATA)
-        network = SimpleNamespace(verifier=SimpleNamespace(model=model))
+        network = SimpleNamespace(verifier=SimpleNamespace(model=model, class_names=("Car",)))
         for module in (measured_detectors, networks):
             monkeypatch.setattr(module, "open_depthcn", lambda config, sensor: network)
         monkeypatch.setattr(measured_detectors, "run_depthcn", run)

@@ -24,8 +24,11 @@ def bright_is_likely(
     divisor: float = 255.0,
     planes: int = 3,
     input_type: int = 2,
+    by_plane: bool = False,
 ) -> bytes:
-    """Return a file of: scores = mean of the crop / divisor, boxes_px = windows_px."""
+    """Return a file of: scores = mean of the crop, or of each plane of it / divisor, boxes_px = windows_px."""
+    axes = [2, 3] if by_plane else [1, 2, 3]
+    score_shape = ["M", planes] if by_plane else ["M"]
     nodes = [
         helper.make_node("Cast", ["crops"], ["numbers"], to=TensorProto.FLOAT),
         helper.make_node("ReduceMean", ["numbers", "axes"], ["means"], keepdims=0),
@@ -40,11 +43,11 @@ def bright_is_likely(
             helper.make_tensor_value_info("windows_px", TensorProto.FLOAT, ["M", 4]),
         ],
         [
-            helper.make_tensor_value_info("scores", TensorProto.FLOAT, ["M"]),
+            helper.make_tensor_value_info("scores", TensorProto.FLOAT, score_shape),
             helper.make_tensor_value_info("boxes_px", TensorProto.FLOAT, ["M", 4]),
         ],
         [
-            helper.make_tensor("axes", TensorProto.INT64, [3], [1, 2, 3]),
+            helper.make_tensor("axes", TensorProto.INT64, [len(axes)], axes),
             helper.make_tensor("divisor", TensorProto.FLOAT, [], [divisor]),
         ],
     )

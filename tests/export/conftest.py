@@ -33,6 +33,7 @@ def checkpoint_of(method):
         "hyper_parameters": {
             "model": "depthcn",
             "method": method,
+            "classes": ["Car"],
             "training_data": "two streets",
             "revision": "0123abc",
         },

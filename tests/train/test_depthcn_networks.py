@@ -13,6 +13,7 @@ from train.networks.depthcn import (
     ThesisVerifier,
     load_verifier,
     make_verifier,
+    object_logits,
 )
 
 
@@ -156,7 +157,8 @@ def test_a_crop_of_nothing_known_stays_finite():
 
 def saved(path, method):
     network = make_verifier(method)
-    hyper_parameters = {"model": "depthcn", "method": method, "training_data": "two streets"}
+    hyper_parameters = {"model": "depthcn", "method": method, "classes": ["Car"]}
+    hyper_parameters["training_data"] = "two streets"
     weights = {f"network.{name}": w for name, w in network.state_dict().items()}
     torch.save({"state_dict": weights, "hyper_parameters": hyper_parameters, "epoch": 4}, path)
     return network.eval()
@@ -185,3 +187,16 @@ def test_a_checkpoint_of_other_sizes_is_named(tmp_path):
     torch.save(content, tmp_path / "best.ckpt")
     with fault(ModelError, "best.ckpt", "weights of this depthcn", "weights of other sizes"):
         load_verifier(tmp_path / "best.ckpt")
+
+
+def test_several_classes_have_a_logit_each():
+    network = make_verifier("default", class_count=3).eval()
+    logits, boxes_px = network(crops_of(2, 3), WINDOWS_PX)
+    assert (logits.shape, boxes_px.shape) == ((2, 3), (2, 4))
+    assert torch.equal(object_logits(logits), logits.max(dim=1).values)
+
+
+@pytest.mark.parametrize(("method", "count"), [("thesis", 2), ("default", 0)])
+def test_classes_that_a_network_cannot_tell_apart(method, count):
+    with fault(UsageError, where=f"classes of {method}", found=f"{count} classes"):
+        make_verifier(method, class_count=count)

@@ -20,7 +20,7 @@ from train.networks.depthcn import MODEL, load_verifier
 from train.optimization import WarmupCosine
 from train.verifier.images import ScoredCrops, draw_scored
 from train.verifier.metrics import VerifierMetrics
-from train.verifier.training import VerifierTraining, box_loss
+from train.verifier.training import VerifierTraining, box_loss, class_targets
 
 
 def train(out, *words, epochs=1, resume=None):
@@ -249,3 +249,17 @@ def test_the_drawn_box_lies_where_it_is_said():
     white = (image == 255).all(axis=2)
     assert white[66, 56:168].all()  # the upper edge of the vehicle's box
     assert not white[20:, 226:].any()  # the other candidate has none
+
+
+def test_each_class_is_learned_by_its_own_logit():
+    module, batch = VerifierTraining(classes=("Car", "Pedestrian", "Cyclist")), toy_batch(8, 3)
+    assert module.crop.classes == ("Car", "Pedestrian", "Cyclist")
+    batch["classes"] = torch.tensor([0, -1, 1, -1, 2, -1, 0, -1])
+    logits, _ = module.network.heads(batch["crops"])
+    targets = class_targets(logits, batch)
+    assert targets.tolist()[:5] == [[1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, 1]]
+    logged = {}
+    module.log_dict = lambda values, **config: logged.update(values)
+    module.training_step(batch, 0)
+    expected = binary_cross_entropy_with_logits(logits, targets).item()
+    assert logged["train/class_loss"].item() == pytest.approx(expected, rel=0.2)

@@ -1,7 +1,7 @@
 """The networks that classify proposals and regress their boxes: that of the thesis, and the default.
 
 Both take M crops of 66 x 112 pixels with values 0..255 as `perception.detection.depthcn.image` makes them,
-and the windows (M, 4) that they were cut from; both return M logits of a vehicle and M boxes in pixels.
+and the windows (M, 4) that they were cut from; both return M logits of a vehicle, or (M, C) of several classes, and M boxes in pixels.
 """
 
 from abc import ABC, abstractmethod
@@ -26,10 +26,10 @@ class VehicleVerifier(nn.Module, ABC):
 
     @abstractmethod
     def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (M,) logits and (M, 4) boxes x1 y1 x2 y2 as shares of the window."""
+        """Return (M,) logits, (M, C) of C classes, and (M, 4) boxes x1 y1 x2 y2 as shares of the window."""
 
     def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (M,) logits and (M, 4) boxes in pixels of the image.
+        """Return (M,) logits, (M, C) of C classes, and (M, 4) boxes in pixels of the image.
 
         Args:
             crops: (M, C, 66, 112) crops, uint8 or float, 0..255.
@@ -107,11 +107,12 @@ class DefaultVerifier(VehicleVerifier):
     # Initial box: the middle of the window's lower half.
     _FIRST_BOX = (0.3, 0.45, 0.7, 0.85)
 
-    def __init__(self, dropout: float = 0.2) -> None:
+    def __init__(self, dropout: float = 0.2, class_count: int = 1) -> None:
         """Build it with random weights.
 
         Args:
             dropout: Fraction of the units that are dropped before the last layer in training.
+            class_count: Number of classes.
         """
         super().__init__()
         self.around = RelativeDepthEncoding()
@@ -132,17 +133,18 @@ class DefaultVerifier(VehicleVerifier):
             nn.ReLU(),
             nn.Dropout(dropout),
         )
-        self.vehicle = nn.Linear(self._UNITS, 1)
+        self.vehicle = nn.Linear(self._UNITS, class_count)
         self.box = nn.Linear(self._UNITS, 4)
         nn.init.normal_(self.box.weight, std=0.01)
         with torch.no_grad():
             self.box.bias.copy_(torch.tensor(self._FIRST_BOX))
 
     def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (M,) logits and (M, 4) shares of the window, which may lie outside 0..1."""
+        """Return logits, and (M, 4) shares of the window, which may lie outside 0..1."""
         channels, distance = self.around(crops)
         features = self.full(torch.cat((self.features(channels), distance), dim=1))
-        return self.vehicle(features)[:, 0], self.box(features)
+        logits = self.vehicle(features)
+        return logits if logits.shape[1] > 1 else logits[:, 0], self.box(features)
 
 
 class RelativeDepthEncoding(nn.Module):
@@ -204,22 +206,33 @@ VERIFIER_INPUTS: dict[Method, VerifierInputConfig] = {
 }
 
 
-def make_verifier(method: Method, dropout: float | None = None) -> VehicleVerifier:
+def make_verifier(
+    method: Method, dropout: float | None = None, class_count: int = 1
+) -> VehicleVerifier:
     """Return an untrained network.
 
     Args:
         method: Method of the network.
+        class_count: Number of classes that it tells apart; one of the thesis.
         dropout: Fraction of the units that are dropped before the last layer in training; else the network's own.
 
     Raises:
-        UsageError: it is no such fraction.
+        UsageError: it is no such fraction, or there are no classes, or several of the thesis' network.
     """
-    network = {"default": DefaultVerifier, "thesis": ThesisVerifier}[method]
-    if dropout is None:
-        return network()
-    if not 0 <= dropout < 1:
+    if dropout is not None and not 0 <= dropout < 1:
         raise UsageError("dropout", expected="a fraction from 0 to below 1", found=f"{dropout:g}")
-    return network(dropout)
+    if class_count < 1 or (method == "thesis" and class_count > 1):
+        expected = "Car alone" if method == "thesis" else "one or several"
+        raise UsageError(f"classes of {method}", expected=expected, found=f"{class_count} classes")
+    given = {} if dropout is None else {"dropout": dropout}
+    if method == "thesis":
+        return ThesisVerifier(**given)
+    return DefaultVerifier(**given, class_count=class_count)
+
+
+def object_logits(logits: Tensor) -> Tensor:
+    """Return (M,) logits of an object of any class: the largest of (M, C)."""
+    return logits if logits.ndim == 1 else logits.amax(1)
 
 
 def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
@@ -231,9 +244,12 @@ def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
 
     def make(content: Content) -> tuple[VehicleVerifier, dict[str, str]]:
         method: Method = content["hyper_parameters"]["method"]
+        classes = content["hyper_parameters"]["classes"]
         inputs = VERIFIER_INPUTS[method]
         channels = ",".join(inputs.channels)
         metadata = {"method": method, "window": inputs.window, "channels": channels}
-        return make_verifier(method), dict(CONTRACT.metadata) | metadata
+        metadata["classes"] = ",".join(classes)
+        network = make_verifier(method, class_count=len(classes))
+        return network, dict(CONTRACT.metadata) | metadata
 
     return load_network(checkpoint, MODEL, make)

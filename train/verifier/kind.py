@@ -12,7 +12,7 @@ from data.samples.crops.dataset import CropDataset
 from perception.evaluation.report import Column, Table
 from train.checkpoints import read_checkpoint
 from train.cli import Stage, TrainingKind
-from train.networks.depthcn import MODEL, VehicleVerifier, load_verifier
+from train.networks.depthcn import MODEL, VehicleVerifier, load_verifier, object_logits
 from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VerifierTraining
 
@@ -55,7 +55,9 @@ def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -
     with torch.inference_mode():
         for batch in loader:
             logits, shares = network.heads(batch["crops"])
-            metrics.update(logits, shares, batch["is_vehicle"], batch["normalized_box"])
+            metrics.update(
+                object_logits(logits), shares, batch["is_vehicle"], batch["normalized_box"]
+            )
     return {name: float(value) for name, value in metrics.compute().items()}
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import torch
 from lightning.pytorch import Callback, LightningModule
 from lightning.pytorch.cli import LRSchedulerCallable, OptimizerCallable
 from torch import Tensor
@@ -15,7 +16,13 @@ from data.samples.crops.previews import augmentation_previews, preview_rows
 from perception.types import Method, UInt8
 from train.best_epoch import Criterion, Ranking
 from train.checkpoints import program_revision
-from train.networks.depthcn import MODEL, VERIFIER_INPUTS, ThesisVerifier, make_verifier
+from train.networks.depthcn import (
+    MODEL,
+    VERIFIER_INPUTS,
+    ThesisVerifier,
+    make_verifier,
+    object_logits,
+)
 from train.optimization import WarmupCosine, configure_optimizers
 from train.verifier.images import VerifierImages
 from train.verifier.metrics import VerifierMetrics
@@ -36,12 +43,13 @@ class VerifierTraining(LightningModule):
         Criterion("validation/balanced_accuracy"),
         Criterion("validation/loss", is_lower_better=True),
     )
-    identity: ClassVar[tuple[str, ...]] = ("method",)
+    identity: ClassVar[tuple[str, ...]] = ("method", "classes")
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the flags of a group
         self,
         *,
         method: Method = "default",
+        classes: tuple[str, ...] = ("Car",),
         dropout: float | None = None,
         box_weight: float = 1.0,
         seed: int = 0,
@@ -54,6 +62,7 @@ class VerifierTraining(LightningModule):
 
         Args:
             method: Network and its input: default, the one that ships; or thesis, that of Fig. 6.5.
+            classes: Classes to tell apart, as labels spell them; Car alone of the thesis.
             dropout: Fraction of the units that are dropped before the last layer in training; else the network's own.
             box_weight: Weight of the loss of boxes beside that of classes.
             seed: Seed of the training, for the checkpoint.
@@ -65,6 +74,7 @@ class VerifierTraining(LightningModule):
             {
                 "model": MODEL,
                 "method": method,
+                "classes": list(classes),
                 "dropout": dropout,
                 "box_weight": box_weight,
                 "seed": seed,
@@ -73,9 +83,11 @@ class VerifierTraining(LightningModule):
             }
         )
         self.box_weight, self.optimizer, self.lr_scheduler = box_weight, optimizer, lr_scheduler
-        self.network = make_verifier(method, dropout)
+        self.network = make_verifier(method, dropout, len(classes))
         inputs = VERIFIER_INPUTS[method]
-        self.crop = CropConfig(method, window=inputs.window, channels=inputs.channels)
+        self.crop = CropConfig(
+            method, window=inputs.window, channels=inputs.channels, classes=tuple(classes)
+        )
         """Input of the network, which the data module makes."""
         self.training_metrics, self.evaluation_metrics = VerifierMetrics(), VerifierMetrics()
         self.metrics: dict[str, float] = {}
@@ -132,12 +144,14 @@ class VerifierTraining(LightningModule):
         logits, shares = self.network.heads(batch["crops"])
         self._loss(stage, batch, logits, shares)
         self._count(self.evaluation_metrics, batch, logits, shares)
-        return {"logits": logits, "shares": shares}
+        return {"logits": object_logits(logits), "shares": shares}
 
     def _loss(self, stage: str, batch: Batch, logits: Tensor, shares: Tensor) -> Tensor:
         is_vehicle = batch["is_vehicle"]
         losses = {
-            "class_loss": functional.binary_cross_entropy_with_logits(logits, is_vehicle.float())
+            "class_loss": functional.binary_cross_entropy_with_logits(
+                logits, class_targets(logits, batch)
+            )
         }
         if self.box_weight:
             has_box = is_vehicle.bool() & batch["normalized_box"].isfinite().all(1)
@@ -157,7 +171,10 @@ class VerifierTraining(LightningModule):
         self, metrics: VerifierMetrics, batch: Batch, logits: Tensor, shares: Tensor
     ) -> None:
         metrics.update(
-            logits.detach(), shares.detach(), batch["is_vehicle"], batch["normalized_box"]
+            object_logits(logits).detach(),
+            shares.detach(),
+            batch["is_vehicle"],
+            batch["normalized_box"],
         )
 
     def _log_metrics(self, stage: str, metrics: VerifierMetrics) -> dict[str, float]:
@@ -165,6 +182,14 @@ class VerifierTraining(LightningModule):
         self.log_dict({f"{stage}/{name}": value for name, value in found.items()}, sync_dist=True)
         metrics.reset()
         return {name: float(value) for name, value in found.items()}
+
+
+def class_targets(logits: Tensor, batch: Batch) -> Tensor:
+    """Return the targets of (M,) logits of a vehicle or of (M, C) logits of several classes, 0 or 1."""
+    if logits.ndim == 1:
+        return batch["is_vehicle"].float()
+    numbers = torch.arange(logits.shape[1], device=logits.device)
+    return (batch["classes"][:, None] == numbers).float()
 
 
 def augmentation_images(data: CropDataModule) -> Mapping[str, UInt8]:

@@ -28,7 +28,8 @@ class CropDataset(Dataset[Sample]):
 
         crops           (C, 66, 112) uint8
         windows_px      (4,)         float32, x1 y1 x2 y2
-        is_vehicle      ()           float32, 0 or 1
+        is_vehicle      ()           float32, 0 or 1: an object of the classes
+        classes         ()           int64, number of its class, -1 of others
         normalized_box  (4,)         float32, the label's box, 0..1 over the window, NaN of others
 
     Images are opened by the process that needs them: the dataset may be sent to workers, forked or spawned.
@@ -77,6 +78,7 @@ class CropDataset(Dataset[Sample]):
             "crops": torch.from_numpy(crop),
             "windows_px": torch.from_numpy(self.crops.windows_px[row]),
             "is_vehicle": torch.tensor(float(self.crops.is_vehicle[row])),
+            "classes": torch.tensor(int(self.crops.classes[row])),
             "normalized_box": torch.from_numpy(view.normalized_box.astype(np.float32)),
         }
 

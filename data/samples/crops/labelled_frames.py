@@ -35,12 +35,14 @@ class CropConfig:
         proposals: Parameters of the proposals; else the method's own.
         window: Part of the image around a proposal that is cropped; it also decides which are vehicles.
         channels: Channels of the input image, in the order of the network's input.
+        classes: Names of the classes that the network tells apart, in the order of its scores.
     """
 
     method: Method = "default"
     proposals: ProposalConfig | None = None
     window: WindowKind = "metric"
     channels: tuple[str, ...] = CHANNELS
+    classes: tuple[str, ...] = ("Car",)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Crops of labelled frames: every proposal, and jittered boxes of labelled vehicles."""
+"""Crops of labelled frames: every proposal, and jittered boxes of labelled objects."""
 
 import logging
 from collections import Counter
@@ -8,12 +8,12 @@ from typing import Annotated
 import numpy as np
 
 from data.samples.crops.config import CropSamplingConfig
-from data.samples.crops.labelled_frames import LabelledFrames, ProposalScene
-from data.samples.crops.matching import MATCHERS, VEHICLE
+from data.samples.crops.labelled_frames import CropConfig, LabelledFrames, ProposalScene
+from data.samples.crops.matching import MATCHERS
 from data.samples.labelled_classes import require_classes
-from perception.detection.depthcn.windows import WindowKind, windows_px
+from perception.detection.depthcn.windows import windows_px
 from perception.errors import DriveError, LabelError, PerceptionError
-from perception.types import ArrayTable, Bool, Float32, Float64, Int, OnBadFrame, Progress
+from perception.types import ArrayTable, Bool, Float32, Int, OnBadFrame, Progress
 
 log = logging.getLogger(__name__)
 
@@ -26,17 +26,22 @@ class CropSet(ArrayTable):
         frames: (M,) number of the frame of each.
         windows_px: (M, 4) x1 y1 x2 y2 of the crops in the image.
         depths_m: (M,) depth of the objects.
-        is_vehicle: (M,) mask of the vehicles.
-        boxes_px: (M, 4) x1 y1 x2 y2 of the vehicle's label, NaN of others.
+        classes: (M,) number of the object's class, -1 of others.
+        boxes_px: (M, 4) x1 y1 x2 y2 of the object's label, NaN of others.
         is_jittered: (M,) mask of the jittered labels; the others are proposals.
     """
 
     frames: Int
     windows_px: Annotated[Float32, 4]
     depths_m: Float32
-    is_vehicle: Bool
+    classes: Int
     boxes_px: Annotated[Float32, 4]
     is_jittered: Bool
+
+    @property
+    def is_vehicle(self) -> Bool:
+        """(M,) mask of the objects of the classes."""
+        return np.asarray(self.classes >= 0)
 
     def require_both_classes(self, where: str) -> None:
         """Validate that there are vehicles and others.
@@ -94,49 +99,57 @@ def collect_crops(
             continue
         types.update(scene.label_types.tolist())
         rng = np.random.default_rng([seed, number])
-        window = frames.config.window
-        parts += [_proposed(scene, number, window), _jittered(scene, number, window, config, rng)]
-    require_classes([VEHICLE], types, f"labels of {len(parts) // 2} frames")
+        crop = frames.config
+        parts += [_proposed(scene, number, crop), _jittered(scene, number, crop, config, rng)]
+    require_classes(frames.config.classes, types, f"labels of {len(parts) // 2} frames")
     return CropSet.concatenate(parts)
 
 
-def _proposed(scene: ProposalScene, number: int, kind: WindowKind) -> CropSet:
-    matches = MATCHERS[kind](scene)
+def _proposed(scene: ProposalScene, number: int, crop: CropConfig) -> CropSet:
+    matches = MATCHERS[crop.window](scene, crop.classes)
     rows = np.flatnonzero(~matches.is_left_out)
     labels = matches.labels[rows]
-    boxes_px = np.full((len(rows), 4), np.nan)
-    boxes_px[labels >= 0] = scene.label_boxes_px[labels[labels >= 0]]
-    windows = windows_px(kind, scene.boxes_px[rows], scene.depths_m[rows], scene.focal_px)
-    return _of_frame(number, windows, scene.depths_m[rows], boxes_px, is_jittered=False)
+    windows = windows_px(crop.window, scene.boxes_px[rows], scene.depths_m[rows], scene.focal_px)
+    return CropSet(
+        frames=np.full(len(rows), number),
+        windows_px=windows.astype(np.float32),
+        depths_m=scene.depths_m[rows].astype(np.float32),
+        **_objects(scene, labels, crop),
+        is_jittered=np.zeros(len(rows), bool),
+    )
 
 
 def _jittered(
     scene: ProposalScene,
     number: int,
-    kind: WindowKind,
+    crop: CropConfig,
     config: CropSamplingConfig,
     rng: np.random.Generator,
 ) -> CropSet:
-    """Return labelled vehicles that the LiDAR observes, proposed or not, with jittered boxes."""
-    is_observed = (scene.label_types == VEHICLE) & (scene.label_points >= config.min_points)
+    """Return labelled objects of the classes that the LiDAR observes, proposed or not, with jittered boxes."""
+    is_of_class = np.isin(scene.label_types, crop.classes)
+    is_observed = is_of_class & (scene.label_points >= config.min_points)
     rows = np.repeat(
         np.flatnonzero(is_observed & np.isfinite(scene.label_depths_m)), config.jittered_copies
     )
     boxes_px, depths_m = scene.label_boxes_px[rows], scene.label_depths_m[rows]
     size = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
     moved = boxes_px + rng.uniform(-config.max_jitter, config.max_jitter, boxes_px.shape) * size
-    windows = windows_px(kind, moved, depths_m, scene.focal_px)
-    return _of_frame(number, windows, depths_m, boxes_px, is_jittered=True)
-
-
-def _of_frame(
-    number: int, windows: Float64, depths_m: Float64, boxes_px: Float64, *, is_jittered: bool
-) -> CropSet:
+    windows = windows_px(crop.window, moved, depths_m, scene.focal_px)
     return CropSet(
-        frames=np.full(len(windows), number),
+        frames=np.full(len(rows), number),
         windows_px=windows.astype(np.float32),
         depths_m=depths_m.astype(np.float32),
-        is_vehicle=np.asarray(np.isfinite(boxes_px).all(axis=1)),
-        boxes_px=boxes_px.astype(np.float32),
-        is_jittered=np.full(len(windows), is_jittered),
+        **_objects(scene, rows, crop),
+        is_jittered=np.ones(len(rows), bool),
     )
+
+
+def _objects(scene: ProposalScene, labels: Int, crop: CropConfig) -> dict[str, np.ndarray]:
+    """Return classes and boxes of (M,) rows of labels, -1 of others."""
+    classes, boxes_px = np.full(len(labels), -1), np.full((len(labels), 4), np.nan, np.float32)
+    found = labels >= 0
+    number_of = {name: number for number, name in enumerate(crop.classes)}
+    classes[found] = [number_of[name] for name in scene.label_types[labels[found]].tolist()]
+    boxes_px[found] = scene.label_boxes_px[labels[found]]
+    return {"classes": classes, "boxes_px": boxes_px}

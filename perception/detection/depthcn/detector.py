@@ -18,7 +18,7 @@ from perception.detection.config import (
 )
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals, propose
-from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
+from perception.detection.depthcn.verifier import Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
 from perception.detection.suppression import suppress
 from perception.maps.densify import DenseMaps, densify
@@ -34,21 +34,29 @@ class VerifiedProposals:
     Attributes:
         proposals: (M) proposals.
         windows_px: (M, 4) windows x1 y1 x2 y2 of the network's crops.
-        scores: (M,) probabilities of a vehicle.
-        boxes_px: (M, 4) predicted boxes x1 y1 x2 y2 within the image.
+        found: (M) predicted boxes within the image, with probability and name of the likeliest class.
         kept: (K,) rows of the detections, best first.
     """
 
     proposals: Proposals
     windows_px: Float64
-    scores: Float64
-    boxes_px: Float64
+    found: Detections
     kept: Int
 
     @property
     def detections(self) -> Detections:
-        """(K) detected vehicles, best first."""
-        return _vehicles(self.boxes_px[self.kept], self.scores[self.kept])
+        """(K) detected objects, best first."""
+        return self.found[self.kept]
+
+    @property
+    def scores(self) -> Float64:
+        """(M,) probabilities of the likeliest class."""
+        return self.found.scores
+
+    @property
+    def boxes_px(self) -> Float64:
+        """(M, 4) predicted boxes x1 y1 x2 y2 within the image."""
+        return self.found.boxes_px
 
     @property
     def owners(self) -> Int:
@@ -127,19 +135,14 @@ class DepthCn:
             image = encode_channels(dense, calibration.image_P_velo, self._sensor.height_m)
             prediction = self.verifier.predict(image, windows)
         boxes_px = _within_image(prediction.boxes_px, dense.depth_m.shape)
-        kept = self._keep(boxes_px, prediction.scores)
-        return VerifiedProposals(proposals, windows, prediction.scores, boxes_px, kept)
+        found = Detections(boxes_px, prediction.scores, prediction.types)
+        return VerifiedProposals(proposals, windows, found, self._keep(found))
 
-    def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
+    def _keep(self, found: Detections) -> Int:
         """Return the rows of the detections: above the score threshold, in the image, and not suppressed."""
-        is_in_image = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-        rows = np.flatnonzero(is_in_image & (scores >= self._min_score))
-        likely = _vehicles(boxes_px[rows], scores[rows])
-        return np.asarray(rows[suppress(likely, self._max_iou)])
-
-
-def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:
-    return Detections(boxes_px, scores, np.full(len(scores), VEHICLE))
+        is_in_image = (found.boxes_px[:, 2:] > found.boxes_px[:, :2]).all(axis=1)
+        rows = np.flatnonzero(is_in_image & (found.scores >= self._min_score))
+        return np.asarray(rows[suppress(found[rows], self._max_iou)])
 
 
 def _within_image(boxes_px: Float64, shape: tuple[int, ...]) -> Float64:

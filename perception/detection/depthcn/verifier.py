@@ -6,6 +6,7 @@ from typing import Annotated, get_args
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.detection.depthcn.crops import crop_windows
 from perception.detection.depthcn.image import CHANNELS
@@ -21,16 +22,14 @@ from perception.errors import ModelError
 from perception.types import ArrayTable, Float64, Method, UInt8
 
 KIND = "depthcn"
-VEHICLE = "Car"
 
 CONTRACT = ModelContract(
     metadata={
         "kind": KIND,
-        "classes": VEHICLE,
         "input_height": str(CROP_HEIGHT_PX),
         "input_width": str(CROP_WIDTH_PX),
     },
-    required_keys=("method", "window", "channels"),
+    required_keys=("method", "window", "channels", "classes"),
     inputs={
         "crops": ModelInput(np.uint8, (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX)),
         "windows_px": ModelInput(np.float32, (None, 4)),
@@ -46,12 +45,14 @@ class VerifierPrediction(ArrayTable):
     """Predictions of the network for M proposals.
 
     Attributes:
-        scores: (M,) probabilities of a vehicle.
+        scores: (M,) probabilities of the likeliest class.
         boxes_px: (M, 4) predicted boxes x1 y1 x2 y2 in the image.
+        types: (M,) names of the likeliest classes.
     """
 
     scores: Float64
     boxes_px: Annotated[Float64, 4]
+    types: NDArray[np.str_]
 
 
 class Verifier:
@@ -79,6 +80,15 @@ class Verifier:
                 expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
                 found=f"{', '.join(channels)} for an input of {channel_count} channels",
             )
+        self.class_names = tuple(self.model.metadata["classes"].split(","))
+        """Classes that it tells apart."""
+        score_count = (*self.model.output_shapes["scores"], 1)[1]
+        if len(self.class_names) != score_count:
+            raise ModelError(
+                file.name,
+                expected=f"a score of each of its classes, {', '.join(self.class_names)}",
+                found=f"{score_count} scores of a crop",
+            )
         self.window: WindowKind = self.model.metadata_choice("window", _WINDOWS)
         """Kind of the window around a proposal."""
         self.method: Method = self.model.metadata_choice("method", _METHODS)
@@ -96,6 +106,7 @@ class Verifier:
     def predict(self, image: UInt8, windows_px: Float64) -> VerifierPrediction:
         """Return the predictions for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image."""
         outputs = self.model(self.inputs(image, windows_px))
-        return VerifierPrediction(
-            outputs["scores"].astype(np.float64), outputs["boxes_px"].astype(np.float64)
-        )
+        # A network of one class returns one score for each window.
+        scores = outputs["scores"].astype(np.float64).reshape(-1, len(self.class_names))
+        types = np.array(self.class_names, np.str_)[scores.argmax(axis=1)]
+        return VerifierPrediction(scores.max(axis=1), outputs["boxes_px"].astype(np.float64), types)

@@ -16,6 +16,7 @@ from perception.errors import ModelError, PerceptionError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import VIRTUAL_CAMERA, project_frame
 from perception.types import Calibration, Frame
+from tests.faults import fault
 
 # Camera and LiDAR in one place: x forward is depth, y left is -u, z up is -v; 100 px focal length.
 AXES = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
@@ -223,3 +224,28 @@ def test_window_that_is_not_finite_is_refused(detector, three_places):
     with pytest.raises(PerceptionError) as error:
         detector.verify(proposals_at([[0, 0, np.nan, 10]]), three_places[0], CALIBRATION)
     assert error.value.expected == "finite windows"
+
+
+def test_the_likeliest_of_several_classes_is_detected(write_model, three_places):
+    file = write_model(
+        channels="depth,reflectance", classes="Pedestrian,Car", planes=2, by_plane=True
+    )
+    dense, boxes = three_places
+    verified = DepthCn(file).verify(proposals_at(boxes), dense, CALIBRATION)
+    # Depth is the same everywhere; the bright place alone is brighter than that.
+    depth_score = verified.scores[0]
+    assert verified.found.types.tolist() == ["Pedestrian", "Car", "Pedestrian", "Car"]
+    assert verified.scores[1] > 0.95 > depth_score > 0.1
+    assert verified.detections.types.tolist() == ["Car", "Pedestrian", "Pedestrian"]
+
+
+@pytest.mark.parametrize(
+    ("options", "found"),
+    [
+        ({"classes": "Car,Van"}, "1 scores of a crop"),
+        ({"classes": "Car", "by_plane": True}, "3 scores of a crop"),
+    ],
+)
+def test_a_file_with_other_scores_than_classes_is_refused(write_model, options, found):
+    with fault(ModelError, "tiny.onnx", "a score of each of its classes", found):
+        DepthCn(write_model(**options))

@@ -27,7 +27,7 @@ from data.samples.epoch_samplers import BalancedSampler, SampleIndex
 from perception.detection.depthcn.crops import crop_windows
 from perception.errors import LabelError, UsageError
 
-FIELDS = {"crops", "windows_px", "is_vehicle", "normalized_box"}
+FIELDS = {"crops", "windows_px", "is_vehicle", "classes", "normalized_box"}
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ SCENE = ProposalScene(
 def test_half_of_the_points_within_a_car_make_a_vehicle():
     shares = [[0.5, 0, 0], [0.49, 0, 0], [0.1, 0, 0], [0, 0.9, 0], [0, 0, 1.0], [0.4, 0.6, 0]]
     boxes = np.tile([700.0, 0, 750, 50], (6, 1))
-    matches = match_by_points(replace(SCENE, shares=np.array(shares), boxes_px=boxes))
+    matches = match_by_points(replace(SCENE, shares=np.array(shares), boxes_px=boxes), ("Car",))
     assert matches.labels.tolist() == [0, -1, -1, -1, -1, -1]
     assert matches.is_left_out.tolist() == [False, True, False, True, False, True]
 
@@ -39,17 +39,19 @@ def test_the_overlap_of_boxes_makes_a_vehicle_for_the_thesis():
             [700, 0, 750, 50],
         ]
     )
-    matches = match_by_boxes(replace(SCENE, shares=np.zeros((6, 3)), boxes_px=boxes))
+    matches = match_by_boxes(replace(SCENE, shares=np.zeros((6, 3)), boxes_px=boxes), ("Car",))
     assert matches.labels.tolist() == [0, -1, -1, -1, -1, -1]
     assert matches.is_left_out.tolist() == [False, True, False, True, False, False]
 
 
 def test_what_lies_where_nothing_was_labelled_is_left_out():
     boxes = np.array([[510.0, 10, 560, 60], [450, 0, 560, 50]])
-    matches = match_by_points(replace(SCENE, shares=np.zeros((2, 3)), boxes_px=boxes))
+    matches = match_by_points(replace(SCENE, shares=np.zeros((2, 3)), boxes_px=boxes), ("Car",))
     assert matches.is_left_out.tolist() == [True, True]
     mostly_outside = np.array([[400.0, 0, 560, 50]])
-    matches = match_by_points(replace(SCENE, shares=np.zeros((1, 3)), boxes_px=mostly_outside))
+    matches = match_by_points(
+        replace(SCENE, shares=np.zeros((1, 3)), boxes_px=mostly_outside), ("Car",)
+    )
     assert matches.is_left_out.tolist() == [False]
 
 
@@ -60,7 +62,7 @@ def test_of_two_cars_the_closer_is_the_label():
         shares=np.array([[0.0, 0.3, 0.7]]),
         boxes_px=np.array([[700.0, 0, 750, 50]]),
     )
-    assert match_by_points(scene).labels.tolist() == [2]
+    assert match_by_points(scene, ("Car",)).labels.tolist() == [2]
 
 
 def test_without_labels_all_are_none_and_without_proposals_there_are_none():
@@ -72,6 +74,18 @@ def test_without_labels_all_are_none_and_without_proposals_there_are_none():
     )
     boxes = np.array([[0.0, 0, 50, 50]])
     for match in (match_by_points, match_by_boxes):
-        matches = match(replace(empty, shares=np.zeros((1, 0)), boxes_px=boxes))
+        scene = replace(empty, shares=np.zeros((1, 0)), boxes_px=boxes)
+        matches = match(scene, ("Car",))
         assert (matches.labels.tolist(), matches.is_left_out.tolist()) == ([-1], [False])
-        assert len(match(SCENE).labels) == 0
+        assert len(match(SCENE, ("Car",)).labels) == 0
+
+
+def test_objects_of_several_classes_are_matched_and_neighbours_of_none_left():
+    shares = np.array([[0.9, 0, 0], [0, 0.9, 0], [0, 0, 0.9], [0, 0.05, 0]])
+    scene = replace(SCENE, shares=shares, boxes_px=np.tile([700.0, 0, 750, 50], (4, 1)))
+    matches = match_by_points(scene, ("Car", "Van", "Pedestrian"))
+    assert matches.labels.tolist() == [0, 1, 2, -1]
+    assert matches.is_left_out.tolist() == [False] * 4
+    alone = match_by_points(scene, ("Car", "Pedestrian"))
+    assert alone.labels.tolist() == [0, -1, 2, -1]
+    assert alone.is_left_out.tolist() == [False, True, False, False]

@@ -149,7 +149,7 @@ def test_one_class_alone_is_refused(is_vehicle: list[bool], lacking: str):
     count = len(is_vehicle)
     one = CropSet(
         np.zeros(count, int), np.zeros((count, 4), np.float32), np.zeros(count, np.float32),
-        np.array(is_vehicle, bool), np.zeros((count, 4), np.float32), np.zeros(count, bool),
+        np.array(is_vehicle, int) - 1, np.zeros((count, 4), np.float32), np.zeros(count, bool),
     )  # fmt: skip
     with fault(LabelError, "a set", f"crops of both classes, {lacking} among them"):
         one.require_both_classes("a set")
