@@ -188,16 +188,20 @@ def _corrected(
         size_samples=size_samples,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
+    has_moved = tracks.top_speed_m_s >= config.front_speed_m_s
     sure_speed_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
     tracks = replace(tracks, top_speed_m_s=np.maximum(tracks.top_speed_m_s, sure_speed_m_s))
-    return _turned_to_course(tracks, config)
+    return _turned_to_course(tracks, boxes.yaw_rad, has_moved, config)
 
 
-def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> VehicleTable:
+def _turned_to_course(
+    tracks: VehicleTable, seen_rad: Float64, has_moved: Bool, config: VehicleTrackerConfig
+) -> VehicleTable:
     """Choose front and rear by well-known velocities and, once they are fast, correct the heading by the course.
 
     A vehicle does not turn round within a scan: most of the latest velocities determine its front, and a slow one
-    keeps it.
+    keeps it. Most of the (T,) detected headings, those of the traffic there, determine the front of a vehicle that has
+    never moved.
     """
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     is_small, slow_m_s = tracks.sizes_m[:, 0] < config.small_length_m, config.small_course_speed_m_s
@@ -211,8 +215,12 @@ def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> Veh
     yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
     is_ahead = np.abs(wrap(course_rad - yaw_rad)) <= np.pi / 2
     is_moving = excess_m_s >= np.where(is_small, slow_m_s, config.front_speed_m_s)
-    vote = np.where(is_moving, np.where(is_ahead, 1, -1), 0)
-    votes = np.minimum(tracks.front_votes + vote, config.max_front_votes)
+    is_parked = ~has_moved & ~is_moving & ~is_small
+    is_ahead = np.where(is_parked, np.abs(wrap(seen_rad - yaw_rad)) <= np.pi / 2, is_ahead)
+    vote = np.where(is_moving | is_parked, np.where(is_ahead, 1, -1), 0)
+    # The first motion outweighs all that the traffic around has suggested.
+    past_votes = np.where(is_moving & ~has_moved & ~is_small, 0, tracks.front_votes)
+    votes = np.minimum(past_votes + vote, config.max_front_votes)
     return replace(
         tracks,
         axis=axis,

@@ -127,6 +127,16 @@ def test_front_and_rear_stay_where_they_are_while_the_vehicle_stops_and_backs():
     assert (np.cos(backs) < -0.99).all()
 
 
+def test_a_parked_car_faces_as_the_traffic_where_it_was_mostly_seen():
+    drive, world = Drive(speed_m_s=0.0), cars((25.0, 6.0, 0.0))
+    drive.turn(0.5)  # so that the car is on the right at first
+    drive.observe(world)
+    drive.turn(-0.5)
+    for _ in range(4):
+        oncoming = drive.observe(world).vehicles
+    assert abs(oncoming.boxes.yaw_rad[0]) == pytest.approx(np.pi, abs=0.1)
+
+
 def test_a_vehicle_that_goes_on_backwards_has_its_front_there():
     drive, world = Drive(speed_m_s=0.0), cars((15.0, 3.0, 0.0))
     _yaws(drive, world, [-0.3 * step for step in range(8)])
