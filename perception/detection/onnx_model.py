@@ -235,6 +235,8 @@ def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN4
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
+    # Without a memory arena of each network's own: 29 MiB less for all of them, and as fast.
+    options.enable_cpu_mem_arena = False
     # Threads that spin while they wait for the next frame take the cores from the other stages: without
     # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
