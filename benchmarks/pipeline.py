@@ -28,6 +28,7 @@ class RunTiming(Metrics):
     Attributes:
         frames: Number of measured frames.
         dropped: Number of frames that were dropped.
+        skipped: Number of frames in which a stage was left out to keep the time budget.
         frames_per_s: Results per second.
         median_ms: Median time from the arrival of a frame to its result in milliseconds.
         p99_ms: 99th percentile of the same time in milliseconds.
@@ -38,6 +39,7 @@ class RunTiming(Metrics):
 
     frames: Annotated[int, Metric("frames")]
     dropped: Annotated[int, Metric("dropped")]
+    skipped: Annotated[int, Metric("skipped")]
     frames_per_s: Annotated[float, Metric("frames/s", ".1f")]
     median_ms: Annotated[float, Metric("p50 [ms]", ".1f")]
     p99_ms: Annotated[float, Metric("p99 [ms]", ".1f")]
@@ -129,17 +131,19 @@ def _at_rate(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 
 
 def _measure(results: Iterable[Result], frames: int) -> RunTiming:
-    times, latencies_s, start_s = StageTimes(), [], time.perf_counter()
+    times, latencies_s, skipped, start_s = StageTimes(), [], 0, time.perf_counter()
     memory_start = resident_mib()
     for number, result in enumerate(results):
         times.update(result)
         latencies_s.append(result.latency_s)
+        skipped += bool(result.skipped)
         if number == frames // 5:
             memory_start = resident_mib()
     elapsed_s = time.perf_counter() - start_s
     return RunTiming(
         frames=frames,
         dropped=0,
+        skipped=skipped,
         frames_per_s=len(times.spans) / elapsed_s,
         median_ms=1e3 * float(np.median(latencies_s)),
         p99_ms=1e3 * float(np.percentile(latencies_s, 99)),

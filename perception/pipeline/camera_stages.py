@@ -13,6 +13,7 @@ from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
+from perception.pipeline.budget import TimeBudget
 from perception.pipeline.lidar_stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
@@ -26,7 +27,11 @@ class CameraStages:
     """Runs the camera stages; only the vehicle tracker remembers earlier frames."""
 
     def __init__(
-        self, sensor: LidarModel, detection: DetectionConfig, vehicles: VehicleConfig
+        self,
+        sensor: LidarModel,
+        detection: DetectionConfig,
+        vehicles: VehicleConfig,
+        budget_ms: float | None = None,
     ) -> None:
         """Open the networks.
 
@@ -34,6 +39,7 @@ class CameraStages:
             sensor: LiDAR model of the scans.
             detection: Detection configuration.
             vehicles: Configuration of location and tracking.
+            budget_ms: Time from the arrival of a frame to its result in milliseconds; None without a limit.
 
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.
@@ -41,6 +47,7 @@ class CameraStages:
         self._detectors = _open_detectors(detection)
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
+        self._budget = TimeBudget(None if budget_ms is None else budget_ms / 1e3)
         self._noted: set[str] = set()
         self.reset()
 
@@ -60,9 +67,11 @@ class CameraStages:
         has_detector = self._detectors is not None or self._depthcn is not None
         maps = clock.run("maps", _make_maps, frame) if has_detector else None
         detections = self._detect(frame, maps, clock)  # image and map detectors, fusion
-        depthcn = self._detect_by_depthcn(frame, maps, clock)
-        lidar_result = lidar.result()
-        vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
+        is_in_time = self._budget.allows("DepthCN", clock, "vehicles")
+        depthcn = self._detect_by_depthcn(frame, maps, clock) if is_in_time else None
+        with self._budget.measured("vehicles", clock):
+            lidar_result = lidar.result()
+            vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
         result = lidar_result.of_frame(frame)
         if detections is not None and vehicles is not None:
             result = replace(
@@ -77,6 +86,7 @@ class CameraStages:
             depthcn=depthcn,
             timings_s=result.timings_s | clock.seconds,
             spans=result.spans + clock.spans,
+            skipped=() if is_in_time or self._depthcn is None else ("DepthCN",),
         )
 
     def _note_missing(self, frame: Frame) -> None:
@@ -121,9 +131,8 @@ class CameraStages:
             return None
         # A network that was trained on maps of another method makes its own.
         is_same = self._depthcn.verifier.method == "default"
-        return clock.run(
-            "DepthCN", self._depthcn.verify_frame, frame, maps if is_same else None
-        ).detections
+        with self._budget.measured("DepthCN", clock), clock.stage("DepthCN"):
+            return self._depthcn.verify_frame(frame, maps if is_same else None).detections
 
     def _locate_and_track(
         self,

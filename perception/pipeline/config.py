@@ -6,6 +6,7 @@ from typing import Self
 from perception.datmo.config import DatmoConfig, DatmoMethod
 from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.detection.vehicles.config import VehicleConfig
+from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
 from perception.localization.config import RegistrationConfig
 from perception.obstacles.config import GroundConfig, MotionConfig
@@ -24,6 +25,8 @@ class PipelineConfig:
         datmo: Detection and tracking of moving objects.
         detection: Detection of vehicles in frames with a camera.
         vehicles: Location of detected vehicles in the scan, and their tracks.
+        budget_ms: Time from the arrival of a frame to its result in milliseconds, for live use: a frame that would
+            be later goes without DepthCN. None to run every stage.
         area: Area around the vehicle in which ground, obstacles and moving objects are found.
         ego_vehicle: Outline of the vehicle itself; its returns are left out of every stage.
         seed: Seed of RANSAC.
@@ -38,10 +41,16 @@ class PipelineConfig:
     datmo: DatmoConfig = field(default_factory=DatmoConfig)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     vehicles: VehicleConfig = field(default_factory=VehicleConfig)
+    budget_ms: float | None = None
     area: LocalArea = MOVING_OBJECT_AREA
     ego_vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     seed: int = 0
     parallel: bool = True
+
+    def __post_init__(self) -> None:
+        """Validate the budget."""
+        if self.budget_ms is not None and not self.budget_ms > 0:
+            raise UsageError("budget_ms", expected="a positive time", found=f"{self.budget_ms:g}")
 
     def method_of(self, stage: RegistrationConfig | GroundConfig | MotionConfig) -> Method:
         """Return the method of a stage: its own, else that of the pipeline."""

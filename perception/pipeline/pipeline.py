@@ -53,7 +53,7 @@ class Pipeline:
         self._lidar = (LidarProcess if has_own_process else LidarStages)(sensor, config)
         with ExitStack() as on_error:
             on_error.callback(self._lidar.close)
-            self._camera = CameraStages(sensor, config.detection, config.vehicles)
+            self._camera = CameraStages(sensor, config.detection, config.vehicles, config.budget_ms)
             self._lidar.reset()  # a process answers when it is ready for the first frame
             on_error.pop_all()
         if config.parallel:

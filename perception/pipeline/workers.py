@@ -28,6 +28,11 @@ class StageClock:
         self.spans: tuple[StageSpan, ...] = ()
 
     @property
+    def elapsed_s(self) -> float:
+        """Time since the frame arrived in seconds."""
+        return time.perf_counter() - self._arrival_s
+
+    @property
     def seconds(self) -> dict[str, float]:
         """Duration of each stage in seconds."""
         return {span.stage: span.stop_s - span.start_s for span in self.spans}
@@ -35,10 +40,9 @@ class StageClock:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Measure the time of a stage."""
-        start_s = time.perf_counter() - self._arrival_s
+        start_s = self.elapsed_s
         yield
-        stop_s = time.perf_counter() - self._arrival_s
-        self.spans += (StageSpan(name, self._worker, start_s, stop_s),)
+        self.spans += (StageSpan(name, self._worker, start_s, self.elapsed_s),)
 
     def run(
         self,
@@ -58,7 +62,7 @@ class StageClock:
 
         Spans without a worker are those of this clock's worker.
         """
-        offset_s = time.perf_counter() - self._arrival_s
+        offset_s = self.elapsed_s
         nested: list[StageSpan] = []
         yield nested
         self.spans += tuple(

@@ -27,6 +27,7 @@ class Result:
         depthcn: Detections of DepthCN, None where it is off.
         timings_s: Duration of each stage in seconds; stages that overlap count more than once.
         spans: Start and end of each stage, stages of one worker in their order.
+        skipped: Stages that were left out to keep the time budget.
     """
 
     frame: Frame
@@ -40,6 +41,7 @@ class Result:
     depthcn: Detections | None = None
     timings_s: dict[str, float] = field(default_factory=dict)
     spans: tuple[StageSpan, ...] = ()
+    skipped: tuple[str, ...] = ()
 
     @property
     def latency_s(self) -> float:
