@@ -1,10 +1,11 @@
 """Classes of a network and the classes of this package that they become.
 
-COCO's car becomes Car, its truck and bus Truck, its person Pedestrian, its bicycle Cyclist; its kite is left out.
+COCO's car becomes Car, its truck and bus Truck, its person Pedestrian, a person on a
+bicycle Cyclist; its kite is left out.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -34,8 +35,9 @@ KNOWN_CLASSES: Mapping[str, str] = {
     "pedestrian": "Pedestrian",
     "person": "Pedestrian",
     "cyclist": "Cyclist",
-    "bicycle": "Cyclist",
+    "person + bicycle": "Cyclist",
 }
+RIDDEN = " + "  # between the person and what carries it
 
 
 @dataclass(frozen=True)
@@ -45,10 +47,12 @@ class ClassColumns:
     Attributes:
         names: (C,) names of the reported classes.
         columns: (C,) numbers of the network's classes.
+        persons_of: Class of persons by the class of riders, whose boxes are those of what they ride.
     """
 
     names: tuple[str, ...]
     columns: tuple[tuple[int, ...], ...]
+    persons_of: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def identity(cls, names: Sequence[str]) -> Self:
@@ -56,12 +60,15 @@ class ClassColumns:
         return cls(tuple(names), tuple((number,) for number in range(len(names))))
 
     @classmethod
-    def of_numbers(cls, reported: Mapping[int, str]) -> Self:
+    def of_numbers(
+        cls, reported: Mapping[int, str], persons_of: Mapping[str, str] | None = None
+    ) -> Self:
         """Return the classes that numbers of the network's classes count as, each where it first stands."""
         columns: dict[str, list[int]] = {}
         for number, name in reported.items():
             columns.setdefault(name, []).append(number)
-        return cls(tuple(columns), tuple(tuple(numbers) for numbers in columns.values()))
+        numbers = tuple(tuple(of_class) for of_class in columns.values())
+        return cls(tuple(columns), numbers, persons_of or {})
 
     def of_scores(self, scores: Float32) -> Float32:
         """Return (K, C) scores of the reported classes for (K, S) scores of the network's classes."""

@@ -3,7 +3,7 @@
 In YAML, with the YAML file's name as the model's where it is not given:
 
     model: yolox_nano.onnx
-    classes: {car: Car, truck: Truck, bus: Truck, person: Pedestrian, bicycle: Cyclist}
+    classes: {car: Car, truck: Truck, bus: Truck, person: Pedestrian, person + bicycle: Cyclist}
     input_size: 384x1248
     output: yolox
     color_order: BGR
@@ -38,7 +38,8 @@ class DetectorDescription:
 
     Attributes:
         modality: Modality of the input, else rgb.
-        classes: Reported class by number or name of the network's class; the network's other classes are left out.
+        classes: Reported class by number or name of the network's class, or of two, person + bicycle, for the rider
+            of one; the network's other classes are left out.
         class_names: Names of the network's classes in their order; else COCO's.
         input_size: Size of the input, of a fully convolutional network also where its file states another; images
             of another aspect get a size of about as many pixels.

@@ -11,7 +11,7 @@ from typing import get_args
 import cv2
 import numpy as np
 
-from perception.detection.detectors.class_columns import KNOWN_CLASSES, ClassColumns
+from perception.detection.detectors.class_columns import KNOWN_CLASSES, RIDDEN, ClassColumns
 from perception.detection.detectors.detector_description import (
     FILLINGS,
     DescribedFile,
@@ -282,7 +282,9 @@ def _classes(
         )
     numbers = {name.lower(): number for number, name in names.items()}
     required = description.classes or {
-        name: reported for name, reported in KNOWN_CLASSES.items() if name in numbers
+        name: reported
+        for name, reported in KNOWN_CLASSES.items()
+        if all(part in numbers for part in name.split(RIDDEN))
     }
     if not required:
         raise ModelError(
@@ -290,16 +292,24 @@ def _classes(
             expected="the 80 classes of COCO, or `classes` in a YAML file beside it, such as {0: Car}",
             found=f"{count} classes" if not names else ", ".join(names.values()),
         )
-    reported = {}
+    reported: dict[int, str] = {}
+    persons_of = {}
     for key, name in required.items():
-        number = numbers.get(str(key).lower()) if isinstance(key, str) else key
+        # Of "person + bicycle", the bicycle is reported until a person is found on it.
+        person, _, carrier = str(key).lower().rpartition(RIDDEN)
+        if person:
+            persons_of[name] = reported.get(numbers.get(person, -1), "")
+            if not persons_of[name]:
+                expected = f"an entry of {person} before {key}"
+                raise ModelError(model.name, expected=expected, found=", ".join(map(str, required)))
+        number = numbers.get(carrier) if isinstance(key, str) else key
         if number is None or (count is not None and not 0 <= number < count):
             known = ", ".join(names.values()) or f"a number from 0 to {count}"
             raise ModelError(
                 model.name, expected=f"classes of the network: {known}", found=str(key)
             )
         reported[number] = name
-    return ClassColumns.of_numbers(reported)
+    return ClassColumns.of_numbers(reported, persons_of)
 
 
 def _class_names(

@@ -26,6 +26,7 @@ from perception.detection.detectors.postprocess import (
     suppressed_detections,
     top_k_boxes,
 )
+from perception.detection.detectors.riders import join_riders
 from perception.detection.onnx_model import Array, shipped_model
 from perception.errors import ImageError
 from perception.types import Detections, Modality, UInt8
@@ -147,5 +148,6 @@ class ModalityDetector:
         height, width = image.shape[:2]
         size = InputSize(height, width)
         found = suppressed_detections(boxes, self.class_names, size, self._nms)
+        found = join_riders(found, self._network.classes.persons_of)
         # To the centres of the outermost pixels, as in KITTI's labels.
         return replace(found, boxes_px=np.minimum(found.boxes_px, [width - 1, height - 1] * 2))

@@ -204,6 +204,12 @@ def test_inputs_that_are_no_image(tmp_path):
             "classes of the network: person, bicycle",
             "rocket",
         ),
+        (
+            "classes: {car: Car, person + bicycle: Cyclist}",
+            "public.onnx",
+            "an entry of person before person + bicycle",
+            "car, person + bicycle",
+        ),
         ("classes: {80: Car}", "public.onnx", "classes of the network: person", "80"),
         ("class_names: [car, van]", "public.onnx", "scores of 2 classes: car, van", "scores of 80"),
     ],
@@ -270,3 +276,15 @@ def test_a_size_that_the_graph_does_not_allow(public_networks, tmp_path):
         expected="a graph that takes images of 96x320 instead of 416x416",
     ):
         ModalityDetector(tmp_path / "wide.yaml")
+
+
+def test_a_person_on_a_bicycle_is_detected_as_a_cyclist(tmp_path):
+    person_px, bicycle_px = [40.0, 20.0, 70.0, 80.0], [36.0, 54.0, 80.0, 100.0]
+    bicycle = COCO_CLASSES.index("bicycle")
+    scores = [{0: 1.0, 1 + PERSON: 0.9}, {0: 1.0, 1 + bicycle: 0.4}]
+    rows = rows_of(scores, [person_px, bicycle_px], 81, 3 * CELLS)
+    path = write_constant_network(tmp_path / "public.onnx", {"output": rows})
+    found = ModalityDetector(path).detect(IMAGE)
+    assert found.types.tolist() == ["Cyclist", "Pedestrian"]
+    np.testing.assert_allclose(found.scores, [0.6, 0.54], rtol=1e-5)
+    np.testing.assert_allclose(found.boxes_px[0], [36, 20, 80, 100], rtol=1e-5)
