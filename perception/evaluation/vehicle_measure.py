@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from perception.errors import PerceptionError
+from perception.evaluation.multi_object.coverage import MIN_FRAMES, Coverage, CoverageMetrics
 from perception.evaluation.multi_object.ground_protocol import (
     GROUND_CLASSES,
     GroundTracks,
@@ -43,7 +44,7 @@ _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
 _MIN_IOU_PX = 0.5  # overlap in the image of a detection and a true vehicle
 _SAME_PLACE_IOU = 0.15
 _IMAGE_CLASSES: tuple[KittiClass, ...] = ("car", "pedestrian")
-_RANGES_M = ((0.0, 25.0), (25.0, 50.0), (50.0, np.inf))
+_RANGES_M = {"0 to 25 m": (0.0, 25.0), "25 to 50 m": (25.0, 50.0), "from 50 m": (50.0, np.inf)}
 # KITTI's labels are tight: points on a side of the box may lie outside.
 _MARGIN_M = 0.1
 
@@ -56,6 +57,10 @@ PROTOCOL_WORDS = {
     "location": (
         "true cars that are visible or partly occluded and truncated by at most 0.3, each with the "
         "detection of the greatest overlap of at least 0.5 in the image"
+    ),
+    "coverage": (
+        f"labelled cars that some detector sees in at least {MIN_FRAMES} frames, from the score from which a vehicle "
+        "counts and by an overlap of at least 0.5 in the image, by their nearest range; those that ever have an id"
     ),
     "same id": (
         "moving objects that overlap a confirmed vehicle of the same frame on the ground by 0.15 or more, "
@@ -176,6 +181,7 @@ class VehicleReport(Report):
         tracking: Metrics of the tracks in the image by class.
         ground_tracking: Metrics of the tracks on the ground by class, of the classes that are labelled or tracked.
         location: Errors of the positions on the road by range.
+        coverage: Share of the cars seen by a detector that have an id, by range.
         ids: Ids shared by vehicles and moving objects.
     """
 
@@ -183,6 +189,7 @@ class VehicleReport(Report):
     tracking: Mapping[str, MotMetrics]
     ground_tracking: Mapping[str, MotMetrics]
     location: Mapping[str, LocationMetrics]
+    coverage: Mapping[str, CoverageMetrics]
     ids: ColocatedObjects
 
     def tables(self) -> list[Table[Any]]:
@@ -198,6 +205,11 @@ class VehicleReport(Report):
                 "tracks on the ground: boxes from above, ratios in percent", self.ground_tracking
             ),
             Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
+            Table(
+                f"cars that a detector sees in {MIN_FRAMES} frames or more, by nearest range",
+                CoverageMetrics.columns(),
+                self.coverage,
+            ),
         ]
 
 
@@ -214,6 +226,7 @@ class VehicleMeasure:
         self._frames: dict[KittiClass, list[TrackedFrame]] = {name: [] for name in _IMAGE_CLASSES}
         self._ground_frames: dict[str, list[TrackedFrame]] = {name: [] for name in GROUND_CLASSES}
         self._errors: list[LocationErrors] = []
+        self._coverage = Coverage()
         self._ids = ColocatedObjects()
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
@@ -231,6 +244,15 @@ class VehicleMeasure:
         true = labels[is_moderate & (labels.types == "Car")]
         points = result.frame.points_velo
         self._errors.append(location_errors(vehicles, true.boxes_px, true.boxes_velo, points))
+        cars = labels[(labels.types == "Car") & (labels.track_ids >= 0)]
+        views = result.modality_detections.values()
+        self._coverage.update(
+            cars.track_ids,
+            cars.boxes_px,
+            np.hypot(cars.boxes_velo.bottom_m[:, 0], cars.boxes_velo.bottom_m[:, 1]),
+            [one.boxes_px[one.scores >= self._display_score] for one in views],
+            predicted.boxes_px,
+        )
         self._ids += _colocated_objects(vehicles, result.tracks)
 
     def compute(self) -> VehicleReport:
@@ -245,18 +267,17 @@ class VehicleMeasure:
             )
         errors = LocationErrors.concatenate(self._errors)
         by_range = {
-            f"{low:g} to {high:g} m" if np.isfinite(high) else f"from {low:g} m": errors[
-                (errors.range_m >= low) & (errors.range_m < high)
-            ].summary()
-            for low, high in _RANGES_M
+            name: errors[(errors.range_m >= low) & (errors.range_m < high)].summary()
+            for name, (low, high) in _RANGES_M.items()
         }
+        coverage = {name: self._coverage.compute(*ends_m) for name, ends_m in _RANGES_M.items()}
         tracking = {str(name): evaluate_tracks(one, MIN_IOU) for name, one in self._frames.items()}
         on_ground = {
             name: evaluate_tracks(frames, GROUND_CLASSES[name].min_iou)
             for name, frames in self._ground_frames.items()
             if any(len(one.truth_ids) + len(one.track_ids) for one in frames)
         }
-        return VehicleReport(len(self._errors), tracking, on_ground, by_range, self._ids)
+        return VehicleReport(len(self._errors), tracking, on_ground, by_range, coverage, self._ids)
 
 
 def labelled_boxes(labels: Labels) -> ImageBoxes:
