@@ -211,7 +211,7 @@ def test_crops_keep_the_height_and_take_widths_that_the_network_takes():
     assert crop_size_px((160, 96), 0.9) == (32, 96)
 
 
-def test_most_crops_hold_an_object_and_all_lie_within_the_image():
+def test_crops_on_objects_outnumber_others_and_lie_within_the_image():
     labels = labels_of((140, 30, 150, 50))
     columns = [draw_crop_column(labels, (160, 64), np.random.default_rng(s)) for s in range(300)]
     assert min(columns) >= 0
