@@ -48,7 +48,8 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 $(SYNTH)/train3 --validation $(SYNTH)/val \
 	  --modality rgb --config yolox \
 	  --model.weights.public $(PUBLIC_WEIGHTS) --out results/weights/rgb
-	$(BIN)/trifuse export results/weights/rgb/best.ckpt --out $(SHIPPED)/rgb_yolox.onnx --data $(SYNTH)/val
+	$(BIN)/trifuse export results/weights/rgb/best.ckpt --size 256x896 --out $(SHIPPED)/rgb_yolox.onnx \
+	  --data $(SYNTH)/val
 	for modality in dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 --validation $(SYNTH)/val --modality $$modality \
 	    --model.classes $(CLASSES) --epochs 7 --out results/weights/$$modality-first && \
@@ -60,7 +61,7 @@ weights: $(VENV)/.installed-dev
 	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
 	done
 	$(BIN)/trifuse train fusion $(SYNTH)/fusion $(SYNTH)/fusion2 --data.shares 75,15,10 \
-	  --epochs 8 --out results/weights/fusion
+	  --out results/weights/fusion
 	cp results/weights/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
 	$(BIN)/trifuse train depthcn $(SYNTH)/depthcn --validation $(SYNTH)/val --epochs 6 --out results/weights/depthcn
 	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test

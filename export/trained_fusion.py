@@ -198,7 +198,7 @@ FUSION = TrainingKind(
     report,
     # Levenberg-Marquardt needs doubles, and so small a network is no slower by them.
     defaults={
-        "trainer.max_epochs": 4,
+        "trainer.max_epochs": 8,
         "trainer.precision": "64-true",
         "trainer.accelerator": "cpu",
     },

@@ -42,7 +42,7 @@ class FusionRowsConfig(FusionDataConfig):
 
     models: DetectorModelPaths = _MODELS
     batch_size: int | None = 512
-    score_jitters: int = 2
+    score_jitters: int = 4
 
     def __post_init__(self) -> None:
         """Validate the numbers."""

@@ -15,6 +15,7 @@ from typing import Self
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from train.fusion.levenberg_marquardt import NormalEquations
 from train.fusion.network import RescoringMlp
@@ -24,6 +25,7 @@ Rows = Sequence[Tensor]
 
 # Rows at a time: on a CPU what its cache holds, on a GPU what keeps it busy within 1 GB.
 _CPU_ROWS, _GPU_ROWS = 512, 16_384
+_MIN_SCORE = 1e-6  # of a probability whose logarithm is taken
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,17 @@ def weighted_squares(network: RescoringMlp, rows: Rows) -> Tensor:
     features, targets, weights = rows
     squares = weights * (network(features) - targets).square()
     return torch.stack([squares.sum(), weights.sum()])
+
+
+def weighted_entropy(network: RescoringMlp, rows: Rows) -> Tensor:
+    """Return the sum of the weighted cross-entropies of a bounded network, and the sum of the weights.
+
+    Near 0 and 1, where boxes are ranked, the cross-entropy has a gradient, and the squared error has none.
+    """
+    features, targets, weights = rows
+    scores = network(features).clamp(_MIN_SCORE, 1 - _MIN_SCORE)
+    entropy = functional.binary_cross_entropy(scores, targets, weights, reduction="sum")
+    return torch.stack([entropy, weights.sum()])
 
 
 @torch.no_grad()

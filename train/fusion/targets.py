@@ -33,7 +33,7 @@ _MAX_ROWS = 20_000_000  # 8 GB in double precision
 # Modalities that are dropped; with a single one left there is nothing to fuse.
 DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
 # Largest stretch of the scores' logits, and standard deviation of their shift, for each frame and modality.
-_MAX_STRETCH, _SHIFT = 0.15, 0.45
+_MAX_STRETCH, _SHIFT = 0.15, 0.9
 
 
 @dataclass(frozen=True)

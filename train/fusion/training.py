@@ -14,7 +14,12 @@ from perception.errors import UsageError
 from train.best_epoch import Criterion, Ranking
 from train.checkpoints import program_revision
 from train.fusion.config import MODEL, Hidden, SweepConfig
-from train.fusion.gauss_newton import mean_square, normal_equations, weighted_squares
+from train.fusion.gauss_newton import (
+    mean_square,
+    normal_equations,
+    weighted_entropy,
+    weighted_squares,
+)
 from train.fusion.levenberg_marquardt import LevenbergMarquardt, NormalEquations
 from train.fusion.network import RescoringMlp
 from train.optimization import WarmupCosine, configure_optimizers
@@ -112,10 +117,12 @@ class FusionTraining(LightningModule):
         if not self.automatic_optimization:
             self._take_step(batch)
             return None
-        square, weight = weighted_squares(self.network, batch)
+        is_bounded = self.network.is_bounded
+        loss = weighted_entropy if is_bounded else weighted_squares
+        total, weight = loss(self.network, batch)
         # The gradient is the mean of those of all processes.
-        error: Tensor = self.trainer.world_size * square / self._sum(weight).clamp(min=1e-6)
-        self._log("train/mse", error, len(batch[0]))
+        error: Tensor = self.trainer.world_size * total / self._sum(weight).clamp(min=1e-6)
+        self._log("train/cross_entropy" if is_bounded else "train/mse", error, len(batch[0]))
         return error
 
     def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:

@@ -8,9 +8,9 @@ The thesis' 23 features, with C = rgb, D = dm, R = rm:
     19..22  w h x y                         smallest box around them
 
 A missing box has zeros. The default features do not contain positions in the image, which do not transfer from one
-road to another. They add to the scores depths, metric heights of the boxes (the same for cameras of every field of
-view), overlaps, flags of missing boxes and detectors, the class, and the best score of any other class at the same
-place in each modality.
+road to another. They hold the scores as log-odds, sums of which are what independent detectors know together, and
+depths, metric heights of the boxes (the same for cameras of every field of view), overlaps, flags of missing boxes and
+detectors, the class, and the best score of any other class at the same place in each modality.
 """
 
 from collections.abc import Mapping
@@ -27,6 +27,8 @@ _PAIRS = ((0, 1), (0, 2), (1, 2))
 CLASSES = ("Car", "Van", "Truck", "Pedestrian", "Cyclist")
 _SAME_PLACE_IOU = 0.5  # above which boxes of two classes are at one place
 _SCORES = tuple(f"score_{name}" for name in MODALITIES)
+_LOG_ODDS = tuple(f"log_odds_{name}" for name in MODALITIES)
+_MIN_SCORE = 0.005  # of log-odds, and of a missing box; no detector reports boxes of less
 
 
 _PLACES = ("width", "height", "x", "y")
@@ -46,7 +48,7 @@ _ADDED = (
 FEATURES: Mapping[FusionVariant, tuple[str, ...]] = {
     "scores": _SCORES,
     "features": (*_SCORES, *_PLACED),
-    "default": (*_SCORES, *_ADDED),
+    "default": (*_LOG_ODDS, *_ADDED),
 }
 
 
@@ -61,7 +63,15 @@ def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: FusionVarian
         return scores.T
     if variant == "features":
         return np.vstack([scores, *_layout(found.boxes_px / np.tile(scene.size_px, 2), places)]).T
-    return np.vstack([scores, *_added(scene, places)]).T
+    return np.vstack([score_features(scores, variant), *_added(scene, places)]).T
+
+
+def score_features(scores: Float64, variant: FusionVariant) -> Float64:
+    """Return the features of scores, 0 of missing boxes, in any shape."""
+    if variant != "default":
+        return scores
+    within = np.clip(scores, _MIN_SCORE, 1 - _MIN_SCORE)
+    return np.asarray(np.log(within / (1 - within)))
 
 
 def _layout(boxes: Float64, places: Int) -> list[Float64]:

@@ -4,7 +4,7 @@ boxes of three detectors -- tri-boxes -- features -- network -- three scores for
                          -- mean of the scores of each box -- NMS -- score calibration
 
 The default network predicts how well each box is expected to overlap an object of its class, by which boxes are
-ranked and blended.
+ranked. The boxes of an object are blended by the scores of their detectors, which say more of where a box ends.
 
 Each class is fused by the detectors that know it. The boxes of a class that a single detector knows, or that the network
 was not trained with, keep their scores:
@@ -55,14 +55,12 @@ class RescoredBoxes:
     Attributes:
         detections: (M) boxes in the order of `DetectedScene.merged`.
         tri_boxes: (T, 3) rows of the combined boxes in the detections of each modality, -1 for none.
-        tri_scores: (T, 3) score of each box in its combination; undefined where there is no box.
         best: (M,) combination with the highest score of each box.
         is_fused: (M,) mask of the boxes that the network has rescored.
     """
 
     detections: Detections
     tri_boxes: Int
-    tri_scores: Float64
     best: Int
     is_fused: Bool
 
@@ -131,7 +129,7 @@ class Fusion:
         scores = _mean_of_boxes(flat, tri_scores.ravel(), count)
         best = _best_rows(flat, tri_scores.ravel(), count)
         detections = replace(merged.detections, scores=scores)
-        return RescoredBoxes(detections, rows, tri_scores, best, is_fused)
+        return RescoredBoxes(detections, rows, best, is_fused)
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Return the boxes that suppression keeps, with the combination of each."""
@@ -142,10 +140,11 @@ class Fusion:
         boxes_px = detections.boxes_px
         if self.variant == "default":
             places = scene.merged.places(source_indices)
-            others_px = scene.merged.detections.boxes_px[places]
+            others = scene.merged.detections
+            others_px = others.boxes_px[places]
             is_own, is_present = places == kept[:, None], places >= 0
             is_same = is_own | (is_present & (_overlaps(others_px, is_own) > self.max_iou))
-            boxes_px = _weighted_mean(others_px, is_same, rescored.tri_scores[rows])
+            boxes_px = _weighted_mean(others_px, is_same, others.scores[places])
         columns = scene.merged.columns[kept]
         own_columns = np.where(rescored.is_fused[kept], -1, columns)
         scores = self.calibrations.probabilities(detections.scores, own_columns)

@@ -12,7 +12,7 @@ from perception.errors import UsageError
 from tests.faults import fault
 from tests.train.fusion.toy_rows import toy_rows
 from train.fusion.datamodule import row_tensors
-from train.fusion.gauss_newton import mean_square, normal_equations
+from train.fusion.gauss_newton import mean_square, normal_equations, weighted_entropy
 from train.fusion.network import RescoringMlp
 
 
@@ -47,6 +47,16 @@ def test_the_sums_are_those_of_the_whole_jacobian(variant, hidden):
     torch.testing.assert_close(found.gradient, jacobian.T @ residuals / total)
     torch.testing.assert_close(found.matrix, jacobian.T @ jacobian / total)
     torch.testing.assert_close(mean_square(network, rows), found.mean_square)
+
+
+def test_the_cross_entropy_of_a_bounded_network_is_that_of_its_definition():
+    rows = tensors_of(toy_rows(features=len(FEATURES["default"])))
+    rows[1] = rows[1].clamp(0, 1)
+    network = toy_network((4,), "default")
+    scores = network(rows[0])
+    terms = rows[1] * scores.log() + (1 - rows[1]) * (1 - scores).log()
+    found = weighted_entropy(network, rows)
+    torch.testing.assert_close(found, torch.stack([-(rows[2] * terms).sum(), rows[2].sum()]))
 
 
 def test_the_sums_are_those_of_all_rows_whatever_the_parts(monkeypatch):
