@@ -73,8 +73,7 @@ def _partners(scene: DetectedScene, overlap: Float64, max_partners: int) -> tupl
     by_score = np.argsort(-merged.detections.scores, kind="stable")  # order of equal overlaps
     for column in range(len(MODALITIES)):
         others = by_score[merged.columns[by_score] == column]
-        order = np.argsort(-overlap[:, others], axis=1, kind="stable")[:, :most]
-        best = others[order]
+        best = others[_largest(overlap[:, others], most)]
         is_partner = np.take_along_axis(overlap, best, axis=1) >= 0
         rows = np.where(is_partner, best - merged.starts[column], -1)
         partners[:, column, : rows.shape[1]] = rows
@@ -83,3 +82,11 @@ def _partners(scene: DetectedScene, overlap: Float64, max_partners: int) -> tupl
     partners[own, merged.columns, 0] = own - merged.starts[merged.columns]
     counts[own, merged.columns] = 1
     return partners, counts
+
+
+def _largest(values: Float64, count: int) -> Int:
+    """Return the (M, count) columns of the largest of (M, N) values, the first of equals first; all of fewer."""
+    if count == 1 and values.shape[1]:
+        # A tenth of the time of sorting them all.
+        return np.asarray(values.argmax(axis=1)[:, None])
+    return np.argsort(-values, axis=1, kind="stable")[:, :count]
