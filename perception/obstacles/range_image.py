@@ -11,6 +11,14 @@ from typing import TypeVar, cast
 import cv2
 import numpy as np
 
+from perception.kernels.range_images import (
+    ProjectionNumbers,
+    are_free,
+    nearest_returns,
+    pixels_of,
+    single_beams,
+    visibility_of,
+)
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Int, UInt8
 
@@ -35,7 +43,7 @@ class PointVisibility:
     """Visibility of P places in a scan.
 
     Attributes:
-        states: (P,) `Sight`.
+        states: (P,) `Visibility`.
         gaps_m: (P,) distance in metres from the return before it to an occluded place; 0 for other places.
     """
 
@@ -82,39 +90,22 @@ class SphericalProjection:
         rising = np.linspace(
             sensor.elevations_rad[-1] - step_rad, sensor.elevations_rad[0] + step_rad, _SLOPE_STEPS
         )
-        self._lowest_slope = np.float32(np.tan(rising[0]))
-        self._highest_slope = np.float32(np.tan(rising[-1]))
-        slopes = np.linspace(self._lowest_slope, self._highest_slope, _SLOPE_STEPS)
+        slopes = np.linspace(np.tan(rising[0]), np.tan(rising[-1]), _SLOPE_STEPS)
         nearest = np.interp(-np.arctan(slopes), -sensor.elevations_rad, np.arange(self.rows))
-        self._row_of_slope = np.rint(nearest).astype(np.int32)
+        # The projection as compiled functions take it.
+        self.numbers: tuple[Int, ProjectionNumbers] = (
+            np.rint(nearest).astype(np.int32),
+            (slopes[0], 1 / (slopes[1] - slopes[0]), 1 / self.column_step_rad, self.columns),
+        )
         self.blocks = [
             (max(1, int(np.ceil(2**level * self.column_step_rad / step_rad))), 2**level)
             for level in range(_LEVELS)
         ]
-        self._level_0_from_m = np.float32(tolerance_m / self.column_step_rad)
+        self.level_0_from_m = tolerance_m / self.column_step_rad
 
     def pixels(self, points_velo: Float32) -> RangeImagePixels:
         """Find the pixels of (P, 3+) points in the sensor's frame."""
-        x, y, z = np.ascontiguousarray(points_velo[:, :3].T)
-        polar = cv2.cartToPolar(x, y) if len(x) else (x, y)  # OpenCV returns nothing for nothing
-        across, azimuth_rad = (part.ravel() for part in polar)
-        slope = z / np.maximum(across, np.float32(1e-3))
-        scale = np.float32((_SLOPE_STEPS - 1) / (self._highest_slope - self._lowest_slope))
-        step = (slope - self._lowest_slope) * scale
-        return RangeImagePixels(
-            rows=self._row_of_slope[np.clip(step, 0, _SLOPE_STEPS - 1).astype(np.int32)],
-            columns=np.minimum(
-                (azimuth_rad * np.float32(1 / self.column_step_rad)).astype(np.int32),
-                self.columns - 1,
-            ),
-            ranges_m=np.sqrt(across * across + z * z),
-            is_in_view=(step >= 0) & (step <= _SLOPE_STEPS - 1),
-        )
-
-    def levels(self, ranges_m: Float32) -> Int:
-        """Return (P,) the block level that spans the tolerance at each range."""
-        finer = self._level_0_from_m / np.maximum(ranges_m, np.float32(1e-3))
-        return np.searchsorted(2.0 ** np.arange(_LEVELS - 1), finer).astype(np.int32)
+        return RangeImagePixels(*pixels_of(_contiguous(points_velo), *self.numbers))
 
 
 class RangeImage:
@@ -122,11 +113,7 @@ class RangeImage:
 
     def __init__(self, points_velo: Float32, projection: SphericalProjection) -> None:
         """Make the image of a scan; points outside the sensor's elevations are left out."""
-        pixels = projection.pixels(points_velo)
-        cells = (pixels.rows * projection.columns + pixels.columns)[pixels.is_in_view]
-        flat = np.full(projection.rows * projection.columns, _NOTHING, np.float32)
-        np.minimum.at(flat, cells, pixels.ranges_m[pixels.is_in_view])
-        ranges = flat.reshape(projection.rows, projection.columns)
+        ranges = nearest_returns(_contiguous(points_velo), *projection.numbers, projection.rows)
         self._projection = projection
         self._nearest = _block_minima(ranges, projection.blocks)
         self._framed = _framed(ranges)
@@ -147,28 +134,27 @@ class RangeImage:
             margin_m: Distance in metres by which a beam must go farther to have passed, and within which it must end
                 to have hit.
         """
-        at = self._projection.pixels(points_velo)
-        margin = np.float32(margin_m)
-        pixel = self._framed_pixels(at)
-        beam = self._framed.ravel().take(pixel)
-        states = np.where(beam < at.ranges_m - margin, np.uint8(Visibility.OCCLUDED), np.uint8(0))
-        states[self._is_passed(at, margin)] = Visibility.FREE
-        states[self._ends_near(pixel, at.ranges_m, margin)] = Visibility.HIT
-        states[~at.is_in_view] = Visibility.UNKNOWN
-        gaps_m = np.where(states == Visibility.OCCLUDED, at.ranges_m - beam, np.float32(0))
+        projection = self._projection
+        states, gaps_m = visibility_of(
+            _contiguous(points_velo),
+            *projection.numbers,
+            self._nearest,
+            self._framed,
+            projection.level_0_from_m,
+            margin_m,
+        )
         return PointVisibility(states, gaps_m)
 
     def is_free(self, points_velo: Float32, margin_m: float) -> Bool:
         """Return which (P, 3+) places are free, as `visibility` has it."""
-        at = self._projection.pixels(points_velo)
-        return self._is_passed(at, np.float32(margin_m)) & at.is_in_view
-
-    def _is_passed(self, at: RangeImagePixels, margin_m: np.float32) -> Bool:
-        """Return where every beam of the block around ended farther away."""
-        pixel = at.rows * self._projection.columns + at.columns
-        level = self._projection.levels(at.ranges_m)
-        around = self._nearest.ravel().take(level * self._nearest.shape[1] + pixel)
-        return np.asarray((around > at.ranges_m + margin_m) & (around < _NOTHING))
+        projection = self._projection
+        return are_free(
+            _contiguous(points_velo),
+            *projection.numbers,
+            self._nearest,
+            projection.level_0_from_m,
+            margin_m,
+        )
 
     def returns(self, points_velo: Float32, margin_m: float) -> tuple[Bool, Bool]:
         """Return at which (P, 3+) places a beam ended, and beyond which one did, among the beams next to them.
@@ -176,35 +162,17 @@ class RangeImage:
         Unlike `visibility`, single beams count: those that pass between leaves or the wires of a fence. Returns of
         what moved do not.
         """
-        at = self._projection.pixels(points_velo)
-        pixel, beams, is_moving = (
-            self._framed_pixels(at),
-            self._framed.ravel(),
-            self._is_moving.ravel(),
+        return single_beams(
+            _contiguous(points_velo),
+            *self._projection.numbers,
+            self._framed,
+            self._is_moving,
+            margin_m,
         )
-        margin, ended, passed = np.float32(margin_m), *np.zeros((2, len(pixel)), bool)
-        for step in self._neighbours:
-            beyond_m = beams.take(pixel + step) - at.ranges_m
-            ended |= (np.abs(beyond_m) < margin) & ~is_moving.take(pixel + step)
-            passed |= (beyond_m >= margin) & (beyond_m < _NOTHING)
-        return ended & at.is_in_view, passed & at.is_in_view
 
-    def _framed_pixels(self, at: RangeImagePixels) -> Int:
-        """Return the pixels of the padded image."""
-        return np.asarray((at.rows + 1) * self._framed.shape[1] + at.columns + 1)
 
-    @property
-    def _neighbours(self) -> tuple[int, ...]:
-        """Offsets of the 3 x 3 pixels around one."""
-        width = self._framed.shape[1]
-        return tuple(row + column for row in (-width, 0, width) for column in (-1, 0, 1))
-
-    def _ends_near(self, pixel: Int, ranges_m: Float32, margin_m: np.float32) -> Bool:
-        """Return where a return in the 3 x 3 pixels around lies within the margin."""
-        beams, is_hit = self._framed.ravel(), np.zeros(len(pixel), bool)
-        for step in self._neighbours:
-            is_hit |= np.abs(beams.take(pixel + step) - ranges_m) < margin_m
-        return is_hit
+def _contiguous(points: Float32) -> Float32:
+    return np.ascontiguousarray(points, np.float32)
 
 
 def _framed(image: Image) -> Image:

@@ -102,7 +102,8 @@ def test_the_nearest_return_of_a_block_is_the_one_a_loop_finds():
     image, at = RangeImage(points, PROJECTION), PROJECTION.pixels(points)
     places = rng.normal(0, 6, (60, 3)).astype(np.float32)
     target = PROJECTION.pixels(places)
-    levels = PROJECTION.levels(target.ranges_m)
+    finer = PROJECTION.level_0_from_m / target.ranges_m
+    levels = np.searchsorted([1.0, 2.0, 4.0], finer)
     for place in range(len(places)):
         rows, columns = PROJECTION.blocks[levels[place]]
         turn = np.abs(at.columns - target.columns[place])

@@ -1,0 +1,83 @@
+"""Compiled functions of range images, beside references in NumPy."""
+
+import numpy as np
+import pytest
+
+from perception.kernels.range_images import nearest_returns, pixels_of, single_beams, visibility_of
+
+COLUMNS, ROWS = 90, 6
+SLOPES = np.repeat(np.arange(ROWS, dtype=np.int32)[::-1], 4)
+PROJECTION = (-0.6, 20.0, COLUMNS / (2 * np.pi), COLUMNS)
+
+
+def scattered(count: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0, (8, 8, 2), (count, 3)).astype(np.float32)
+
+
+def reference_pixels(points: np.ndarray) -> tuple[np.ndarray, ...]:
+    x, y, z = points.T.astype(np.float64)
+    across = np.hypot(x, y)
+    step = (z / np.maximum(across, 1e-3) + 0.6) * 20.0
+    rows = SLOPES[np.clip(step, 0, len(SLOPES) - 1).astype(int)]
+    columns = np.minimum((np.arctan2(y, x) % (2 * np.pi)) * PROJECTION[2], COLUMNS - 1).astype(int)
+    return rows, columns, np.hypot(across, z), (step >= 0) & (step <= len(SLOPES) - 1)
+
+
+def test_pixels_equal_the_reference() -> None:
+    points = scattered(5000)
+    rows, columns, ranges_m, is_in_view = pixels_of(points, SLOPES, PROJECTION)
+    expected = reference_pixels(points)
+    # In single precision a point at the border of two pixels may fall into either.
+    assert (rows != expected[0]).mean() < 1e-3
+    assert (columns != expected[1]).mean() < 1e-3
+    np.testing.assert_allclose(ranges_m, expected[2], rtol=1e-6)
+    assert (is_in_view != expected[3]).mean() < 1e-3
+
+
+@pytest.mark.parametrize("angle_rad", np.linspace(0.01, 6.27, 40))
+def test_columns_go_once_around(angle_rad: float) -> None:
+    point = 9 * np.array([[np.cos(angle_rad), np.sin(angle_rad), 0]], np.float32)
+    _, columns, _, _ = pixels_of(point, SLOPES, (-0.6, 20.0, 1e3, 10_000))
+    assert abs(columns[0] - 1e3 * angle_rad) < 1.1
+
+
+def test_a_point_at_the_origin_has_a_pixel() -> None:
+    rows, columns, ranges_m, _ = pixels_of(np.zeros((1, 3), np.float32), SLOPES, PROJECTION)
+    assert (columns[0], ranges_m[0]) == (0, 0)
+    assert 0 <= rows[0] < ROWS
+
+
+def test_the_nearest_return_of_each_pixel_is_kept() -> None:
+    points = scattered(3000)
+    rows, columns, ranges_m, is_in_view = pixels_of(points, SLOPES, PROJECTION)
+    expected = np.full((ROWS, COLUMNS), np.inf, np.float32)
+    np.minimum.at(expected, (rows[is_in_view], columns[is_in_view]), ranges_m[is_in_view])
+    np.testing.assert_array_equal(nearest_returns(points, SLOPES, PROJECTION, ROWS), expected)
+
+
+def framed(image: np.ndarray) -> np.ndarray:
+    return np.pad(np.pad(image, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
+
+
+def test_single_beams_and_hits_equal_the_reference() -> None:
+    beams_m = framed(nearest_returns(scattered(2000), SLOPES, PROJECTION, ROWS))
+    is_moving = framed(np.random.default_rng(1).random((ROWS, COLUMNS)) < 0.3)
+    places = scattered(500, seed=2)
+    ended, passed = single_beams(places, SLOPES, PROJECTION, beams_m, is_moving, 0.3)
+    rows, columns, ranges_m, is_in_view = pixels_of(places, SLOPES, PROJECTION)
+    around = [(i, j) for i in range(3) for j in range(3)]
+    beyond_m = np.stack([beams_m[rows + i, columns + j] - ranges_m for i, j in around])
+    moves = np.stack([is_moving[rows + i, columns + j] for i, j in around])
+    is_near = np.abs(beyond_m) < np.float32(0.3)
+    expected = (is_near & ~moves).any(axis=0) & is_in_view
+    np.testing.assert_array_equal(ended, expected)
+    is_beyond = (beyond_m >= np.float32(0.3)) & np.isfinite(beyond_m)
+    np.testing.assert_array_equal(passed, is_beyond.any(axis=0) & is_in_view)
+
+    minima = np.full((4, ROWS * COLUMNS), -1, np.float32)  # nothing is free
+    states, gaps_m = visibility_of(places, SLOPES, PROJECTION, minima, beams_m, 30.0, 0.3)
+    is_hit = is_near.any(axis=0) & is_in_view
+    np.testing.assert_array_equal(states == 2, is_hit)
+    is_occluded = (beyond_m[4] < -np.float32(0.3)) & is_in_view & ~is_hit
+    np.testing.assert_array_equal(states == 3, is_occluded)
+    np.testing.assert_allclose(gaps_m, np.where(is_occluded, -beyond_m[4], 0))
