@@ -17,7 +17,11 @@ from data.open_drive import open_drive, open_drives
 from data.samples.config import TrainingDrives
 from data.samples.epoch_samplers import ContiguousDistributedSampler, SampleIndex, ShuffledSampler
 from data.samples.images.augmentation import augment
-from data.samples.images.config import ImageAugmentationConfig, ImageDataConfig
+from data.samples.images.config import (
+    GeometricConfig,
+    ImageAugmentationConfig,
+    ImageDataConfig,
+)
 from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset, collate
 from data.samples.images.input_images import ImageConfig
@@ -92,6 +96,21 @@ def test_a_view_is_reproducible_and_differs_from_others(
     assert not torch.equal(first["images"], other["images"])
     reseeded = ImageDataset(dataset.frames, np.arange(5), ImageAugmentationConfig(), seed=4)
     assert not torch.equal(first["images"], reseeded[SampleIndex(0, (1, 5))]["images"])
+
+
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_crops_are_narrower_views_with_their_targets(
+    make_images: Callable[..., LabelledImages], modality: Modality
+):
+    cropped = ImageAugmentationConfig(geometric=GeometricConfig(crop=0.5))
+    dataset = ImageDataset(make_images(modality), np.arange(5), cropped, seed=3)
+    views = [dataset[SampleIndex(row, (1, row))] for row in range(5)]
+    assert collate(views)["images"].shape[-2:] == (96, 160)
+    boxes_px = torch.cat([view["boxes_px"] for view in views])
+    assert len(boxes_px) > 0
+    assert boxes_px[:, [0, 2]].min() >= 0
+    assert boxes_px[:, [0, 2]].max() <= 160
+    assert dataset[0]["images"].shape[-2:] == (96, 320)
 
 
 @pytest.mark.parametrize("modality", MODALITIES)
