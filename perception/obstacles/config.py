@@ -148,6 +148,9 @@ class MovingClusterConfig:
         min_voxels_near_moving: The same next to voxels that moved in the scan before.
         near_moving_m: Largest distance in metres to voxels that moved in the scan before; 0.5 m is 5 m/s at 10 Hz.
         min_appeared_ratio: Smallest share of a moving cluster's voxels that appeared in free space, 0 to 1.
+        min_observations: Smallest number of observations of its voxels that appeared, over the scans of the horizon, of
+            a cluster that begins to move.
+        min_solid_voxels: Number of voxels that appeared from which on a cluster is no part of a fence or hedge around.
         max_returned_ratio: Largest share of the scans of the horizon, of those that saw a place that appeared, with a
             return from it before another beam passed: more is a fence or leaves, 0 to 1.
         max_returned_ratio_near_moving: The same next to voxels that moved in the scan before.
@@ -158,6 +161,8 @@ class MovingClusterConfig:
         departed_gap_m: Largest distance in metres, extrapolated to now, between a cluster and the departed object
             before it that is the cluster itself.
         whole_object_ratio: Share of an object's voxels that move from which on all of it moves, 0 to 1.
+        whole_vehicle_m: Length in metres of the moving part of an object from which on it is a vehicle, not a person.
+        person_margin_m: Largest distance in metres from the moving part of a person to the rest.
     """
 
     # Fewer than 10 voxels may be glass that returns only now and then. Cells of 25 cm keep a pedestrian's legs together.
@@ -166,6 +171,8 @@ class MovingClusterConfig:
     min_voxels_near_moving: int = 4
     near_moving_m: float = 0.5
     min_appeared_ratio: float = 0.1
+    min_observations: int = 40
+    min_solid_voxels: int = 30
     max_returned_ratio: float = 0.1
     max_returned_ratio_near_moving: float = 0.2
     stopped_ratio: float = 0.95
@@ -173,6 +180,8 @@ class MovingClusterConfig:
     clear_age_s: float = 0.5
     departed_gap_m: float = 1.0
     whole_object_ratio: float = 0.5
+    whole_vehicle_m: float = 2.0
+    person_margin_m: float = 0.3
 
 
 @dataclass(frozen=True)

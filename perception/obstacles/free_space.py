@@ -2,14 +2,21 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from perception.geometry import se3
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
+from perception.obstacles.voxels import Keys, is_among
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, UInt8
+
+# Wires and leaves return now here, now there, but always from the same columns. Only the older half of the horizon tells
+# them from what comes: its own bumper is in the column of its windscreen a moment before.
+_COLUMN_M = np.array([0.2, 0.2, 1.0])
+_COLUMNS_ACROSS, _COLUMNS_UP = 2**24, 2**16
+_OLD_RATIO = 0.5
 
 
 @dataclass(frozen=True)
@@ -18,10 +25,13 @@ class PastReturns:
 
     Attributes:
         left: (P,) number of scans in which a beam ended at the place that another beam passed later.
-        visible: (P,) number of scans in which a beam ended there or passed.
+        passed_in_column: (P,) number of scans in which a beam passed at the place, between others that ended above or
+            below at something static; of the older half, and 0 where no queried scan saw free space.
+        visible: (P,) number of scans in which a beam ended at the place or passed.
     """
 
     left: Int
+    passed_in_column: Int
     visible: Int
 
 
@@ -48,8 +58,17 @@ class VisibilityHistory:
 
 @dataclass(frozen=True)
 class _PastScan:
+    """A scan of the horizon.
+
+    Attributes:
+        image: Its range image.
+        world_SE3_velo: (4, 4) pose of the scan.
+        static_columns: (C,) rising keys of the columns that held something static.
+    """
+
     image: RangeImage
     world_SE3_velo: Float64
+    static_columns: Keys
 
 
 class FreeSpaceMemory:
@@ -76,15 +95,24 @@ class FreeSpaceMemory:
 
     def push(self, points_velo: Float32, world_SE3_velo: Float64) -> None:
         """Add the newest scan; the oldest drops out."""
-        self._scans.append(_PastScan(RangeImage(points_velo, self._projection), world_SE3_velo))
+        image = RangeImage(points_velo, self._projection)
+        self._scans.append(_PastScan(image, world_SE3_velo, np.zeros(0, np.int64)))
 
     def clear(self) -> None:
         """Forget all scans."""
         self._scans.clear()
 
-    def mark_moving(self, points_velo: Float32) -> None:
-        """Remember which (P, 3) returns of the newest scan are of something that moves."""
-        self._scans[-1].image.mark_moving(points_velo)
+    def classify(self, moving_velo: Float32, static_velo: Float32) -> None:
+        """Remember what of the newest scan moves, and what does not.
+
+        Args:
+            moving_velo: (M, 3) returns of what moves.
+            static_velo: (S, 3) places of static obstacles, one of each voxel.
+        """
+        newest = self._scans[-1]
+        newest.image.mark_moving(moving_velo)
+        columns = np.unique(_columns(static_velo, newest.world_SE3_velo))
+        self._scans[-1] = replace(newest, static_columns=columns)
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
@@ -118,20 +146,32 @@ class FreeSpaceMemory:
             was_hit,
             was_behind_departed,
             gaps_m,
-            lambda rows: self._past_returns(points_velo[rows]),
+            lambda rows: self._past_returns(points_velo[rows], np.any(was_free[:, rows], axis=0)),
         )
 
-    def _past_returns(self, points_velo: Float32) -> PastReturns:
-        """Count all scans of the horizon by what they saw at (P, 3) places of the newest, the youngest first."""
-        left, visible = np.zeros((2, len(points_velo)), np.int64)
+    def _past_returns(self, points_velo: Float32, was_free: Bool) -> PastReturns:
+        """Count all scans of the horizon by what they saw at (P, 3) places of the newest, the youngest first.
+
+        Args:
+            points_velo: (P, 3) places in the frame of the newest scan.
+            was_free: (P,) whether a queried scan saw free space there; only then does the column count.
+        """
+        left, passed_in_column, visible = np.zeros((3, len(points_velo)), np.int64)
         was_empty = np.zeros(len(points_velo), bool)
-        for age in range(1, self._oldest_age() + 1):
+        columns = _columns(points_velo, self._scans[-1].world_SE3_velo)
+        oldest = self._oldest_age()
+        for age in range(1, oldest + 1):
+            scan = self._scans[-1 - age]
             points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-            ends, passes = self._scans[-1 - age].image.returns(points_past, self._margin_m)
+            ends, passes = scan.image.returns(points_past, self._margin_m)
+            is_passed = passes & ~ends
             left += ends & was_empty
+            if age >= max(_OLD_RATIO * oldest, 3):
+                is_in_column = is_among(columns, scan.static_columns)
+                passed_in_column += was_free & is_passed & is_in_column
             visible += ends | passes
-            was_empty |= passes & ~ends
-        return PastReturns(left, visible)
+            was_empty |= is_passed
+        return PastReturns(left, passed_in_column, visible)
 
     def _past_SE3_newest(self, age: int) -> Float64:
         return se3.inverse(self._scans[-1 - age].world_SE3_velo) @ self._scans[-1].world_SE3_velo
@@ -154,6 +194,13 @@ class FreeSpaceMemory:
         ]
         # At a speed beyond the limit, the scan before is still the best one.
         return min(max(usable[-1], 1), len(self._scans) - 1)
+
+
+def _columns(points_velo: Float32, world_SE3_velo: Float64) -> Keys:
+    """Return the (P,) key of the column in the world that holds each of (P, 3) points."""
+    points_world = points_velo @ world_SE3_velo[:3, :3].T + world_SE3_velo[:3, 3]
+    x, y, z = np.floor(points_world / _COLUMN_M).astype(np.int64).T
+    return np.asarray((x * _COLUMNS_ACROSS + y) * _COLUMNS_UP + z)
 
 
 def _shorten(points: Float32, by_m: Float32) -> Float32:

@@ -90,7 +90,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         moves = moving_voxels(places, history, before, self._config.moving_clusters, self._gap_m)
         moves |= self._moving_bodies(places, history, before, moves)
         self._moved_before, self._world_SE3_before = places[moves], pose
-        self._memory.mark_moving(above_ground.points_velo[moves[voxels.group_of]])
+        self._memory.classify(above_ground.points_velo[moves[voxels.group_of]], places[~moves])
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
         static = voxelized.static_map.update(

@@ -98,10 +98,14 @@ def moving_voxels(
     evidence = np.flatnonzero(moves[cluster] & (votes.appeared | votes.uncovered))
     past = history.past_returns(evidence)
     left = np.bincount(cluster[evidence], past.left, clusters)
+    in_columns = np.bincount(cluster[evidence], past.passed_in_column, clusters)
+    returned = left + in_columns * (count_by_cluster(votes.appeared) < config.min_solid_voxels)
     visible = np.bincount(cluster[evidence], past.visible, clusters)
     tolerated = np.where(goes_on, config.max_returned_ratio_near_moving, config.max_returned_ratio)
-    moves &= left <= tolerated * visible
-    return _complete(columns, np.asarray(moves[cluster]), config.whole_object_ratio)
+    moves &= (returned <= tolerated * visible) & (
+        goes_on | (leaves > 0) | (visible >= config.min_observations)
+    )
+    return _complete(centers_m, columns, moves[cluster], np.all(history.was_hit, axis=0), config)
 
 
 def occupied_clusters(centers_m: Float, cell_m: float) -> Int:
@@ -174,12 +178,50 @@ def _cluster_appeared(
     return columns.join(columns.count(~persisted) > static * static_weight, static == 0, gap_m)
 
 
-def _complete(columns: _VoxelColumns, moves: Bool, whole_object_ratio: float) -> Bool:
-    """Extend motion to the whole object where most of it moves: the side of a slow car fills the place it filled before."""
+def _complete(
+    centers_m: Float,
+    columns: _VoxelColumns,
+    moves: Bool,
+    was_always_hit: Bool,
+    config: MovingClusterConfig,
+) -> Bool:
+    """Extend motion to the whole object where much of it moves: the side of a slow car fills the place it filled before.
+
+    What moves and is short is a person, who reaches little farther: the bush that he passes lies beyond, and the post
+    that he touches was hit in every queried scan.
+    """
     occupied = columns.count(np.ones(len(moves), bool)) > 0
     whole = columns.join(occupied, ~occupied, gap_m=0.0)
     share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
-    return np.asarray(moves | (share[whole] >= whole_object_ratio))
+    completed = moves.copy()
+    for number in np.flatnonzero((share >= config.whole_object_ratio) & (share < 1)):
+        rows = np.flatnonzero(whole == number)
+        outline = _Rectangle.around(centers_m[rows[moves[rows]], :2])
+        is_person = 2 * outline.half_m.max() < config.whole_vehicle_m
+        reach_m = config.person_margin_m if is_person else np.inf
+        is_part = outline.contains(centers_m[rows, :2], reach_m)
+        completed[rows] |= is_part & ~(was_always_hit[rows] & is_person)
+    return completed
+
+
+@dataclass(frozen=True)
+class _Rectangle:
+    """The smallest rectangle around places on the ground plane, as its middle, its two axes and half their lengths."""
+
+    middle_m: Float64
+    axes: Float64
+    half_m: Float64
+
+    @classmethod
+    def around(cls, places_m: Float) -> "_Rectangle":
+        middle_m, sides_m, angle_deg = cv2.minAreaRect(places_m.astype(np.float32))
+        cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+        return cls(np.array(middle_m), np.array([[cos, sin], [-sin, cos]]), np.array(sides_m) / 2)
+
+    def contains(self, places_m: Float, margin_m: float) -> Bool:
+        """Return which (P, 2) places lie within the margin around the rectangle."""
+        away_m = np.abs((places_m - self.middle_m) @ self.axes.T) - self.half_m
+        return np.asarray((away_m <= margin_m).all(axis=1))
 
 
 def _is_own_departure(

@@ -12,10 +12,11 @@ AGES_S = np.array([0.5, 1.0, 1.5])
 NOWHERE = np.zeros((0, 3), np.float32)
 
 
-def history(*states, ages_s=AGES_S, gaps_m=None, left=0):
+def history(*states, ages_s=AGES_S, gaps_m=None, left=0, in_column=0, visible=10):
     """Build a history from one word a voxel: F free, H hit, L behind a leaver, - unknown; newest first.
 
-    Of 10 scans that saw a voxel, `left` have a return from it before a beam passed.
+    Of `visible` scans that saw a voxel, `left` have a return from it before a beam passed, and `in_column` one above
+    or below it.
     """
     letters = np.array([list(word) for word in states]).T
     gaps = np.zeros(letters.shape, np.float32) if gaps_m is None else np.float32(gaps_m)
@@ -25,7 +26,11 @@ def history(*states, ages_s=AGES_S, gaps_m=None, left=0):
         letters == "H",
         letters == "L",
         gaps,
-        lambda rows: PastReturns(np.broadcast_to(left, len(states))[rows], np.full(len(rows), 10)),
+        lambda rows: PastReturns(
+            np.broadcast_to(left, len(states))[rows],
+            np.full(len(rows), in_column),
+            np.full(len(rows), visible),
+        ),
     )
 
 
@@ -97,8 +102,8 @@ def test_only_the_voxels_that_appeared_tell_a_fence():
 
 
 def test_a_slow_car_s_side_moves_with_its_front():
-    places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(6)])
-    appeared = ["FFF"] * 24 + ["HHH"] * 12
+    places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(16)])
+    appeared = ["FFF"] * 60 + ["HHH"] * 36
     assert moving_voxels(places, history(*appeared), NOWHERE, CONFIG, gap_m=0.2).all()
 
 
@@ -110,6 +115,31 @@ def test_a_walker_does_not_make_the_wall_beside_him_move():
         *[False] * 72,
         *[True] * 14,
     ]
+
+
+@pytest.mark.parametrize(
+    ("voxels", "in_column", "expected"),
+    [(12, 1, True), (12, 2, False), (40, 2, True)],
+    ids=["once", "a few wires", "too solid for wires"],
+)
+def test_a_few_voxels_between_wires_do_not_move(voxels, in_column, expected):
+    assert moves("FFF", voxels=voxels, in_column=in_column).tolist() == [expected] * voxels
+
+
+def test_what_begins_to_move_has_been_observed_often_enough():
+    assert not moves("FFF", visible=3).any()
+    assert moves("FFF", visible=4).all()
+    assert moves("FFF", visible=3, before=column(5.0, 0.2, 3)).all()
+
+
+def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
+    walker, leg, post = column(5.0, 0.0, 20), column(4.75, 0.0, 8), column(5.3, 0.0, 8)
+    bush = np.vstack([column(5.0, y, 1) for y in (0.25, 0.5, 0.75)])
+    states = history(*["FFF"] * 20, *["HFH"] * 8, *["HHH"] * 8, *["HFH"] * 3)
+    moving = moving_voxels(np.vstack([walker, leg, post, bush]), states, NOWHERE, CONFIG, gap_m=0.2)
+    assert moving[:28].all()
+    assert not moving[28:36].any()
+    assert moving[36:].tolist() == [True, False, False]
 
 
 def test_without_history_nothing_moves():

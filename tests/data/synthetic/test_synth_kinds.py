@@ -86,7 +86,7 @@ def test_bushes_do_not_grow_over_the_road():
 
 
 @pytest.mark.parametrize("amount", ["trimmed", "structures", "enclosures"])
-def test_nothing_large_stands_in_a_parking_lot(amount):
+def test_a_parking_lot_holds_nothing_large(amount):
     road, lot = Road(RoadShape(curvature_1_m=0.0)), ParkingLot(40.0, 30.0, 1)
     parts = clutter.place_clutter(
         road,
