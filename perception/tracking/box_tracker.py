@@ -57,6 +57,7 @@ class BoxTracker:
             new = self._update_with_moving(moving.moved(world_SE3_velo), sensor_m)
             self._update_with_static(static.moved(world_SE3_velo), sensor_m)
             self._init_tracks(new, sensor_m)
+            self._join_tracks()
             self._delete_tracks(world_SE3_velo)
         return self._report(self._stamp_s, world_SE3_velo)
 
@@ -157,12 +158,33 @@ class BoxTracker:
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
         self._next_id += len(clusters)
 
-    def _delete_tracks(self, world_SE3_velo: Float64) -> None:
-        """Delete the tracks that are unseen for too long or beyond the area, and doubled ones."""
+    def _join_tracks(self) -> None:
+        """Join the tracks of one object: the larger box goes on, by the older id where both moved alike."""
         tracks = self._tracks
-        is_doubled = self._is_inside(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
-        is_doubled &= tracks.ids[:, None] < tracks.ids
-        goes_on = is_alive(tracks, self._stamp, self._config.lifecycle) & ~is_doubled.any(axis=0)
+        is_within = self._is_inside(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
+        areas_m2 = likely_sizes_m(tracks, self._config.size).prod(axis=1)
+        goes_on = np.ones(len(tracks), bool)
+        for older, younger in zip(*np.nonzero(np.triu(is_within | is_within.T, 1)), strict=True):
+            is_part = is_within[younger, older] and areas_m2[younger] > areas_m2[older]
+            moves_alike = motion_model.moves_alike(
+                tracks.states, older, younger, self._config.motion
+            )
+            if not goes_on[older] or not goes_on[younger]:
+                continue
+            if is_part and moves_alike and tracks.is_confirmed[older]:
+                at = np.array([older])
+                whole = replace(tracks[np.array([younger])], ids=tracks.ids[at])
+                tracks, goes_on[younger] = tracks.replaced(at, whole), False
+            elif is_part and is_within[older, younger]:
+                goes_on[older] = False
+            elif is_within[older, younger]:
+                goes_on[younger] = False
+        self._tracks = tracks[goes_on]
+
+    def _delete_tracks(self, world_SE3_velo: Float64) -> None:
+        """Delete the tracks that are unseen for too long or beyond the area."""
+        tracks = self._tracks
+        goes_on = is_alive(tracks, self._stamp, self._config.lifecycle)
         if self._area is not None:
             positions_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
             positions_velo = se3.transform_points(se3.inverse(world_SE3_velo), positions_m)

@@ -47,7 +47,8 @@ class HeadingConfig:
         front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
         max_deviation_rad: Maximum standard deviation of a course that is used.
         course_deviation_rad: Standard deviation of the heading from the course.
-        shape_deviation_rad: Standard deviation of the heading from the axis of the outline's rectangle.
+        shape_deviation_rad: Standard deviation of the heading from the axis of the outline's rectangle, of a car.
+        car_length_m: Length of an outline from which on its axis is more certain, by the square of the length.
         shape_length_m: Minimum length of an outline whose axis is used.
         face_width_m: Range of widths of fronts and rears, from the smallest car to a van.
         unsettled_variance: Variance (rad²) above which a heading is replaced rather than corrected.
@@ -61,6 +62,7 @@ class HeadingConfig:
     max_deviation_rad: float = 0.5
     course_deviation_rad: float = 0.06
     shape_deviation_rad: float = 0.2
+    car_length_m: float = 5.2
     shape_length_m: float = 1.5
     face_width_m: tuple[float, float] = (1.3, 2.2)
     unsettled_variance: float = 0.3
@@ -101,7 +103,7 @@ class SizeEstimateConfig:
     min_width_m: float = 0.6
     growth_gain: float = 0.25
     shrink_gain: float = 0.03
-    max_size_m: tuple[float, float] = (12.0, 3.0)
+    max_size_m: tuple[float, float] = (20.0, 3.2)
     height_gain: float = 0.3
 
 

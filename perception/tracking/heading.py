@@ -108,11 +108,17 @@ def update_from_shape(tracks: TrackTable, clusters: Footprints, config: HeadingC
     """
     shape_rad = yaws_of_shape(clusters)
     low_m, high_m = clusters.extents_m(shape_rad)
-    has_shape = (high_m - low_m)[:, 0] >= config.shape_length_m
+    length_m = (high_m - low_m)[:, 0]
+    has_shape = length_m >= config.shape_length_m
+    # The rounded and hidden corners of a rectangle turn its axis the less, the longer and slimmer it is.
+    shape_variance = (
+        config.shape_deviation_rad
+        * (config.car_length_m / np.maximum(length_m, config.car_length_m)) ** 2
+    ) ** 2
     off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
     # A heading without a course is that of the last rectangle, and as good as this one.
-    known = np.minimum(tracks.yaw_variance, config.shape_deviation_rad**2)
-    gain = has_shape * (known / (known + config.shape_deviation_rad**2))
+    known = np.minimum(tracks.yaw_variance, shape_variance)
+    gain = has_shape * (known / (known + shape_variance))
     yaw_rad = tracks.yaw_rad + gain * off_rad
     # Which of the four it is stays unknown until the object moves.
     is_settled = tracks.yaw_variance <= config.unsettled_variance

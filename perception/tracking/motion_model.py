@@ -93,3 +93,10 @@ def squared_distances(states: Gaussians, centers_m: Float64, noise: Float64) -> 
 def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
     """Correct each state by one centre (T, 2) with its noise (T, 2, 2)."""
     return kalman.update(states, centers_m, _OBSERVATION, noise)
+
+
+def moves_alike(states: Gaussians, first: int, second: int, model: MotionModelConfig) -> bool:
+    """Return whether two of T states have one velocity, within their uncertainty."""
+    apart_m_s = states.mean[first, 2:] - states.mean[second, 2:]
+    covariance = states.covariance[first, 2:, 2:] + states.covariance[second, 2:, 2:]
+    return bool(apart_m_s @ np.linalg.solve(covariance, apart_m_s) <= model.gate)

@@ -235,3 +235,59 @@ def test_from_its_first_report_on_a_vehicle_heads_where_it_goes(speed_m_s):
         ahead = tracks.velocities_m_s[:, 0] * np.cos(tracks.boxes.yaw_rad)
         assert (ahead > 0).all()
     assert reported >= 5
+
+
+LORRY = (10.7, 2.6, 3.2)
+
+
+def test_a_lorry_beside_the_sensor_keeps_its_heading_and_its_id():
+    drive, rng = Drive(), np.random.default_rng(2)
+    for step in range(60):
+        cloud = sides(-4.0 + 0.25 * step, 3.5, 0.0, LORRY)
+        cloud[:, :2] += rng.normal(0, 0.05, (len(cloud), 2))
+        cloud[: len(cloud) // 8, 1] += 0.3  # a mirror, or an open tailboard
+        tracks = drive.scan(cloud)
+        if step > 10:
+            assert tracks.ids.tolist() == [0]
+            assert abs(tracks.boxes.yaw_rad[0]) < 0.05
+            near_side_m = tracks.boxes.bottom_m[0, 1] - tracks.boxes.size_m[0, 1] / 2
+            assert near_side_m == pytest.approx(2.2, abs=0.3)
+
+
+def test_a_part_that_turns_out_to_be_of_a_long_body_gives_it_its_id():
+    drive = Drive()
+    for step in range(40):
+        x_m = 4.0 + 0.2 * step
+        whole = sides(x_m, 4.5, 0.0, LORRY)
+        part = whole[whole[:, 0] < x_m - LORRY[0] / 2 + 2.0]
+        tracks = drive.scan(part if step < 12 else whole)
+        if step > 5:
+            assert set(tracks.ids.tolist()) <= {0, 1}
+    assert tracks.ids.tolist() == [0]
+    assert tracks.boxes.size_m[0, 0] == pytest.approx(10.7, abs=0.6)
+
+
+def test_a_tram_is_as_long_as_it_is():
+    drive = Drive()
+    for step in range(30):
+        tracks = drive.scan(sides(3.0 + 0.3 * step, 5.0, 0.0, (18.8, 2.5, 3.5)))
+    assert tracks.ids.tolist() == [0]
+    assert tracks.boxes.size_m[0, 0] == pytest.approx(18.8, abs=0.6)
+
+
+def test_two_lorries_in_a_row_stay_two():
+    drive = Drive()
+    for step in range(30):
+        x_m = -6.0 + 0.25 * step
+        tracks = drive.scan(sides(x_m, 4.5, 0.0, LORRY), sides(x_m + 13.0, 4.5, 0.0, LORRY))
+    assert tracks.ids.tolist() == [0, 1]
+
+
+def test_a_car_that_leaves_the_shadow_of_a_lorry_has_its_own_id():
+    drive = Drive()
+    for step in range(30):
+        lorry = sides(6.0 + 0.1 * step, 3.5, 0.0, LORRY)
+        car = sides(9.0 + 0.6 * step, 7.0, 0.0, CAR)
+        tracks = drive.scan(*([lorry, car] if step > 8 else [lorry]))
+    assert tracks.ids.tolist() == [0, 1]
+    assert tracks.velocities_m_s[:, 0] == pytest.approx([1.0, 6.0], abs=0.3)
