@@ -29,12 +29,15 @@ def covered(
     found_px, others_px = observations.detections.boxes_px, others.detections.boxes_px
     overlap = iou_px(found_px, others_px)
     is_within = intersection_over_area_px(found_px, others_px) >= config.min_share
-    found, other = observations.is_located, others.is_located
+    # Returns decide between boxes that overlap in the image; most rows have no such partner but themselves.
+    is_near = overlap >= config.min_iou
+    found = observations.is_located & (is_near.sum(axis=1) > 1)
+    other = others.is_located & (is_near.sum(axis=0) > 1)
     is_apart = np.zeros(overlap.shape, bool)
     is_apart[np.ix_(found, other)] = (
         iou_bev(observations.boxes_world[found], others.boxes_world[other]) <= 0
     )
     return np.asarray(
         (overlap >= np.where(is_apart, config.min_iou_apart, config.min_iou))
-        | (is_within & ~found[:, None])
+        | (is_within & ~observations.is_located[:, None])
     )

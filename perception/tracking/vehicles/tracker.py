@@ -89,8 +89,9 @@ class VehicleTracker:
         self._learn_classes(vehicles.fused.detections.types)
         observations = VehicleObservations.of(vehicles, frame_geometry, self._classes, self._config)
         self._update_and_init(observations, frame_geometry)
-        tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
-        return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
+        types = self._types(self._tracks)
+        tracks = self._give_ids(frame_geometry, types, tracks or Tracks.empty())
+        return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry, types), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
         """Predict the tracks, and delete those unseen for too long."""
@@ -120,11 +121,13 @@ class VehicleTracker:
         observations = observations[~is_duplicate(observations, config.duplicates)]
         existence, track_of = observations.existence, np.full(len(observations), -1)
         sure = existence >= config.high_existence
-        free = np.arange(len(self._tracks))
+        free, types = np.arange(len(self._tracks)), self._types(self._tracks)
         for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
             if not (len(chosen) and len(free)):
                 continue
-            pairs = self._match(self._tracks[free], observations[chosen], frame_geometry)
+            pairs = self._match(
+                self._tracks[free], types[free], observations[chosen], frame_geometry
+            )
             rows, seen = free[pairs.tracks], chosen[pairs.detections]
             corrected = update_tracks(
                 self._tracks[rows], observations[seen], frame_geometry, config
@@ -145,7 +148,11 @@ class VehicleTracker:
         self._seen, self._track_of = observations.rows[is_tracked], track_of[is_tracked]
 
     def _match(
-        self, tracks: VehicleTable, observations: VehicleObservations, frame_geometry: FrameGeometry
+        self,
+        tracks: VehicleTable,
+        types: NDArray[np.str_],
+        observations: VehicleObservations,
+        frame_geometry: FrameGeometry,
     ) -> Association:
         config = self._config
         expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
@@ -155,7 +162,6 @@ class VehicleTracker:
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, detections.boxes_px, config)
-        types = self._types(tracks)
         is_other = types[:, None] != detections.types
         # A van may be taken for a car, but no person for a vehicle.
         is_allowed &= (
@@ -164,7 +170,9 @@ class VehicleTracker:
         costs = in_image + on_ground + config.class_change_cost * is_other
         return assign_with_max_cost(costs, is_allowed, config.max_cost)
 
-    def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
+    def _give_ids(
+        self, frame_geometry: FrameGeometry, types: NDArray[np.str_], moving: Tracks
+    ) -> Tracks:
         """Give ids to newly confirmed tracks; return the moving objects with their common ids and classes."""
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.evidence.confirmation)
@@ -174,7 +182,7 @@ class VehicleTracker:
             tracks.ids, is_new, _where_known(boxes, tracks), moving
         )
         self._tracks = replace(tracks, ids=ids)
-        return _classified(moving, self._tracks, self._types(self._tracks))
+        return _classified(moving, self._tracks, types)
 
     def _types(self, tracks: VehicleTable) -> NDArray[np.str_]:
         """Return (T,) the class of the most evidence of each track; a person who was faster than a walker rides."""
@@ -188,8 +196,10 @@ class VehicleTracker:
         is_fast = tracks.top_speed_m_s > self._config.max_walking_speed_m_s
         return np.where(is_fast & (types == _WALKER), _RIDER, types)
 
-    def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
-        """Return the detections with the ids, motion and boxes of their tracks."""
+    def _with_tracks(
+        self, vehicles: Vehicles, frame_geometry: FrameGeometry, types: NDArray[np.str_]
+    ) -> Vehicles:
+        """Return the detections with the ids, classes, motion and boxes of their tracks."""
         seen, tracks = self._seen, self._tracks[self._track_of]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
@@ -205,24 +215,26 @@ class VehicleTracker:
         )
         return replace(
             vehicles,
-            fused=self._with_evidence(vehicles.fused, seen, replace(tracks, boxes_px=boxes_px)),
+            fused=_with_evidence(
+                vehicles.fused, seen, types[self._track_of], replace(tracks, boxes_px=boxes_px)
+            ),
             ids=ids,
             velocities_m_s=velocities_m_s,
             covariances=covariances,
             boxes=boxes,
         )
 
-    def _with_evidence(
-        self, fused: FusedDetections, seen: Int, tracks: VehicleTable
-    ) -> FusedDetections:
-        """Return the detections with the existence, the class and the box in the image of their tracks."""
-        existence, boxes_px = fused.existence.copy(), fused.detections.boxes_px.copy()
-        own_types = self._types(tracks)
-        types = fused.detections.types.astype(np.result_type(fused.detections.types, own_types))
-        existence[seen], boxes_px[seen] = probability(tracks.evidence), tracks.boxes_px
-        types[seen] = own_types
-        detections = replace(fused.detections, types=types, boxes_px=boxes_px)
-        return replace(fused, detections=detections, existence=existence)
+
+def _with_evidence(
+    fused: FusedDetections, seen: Int, own_types: NDArray[np.str_], tracks: VehicleTable
+) -> FusedDetections:
+    """Return the detections with the existence, the class and the box in the image of their tracks."""
+    existence, boxes_px = fused.existence.copy(), fused.detections.boxes_px.copy()
+    types = fused.detections.types.astype(np.result_type(fused.detections.types, own_types))
+    existence[seen], boxes_px[seen] = probability(tracks.evidence), tracks.boxes_px
+    types[seen] = own_types
+    detections = replace(fused.detections, types=types, boxes_px=boxes_px)
+    return replace(fused, detections=detections, existence=existence)
 
 
 def _side_distances(
