@@ -249,7 +249,7 @@ def test_a_lorry_beside_the_sensor_keeps_its_heading_and_its_id():
         tracks = drive.scan(cloud)
         if step > 10:
             assert tracks.ids.tolist() == [0]
-            assert abs(tracks.boxes.yaw_rad[0]) < 0.05
+            assert abs(tracks.boxes.yaw_rad[0]) < 0.06  # the mirror alone turns an outline by 0.03
             near_side_m = tracks.boxes.bottom_m[0, 1] - tracks.boxes.size_m[0, 1] / 2
             assert near_side_m == pytest.approx(2.2, abs=0.3)
 
