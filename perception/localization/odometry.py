@@ -84,7 +84,7 @@ class _ScanPoints:
     def mark_moving(self, is_moving: Bool) -> None:
         """Remember which (N,) points of the whole scan move."""
         is_moving = is_moving[:: self._stride]
-        if is_moving.mean() >= self._config.min_moving_ratio:
+        if is_moving.size and is_moving.mean() >= self._config.min_moving_ratio:
             self._is_moving = is_moving
 
     def forget_moving(self) -> None:
