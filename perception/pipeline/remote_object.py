@@ -121,9 +121,8 @@ def _write(message: object, stream: IO[bytes]) -> None:
     stream.flush()
 
 
-def _serve_requests(requests: IO[bytes], responses: IO[bytes]) -> None:
-    """Make the object, and answer one request after another, until there are no more."""
-    remote = pickle.load(requests)()
+def _serve_requests(remote: object, requests: IO[bytes], responses: IO[bytes]) -> None:
+    """Answer one request after another, until there are no more."""
     while True:
         try:
             function, args, kwargs = pickle.load(requests)
@@ -141,9 +140,11 @@ def serve() -> None:
     # What is printed must not get into the responses.
     responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    # Making the object loads the libraries whose threads are limited.
+    remote = pickle.load(sys.stdin.buffer)()
     limit_opencv_threads()
     with limit_blas_threads():
         try:
-            _serve_requests(sys.stdin.buffer, responses)
+            _serve_requests(remote, sys.stdin.buffer, responses)
         except BrokenPipeError:
             os._exit(0)  # no reader is left; what is buffered is not written
