@@ -37,7 +37,7 @@ def evaluate_datmo(
 ) -> None:
     """Measure how well moving objects are tracked on the ground plane, several methods on the same scans.
 
-    HOTA, CLEAR and IDF1 by distance and by overlap, errors of position, velocity and extent, and each object.
+    HOTA, CLEAR and IDF1 by distance and by overlap, errors of position, velocity and extent, ids by length, each object.
 
     Example: trifuse evaluate datmo kitti/tracking --sequence 0000 --methods default,thesis
 
@@ -64,8 +64,7 @@ def evaluate_datmo(
     data, metrics = evaluate_drives(
         root, set, drive, evaluate, lambda reports: DatmoSetReport(reports, table_3_1())
     )
-    words = {**PROTOCOL_WORDS, "values": protocol}
-    document = EvaluationDocument("datmo", data, words)
+    document = EvaluationDocument("datmo", data, {**PROTOCOL_WORDS, "values": protocol})
     heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"
     publish_report(heading, metrics, document, config, report.json)
 
@@ -106,5 +105,6 @@ def compare_methods(
                 start_s = time.perf_counter()
                 tracks = segmented.tracks if stage is None else stage.update(scan)
                 timings_s = {"moving objects": time.perf_counter() - start_s}
-            measures[method].update(replace(segmented, tracks=tracks, timings_s=timings_s))
+            result = replace(segmented, tracks=tracks, timings_s=timings_s)
+            measures[method].update(result, truth=drive.point_truth(frame.index))
     return DatmoComparison({method: one.compute() for method, one in measures.items()})

@@ -11,11 +11,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Annotated, Any, Protocol
 
 import numpy as np
 
 from perception.evaluation.config import DatmoProtocol
+from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.multi_object import track_assignment
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.sequence import TrackedFrame
@@ -35,12 +37,39 @@ from perception.evaluation.multi_object.track_errors import (
     target_errors,
     track_outcomes,
 )
+from perception.evaluation.objects import length_classes
 from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
-from perception.evaluation.report import CONTEXT, TOTAL, Metric, Report, Table, with_total
+from perception.evaluation.obstacles import motion_by_length
+from perception.evaluation.report import CONTEXT, TOTAL, Metric, Metrics, Report, Table, with_total
 from perception.geometry.box_overlap import iou_bev
 from perception.types import Frame, Labels, PointTruth, Result
 
 PROTOCOL_WORDS = {"tracks": track_assignment.__doc__, "metrics": __doc__}
+
+
+@dataclass(frozen=True)
+class LengthMetrics(Metrics):
+    """Tracks and moving points of the objects of a class of lengths.
+
+    Attributes:
+        objects: Number of objects that must be tracked.
+        never_tracked: Number of these that no track ever matched.
+        ids_per_object: Mean number of different tracks that match one of the others while it moves; NaN without any.
+        moving_iou: IoU of the points classified as moving with those that move, of all objects; NaN without exact
+            truth of points.
+    """
+
+    objects: Annotated[int, Metric("objects")]
+    never_tracked: Annotated[int, Metric("never tracked")]
+    ids_per_object: Annotated[float, Metric("ids/object", ".2f")]
+    moving_iou: Annotated[float, Metric("moving IoU", ".3f")]
+
+    @classmethod
+    def of(cls, objects: Sequence[TrackedShare], points: Confusion) -> "LengthMetrics":
+        """Return the metrics of objects and of their points."""
+        ids = [one.tracks for one in objects if one.frames_tracked]
+        mean = float(np.mean(ids)) if ids else float("nan")
+        return cls(len(objects), len(objects) - len(ids), mean, points.iou)
 
 
 class MovingObjectTruth(Protocol):
@@ -67,6 +96,7 @@ class DatmoReport(Report):
         by_loose_overlap: Metrics by overlap with CLEAR and identity at the loose threshold.
         errors: Errors of matched tracks.
         objects: Tracking of each object that must be tracked, by its track id.
+        by_length: Tracks and moving points of the objects, by their length.
         never_tracked: Track ids of the objects that no track ever matched.
         false_tracks: Tracks that match no moving object.
         frames: Number of evaluated frames.
@@ -81,6 +111,7 @@ class DatmoReport(Report):
     by_loose_overlap: MotMetrics
     errors: MatchedErrors
     objects: Mapping[str, TrackedShare]
+    by_length: Mapping[str, LengthMetrics]
     never_tracked: list[int]
     false_tracks: FalseTracks
     frames: Annotated[int, Metric("frames")]
@@ -124,6 +155,10 @@ class DatmoComparison(Report):
                 {name: one.false_tracks for name, one in reports.items()},
             ),
             Table("Objects that no track matched, and time", DatmoReport.columns(), reports),
+            *(
+                Table(f"By length of the object: {name}", LengthMetrics.columns(), one.by_length)
+                for name, one in reports.items()
+            ),
             *(
                 Table(
                     f"Objects that must be tracked: {name}",
@@ -220,6 +255,7 @@ class DatmoMeasure:
         self._by_overlap: list[TrackedFrame] = []
         self._errors: list[TargetErrors] = []
         self._outcomes: list[TrackOutcomes] = []
+        self._points: dict[str, Confusion] = {}
 
     def update(
         self, result: Result, labels: Labels | None = None, truth: PointTruth | None = None
@@ -229,7 +265,7 @@ class DatmoMeasure:
         Args:
             result: Frame with its tracks and with the time of the stage `moving objects`.
             labels: Not read: the moving objects of the drive are used.
-            truth: Not read.
+            truth: Exact truth of every point, with which moving points are compared, or None.
         """
         frame, tracks, targets = result.frame, result.tracks, self._protocol.targets
         scene = self._truth.scene(frame, targets.clearance_m)
@@ -243,6 +279,10 @@ class DatmoMeasure:
         self._by_overlap.append(tracked_frame(scene, tracks, assignment, iou_bev))
         self._errors.append(target_errors(frame.stamp_s, scene, tracks, assignment))
         self._outcomes.append(track_outcomes(tracks, assignment))
+        if truth is not None:
+            states, objects = result.obstacles.point_states, scene.objects
+            points = motion_by_length(states, truth, objects.boxes_velo, objects.track_ids)
+            self._points = add_confusions(self._points, points)
 
     def compute(self) -> DatmoReport:
         """Return the metrics of all frames so far."""
@@ -251,6 +291,14 @@ class DatmoMeasure:
         objects = {
             str(number): rows.of_object(types.get(number))
             for number, rows in errors.by_object().items()
+        }
+        lengths_m = np.array([one.length_m for one in objects.values()], np.float64)
+        by_length = {
+            name: LengthMetrics.of(
+                [*compress(objects.values(), is_of_class)], self._points.get(name, Confusion())
+            )
+            for name, is_of_class in length_classes(lengths_m).items()
+            if is_of_class.any()
         }
         ms = 1e3 * np.array(self._seconds or [np.nan])
         return DatmoReport(
@@ -261,6 +309,7 @@ class DatmoMeasure:
             by_loose_overlap=evaluate_tracks(self._by_overlap, protocol.loose_overlap_threshold),
             errors=errors.summary(),
             objects=objects,
+            by_length=by_length,
             never_tracked=[int(n) for n, one in objects.items() if not one.frames_tracked],
             false_tracks=find_false_tracks(TrackOutcomes.concatenate(self._outcomes), duration_s),
             frames=len(self._seconds),

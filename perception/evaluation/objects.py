@@ -9,6 +9,8 @@ import numpy as np
 from perception.geometry.camera import is_in_view, project
 from perception.types import ArrayTable, Bool, Boxes3D, Calibration, Float, Float64, Frame, Int
 
+_LENGTHS_M = {"under 2 m": (0.0, 2.0), "2 to 6 m": (2.0, 6.0), "over 6 m": (6.0, np.inf)}
+
 
 class MotionState(IntEnum):
     """Motion of a labelled object at one moment."""
@@ -65,6 +67,14 @@ class LabelledView:
         low, high = self.dont_care_px[:, None, :2], self.dont_care_px[:, None, 2:]
         with np.errstate(invalid="ignore"):
             return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=2).any(axis=0))
+
+
+def length_classes(lengths_m: Float64) -> dict[str, Bool]:
+    """Return which of (M,) objects belong to each class of lengths, by its name: persons, cars, long vehicles."""
+    return {
+        name: np.asarray((lengths_m >= low_m) & (lengths_m < high_m))
+        for name, (low_m, high_m) in _LENGTHS_M.items()
+    }
 
 
 def raised_boxes(boxes: Boxes3D, clearance_m: float) -> Boxes3D:

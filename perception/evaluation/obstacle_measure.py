@@ -214,7 +214,7 @@ class ObstacleMeasure:
             added = motion_confusions(states, truth.classes, truth.is_moving)
             self._points = add_confusions(self._points, added)
             if labels is not None:
-                by_length = motion_by_length(states, truth, labels)
+                by_length = motion_by_length(states, truth, labels.boxes_velo, labels.track_ids)
                 self._by_length = add_confusions(self._by_length, by_length)
             shadows = 0 if counted is None else counted.false_obstacles
             exact = count_exactly(result, truth, self._area, self._config)

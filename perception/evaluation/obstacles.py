@@ -21,7 +21,7 @@ import numpy as np
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
-from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.objects import LabelledObjects, MotionState, length_classes
 from perception.evaluation.obstacle_counts import ObstacleCounts
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.boxes import points_inside
@@ -32,18 +32,10 @@ from perception.types import (
     Boxes3D,
     Float,
     Int,
-    Labels,
     PointState,
     PointTruth,
     UInt8,
 )
-
-_LENGTHS_M = {
-    "up to 3 m": (0.0, 3.0),
-    "3 to 6 m": (3.0, 6.0),
-    "6 to 9 m": (6.0, 9.0),
-    "over 9 m": (9.0, np.inf),
-}
 
 
 @dataclass(frozen=True)
@@ -229,7 +221,9 @@ def motion_confusions(states: UInt8, classes: Int, is_moving: Bool) -> dict[str,
     }
 
 
-def motion_by_length(states: UInt8, truth: PointTruth, labels: Labels) -> dict[str, Confusion]:
+def motion_by_length(
+    states: UInt8, truth: PointTruth, boxes: Boxes3D, track_ids: Int
+) -> dict[str, Confusion]:
     """Compare the moving points of labelled objects with exact truth, by the length of the object.
 
     Long bodies creep: most of their surface fills the place that it filled before.
@@ -237,14 +231,14 @@ def motion_by_length(states: UInt8, truth: PointTruth, labels: Labels) -> dict[s
     Args:
         states: (N,) `PointState` of the scan's points.
         truth: Exact truth of the same points.
-        labels: Objects, whose track ids are those of the truth.
+        boxes: M boxes of the objects.
+        track_ids: (M,) Track ids of the objects, which are those of the truth.
     """
     is_obstacle = np.isin(states, (PointState.STATIC, PointState.MOVING))
-    lengths_m = labels.boxes_velo.size_m[:, 0]
     by_length = {}
-    for name, (low_m, high_m) in _LENGTHS_M.items():
-        ids = labels.track_ids[(lengths_m >= low_m) & (lengths_m < high_m)]
-        counts = is_obstacle & np.isin(truth.instances, ids + 1) & (truth.instances > 0)
+    for name, is_of_class in length_classes(boxes.size_m[:, 0]).items():
+        counts = is_obstacle & np.isin(truth.instances, track_ids[is_of_class] + 1)
+        counts &= truth.instances > 0
         moving = states[counts] == PointState.MOVING
         by_length[name] = confusion(moving, truth.is_moving[counts])
     return by_length

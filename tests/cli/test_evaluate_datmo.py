@@ -19,7 +19,7 @@ from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
-from perception.types import Boxes3D, Drive, Frame, Obstacles, Result, Tracks, Voxels
+from perception.types import Boxes3D, Drive, Frame, Obstacles, PointState, Result, Tracks, Voxels
 from tests.faults import command, fault
 
 FRAMES = 6
@@ -86,6 +86,9 @@ def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDr
     assert idle.by_distance.clear.mota == 0.0
     assert len(idle.never_tracked) == idle.count_never_tracked == len(idle.objects) >= 2
     assert knows.objects.keys() == idle.objects.keys()
+    for row in idle.by_length.values():
+        assert row.never_tracked == row.objects
+        assert np.isnan([row.ids_per_object, row.moving_iou]).all()
     assert len(idle.false_tracks.ids) == len(is_off.false_tracks.ids) == 0
     tables = {table.title: table.text() for table in DatmoComparison(reports).tables()}
     assert "Objects that must be tracked: is off" in tables
@@ -101,6 +104,25 @@ def test_results_of_the_pipeline_are_measured_the_same(drive: SyntheticDrive):
     assert report.protocol.view == "camera"
     assert report.by_distance.hota.hota.mean() == 1.0
     assert report.ms_per_frame == report.ms_p99 == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("second_id", "ids"), [(0, 1.0), (100, 2.0)], ids=["kept", "changed"])
+def test_ids_and_moving_points_are_measured_by_the_length_of_the_object(
+    drive: SyntheticDrive, second_id: int, ids: float
+):
+    measure = DatmoMeasure(moving_truth(drive, "all"), DatmoProtocol(view="all"))
+    for frame, tracks in knowing_tracks(drive, FRAMES):
+        points, result = drive.point_truth(frame.index), segmented(frame)[0]
+        states = np.where(points.is_moving, PointState.MOVING, PointState.STATIC)
+        obstacles = Obstacles(states.astype(np.uint8), NO_VOXELS, NO_VOXELS)
+        ids_now = tracks.ids + second_id * (frame.index % 2)
+        result = replace(result, tracks=replace(tracks, ids=ids_now), obstacles=obstacles)
+        measure.update(result, truth=points)
+    report = measure.compute()
+    assert {"2 to 6 m"} <= report.by_length.keys() <= {"under 2 m", "2 to 6 m", "over 6 m"}
+    assert sum(row.objects for row in report.by_length.values()) == len(report.objects)
+    for row in report.by_length.values():
+        assert (row.never_tracked, row.ids_per_object, row.moving_iou) == (0, ids, 1.0)
 
 
 class LevelChain:
@@ -154,6 +176,9 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
         results["thesis"]["never_tracked"]
     )
     assert "Objects that must be tracked: thesis" in printed
+    assert "By length of the object: thesis" in printed
+    rows = results["default"]["by_length"].values()
+    assert sum(row["objects"] for row in rows) == len(results["default"]["objects"])
 
 
 def test_labels_of_the_camera_do_not_cover_the_whole_scan(kitti_root: Path):

@@ -153,7 +153,7 @@ def test_labelled_objects_of_different_lengths_are_refused():
 
 
 def test_moving_points_are_compared_by_the_length_of_their_object():
-    sizes_m = np.array([[4.0, 1.8, 1.5], [16.0, 2.5, 3.8], [2.9, 1.5, 1.5]])
+    sizes_m = np.array([[4.0, 1.8, 1.5], [16.0, 2.5, 3.8], [1.8, 0.6, 1.7]])
     boxes = Boxes3D(np.zeros((3, 3)), sizes_m, np.zeros(3))
     labels = Labels(
         boxes,
@@ -167,9 +167,8 @@ def test_moving_points_are_compared_by_the_length_of_their_object():
     states = np.array([MOVING, MOVING, STATIC, STATIC, GROUND, MOVING, MOVING], np.uint8)
     instances = np.array([1, 2, 2, 2, 2, 3, 0])
     truth = PointTruth(np.full(7, 18), instances, np.array([1, 1, 1, 1, 1, 0, 1], bool))
-    assert motion_by_length(states, truth, labels) == {
-        "up to 3 m": Confusion(0, 1, 0),
-        "3 to 6 m": Confusion(1, 0, 0),
-        "6 to 9 m": Confusion(),
-        "over 9 m": Confusion(1, 0, 2),
+    assert motion_by_length(states, truth, labels.boxes_velo, labels.track_ids) == {
+        "under 2 m": Confusion(0, 1, 0),
+        "2 to 6 m": Confusion(1, 0, 0),
+        "over 6 m": Confusion(1, 0, 2),
     }

@@ -26,6 +26,7 @@ class TargetErrors(ArrayTable):
         heading_errors_rad: (K,) Absolute difference of the headings, 0 to pi.
         length_errors_m: (K,) Length of the track's box less that of the object's.
         width_errors_m: (K,) Width of the track's box less that of the object's.
+        object_lengths_m: (K,) Length of the object's box.
         object_speeds_m_s: (K,) Speed of the object by the labels.
         track_speeds_m_s: (K,) Speed of the track.
     """
@@ -38,6 +39,7 @@ class TargetErrors(ArrayTable):
     heading_errors_rad: Float64
     length_errors_m: Float64
     width_errors_m: Float64
+    object_lengths_m: Float64
     object_speeds_m_s: Float64
     track_speeds_m_s: Float64
 
@@ -68,6 +70,7 @@ class TargetErrors(ArrayTable):
         matched = self.matched
         return TrackedShare(
             type=kind,
+            length_m=_median(self.object_lengths_m),
             speed_m_s=_median(self.object_speeds_m_s),
             frames=len(self),
             frames_tracked=len(matched),
@@ -107,6 +110,7 @@ class TrackedShare(Metrics):
 
     Attributes:
         type: Class name of the object.
+        length_m: Length of its box by the labels.
         speed_m_s: Median speed by the labels.
         frames: Number of frames in which it must be tracked.
         frames_tracked: Number of these frames in which a track matches.
@@ -119,6 +123,7 @@ class TrackedShare(Metrics):
     """
 
     type: Annotated[str | None, Metric("type")]
+    length_m: Annotated[float, Metric("length [m]", ".1f")]
     speed_m_s: Annotated[float, Metric("[m/s]", ".1f")]
     frames: Annotated[int, Metric("frames")]
     frames_tracked: Annotated[int, Metric("tracked")]
@@ -162,6 +167,7 @@ def target_errors(
         heading_errors_rad=where_tracked(np.abs(np.arctan2(np.sin(turn_rad), np.cos(turn_rad)))),
         length_errors_m=where_tracked(larger[:, 0]),
         width_errors_m=where_tracked(larger[:, 1]),
+        object_lengths_m=objects.size_m[:, 0],
         object_speeds_m_s=np.linalg.norm(true_velocities, axis=1),
         track_speeds_m_s=where_tracked(np.linalg.norm(tracks.velocities_m_s, axis=1)),
     )
