@@ -210,9 +210,16 @@ class RigidBodyConfig:
         max_taken_ratio: Largest share of the places of the rear of then at which the newest scan has returns, 0 to 1.
         speeds_on_the_way: First, last and step of the speeds since the younger queried scans that are tried, as shares of
             the mean speed since the oldest.
+        min_width_m: Smallest width of a body in metres; a thinner one must hide what is as far behind it.
+        min_hidden_ratio: Smallest share of the places behind a thinner one that it hides, 0 to 1.
+        min_came_m: Smallest distance in metres that a body at a steady speed came since a younger scan that tells whether
+            it has stopped.
+        stopped_ratio: Smallest ratio of the voxels of its ends that this scan shows in their places to those that it shows
+            on their way, of a body that has stopped.
     """
 
-    # A tram of two parts has 22 m. Steps of 0.3 m are within the margin of a hit on both sides.
+    # A tram of two parts has 22 m. Steps of 0.3 m are within the margin of a hit on both sides. What came less than
+    # almost twice that margin is hit where it is in either case.
     min_voxels: int = 10
     min_body_voxels: int = 100
     min_length_m: float = 2.0
@@ -231,6 +238,10 @@ class RigidBodyConfig:
     min_end_voxels: int = 5
     min_end_ratio: float = 0.5
     max_taken_ratio: float = 0.3
+    min_width_m: float = 0.5
+    min_hidden_ratio: float = 0.5
+    min_came_m: float = 0.35
+    stopped_ratio: float = 2.0
     speeds_on_the_way: tuple[float, float, float] = (0.4, 1.7, 0.1)
 
 

@@ -3,7 +3,8 @@
 A lorry that creeps along its own axis leaves the beams to its smooth side unchanged: only its ends appear and depart.
 So a cluster in which something appeared is moved back along its axis, by every distance that it may have come since
 the oldest queried scan. It moves where one of these explains that scan better than a static body does, and where its
-front appeared or its rear has left free space: a wall beside a pedestrian has no such end.
+front appeared or its rear has left free space: a wall beside a pedestrian has no such end. It has stopped where a
+younger scan has hit its ends where they are.
 """
 
 from dataclasses import dataclass
@@ -97,7 +98,8 @@ def moving_bodies(
         seen = states[start:stop].reshape(len(distances_m), -1)
         for row in _likely_distances(seen, config):
             path = _Path(occupied, memory, body, float(distances_m[row]))
-            if path.has_an_end(seen[row], config) and path.is_open(config):
+            goes_on = path.is_open(config) and not path.has_stopped(config)
+            if goes_on and path.has_an_end(seen[row], config) and path.has_width(config):
                 moves[body.rows] = True
                 break
     return moves
@@ -229,24 +231,60 @@ class _Path:
         """
         body, occupied = self.body, self.occupied
         is_hit = states == Visibility.HIT
-        is_first = self._is_in_end(body.front, body.axis)
+        is_first = self._is_in_end(body.front, body.axis, self.distance_m)
         came = (is_hit[: len(body.front)] & occupied.appeared[body.front])[is_first]
         if _shows_an_end(came, config) and body.advanced >= config.min_end_voxels:
             return True
         stop = len(body.front) + len(body.rear)
         left = is_hit[len(body.front) : stop] & (self._rear_states() == Visibility.FREE)
-        return _shows_an_end(left[self._is_in_end(body.rear, -body.axis)], config)
+        return _shows_an_end(left[self._is_in_end(body.rear, -body.axis, self.distance_m)], config)
 
     def is_open(self, config: RigidBodyConfig) -> bool:
         """Return whether the body was on its way in between, and nothing else is where its rear was.
 
         One of a row of parked cars fits the place of its neighbour, who is still there.
         """
-        is_last = self._is_in_end(self.body.rear, -self.body.axis)
+        is_last = self._is_in_end(self.body.rear, -self.body.axis, self.distance_m)
         taken = (self._rear_states() == Visibility.HIT)[is_last]
         if len(taken) and taken.mean() > config.max_taken_ratio:
             return False
         return all(self._was_on_its_way(age, config) for age in self.memory.queried_ages()[:-1])
+
+    def has_width(self, config: RigidBodyConfig) -> bool:
+        """Return whether the body is as wide as a vehicle, or hides what would be inside it behind its only visible side.
+
+        A fence hides little.
+        """
+        axis, places_m = self.body.axis, self.occupied.places_m
+        across = np.array([-axis[1], axis[0], 0.0], np.float32)
+        left_m = places_m[self.body.rows] @ across
+        if np.ptp(left_m) >= config.min_width_m:
+            return True
+        inwards_m = np.copysign(np.float32(config.min_width_m), left_m.mean())
+        states = self.memory.states(places_m[self.body.samples] + inwards_m * across, 0)
+        return bool(np.mean(states == Visibility.OCCLUDED) >= config.min_hidden_ratio)
+
+    def has_stopped(self, config: RigidBodyConfig) -> bool:
+        """Return whether the ends were already in their places in the youngest scan that can tell.
+
+        At a steady speed the places of the front were free then, and the rear hid its own from behind.
+        """
+        *younger, oldest = self.memory.queried_ages()
+        telling = [age for age in younger if self.distance_m * age >= config.min_came_m * oldest]
+        if not telling:
+            return False
+        came_m = np.array([0.0, self.distance_m * telling[0] / oldest], np.float32)
+        body, places_m = self.body, self.occupied.places_m
+        front = body.front[self._is_in_end(body.front, body.axis, came_m[1])]
+        rear = body.rear[self._is_in_end(body.rear, -body.axis, came_m[1])]
+        front_now = self.memory.states(places_m[front], telling[0])
+        moved = _moved_back(places_m[rear], body.axis, came_m)
+        rear_now, rear_then = self.memory.states(moved, telling[0]).reshape(2, -1)
+        hit, free = Visibility.HIT, Visibility.FREE
+        stayed = np.count_nonzero(front_now == hit) + np.count_nonzero(rear_then == free)
+        came = np.count_nonzero(front_now == free) + np.count_nonzero(rear_then == hit)
+        came += np.count_nonzero(rear_now == Visibility.OCCLUDED)
+        return bool(stayed > config.stopped_ratio * came)
 
     def _was_on_its_way(self, age: int, config: RigidBodyConfig) -> bool:
         """Return whether an earlier scan hit the body somewhere near where a steady speed puts it then."""
@@ -258,10 +296,10 @@ class _Path:
             _fits(self.memory.states(moved, age).reshape(len(distances_m), -1), config).any()
         )
 
-    def _is_in_end(self, rows: Int, axis: Float32) -> Bool:
-        """Return which voxels are within the distance of the outermost along an axis."""
+    def _is_in_end(self, rows: Int, axis: Float32, distance_m: float) -> Bool:
+        """Return which voxels are within a distance of the outermost along an axis."""
         along_m = self.occupied.places_m[rows] @ axis
-        return np.asarray(along_m > along_m.max() - self.distance_m)
+        return np.asarray(along_m > along_m.max() - distance_m)
 
     def _rear_states(self) -> UInt8:
         """Return the visibility of the places of the rear of then in the newest scan."""

@@ -8,13 +8,15 @@ import pytest
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.obstacles.config import MotionConfig, MotionCountersConfig
+from perception.obstacles.config import MotionConfig, MotionCountersConfig, RigidBodyConfig
+from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmentation import (
     FreeSpaceSegmenter,
     motion_segmenter,
     static_threshold,
 )
+from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 from perception.types import PointState
 
@@ -141,6 +143,28 @@ def test_the_smooth_side_of_a_long_vehicle_moves_with_its_ends(speed_m_s):
     assert moving_share(owner, states, 1) == 0
 
 
+@pytest.mark.parametrize(
+    ("gap_m", "moves"), [(0.0, True), (0.4, False)], ids=["side of a lorry", "fence"]
+)
+def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m: float, moves: bool):
+    starts = np.cumsum(np.random.default_rng(3).uniform(0.1, 0.1 + 2 * gap_m, 30))
+    pickets = starts[starts < 6.0] if gap_m else [0.0]
+
+    def scan(k):
+        side = [box(4.0 + 0.1 * k + x, 5.0, 0.08 if gap_m else 6.0, 0.05, 1.6) for x in pickets]
+        return cast(HDL_64E, (0.0, 0.0), [WALL, *side])
+
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5, max_travel_m=12.0, margin_m=0.2)
+    for k in range(16):
+        points, owner = scan(k)
+        memory.push(points, np.eye(4))
+    places = np.random.default_rng(3).permutation(points[owner > 0, :3])
+    every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
+    occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none)
+    assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig()).any() == moves
+    assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig(min_width_m=0.0)).any()
+
+
 def test_a_wide_trailer_moves_with_the_narrow_end_that_appeared():
     def scene(k):
         x = 4.0 + 0.2 * k
@@ -157,6 +181,16 @@ def test_a_long_vehicle_that_slows_down_moves_as_a_whole():
 
     *_, (owner, states, _) = drive(scene, 21)  # 0.4 m/s at the end
     assert moving_share(owner, states, 0) > 0.95
+
+
+@pytest.mark.parametrize("length_m", [4.2, 9.0])
+def test_a_vehicle_that_has_stopped_is_static_within_a_second(length_m):
+    def scene(k):
+        return [box(6.0 + 0.2 * min(k, 20), 4.0, length_m, 2.5, 3.0)]
+
+    frames = list(drive(scene, 30))
+    assert moving_share(*frames[20][:2], 0) > 0.95
+    assert moving_share(*frames[29][:2], 0) < 0.02
 
 
 def test_a_long_vehicle_moves_while_its_front_leaves_the_area():
