@@ -18,6 +18,7 @@ _HALF = 1 << 20  # voxels on each side of the origin: 21 bits for an axis
 _MIN_VOXELS = 5  # fewer do not determine a surface
 # Squared noise along the normal of a surface, relative to that along the surface (GICP, Segal et al. 2009).
 _FLATNESS = 1e-3
+_TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points that far away
 
 _POINTS, _ROWS, _TABLE = (
     array_of(types.float32, 2),
@@ -389,6 +390,55 @@ def _add_matches(
     return matches, error
 
 
+@compiled((_ROWS, _ROWS))
+def _motion_between(pose: Float64, other: Float64) -> Float64:
+    """Return the motion, a rotation vector and a translation, that takes a (4, 4) pose to another at a small angle."""
+    motion, turn = other[:3, 3].copy(), np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                turn[i, j] += other[i, k] * pose[j, k]
+            motion[i] -= turn[i, j] * pose[j, 3]
+    between = np.empty(6)
+    between[0], between[1] = (turn[2, 1] - turn[1, 2]) / 2, (turn[0, 2] - turn[2, 0]) / 2
+    between[2], between[3:] = (turn[1, 0] - turn[0, 1]) / 2, motion
+    return between
+
+
+@compiled(
+    (_ROWS, _ROWS, NUMBER, written(types.float64, 2), written(types.float64)),
+)
+def _add_prior(
+    pose: Float64, initial_guess: Float64, information: float, hessian: Float64, gradient: Float64
+) -> None:
+    """Add a prior of the initial guess to the normal equations of the matches.
+
+    Its information matrix is S H^-1 S, with H that of the matches and S the information at which both weigh the same.
+    Where the matches tell e times S, the prior tells S / e: the matches have a weight of e^2 to 1. So a well determined
+    direction is not pulled, and one that slips along a periodic surface stays.
+
+    Args:
+        pose: (4, 4) pose so far.
+        initial_guess: (4, 4) pose of the prior.
+        information: S for a translation, in the unit of `hessian`.
+        hessian: (6, 6) matrix of the matches, that is added to; its upper triangle is read.
+        gradient: (6,) vector that is added to.
+    """
+    even, prior = np.full(6, information), np.empty((6, 6))
+    even[:3] *= _TURN_RADIUS_M**2
+    for axis in range(6):
+        column = np.zeros(6)
+        column[axis] = even[axis]
+        if not _solve(hessian.copy(), column):
+            return
+        prior[axis] = even * column
+    between = _motion_between(pose, initial_guess)
+    for i in range(6):
+        for j in range(6):
+            gradient[i] += prior[i, j] * between[j]
+            hessian[i, j] += prior[i, j]
+
+
 @compiled(
     (
         _ROWS,
@@ -399,6 +449,7 @@ def _add_matches(
         NUMBER,
         types.UniTuple(types.float64, 2),
         WHOLE,
+        NUMBER,
     )
 )
 def align_surfaces(
@@ -410,6 +461,7 @@ def align_surfaces(
     reach_m: float,
     steps: tuple[float, float],
     iterations: int,
+    prior_share: float,
 ) -> tuple[Float64, int, float, bool]:
     """Align the source with the target by Gauss-Newton steps (GICP): with a quarter of its points, then with all.
 
@@ -422,6 +474,8 @@ def align_surfaces(
         reach_m: Largest distance of a match in metres.
         steps: Rotation in rad and translation in metres of a step that ends the alignment.
         iterations: Largest number of steps with all points, and of those with a quarter.
+        prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it as
+            the initial guess does, 0 to 1; 0 for no prior.
 
     Returns:
         (4, 4) `target_SE3_source`, the number of matches, the sum of half their squared errors, and whether the last
@@ -439,6 +493,9 @@ def align_surfaces(
                 break
             for axis in range(6):
                 hessian[axis, axis] += 1e-6
+            if prior_share > 0:
+                information = matches * prior_share / (2 * _FLATNESS)
+                _add_prior(pose, initial_guess, information, hessian, motion)
             if not _solve(hessian, motion):
                 return initial_guess.copy(), 0, 0.0, False
             pose = _moved(motion, pose)

@@ -103,6 +103,7 @@ def align(
     initial_guess: Float64,
     max_correspondence_m: float,
     kind: Literal["ICP", "GICP"] = "GICP",
+    prior_share: float = 0.0,
 ) -> Alignment:
     """Align the source with the target.
 
@@ -112,6 +113,8 @@ def align(
         initial_guess: (4, 4) first guess of `target_SE3_source`.
         max_correspondence_m: Largest distance of a match in metres, at most 15 voxels.
         kind: Point-to-point ICP as in the thesis, or GICP.
+        prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it as
+            the initial guess does, 0 to 1; 0 for no prior.
     """
     if min(len(target), len(source)) < _MIN_POINTS:
         return Alignment(initial_guess, inlier_ratio=0.0, cost=1.0, is_converged=False)
@@ -128,6 +131,7 @@ def align(
         max_correspondence_m,
         _STEPS,
         _MAX_ITERATIONS,
+        prior_share,
     )
     unmatched = len(source) - matches
     return Alignment(pose, matches / len(source), (error + unmatched) / len(source), is_converged)

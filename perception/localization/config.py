@@ -39,6 +39,8 @@ class RegistrationConfig:
             at which it is a correction.
         min_moving_ratio: Smallest share of a scan's points that move at which later scans are not aligned with them.
         surface_distance_m: Largest distance in metres of a static point from the surfaces of such a scan.
+        ins_prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it
+            as the INS step does, 0 to 1; with fewer, as along a fence, the INS tells more.
         max_correction_m: Largest translation in metres from the initial guess of an accepted alignment.
         max_correction_rad: Largest rotation in rad from the initial guess of an accepted alignment.
         max_gap_s: Largest time between two scans, in seconds, that are matched.
@@ -63,6 +65,7 @@ class RegistrationConfig:
     max_cost_ratio: float = 0.85
     min_moving_ratio: float = 0.1
     surface_distance_m: float = 0.1
+    ins_prior_share: float = 0.006
     max_correction_m: float = 1.0
     max_correction_rad: float = float(np.radians(4))
     max_gap_s: float = 1.0

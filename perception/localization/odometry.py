@@ -108,6 +108,23 @@ class _LocatedScan:
     velocity: Float64 | None  # (6,) rotation vector and translation a second, in the LiDAR frame
 
 
+@dataclass(frozen=True)
+class _Guess:
+    """First guess of a motion.
+
+    Attributes:
+        motion: (4, 4) transform from the later scan to the earlier one.
+        prior_share: Share of the matches that tell as much as it does; 0 where it is nothing but a start.
+    """
+
+    motion: Float64
+    prior_share: float = 0.0
+
+    def after(self, motion: Float64) -> "_Guess":
+        """Return the guess of an earlier motion and this one."""
+        return replace(self, motion=motion @ self.motion)
+
+
 _INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
 # Without INS: distances from the motion that was found to others that are tried in turn, in a jam of such speeds.
 _CREEPING_M, _CREEPING_M_S, _MIN_CREEPING_S = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0), 4.0, 0.5
@@ -125,6 +142,10 @@ class LidarOdometry:
     the INS, or, where the vehicle seems to be slow, one metre more or less. Where much moves, keyframes leave it out, and
     a scan is matched by what lies on their surfaces where the INS or the motion so far puts it: vehicles that came less
     than the reach of a match would pull the pose along.
+
+    Beside a fence or between even walls, points barely tell how far the vehicle came, and matches slip along by the
+    pattern of the voxels. There the step of the INS decides; where points tell the motion, it does not pull. A constant
+    velocity does not decide: what a slip makes of it would go on.
     """
 
     def __init__(self, config: RegistrationConfig | None = None) -> None:
@@ -231,13 +252,12 @@ class LidarOdometry:
         if is_near:
             world_SE3_keyframe = self._keyframe.localization.world_SE3_velo
             steps = self._guess_motions(step_ins, last.velocity, gap_s)
-            guesses = [inverse(world_SE3_keyframe) @ last_pose @ step for step in steps]
+            guesses = [step.after(inverse(world_SE3_keyframe) @ last_pose) for step in steps]
             motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
             of_static = None
             if last.points.is_crowded:
-                of_static = self._static_alignment(
-                    points.all, guesses[0] if motion_ins is None else motion_ins
-                )
+                guess = guesses[0] if motion_ins is None else replace(guesses[0], motion=motion_ins)
+                of_static = self._static_alignment(points.all, guess)
             carried = of_static or self._best_alignment(points.all, guesses)
             other = self._other_alignment(points.all, stamp_s, motion_ins, carried)
             if other is not None:
@@ -266,12 +286,12 @@ class LidarOdometry:
         guess = self._guess_creeping(found, stamp_s) if motion_ins is None else motion_ins
         if guess is None or _length_m(found - guess) < reach_m:
             return None
-        other = self._best_alignment(points, [guess])
+        other = self._best_alignment(points, [_Guess(guess)])
         if other is None:
             return None
         if self._last is not None and self._last.points.is_crowded:
             # Alignments are compared by all points: what is called moving depends on the poses.
-            carried = self._best_alignment(points, [found]) or carried
+            carried = self._best_alignment(points, [_Guess(found)]) or carried
         return other if other.cost < self._config.max_cost_ratio * carried.cost else None
 
     def _guess_creeping(self, found: Float64, stamp_s: float) -> Float64 | None:
@@ -309,63 +329,64 @@ class LidarOdometry:
 
     def _guess_motions(
         self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
-    ) -> list[Float64]:
+    ) -> list[_Guess]:
         """Return guesses of the motion since the last scan."""
+        config = self._config
         if velocity is None and step_ins is None:
-            return [_ahead(speed * gap_s) for speed in _INITIAL_SPEEDS_M_S]
-        guesses = [] if step_ins is None else [step_ins]
+            return [_Guess(_ahead(speed * gap_s)) for speed in _INITIAL_SPEEDS_M_S]
+        guesses = [] if step_ins is None else [_Guess(step_ins, config.ins_prior_share)]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
-            reach_m = self._config.max_correspondence_m / 2
+            reach_m = config.max_correspondence_m / 2
             if step_ins is None or np.linalg.norm((step_ins - constant)[:3, 3]) > reach_m:
-                guesses.append(constant)
+                guesses.append(_Guess(constant))
         return guesses
 
     def _best_alignment(
-        self, source: PreprocessedPoints, initial_guesses: Sequence[Float64]
+        self, source: PreprocessedPoints, guesses: Sequence[_Guess]
     ) -> Alignment | None:
-        """Align with the keyframe from each initial guess, and return the best accepted alignment."""
-        target = self._keyframe.points.all
-        config = self._config
-        reach_m = config.max_correspondence_m
-        if (
-            len(initial_guesses) > 2
-        ):  # without any prior the guesses are metres apart: match far before matching near
-            initial_guesses = [
-                align(target, source, initial_guess, 3 * reach_m).target_SE3_source
-                for initial_guess in initial_guesses
+        """Align with the keyframe from each guess, and return the best accepted alignment."""
+        target, reach_m = self._keyframe.points.all, self._config.max_correspondence_m
+        if len(guesses) > 2:  # at the start they are metres apart: match far before matching near
+            guesses = [
+                _Guess(align(target, source, guess.motion, 3 * reach_m).target_SE3_source)
+                for guess in guesses
             ]
-        alignments = [
-            align(target, source, initial_guess, reach_m) for initial_guess in initial_guesses
-        ]
-        accepted = [
-            alignment
-            for initial_guess, alignment in zip(initial_guesses, alignments, strict=True)
-            if self._is_accepted(initial_guess, alignment)
-        ]
+        alignments = [self._align(target, source, guess) for guess in guesses]
+        accepted = [alignment for alignment in alignments if alignment is not None]
         return min(accepted, key=lambda alignment: alignment.cost, default=None)
 
-    def _static_alignment(
-        self, points: PreprocessedPoints, initial_guess: Float64
-    ) -> Alignment | None:
+    def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
         config, static = self._config, self._keyframe.points.static
-        kept = on_surfaces(points, static, initial_guess, config.surface_distance_m)
-        found = align(static, kept, initial_guess, config.max_correspondence_m)
-        if not self._is_accepted(initial_guess, found):
+        kept = on_surfaces(points, static, guess.motion, config.surface_distance_m)
+        found = self._align(static, kept, guess)
+        if found is None:
             return None
         share = len(kept) / len(points) / (len(static) / len(self._keyframe.points.all))
         return replace(found, inlier_ratio=min(1.0, found.inlier_ratio * share))
 
-    def _is_accepted(self, initial_guess: Float64, alignment: Alignment) -> bool:
-        correction = inverse(initial_guess) @ alignment.target_SE3_source
-        return bool(
-            alignment.is_converged
-            and alignment.inlier_ratio >= self._config.min_inlier_ratio
-            and np.linalg.norm(correction[:3, 3]) <= self._config.max_correction_m
-            and rotation_angle_rad(correction) <= self._config.max_correction_rad
+    def _align(
+        self, target: PreprocessedPoints, source: PreprocessedPoints, guess: _Guess
+    ) -> Alignment | None:
+        """Align from a guess, and return the alignment where it is accepted."""
+        config = self._config
+        found = align(
+            target,
+            source,
+            guess.motion,
+            config.max_correspondence_m,
+            prior_share=guess.prior_share,
         )
+        correction = inverse(guess.motion) @ found.target_SE3_source
+        is_accepted = (
+            found.is_converged
+            and found.inlier_ratio >= config.min_inlier_ratio
+            and _length_m(correction) <= config.max_correction_m
+            and rotation_angle_rad(correction) <= config.max_correction_rad
+        )
+        return found if is_accepted else None
 
 
 def _motion(earlier: _LocatedScan, scan: _LocatedScan) -> Float64:

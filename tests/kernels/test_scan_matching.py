@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from perception.geometry.se3 import from_euler
 from perception.kernels.scan_matching import (
@@ -83,7 +84,7 @@ def test_matches_are_the_nearest_within_reach(reach_m: float) -> None:
     surfaces = np.hstack([moments[:, 1:4] / moments[:, :1], np.zeros((len(moments), 3))])
     points = np.hstack([moved, np.zeros((len(moved), 3))])
     _, matches, error, _ = align_surfaces(
-        surfaces, table, EDGE_M, points, np.eye(4), reach_m, (1e-3, 1e-3), 0
+        surfaces, table, EDGE_M, points, np.eye(4), reach_m, (1e-3, 1e-3), 0, 0.0
     )
     away_m, _ = cKDTree(means).query(moved, distance_upper_bound=reach_m)
     away_m = away_m[np.isfinite(away_m)]
@@ -100,7 +101,7 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
     for part in (moved, street(2)):
         moments, table, _ = voxel_moments(part, 1, EDGE_M, 2**13)
         clouds.append((means_and_normals(moments, table, EDGE_M), table))
-    arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20)
+    arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20, 0.0)
     pose, matches, _, is_converged = align_surfaces(*arguments)
     assert is_converged
     assert matches > 0.8 * len(clouds[1][0])
@@ -118,3 +119,37 @@ def test_distances_are_those_from_the_surfaces() -> None:
     np.testing.assert_allclose(away_m, 0.2, atol=0.02)
     lift[2, 3] = 50
     assert np.isinf(distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)).all()
+
+
+def test_prior_and_matches_balance_as_in_the_reference() -> None:
+    """At the end of an alignment, the step of the plain normal equations with the prior S H^-1 S is zero."""
+    clouds = []
+    for part in (street(0), np.ascontiguousarray(street(1)[::3])):
+        moments, table, _ = voxel_moments(part, 1, EDGE_M, 2**13)
+        # Without normals a match tells half of the identity.
+        means = moments[:, 1:4] / moments[:, :1]
+        clouds.append((np.hstack([means, np.zeros_like(means)]), table))
+    (target, table), (source, _) = clouds
+    guess = from_euler(0.01, -0.01, 0.02, np.array([0.15, -0.1, 0.05]))
+    pose, matches, _, is_converged = align_surfaces(
+        target, table, EDGE_M, source, guess, 0.5, (1e-7, 1e-7), 60, 2e-3
+    )
+    assert is_converged
+    moved = source[:, :3] @ pose[:3, :3].T + pose[:3, 3]
+    away_m, near = cKDTree(target[:, :3]).query(moved, distance_upper_bound=0.5)
+    moved, near = moved[np.isfinite(away_m)], near[np.isfinite(away_m)]
+    assert matches == len(moved)
+    hessian, gradient = np.zeros((6, 6)), np.zeros(6)
+    for point, match in zip(moved, target[near, :3], strict=True):
+        jacobian = np.hstack([np.cross(np.eye(3), point).T, np.eye(3)])
+        hessian += jacobian.T @ jacobian / 2
+        gradient += jacobian.T @ (match - point) / 2
+    even = np.diag([100.0] * 3 + [1.0] * 3) * matches * 2e-3 / (2 * 1e-3)
+    prior = even @ np.linalg.inv(hessian) @ even
+    turn = guess[:3, :3] @ pose[:3, :3].T
+    between = np.concatenate(
+        [Rotation.from_matrix(turn).as_rotvec(), guess[:3, 3] - turn @ pose[:3, 3]]
+    )
+    step = np.linalg.solve(hessian + prior, gradient + prior @ between)
+    np.testing.assert_allclose(step, 0, atol=2e-5)
+    assert np.linalg.norm(between) > 0.01

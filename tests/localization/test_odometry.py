@@ -77,6 +77,59 @@ def test_alignment_recovers_a_known_transform(kind: str) -> None:
     assert degrees < (0.05 if kind == "GICP" else 0.3)
 
 
+def corridor_around(seed: int) -> np.ndarray:
+    """Return points of a road between two even walls, which do not tell how far along it the LiDAR is."""
+    random = np.random.default_rng(seed)
+    parts = [
+        random.uniform(low, high, (count, 3))
+        for low, high, count in [
+            ((-30, -6, -1.7), (30, 6, -1.7), 6000),
+            ((-30, 6, -1.7), (30, 6, 3), 4000),
+            ((-30, -6, -1.7), (30, -6, 3), 4000),
+        ]
+    ]
+    points = np.concatenate(parts)
+    points += random.normal(0, 0.01, points.shape)
+    return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+
+
+def test_what_points_do_not_determine_stays_at_the_guess() -> None:
+    target, source = (preprocess_points(corridor_around(seed), 0.5) for seed in (1, 2))
+    guess = from_euler(0, 0, 0.01, np.array([0.2, 0.1, 0.05]))
+    found = align(target, source, guess, 0.5, prior_share=0.006).target_SE3_source
+    np.testing.assert_allclose(found[:3, 3], [0.2, 0, 0], atol=0.02)
+    assert rotation_angle_rad(found) < 0.002
+    # Without a prior, the pattern of the voxels tells the way along the walls.
+    slipped = align(target, source, guess, 0.5).target_SE3_source
+    assert abs(slipped[0, 3] - 0.2) > 0.1
+
+
+def test_what_points_determine_is_not_pulled_to_the_guess() -> None:
+    target, source = (preprocess_points(observed_from(np.eye(4), seed), 0.5) for seed in (1, 2))
+    guess = from_euler(0, 0, 0.01, np.array([0.2, 0.1, 0.05]))
+    free, pulled = (
+        align(target, source, guess, 0.5, prior_share=share).target_SE3_source
+        for share in (0.0, 0.006)
+    )
+    metres, degrees = apart(free, pulled)
+    assert metres < 0.005
+    assert degrees < 0.02
+
+
+def test_a_drive_between_even_walls_follows_the_ins() -> None:
+    def farthest_m(config: RegistrationConfig) -> float:
+        random, odometry = np.random.default_rng(0), LidarOdometry(config)
+        found = []
+        for index in range(8):
+            ins = from_euler(0, 0, 0, np.array([0.72 * index + random.normal(0, 0.01), 0, 0]))
+            pose = odometry.update(corridor_around(index), index * STEP_S, ins).world_SE3_velo
+            found.append(pose[0, 3])
+        return float(np.abs(np.diff(found) - 0.72).max())
+
+    assert farthest_m(RegistrationConfig()) < 0.04
+    assert farthest_m(RegistrationConfig(ins_prior_share=0.0)) > 0.1
+
+
 def test_noisy_ins_is_refined_to_a_centimetre() -> None:
     truth = path(8)
     random = np.random.default_rng(5)
