@@ -51,13 +51,19 @@ def sign(kind: int, radius_m: float) -> Mesh:
     turn = np.linspace(0, 2 * np.pi, corners + 1) + (np.pi / 4 if corners == 4 else np.pi / 2)
     wide = 1.8 if kind == 3 else 1.0
     rim = np.stack([0 * turn, wide * size * np.cos(turn), size * np.sin(turn)], axis=1)
-    centre, plate = np.array([-radius_m - 0.02, 0, 2.3]), []
-    for back, slot in ((0.0, Slot.SIGN), (0.012, Slot.SIGN_BACK)):
-        middle = np.zeros_like(rim)
-        disc = meshes.grid(np.stack([middle, rim]) + centre + (back, 0, 0), slot)
-        plate.append(meshes.textured(disc, (disc.vertices_m - centre)[:, 1:] / size))
+    plate = _sign_plate(rim, np.array([-radius_m - 0.02, 0, 2.3]), size)
     pole = meshes.tube((0, 0, -0.3), (0, 0, 2.65), (radius_m, radius_m), Slot.METAL, 8)
     return meshes.merge([pole, *plate])
+
+
+def _sign_plate(rim_m: Float64, centre_m: Float64, size_m: float) -> list[Mesh]:
+    """Build the face of a sign towards -x, and its back."""
+    plate = []
+    for back, slot in ((0.0, Slot.SIGN), (0.012, Slot.SIGN_BACK)):
+        middle = np.zeros_like(rim_m)
+        disc = meshes.grid(np.stack([middle, rim_m]) + centre_m + (back, 0, 0), slot)
+        plate.append(meshes.textured(disc, (disc.vertices_m - centre_m)[:, 1:] / size_m))
+    return plate
 
 
 def sign_palette(kind: int, rng: np.random.Generator) -> Float32:
@@ -241,6 +247,26 @@ def kerb_island(length_m: float, width_m: float) -> Mesh:
     """Build a raised island, its middle at the origin."""
     half, side = length_m / 2, width_m / 2
     return meshes.box((-half, -side, -0.2), (half, side, 0.13), Slot.KERB)
+
+
+def keep_right_sign(height_m: float) -> Mesh:
+    """Build the low round sign at an island's end, on a broad post, its face towards -x."""
+    post = meshes.box((-0.06, -0.12, -0.2), (0.06, 0.12, height_m), Slot.PANEL)
+    turn, size = np.linspace(0, 2 * np.pi, 17), 0.26
+    rim = size * np.stack([0 * turn, np.cos(turn), np.sin(turn)], axis=1)
+    return meshes.merge([post, *_sign_plate(rim, np.array([-0.08, 0, height_m + 0.1]), size)])
+
+
+def keep_right_palette(rng: np.random.Generator) -> Float32:
+    """Draw the colours of a low sign: blue on a white, yellow or grey post."""
+    posts = [(0.75, 0.75, 0.73), (0.65, 0.50, 0.03), (0.65, 0.50, 0.03), (0.3, 0.3, 0.3)]
+    post = posts[int(rng.integers(len(posts)))]
+    return palette(
+        {
+            Slot.PANEL: (*post, float(rng.uniform(0.3, 0.9))),
+            Slot.SIGN: (0.03, 0.10, 0.45, float(rng.uniform(0.85, 0.99))),
+        }
+    )
 
 
 def panel_palette(rng: np.random.Generator) -> Float32:

@@ -10,7 +10,7 @@ from data.synthetic.actors import Actor, Body
 from data.synthetic.fleet import Fleet
 from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
-from data.synthetic.roadside import ParkingLot
+from data.synthetic.roadside import Plot
 from data.synthetic.town import Clearing
 from perception.geometry import se3
 
@@ -50,7 +50,7 @@ class Parking:
                     self._stand(body, s, l_m, turn)
                 s += body.size_m[0] / 2
 
-    def off_road(self, parking_lots: Sequence[ParkingLot]) -> None:
+    def off_road(self, parking_lots: Sequence[Plot]) -> None:
         """Park vehicles in parking lots, in one or two rows, all at about the same angle to the road."""
         for parking_lot in parking_lots:
             angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
@@ -58,7 +58,7 @@ class Parking:
                 out_m = self.road.shape.outer_m + 3.6 + 6.5 * row
                 self._fill_row(parking_lot, out_m, angle)
 
-    def _fill_row(self, parking_lot: ParkingLot, out_m: float, angle_rad: float) -> None:
+    def _fill_row(self, parking_lot: Plot, out_m: float, angle_rad: float) -> None:
         s = parking_lot.s_m + 1.0
         while s < parking_lot.s_m + parking_lot.length_m - 2.0:
             body = self.fleet.off_road()

@@ -1,17 +1,19 @@
-"""Random positions along a road: parking lots, poles of all sorts, and traffic islands."""
+"""Random positions along a road: plots beside it, poles of all sorts, and traffic islands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import furniture, meshes, street
+from data.synthetic import furniture, meshes, street, vegetation
 from data.synthetic.materials import palette
 from data.synthetic.road import Road
 from data.synthetic.street import Part
-from data.synthetic.town import Clearing
+from data.synthetic.town import Clearing, IsFree
+from perception.types import Float64
 
-_YARD_M = (12.0, 34.0)
+_ISLAND_ROOM_M = 3.2  # width that vehicles need of a lane beside an island
+_MIN_ISLAND_M = 0.4
 
 
 def draw_places(
@@ -23,8 +25,8 @@ def draw_places(
 
 
 @dataclass(frozen=True)
-class ParkingLot:
-    """A parking lot beside the road.
+class Plot:
+    """A stretch of one side of the road that is kept for something, as a parking lot.
 
     Attributes:
         s_m: Start along the road in metres.
@@ -36,23 +38,36 @@ class ParkingLot:
     length_m: float
     side: int
 
+    @property
+    def middle_m(self) -> float:
+        """Middle along the road in metres."""
+        return self.s_m + self.length_m / 2
+
     def overlaps(self, s_m: float, length_m: float, side: int) -> bool:
         """Return whether a plot would overlap it."""
         before, after = s_m + length_m <= self.s_m, s_m >= self.s_m + self.length_m
         return side == self.side and not (before or after)
 
 
-def draw_parking_lots(
-    stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
-) -> list[ParkingLot]:
-    """Draw parking lots along a stretch that do not overlap."""
-    parking_lots: list[ParkingLot] = []
+def draw_plots(
+    stretch_m: tuple[float, float],
+    amount: float,
+    lengths_m: tuple[float, float],
+    rng: np.random.Generator,
+) -> list[Plot]:
+    """Draw plots along a stretch that do not overlap, their lengths between two limits."""
+    plots: list[Plot] = []
     for side in (-1, 1):
         for s_m in draw_places(stretch_m, amount, rng):
-            length_m = float(rng.uniform(*_YARD_M))
-            if not any(parking_lot.overlaps(s_m, length_m, side) for parking_lot in parking_lots):
-                parking_lots.append(ParkingLot(s_m, length_m, side))
-    return parking_lots
+            length_m = float(rng.uniform(*lengths_m))
+            if not any(plot.overlaps(s_m, length_m, side) for plot in plots):
+                plots.append(Plot(s_m, length_m, side))
+    return plots
+
+
+def land_outside(plots: Sequence[Plot]) -> IsFree:
+    """Return the function that tells whether a stretch of one side overlaps no plot."""
+    return lambda s_m, length_m, side: not any(p.overlaps(s_m, length_m, side) for p in plots)
 
 
 def draw_pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> Part:
@@ -92,16 +107,41 @@ def islands(
     clearings: Sequence[Clearing],
     rng: np.random.Generator,
 ) -> list[Part]:
-    """Return traffic islands in the middle of a stretch with their poles; the amount is per 100 m."""
+    """Return traffic islands in the middle of a stretch; the amount is per 100 m.
+
+    They are as wide as the lanes allow, and hold poles, low signs at their ends, and plants.
+    """
+    width_m = min(road.shape.lane_m - _ISLAND_ROOM_M, 1.6)
     parts: list[Part] = []
     for s_m in draw_places(stretch_m, amount, rng):
-        length_m = float(rng.uniform(3, 8))
-        if any(abs(s_m - c.s_m) < c.half_m + length_m for c in clearings):
-            continue
-        pose = street.upright_pose(road, s_m, 0.0)
-        parts.append(Part(meshes.moved(furniture.kerb_island(length_m, 0.7), pose), palette()))
-        parts += [
-            draw_pole(road, rng, s_m + float(rng.uniform(-0.4, 0.4)) * length_m, 0.0)
-            for _ in range(int(rng.integers(1, 5)))
+        length_m = float(rng.uniform(3, 10))
+        is_clear = all(abs(s_m - c.s_m) > c.half_m + length_m for c in clearings)
+        if is_clear and width_m >= _MIN_ISLAND_M:
+            parts += _island(road, s_m, np.array([length_m, width_m]), rng)
+    return parts
+
+
+def _island(road: Road, s_m: float, size_m: Float64, rng: np.random.Generator) -> list[Part]:
+    """Build one island of a length and width with what stands on it."""
+    length_m, width_m = size_m.tolist()
+    pose = street.sloped_pose(road, s_m, 0.0)
+    parts = [Part(meshes.moved(furniture.kerb_island(length_m, width_m), pose), palette())]
+    parts += [
+        draw_pole(road, rng, s_m + float(rng.uniform(-0.4, 0.4)) * length_m, 0.0)
+        for _ in range(int(rng.integers(1, 5)))
+    ]
+    if rng.random() < 0.6:
+        ends = (-1, 1) if rng.random() < 0.7 else (-1,)
+        turns = [
+            street.upright_pose(road, s_m + end * (length_m / 2 - 0.35), 0.0, np.pi * (end > 0))
+            for end in ends
         ]
+        appearance = furniture.keep_right_palette(rng)
+        sign = furniture.keep_right_sign(float(rng.uniform(0.7, 1.3)))
+        parts += [Part(meshes.moved(sign, turn), appearance) for turn in turns]
+    if width_m > 0.7 and rng.random() < 0.5:
+        bush = vegetation.block([0.7 * length_m, 0.75 * width_m, float(rng.uniform(0.35, 1.2))])
+        parts.append(
+            Part(meshes.moved(vegetation.trimmed(bush, rng), pose), vegetation.foliage_palette(rng))
+        )
     return parts

@@ -56,6 +56,13 @@ def upright_pose(road: Road, s_m: float, l_m: float, turn_rad: float = 0.0) -> F
     return se3.from_euler(0.0, 0.0, float(road.heading_rad(np.array(s_m))) + turn_rad, place)
 
 
+def sloped_pose(road: Road, s_m: float, l_m: float) -> Float64:
+    """Return world_SE3_object of a long low object that rises and falls with the road, x along it."""
+    before, place, after = road.place(np.array([s_m - 1, s_m, s_m + 1]), np.full(3, l_m))
+    pitch_rad = -float(np.arctan2(after[2] - before[2], 2.0))
+    return se3.from_euler(0.0, pitch_rad, float(road.heading_rad(np.array(s_m))), place)
+
+
 def facade_pose(road: Road, s_m: float, length_m: float, l_m: float) -> Float64:
     """Return the pose of a straight front along the road: x along it, y away from the road."""
     # Straight fronts stand clear of the pavement where the road curves.

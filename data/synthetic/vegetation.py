@@ -99,14 +99,19 @@ def trimmed(core: Mesh, rng: np.random.Generator, cards_m2: float = 60.0) -> Mes
     return meshes.merge([core, cards])
 
 
+def block(size_m: Float64 | list[float]) -> Mesh:
+    """Build the body of a bush that is cut to a block, of given length, depth and height."""
+    length, depth, height = size_m
+    core = meshes.box((-length / 2, -depth / 2, -0.3), (length / 2, depth / 2, height), Slot.LEAVES)
+    return meshes.textured(core, core.vertices_m[:, :2] + core.vertices_m[:, 1:])
+
+
 def trimmed_bush(size_m: Float64, rng: np.random.Generator) -> Mesh:
     """Build a bush cut to a block, a ball or a cone, of given length, depth and height."""
     length, depth, height = size_m.tolist()
     shape = rng.choice(["block", "block", "ball", "cone"])
     if shape == "block":
-        core = meshes.box(
-            (-length / 2, -depth / 2, -0.3), (length / 2, depth / 2, height), Slot.LEAVES
-        )
+        core = block(size_m)
     elif shape == "ball":
         core = meshes.ellipsoid(
             (0, 0, 0.48 * height), (length / 2, depth / 2, 0.52 * height), Slot.LEAVES, 14

@@ -11,12 +11,13 @@ from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.parking import Parking
 from data.synthetic.raycasting import MovingObject, RaycastingScene
 from data.synthetic.road import Road
-from data.synthetic.roadside import draw_parking_lots
+from data.synthetic.roadside import draw_plots, land_outside
 from data.synthetic.street import Part
 from data.synthetic.traffic_generator import TrafficGenerator
 from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 
+_PARKING_LOT_M = (12.0, 34.0)  # limits of lengths along the road
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
 
 
@@ -154,11 +155,8 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     plan = TrafficGenerator(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
     own = rng.spawn(1)[0]
-    parking_lots = draw_parking_lots(stretch, config.clutter.parking_lots, own)
-
-    def is_free(s_m: float, length_m: float, side: int) -> bool:
-        return not any(parking_lot.overlaps(s_m, length_m, side) for parking_lot in parking_lots)
-
+    parking_lots = draw_plots(stretch, config.clutter.parking_lots, _PARKING_LOT_M, own)
+    is_free = land_outside(parking_lots)
     parts = town.lay_out_street(road, stretch, config.town, plan.clearings, rng, is_free)
     parts += clutter.place_clutter(road, stretch, config.clutter, plan.clearings, own, is_free)
     plan.add_pedestrians_and_cyclists(stretch)

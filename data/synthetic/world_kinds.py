@@ -62,6 +62,7 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         trimmed=(0, 3),
         structures=(0, 0.4),
         bicycles=(0, 2),
+        islands=(0, 0.4),
     )
     config = _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.12)
     return replace(config, trams=float(rng.choice([0.0, 0.0, 0.1])))
@@ -120,6 +121,7 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
         trimmed=(0, 2),
         structures=(0, 0.3),
         enclosures=(0, 0.6),
+        islands=(0, 0.6),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(

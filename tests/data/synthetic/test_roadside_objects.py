@@ -5,6 +5,8 @@ import pytest
 
 from data.synthetic import furniture, lidar, meshes, structures, vegetation
 from data.synthetic.materials import SemanticClass, Slot, palette
+from data.synthetic.road import Road, RoadShape
+from data.synthetic.roadside import islands
 from data.synthetic.street import Part
 from perception.geometry import se3
 from perception.sensor import HDL_64E
@@ -58,3 +60,20 @@ def test_a_kiosk_is_no_labelled_object(flat_world):
     above = is_near & (scan.points_velo[:, 2] > -1.2)
     assert above.sum() > 300
     assert (scan.truth.instances[above] == 0).all()
+
+
+@pytest.mark.parametrize(("lane_m", "width_m"), [(3.4, None), (4.0, 0.8), (4.9, 1.6)])
+def test_traffic_islands_leave_lanes_the_width_of_a_lorry(lane_m, width_m):
+    road = Road(RoadShape(curvature_1_m=0.0, slope=0.05, bank=0.0, lane_m=lane_m))
+    parts = islands(road, (0.0, 100.0), 6.0, [], np.random.default_rng(0))
+    if width_m is None:
+        assert parts == []
+        return
+    assert len(parts) > 12
+    low = [part.mesh for part in parts if np.ptp(part.mesh.vertices_m[:, 2]) < 1.0]
+    kerbs = [mesh for mesh in low if np.ptp(mesh.vertices_m[:, 0]) > 2.9 and len(mesh) == 12]
+    assert len(kerbs) >= 3
+    for mesh in kerbs:
+        assert np.ptp(mesh.vertices_m[:, 1]) == pytest.approx(width_m, abs=1e-3)
+        top_m = mesh.vertices_m[:, 2] - road.place(mesh.vertices_m[:, 0], np.array(0.0))[:, 2]
+        assert 0.08 < top_m.max() < 0.2

@@ -12,7 +12,7 @@ from data.synthetic.drive import SyntheticDrive
 from data.synthetic.heavy_vehicles import HeavyKind
 from data.synthetic.materials import SemanticClass
 from data.synthetic.road import Road, RoadShape
-from data.synthetic.roadside import ParkingLot
+from data.synthetic.roadside import Plot
 from data.synthetic.traffic_generator import _apart
 from data.synthetic.world import build_world
 from data.synthetic.world_config import WorldConfig
@@ -87,7 +87,7 @@ def test_bushes_do_not_grow_over_the_road():
 
 @pytest.mark.parametrize("amount", ["trimmed", "structures", "enclosures"])
 def test_a_parking_lot_holds_nothing_large(amount):
-    road, lot = Road(RoadShape(curvature_1_m=0.0)), ParkingLot(40.0, 30.0, 1)
+    road, lot = Road(RoadShape(curvature_1_m=0.0)), Plot(40.0, 30.0, 1)
     parts = clutter.place_clutter(
         road,
         (0.0, 100.0),
@@ -140,7 +140,7 @@ def test_slopes_and_bumps_begin_beyond_the_pavement():
 
 
 def test_nothing_is_built_on_a_yard_of_the_same_side():
-    parking_lot = ParkingLot(10.0, 20.0, 1)
+    parking_lot = Plot(10.0, 20.0, 1)
     assert parking_lot.overlaps(25.0, 10.0, 1)
     assert not parking_lot.overlaps(25.0, 10.0, -1)
     assert not parking_lot.overlaps(30.0, 5.0, 1)
