@@ -10,7 +10,7 @@ import numpy as np
 
 from data.synthetic import vegetation
 from data.synthetic.road import Road
-from data.synthetic.roadside import draw_places, islands
+from data.synthetic.roadside import Plot, draw_places, islands
 from data.synthetic.street import Part
 from data.synthetic.town import Clearing, IsFree, is_always_free
 from data.synthetic.verge import RAIL_M, Verge
@@ -35,7 +35,10 @@ class ClutterConfig:
         trimmed: Trimmed bushes, one or a row.
         structures: Kiosks, cabins, containers and skips.
         enclosures: Mesh fences, hedges and rows of trees along the road, up to 35 m from it.
-        bicycles: Parked bicycles, one to six together.
+        bicycles: Parked bicycles, alone or in rows, at stands or along a wall.
+        motorcycles: Parked motorcycles and scooters, one to six together.
+        bays: Parking bays with plants, motorcycles or bicycles; beds of plants at the kerb without
+            a parking lane.
     """
 
     bushes: float = 0.0
@@ -53,6 +56,8 @@ class ClutterConfig:
     structures: float = 0.0
     enclosures: float = 0.0
     bicycles: float = 0.0
+    motorcycles: float = 0.0
+    bays: float = 0.0
 
 
 def place_clutter(
@@ -76,10 +81,7 @@ def place_clutter(
     if not any(getattr(clutter, amount.name) for amount in fields(clutter)):
         return []
     parts = islands(road, stretch_m, clutter.islands, clearings, rng)
-    shrubs = [vegetation.bush(rng) for _ in range(6)]
-    grasses = [vegetation.tuft(rng) for _ in range(3)]
-    for side in (-1, 1):
-        verge = Verge(road, side, rng, shrubs, grasses, is_free)
+    for verge in _verges(road, rng, is_free).values():
         amounts: list[tuple[float, Callable[[float], list[Part]]]] = [
             (clutter.bushes, verge.thicket),
             (clutter.grass, verge.grass),
@@ -94,9 +96,25 @@ def place_clutter(
             (clutter.structures, verge.structure),
             (clutter.enclosures, verge.enclosure),
             (clutter.bicycles, verge.bicycles),
+            (clutter.motorcycles, verge.motorcycles),
         ]
         for amount, place in amounts:
             for s_m in draw_places(stretch_m, amount, rng):
                 if all(abs(s_m - clearing.s_m) > clearing.half_m for clearing in clearings):
                     parts += place(s_m)
     return parts
+
+
+def place_bays(road: Road, bays: Sequence[Plot], rng: np.random.Generator) -> list[Part]:
+    """Return what stands in parking bays without vehicles: plants, motorcycles or bicycles."""
+    if not bays:
+        return []
+    verges = _verges(road, rng, is_always_free)
+    return [part for bay in bays for part in verges[bay.side].bay(bay)]
+
+
+def _verges(road: Road, rng: np.random.Generator, is_free: IsFree) -> dict[int, Verge]:
+    """Return the verges of a road by side, with the plants that grow on both."""
+    shrubs = [vegetation.bush(rng) for _ in range(6)]
+    grasses = [vegetation.tuft(rng) for _ in range(3)]
+    return {side: Verge(road, side, rng, shrubs, grasses, is_free) for side in (-1, 1)}

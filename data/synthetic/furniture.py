@@ -4,6 +4,7 @@ All stand at the origin, x along the road, y away from it, but for what faces tr
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -249,6 +250,16 @@ def kerb_island(length_m: float, width_m: float) -> Mesh:
     return meshes.box((-half, -side, -0.2), (half, side, 0.13), Slot.KERB)
 
 
+def planted_bed(length_m: float, depth_m: float) -> Mesh:
+    """Build a bed of soil within kerb stones, its middle at the origin."""
+    soil = meshes.box(
+        (-length_m / 2 + 0.12, -depth_m / 2 + 0.12, -0.2),
+        (length_m / 2 - 0.12, depth_m / 2 - 0.12, 0.17),
+        Slot.GRASS,
+    )
+    return meshes.merge([kerb_island(length_m, depth_m), soil])
+
+
 def keep_right_sign(height_m: float) -> Mesh:
     """Build the low round sign at an island's end, on a broad post, its face towards -x."""
     post = meshes.box((-0.06, -0.12, -0.2), (0.06, 0.12, height_m), Slot.PANEL)
@@ -266,6 +277,14 @@ def keep_right_palette(rng: np.random.Generator) -> Float32:
             Slot.PANEL: (*post, float(rng.uniform(0.3, 0.9))),
             Slot.SIGN: (0.03, 0.10, 0.45, float(rng.uniform(0.85, 0.99))),
         }
+    )
+
+
+def bicycle_stand() -> Mesh:
+    """Build a hoop along x to which bicycles are locked."""
+    corners = np.array([(-0.4, 0, -0.2), (-0.4, 0, 0.8), (0.4, 0, 0.8), (0.4, 0, -0.2)])
+    return meshes.merge(
+        [meshes.tube(start, end, (0.025, 0.025), Slot.METAL, 6) for start, end in pairwise(corners)]
     )
 
 

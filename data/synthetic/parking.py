@@ -11,7 +11,7 @@ from data.synthetic.fleet import Fleet
 from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
 from data.synthetic.roadside import Plot
-from data.synthetic.town import Clearing
+from data.synthetic.town import Clearing, IsFree, is_always_free
 from perception.geometry import se3
 
 
@@ -33,7 +33,12 @@ class Parking:
     actors: list[Actor]
     rng: np.random.Generator
 
-    def along_road(self, stretch_m: tuple[float, float], clearings: Sequence[Clearing]) -> None:
+    def along_road(
+        self,
+        stretch_m: tuple[float, float],
+        clearings: Sequence[Clearing],
+        is_free: IsFree = is_always_free,
+    ) -> None:
         """Fill the parking lanes, leaving gaps and the crossings clear."""
         shape, rng = self.road.shape, self.rng
         if shape.parking_m < 1.8:
@@ -44,6 +49,7 @@ class Parking:
                 body = self.fleet.light()
                 s += body.size_m[0] / 2 + float(rng.uniform(0.7, 1.4))
                 is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in clearings)
+                is_clear &= is_free(s - body.size_m[0] / 2 - 0.3, body.size_m[0] + 0.6, side)
                 if rng.random() < self.taken and is_clear:
                     l_m = side * (shape.half_width_m - 0.15 - body.size_m[1] / 2)
                     turn = float(rng.normal(0, 0.02)) + (np.pi if side > 0 else 0.0)

@@ -10,6 +10,7 @@ import numpy as np
 from data.synthetic import meshes
 from data.synthetic.materials import Slot
 from data.synthetic.meshes import Mesh
+from data.synthetic.two_wheelers import bicycle
 from perception.types import Float64
 
 PHASES = 12  # poses in one full step or pedal turn
@@ -107,56 +108,6 @@ def _arm(shoulder_m: Float64, angle_rad: float, side: int) -> list[Mesh]:
         _limb([shoulder_m, elbow, hand], [0.06, 0.048, 0.038], Slot.SHIRT),
         meshes.ellipsoid(hand, (0.045, 0.03, 0.06), Slot.SKIN, 6),
     ]
-
-
-def _wheel(centre_m: Float64, radius_m: float) -> Mesh:
-    """Build a thin tyre and a few spokes."""
-    turn = np.linspace(0, 2 * np.pi, 25)[:, None]
-    around = np.linspace(0, 2 * np.pi, 7)[None]
-    reach = radius_m + 0.022 * (np.cos(around) - 1)
-    ring = np.stack(
-        np.broadcast_arrays(
-            reach * np.cos(turn), 0.022 * np.sin(around) + 0 * turn, reach * np.sin(turn)
-        ),
-        axis=-1,
-    )
-    tyre = meshes.smooth(meshes.grid(centre_m + ring, Slot.TYRE))
-    angles = np.arange(6) * np.pi / 6
-    tips = (radius_m - 0.02) * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=1)
-    spokes = [
-        meshes.tube(centre_m - tip, centre_m + tip, (0.004, 0.004), Slot.RIM, 4) for tip in tips
-    ]
-    return meshes.merge([tyre, *spokes])
-
-
-@lru_cache
-def bicycle() -> Mesh:
-    """Build a bicycle."""
-    rear, front = np.array([-0.52, 0, 0.34]), np.array([0.55, 0, 0.34])
-    crank, seat, head = (
-        np.array([-0.08, 0, 0.30]),
-        np.array([-0.25, 0, 0.90]),
-        np.array([0.40, 0, 0.92]),
-    )
-    lines = [(rear, crank), (crank, seat), (seat - np.array([0, 0, 0.15]), head), (crank, head - np.array([0, 0, 0.12])),
-             (rear, seat - np.array([0, 0, 0.12])), (front, head)]  # fmt: skip
-    tubes = [meshes.tube(*line, (0.018, 0.018), Slot.BICYCLE, 6) for line in lines]
-    stem = head + np.array([0.02, 0, 0.10])
-    parts = [
-        *tubes,
-        meshes.tube(head, stem, (0.015, 0.015), Slot.BICYCLE, 6),
-        meshes.tube(
-            stem - np.array([0, 0.28, 0]),
-            stem + np.array([0, 0.28, 0]),
-            (0.014, 0.014),
-            Slot.BICYCLE,
-            6,
-        ),
-        meshes.ellipsoid(seat + np.array([0.0, 0, 0.02]), (0.13, 0.07, 0.035), Slot.TRIM),
-        _wheel(rear, 0.34),
-        _wheel(front, 0.34),
-    ]
-    return meshes.merge(parts)
 
 
 @lru_cache(maxsize=512)

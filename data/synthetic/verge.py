@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import furniture, meshes, people, street, structures, vegetation
-from data.synthetic.materials import SemanticClass, palette, random_clothes
+from data.synthetic import furniture, meshes, street, structures, two_wheelers, vegetation
+from data.synthetic.materials import SemanticClass, Slot, palette, random_clothes, random_paint
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
-from data.synthetic.roadside import draw_pole
+from data.synthetic.roadside import Plot, draw_pole
 from data.synthetic.street import Part
 from data.synthetic.town import IsFree
+from perception.geometry import se3
 from perception.types import Float32, Float64
 
 RAIL_M = 10.0  # length of the pieces of rails and fences, which follow a curve
@@ -215,16 +216,105 @@ class Verge:
         return Part(meshes.moved(mesh, pose), furniture.panel_palette(self.rng))
 
     def bicycles(self, s_m: float) -> list[Part]:
-        """Park bicycles side by side."""
-        out_m = self.road.shape.outer_m - 0.5
-        parts = []
-        for number in range(int(self.rng.integers(1, 7))):
-            turn = np.pi / 2 + float(self.rng.normal(0, 0.12))
-            pose = street.upright_pose(self.road, s_m + 0.55 * number, self.side * out_m, turn)
-            appearance = random_clothes(self.rng)
-            parts.append(
-                Part(meshes.moved(people.bicycle(), pose), appearance, SemanticClass.OTHER_OBJECT)
-            )
+        """Park bicycles in a row behind the pavement, at stands or without, or along a wall."""
+        rng = self.rng
+        if rng.random() < 0.2:
+            # Leaning against what stands behind the pavement, one behind another.
+            out_m, turn = self.road.shape.outer_m - 0.3, float(rng.choice([0.0, np.pi]))
+            return [
+                self._bicycle(s_m + 1.9 * number, out_m, turn)
+                for number in range(int(rng.integers(1, 4)))
+            ]
+        count = int(rng.integers(1, 7) if rng.random() < 0.75 else rng.integers(6, 13))
+        return self._bicycle_row(s_m, count, self.road.shape.outer_m - 0.9)
+
+    def _bicycle_row(self, s_m: float, count: int, out_m: float) -> list[Part]:
+        """Park bicycles side by side at one angle, two to a stand."""
+        rng = self.rng
+        has_stands, angle = rng.random() < 0.5, float(rng.choice([0.5, 0.5, 0.3])) * np.pi
+        apart_m = float(rng.uniform(0.45, 0.7)) / np.sin(angle)
+        parts = [
+            self._bicycle(s_m + apart_m * number, out_m, angle + np.pi * float(rng.integers(2)))
+            for number in range(count)
+            if rng.random() < 0.85
+        ]
+        stands = np.arange(0, count if has_stands else 0, 2) + 0.5
+        return parts + [
+            self._placed(furniture.bicycle_stand(), s_m + apart_m * stand, out_m, angle, palette())
+            for stand in stands.tolist()
+        ]
+
+    def _bicycle(self, s_m: float, out_m: float, turn_rad: float) -> Part:
+        turn = turn_rad + float(self.rng.normal(0, 0.1))
+        return self._two_wheeler(
+            two_wheelers.bicycle(), (s_m, out_m, turn), random_clothes(self.rng)
+        )
+
+    def motorcycles(self, s_m: float) -> list[Part]:
+        """Park motorcycles and scooters behind the pavement."""
+        return self._motorcycle_row(
+            s_m, int(self.rng.integers(1, 7)), self.road.shape.outer_m - 1.2
+        )
+
+    def _motorcycle_row(self, s_m: float, count: int, out_m: float) -> list[Part]:
+        """Park motorcycles and scooters side by side, all at about the same angle."""
+        rng = self.rng
+        angle = float(rng.choice([0.5, 0.4, 0.3])) * np.pi + np.pi * float(rng.integers(2))
+        apart_m = float(rng.uniform(0.9, 1.2)) / abs(np.sin(angle))
+        return [
+            self._motorcycle(s_m + apart_m * number, out_m, angle + float(rng.normal(0, 0.06)))
+            for number in range(count)
+        ]
+
+    def _motorcycle(self, s_m: float, out_m: float, turn_rad: float) -> Part:
+        build = two_wheelers.scooter if self.rng.random() < 0.5 else two_wheelers.motorcycle
+        mesh = meshes.stretched(build(), self.rng.uniform(0.92, 1.08, 3))
+        appearance = palette({Slot.PAINT: random_paint(self.rng)})
+        return self._two_wheeler(mesh, (s_m, out_m, turn_rad), appearance)
+
+    def _two_wheeler(
+        self, mesh: Mesh, place: tuple[float, float, float], appearance: Float32
+    ) -> Part:
+        """Stand a two-wheeler on its side stand at s, a distance from the centreline, and an angle."""
+        s_m, out_m, turn = place
+        pose = street.upright_pose(self.road, s_m, self.side * out_m, turn)
+        leaning = pose @ se3.from_euler(float(self.rng.normal(-0.1, 0.05)), 0.0, 0.0)
+        return Part(meshes.moved(mesh, leaning), appearance, SemanticClass.OTHER_OBJECT)
+
+    def bay(self, bay: Plot) -> list[Part]:
+        """Fill a parking bay with a bed of plants, motorcycles or bicycles, or a bed at the kerb."""
+        shape, draw = self.road.shape, self.rng.random()
+        if shape.parking_m < 1.8:
+            return self._bed(bay, shape.half_width_m + 0.55, 0.7)
+        out_m = shape.half_width_m - min(shape.parking_m, 2.4) / 2
+        if draw < 0.5:
+            return self._bed(bay, out_m, min(shape.parking_m, 2.4) - 0.3)
+        if draw < 0.8:
+            return self._motorcycle_row(bay.s_m + 0.5, int(bay.length_m / 1.7), out_m)
+        return self._bicycle_row(bay.s_m + 0.5, int(bay.length_m / 0.9), out_m)
+
+    def _bed(self, bay: Plot, out_m: float, depth_m: float) -> list[Part]:
+        """Plant a bed: a trimmed hedge, bushes or grass, with a young tree in some."""
+        rng, middle_m = self.rng, bay.middle_m
+        bed = furniture.planted_bed(bay.length_m, depth_m)
+        pose = street.sloped_pose(self.road, middle_m, self.side * out_m)
+        parts = [Part(meshes.moved(bed, pose), palette())]
+        appearance, height_m = vegetation.foliage_palette(rng), float(rng.uniform(0.4, 1.7))
+        if rng.random() < 0.4:
+            size_m = [bay.length_m - 0.6, 0.75 * depth_m, height_m]
+            hedge = vegetation.trimmed(vegetation.block(size_m), rng)
+            parts.append(Part(meshes.moved(hedge, pose), appearance))
+        else:
+            plants = self.shrubs if rng.random() < 0.7 else self.grasses
+            size_m = [0.9 * depth_m, 0.9 * depth_m, height_m]
+            half_m = bay.length_m / 2 - 0.5 * depth_m
+            for s_m in middle_m + np.arange(-half_m, half_m + 0.01, 0.7 * depth_m):
+                plant, stretch = plants[int(rng.integers(len(plants)))], rng.uniform(0.6, 1.0, 3)
+                place_m = np.array([s_m, out_m])
+                parts.append(self._grown(plant, place_m, stretch * size_m, appearance))
+        if rng.random() < 0.3:
+            tree = vegetation.tree(float(rng.uniform(3.5, 6)), rng, leaves=700)
+            parts.append(self._placed(tree, middle_m, out_m, 0.0, vegetation.foliage_palette(rng)))
         return parts
 
     def poles(self, s_m: float) -> list[Part]:

@@ -17,7 +17,7 @@ from data.synthetic.traffic_generator import TrafficGenerator
 from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 
-_PARKING_LOT_M = (12.0, 34.0)  # limits of lengths along the road
+_PARKING_LOT_M, _BAY_M = (12.0, 34.0), (2.5, 9.0)  # limits of lengths along the road
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
 
 
@@ -156,12 +156,19 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
     own = rng.spawn(1)[0]
     parking_lots = draw_plots(stretch, config.clutter.parking_lots, _PARKING_LOT_M, own)
+    bays = [
+        bay
+        for bay in draw_plots(stretch, config.clutter.bays, _BAY_M, own)
+        if all(abs(bay.middle_m - c.s_m) > c.half_m + bay.length_m / 2 for c in plan.clearings)
+    ]
+
     is_free = land_outside(parking_lots)
     parts = town.lay_out_street(road, stretch, config.town, plan.clearings, rng, is_free)
     parts += clutter.place_clutter(road, stretch, config.clutter, plan.clearings, own, is_free)
+    parts += clutter.place_bays(road, bays, own)
     plan.add_pedestrians_and_cyclists(stretch)
     parking = Parking(road, plan.fleet, config.town.parking, plan.actors, rng)
-    parking.along_road(stretch, plan.clearings)
+    parking.along_road(stretch, plan.clearings, land_outside(bays))
     parking.off_road(parking_lots)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 

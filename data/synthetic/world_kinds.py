@@ -62,6 +62,8 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         trimmed=(0, 3),
         structures=(0, 0.4),
         bicycles=(0, 2),
+        motorcycles=(0, 0.8),
+        bays=(0, 2),
         islands=(0, 0.4),
     )
     config = _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.12)
@@ -74,7 +76,7 @@ def housing_street(rng: np.random.Generator) -> WorldConfig:
     road = replace(config.road, parking_m=_between(rng, 2.0, 2.3), lane_m=_between(rng, 3.2, 3.6))
     town = _drawn(rng, config.town, houses=(0.6, 0.95), parking=(0.6, 1.0), greenery=(0.3, 0.9))
     clutter = _drawn(rng, replace(config.clutter, parking_lots=0.0), boxes=(4, 10), bushes=(3, 10))
-    clutter = _drawn(rng, clutter, trimmed=(1, 8), bicycles=(0, 3))
+    clutter = _drawn(rng, clutter, trimmed=(1, 8), bicycles=(0, 3), bays=(0, 3))
     return replace(
         config,
         road=road,
@@ -122,6 +124,7 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
         structures=(0, 0.3),
         enclosures=(0, 0.6),
         islands=(0, 0.6),
+        bays=(0, 0.8),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
@@ -175,6 +178,8 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         structures=(0, 1),
         enclosures=(0, 0.4),
         bicycles=(0, 1.5),
+        motorcycles=(0, 0.5),
+        bays=(0, 2),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
@@ -263,7 +268,7 @@ def shopping_street(rng: np.random.Generator) -> WorldConfig:
         config,
         road=road,
         town=town,
-        clutter=replace(clutter, structures=_between(rng, 0.3, 1.5)),
+        clutter=_drawn(rng, clutter, structures=(0.3, 1.5), motorcycles=(0.3, 2.5), bays=(0, 3)),
         trams=float(rng.choice([0.0, 0.15, 0.3])),
         pedestrians=_between(rng, 15, 35),
         groups=_between(rng, 0.3, 0.8),

@@ -63,7 +63,7 @@ def test_in_a_jam_long_vehicles_creep_stop_and_go_on():
 
 def test_a_place_full_of_clutter_has_all_of_it():
     road = Road(RoadShape(lanes=2, land_m=(1.5, -1.0), roughness_m=0.1))
-    everything = ClutterConfig(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5, 5, 5, 5, 5)
+    everything = ClutterConfig(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5, 5, 5, 5, 5, 5)
     parts = clutter.place_clutter(road, (0.0, 100.0), everything, [], np.random.default_rng(0))
     assert len(parts) > 300
     heights = [
