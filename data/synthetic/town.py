@@ -22,6 +22,7 @@ class TownConfig:
         greenery: Share of kerbside places with a tree, and of gardens with a hedge.
         furniture: Share of kerbside places with a lamp, sign or bollard.
         parking: Share of parking places taken, where there is a parking lane.
+        parking_rad: Angle of the vehicles in the parking lanes to the road in radians.
         borders: Share of gardens with a hedge, fence or wall towards the pavement.
         lamps: Share of the lamps' places with one.
         backdrop: Share of places behind the houses with a tall tree.
@@ -34,6 +35,7 @@ class TownConfig:
     greenery: float = 0.4
     furniture: float = 0.75
     parking: float = 0.55
+    parking_rad: float = 0.0
     borders: float = 1.0
     lamps: float = 1.0
     backdrop: float = 1.0

@@ -168,7 +168,7 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     parts += clutter.place_bays(road, bays, own)
     plan.add_pedestrians_and_cyclists(stretch)
     parking = Parking(road, plan.fleet, config.town.parking, plan.actors, rng)
-    parking.along_road(stretch, plan.clearings, land_outside(bays))
+    parking.along_road(stretch, plan.clearings, config.town.parking_rad, land_outside(bays))
     parking.off_road(parking_lots)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 

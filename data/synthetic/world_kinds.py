@@ -17,6 +17,7 @@ from data.synthetic.world_config import WorldConfig
 
 # What draws of a street begin with: trees of fewer leaves, as there are many of them.
 _TOWN = TownConfig(houses=0.0, leaves=1000)
+_ANGLE_PARKED = 0.35  # share of streets with parking lanes where vehicles stand at an angle
 Amounts = TypeVar("Amounts", TownConfig, ClutterConfig)
 
 
@@ -35,6 +36,7 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         parking_m=float(rng.choice([0.0, 2.1, 2.1, 2.3])),
         pavement_m=_between(rng, 2.2, 4.0),
     )
+    road, angle_rad = _angle_parked(rng, road)
     town = _drawn(
         rng,
         _TOWN,
@@ -48,6 +50,7 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         low_crowns=(0.1, 0.8),
         ground_reflectance=(0.75, 1.25),
     )
+    town = replace(town, parking_rad=angle_rad)
     clutter = _drawn(
         rng,
         ClutterConfig(),
@@ -74,7 +77,9 @@ def housing_street(rng: np.random.Generator) -> WorldConfig:
     """Draw a narrow street with vehicles parked along both sides, hedges and dustbins."""
     config = town_street(rng)
     road = replace(config.road, parking_m=_between(rng, 2.0, 2.3), lane_m=_between(rng, 3.2, 3.6))
-    town = _drawn(rng, config.town, houses=(0.6, 0.95), parking=(0.6, 1.0), greenery=(0.3, 0.9))
+    road, angle_rad = _angle_parked(rng, road)
+    town = replace(config.town, parking_rad=angle_rad)
+    town = _drawn(rng, town, houses=(0.6, 0.95), parking=(0.6, 1.0), greenery=(0.3, 0.9))
     clutter = _drawn(rng, replace(config.clutter, parking_lots=0.0), boxes=(4, 10), bushes=(3, 10))
     clutter = _drawn(rng, clutter, trimmed=(1, 8), bicycles=(0, 3), bays=(0, 3))
     return replace(
@@ -359,6 +364,14 @@ def _curved(rng: np.random.Generator, min_radius_m: float, slope: float) -> Road
         bank=_between(rng, 0, 0.025),
         kerb_m=_between(rng, 0.10, 0.15),
     )
+
+
+def _angle_parked(rng: np.random.Generator, road: RoadShape) -> tuple[RoadShape, float]:
+    """Draw the angle of parked vehicles to the road; a parking lane is as wide as they need."""
+    angle_rad = float(rng.choice([0.25, 0.33, 0.5])) * np.pi
+    if road.parking_m == 0 or rng.random() >= _ANGLE_PARKED:
+        return road, 0.0
+    return replace(road, parking_m=_between(rng, 4.9, 5.4)), angle_rad
 
 
 def _on_uneven_land(rng: np.random.Generator, road: RoadShape, height_m: float) -> RoadShape:
