@@ -11,13 +11,22 @@ from perception.types import Bool, Float64, Int
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
 
 
-def existence(scores: Float64, is_person: Bool, config: EvidenceConfig) -> Float64:
-    """Return (D,) the probability that detections of (D,) scores, summed over classes, show an object.
+def existence(
+    scores: Float64, is_person: Bool, has_camera: bool, config: EvidenceConfig
+) -> Float64:
+    """Return (D,) the probability that detections show an object.
 
-    A score says how well a box fits, too, which is less likely for people than that they are there.
+    A score says how well a box fits, too, which is less likely for people, and for boxes of the maps alone, than that
+    they are there.
+
+    Args:
+        scores: (D,) scores, summed over classes.
+        is_person: (D,) mask of people.
+        has_camera: Whether boxes of the camera are among those of the frame.
+        config: By how much scores understate existence.
     """
     offsets = np.where(is_person, config.person_log_odds, 0.0)
-    return probability(_log_odds(scores) + offsets)
+    return probability(_log_odds(scores) + offsets + (not has_camera) * config.maps_log_odds)
 
 
 def detection_evidence(existence: Float64, config: EvidenceConfig) -> Float64:

@@ -13,9 +13,19 @@ from perception.geometry.camera import project
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.evidence import existence
-from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Int, Vehicles
+from perception.types import (
+    MODALITIES,
+    ArrayTable,
+    Bool,
+    Boxes3D,
+    Detections,
+    Float64,
+    Int,
+    Vehicles,
+)
 
 NEAREST_M = 0.5
+_CAMERA = MODALITIES.index("rgb")
 
 
 @dataclass(frozen=True)
@@ -109,7 +119,9 @@ class VehicleObservations(ArrayTable):
         detections = vehicles.fused.detections
         class_scores = _class_scores(detections, classes, config.duplicates.same_place_iou)
         is_person = ~SizePriors.of(detections.types).has_sides
-        likely = existence(class_scores.sum(axis=1), is_person, config.evidence)
+        sources = vehicles.fused.source_indices >= 0
+        has_camera = bool(sources[:, _CAMERA].any() or not sources.any())
+        likely = existence(class_scores.sum(axis=1), is_person, has_camera, config.evidence)
         kept = np.flatnonzero(likely >= config.min_existence)
         detections, boxes = detections[kept], vehicles.boxes[kept]
         is_located = np.isfinite(boxes.bottom_m[:, 0])

@@ -42,6 +42,22 @@ def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
     np.testing.assert_allclose(seen.existence, [0.3])
 
 
+@pytest.mark.parametrize(
+    ("sources", "expected"),
+    [
+        ([[0, 0, 0], [-1, 1, -1]], [0.5, 0.2]),  # the camera, too
+        ([[-1, 0, 0], [-1, 1, -1]], [0.7, 0.369]),  # log-odds of 0 and -1.39, and 0.85 more
+        ([[-1, -1, -1], [-1, -1, -1]], [0.5, 0.2]),  # no detector of a modality
+    ],
+)
+def test_scores_of_the_maps_alone_understate_that_something_is_there(sources, expected):
+    shown = detected(cars((20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.2])
+    shown = replace(shown, source_indices=np.array(sources))
+    vehicles = locate(shown, frame_of(road()), FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    np.testing.assert_allclose(seen.existence, expected, atol=1e-3)
+
+
 def test_scores_of_two_classes_at_one_place_add_up():
     shown = detected(cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.3, 0.4])
     types = np.array(["Car", "Van", "Van"])
