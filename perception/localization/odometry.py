@@ -191,7 +191,9 @@ class LidarOdometry:
             return Localization(last.localization.world_SE3_velo, PoseOrigin.REPEATED)
         step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
         if step_ins is not None:
-            self._check_motion(step_ins, gap_s, last.velocity, source)
+            # Where the INS itself gave the last pose, its error is part of the velocity.
+            is_registered = last.localization.origin is PoseOrigin.REGISTERED
+            self._check_motion(step_ins, gap_s, last.velocity if is_registered else None, source)
         points = _ScanPoints(points_velo, self._config)
         localization = self._locate(points, stamp_s, ins_world_SE3_velo, last)
         # After a correction the last pose no longer tells the velocity, but the keyframe's does.
