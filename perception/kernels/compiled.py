@@ -27,7 +27,8 @@ def written(kind: types.Type, dimensions: int = 1) -> types.Array:
 def compiled(*signatures: tuple[types.Type, ...]) -> Callable[[Function], Function]:
     """Compile a function for types of arguments, once for each machine: later runs load it from a file.
 
-    The file lies beside the source, else in the user's cache folder; where neither can be written, each run compiles.
+    The file lies beside the source, else in the user's cache folder; where neither can be written, or has no room, each run
+    compiles.
 
     Functions are compiled where they are defined, so that no frame waits for it.
 
@@ -39,7 +40,7 @@ def compiled(*signatures: tuple[types.Type, ...]) -> Callable[[Function], Functi
         options = {"nogil": True, "error_model": "numpy"}
         try:
             native: Function = numba.njit(list(signatures), cache=True, **options)(function)
-        except RuntimeError:  # no folder for the file can be written: compiled in every run
+        except (RuntimeError, OSError):  # no folder or no room for the file
             native = numba.njit(list(signatures), **options)(function)
         return native
 
