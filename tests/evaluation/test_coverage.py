@@ -31,7 +31,7 @@ def test_objects_that_are_seen_more_seldom_do_not_count():
     assert math.isnan(nothing.tracked)
 
 
-def test_without_detectors_nothing_is_seen():
+def test_without_detectors_no_car_is_detected():
     coverage = Coverage()
     coverage.update(np.array([7]), _BOXES_PX[[0]], np.array([10.0]), [], _BOXES_PX)
     assert coverage.compute(0, math.inf).seen == 0

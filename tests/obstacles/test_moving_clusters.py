@@ -90,7 +90,7 @@ def test_what_returned_between_passing_beams_before_does_not_move(left, expected
     assert moves("LLL", left=left).tolist() == [expected] * 12
 
 
-def test_what_moves_already_may_pass_where_something_stood():
+def test_what_moves_already_may_pass_over_static_places():
     beside = column(5.0, 0.2, 3)
     assert moves("FFF", left=2, before=beside).all()
     assert not moves("FFF", left=3, before=beside).any()

@@ -52,7 +52,7 @@ def test_a_camera_to_the_side_or_back_has_the_same_rows(turned_rad):
     assert detection_region(turned, (1280, 720)) == detection_region(ahead, (1280, 720))
 
 
-def test_a_camera_that_looks_up_shows_its_whole_image():
+def test_a_camera_that_is_tilted_up_keeps_its_whole_image():
     up = np.array([[0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
     tilted = replace(VIRTUAL_CAMERA, cam_SE3_velo=VIRTUAL_CAMERA.cam_SE3_velo @ up)
     assert detection_region(tilted, (1242, 375)) == (0, 0, 1242, 375)
