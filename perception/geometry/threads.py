@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def set_passive_openmp_wait() -> None:
     """Keep waiting OpenMP threads from spinning; call it before OpenMP is loaded.
 
-    Measured beside a busy process: 22 ms a registration instead of 70.
+    Measured beside a busy process with small_gicp: 22 ms a registration instead of 70.
     """
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 

@@ -93,8 +93,7 @@ class _ScanPoints:
         self.__dict__.pop("static", None)
 
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
-        config = self._config
-        return preprocess_points(points_velo, config.voxel_size_m)
+        return preprocess_points(points_velo, self._config.voxel_size_m)
 
 
 @dataclass(frozen=True)
