@@ -48,23 +48,21 @@ def _count_bits(bits: int) -> int:
     return ((bits * 0x01010101) >> 24) & 0xFF
 
 
-@compiled((_POINTS, WHOLE, NUMBER, WHOLE))
-def voxel_moments(
-    points: Float32, stride: int, edge_m: float, table_size: int
-) -> tuple[Float64, Int, bool]:
-    """Sum every `stride`-th of (N, 3+) points by voxels; points beyond the grid are left out.
+@compiled((_POINTS, NUMBER, WHOLE))
+def voxel_moments(points: Float32, edge_m: float, table_size: int) -> tuple[Float64, Int, bool]:
+    """Sum (N, 3+) points by voxels; points beyond the grid are left out.
 
     Returns:
         (M, 10) number of points, sums of x, y, z, and of xx, xy, xz, yy, yz, zz; the hash table; whether more than
         half of the table would be filled, so that a larger one is needed.
     """
-    count = (len(points) + stride - 1) // stride
+    count = len(points)
     table, free = np.zeros((table_size, 3), np.int64), table_size // 2
     table[:, 0] = -1
     bars, bits = np.empty(count, np.int64), np.empty(count, np.int64)
     limit_m = (_HALF - 1) * edge_m
     for number in range(count):
-        x, y, z = points[number * stride, 0], points[number * stride, 1], points[number * stride, 2]
+        x, y, z = points[number, 0], points[number, 1], points[number, 2]
         bars[number] = -1
         if abs(x) < limit_m and abs(y) < limit_m and abs(z) < limit_m:
             i, j = int(np.floor(x / edge_m)), int(np.floor(y / edge_m))
@@ -86,8 +84,8 @@ def voxel_moments(
         bar = bars[number]
         if bar >= 0:
             sums = moments[table[bar, 2] + _count_bits(table[bar, 1] & (bits[number] - 1))]
-            x, y = np.float64(points[number * stride, 0]), np.float64(points[number * stride, 1])
-            z = np.float64(points[number * stride, 2])
+            x, y = np.float64(points[number, 0]), np.float64(points[number, 1])
+            z = np.float64(points[number, 2])
             sums[0] += 1
             sums[1], sums[2], sums[3] = sums[1] + x, sums[2] + y, sums[3] + z
             sums[4], sums[5], sums[6] = sums[4] + x * x, sums[5] + x * y, sums[6] + x * z

@@ -63,11 +63,11 @@ class Alignment:
     is_converged: bool
 
 
-def preprocess_points(points: Float32, voxel_size_m: float, stride: int = 1) -> PreprocessedPoints:
-    """Downsample every `stride`-th of (N, 3+) points to one per voxel, and fit a surface to those around each."""
+def preprocess_points(points: Float32, voxel_size_m: float) -> PreprocessedPoints:
+    """Downsample (N, 3+) points to one per voxel, and fit a surface to those around each."""
     points, size, is_full = np.ascontiguousarray(points, np.float32), _TABLE_SIZE, True
     while is_full:
-        moments, table, is_full = voxel_moments(points, stride, voxel_size_m, size)
+        moments, table, is_full = voxel_moments(points, voxel_size_m, size)
         size *= 2
     return PreprocessedPoints(means_and_normals(moments, table, voxel_size_m), table, voxel_size_m)
 

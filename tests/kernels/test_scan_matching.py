@@ -44,7 +44,7 @@ def in_order(rows: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("stride", [1, 3])
 def test_voxels_and_means_equal_the_reference(stride: int) -> None:
     points = street()
-    moments, table, is_full = voxel_moments(points, stride, EDGE_M, 2**13)
+    moments, table, is_full = voxel_moments(np.ascontiguousarray(points[::stride]), EDGE_M, 2**13)
     _, counts, means = reference_voxels(points[::stride])
     assert not is_full
     found = in_order(np.column_stack([moments[:, 1:4] / moments[:, :1], moments[:, 0]]))
@@ -54,7 +54,7 @@ def test_voxels_and_means_equal_the_reference(stride: int) -> None:
 
 def test_normals_equal_the_reference() -> None:
     points = street()
-    moments, table, _ = voxel_moments(points, 1, EDGE_M, 2**13)
+    moments, table, _ = voxel_moments(points, EDGE_M, 2**13)
     surfaces = means_and_normals(moments, table, EDGE_M)
     cells = np.floor(points.astype(np.float64) / EDGE_M).astype(int)
     for mean, normal in zip(surfaces[::50, :3], surfaces[::50, 3:], strict=True):
@@ -66,12 +66,12 @@ def test_normals_equal_the_reference() -> None:
 
 
 def test_a_table_that_is_too_small_says_so() -> None:
-    assert voxel_moments(street(), 1, EDGE_M, 64)[2]
+    assert voxel_moments(street(), EDGE_M, 64)[2]
 
 
 def test_points_beyond_the_grid_are_left_out() -> None:
     points = np.array([[1e9, 0, 0], [np.nan, 0, 0], [1, 2, 3]], np.float32)
-    moments, _, _ = voxel_moments(points, 1, EDGE_M, 16)
+    moments, _, _ = voxel_moments(points, EDGE_M, 16)
     np.testing.assert_allclose(moments[:, :4], [[1, 1, 2, 3]])
 
 
@@ -80,7 +80,7 @@ def test_matches_are_the_nearest_within_reach(reach_m: float) -> None:
     target, source = street(0), street(1)[::5] + np.float32(0.3)
     _, _, means = reference_voxels(target)
     _, _, moved = reference_voxels(source)
-    moments, table, _ = voxel_moments(target, 1, EDGE_M, 2**13)
+    moments, table, _ = voxel_moments(target, EDGE_M, 2**13)
     surfaces = np.hstack([moments[:, 1:4] / moments[:, :1], np.zeros((len(moments), 3))])
     points = np.hstack([moved, np.zeros((len(moved), 3))])
     _, matches, error, _ = align_surfaces(
@@ -99,7 +99,7 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
     moved = (points @ truth[:3, :3].T + truth[:3, 3]).astype(np.float32)
     clouds = []
     for part in (moved, street(2)):
-        moments, table, _ = voxel_moments(part, 1, EDGE_M, 2**13)
+        moments, table, _ = voxel_moments(part, EDGE_M, 2**13)
         clouds.append((means_and_normals(moments, table, EDGE_M), table))
     arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20, 0.0)
     pose, matches, _, is_converged = align_surfaces(*arguments)
@@ -110,7 +110,7 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
 
 
 def test_distances_are_those_from_the_surfaces() -> None:
-    moments, table, _ = voxel_moments(street(0), 1, EDGE_M, 2**13)
+    moments, table, _ = voxel_moments(street(0), EDGE_M, 2**13)
     surfaces = means_and_normals(moments, table, EDGE_M)
     raised = surfaces[(np.abs(surfaces[:, 1]) < 4) & (surfaces[:, 0] < 18)]
     lift = np.eye(4)
@@ -125,7 +125,7 @@ def test_prior_and_matches_balance_as_in_the_reference() -> None:
     """At the end of an alignment, the step of the plain normal equations with the prior S H^-1 S is zero."""
     clouds = []
     for part in (street(0), np.ascontiguousarray(street(1)[::3])):
-        moments, table, _ = voxel_moments(part, 1, EDGE_M, 2**13)
+        moments, table, _ = voxel_moments(part, EDGE_M, 2**13)
         # Without normals a match tells half of the identity.
         means = moments[:, 1:4] / moments[:, :1]
         clouds.append((np.hstack([means, np.zeros_like(means)]), table))
