@@ -1,65 +1,154 @@
-"""The decorator of compiled functions, and the types of their arguments."""
+"""The decorator of compiled functions, and the types of their arguments.
+
+numba takes half a second to import and to load what it has compiled: functions are compiled or loaded before their first
+call, all at once by `load_compiled`, so that neither an import nor a frame waits for it.
+"""
 
 import logging
+import threading
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from functools import cache, update_wrapper
+from typing import Any, TypeVar, cast
 
-import numba
-from numba import types
-from numba.core import event
+import numpy as np
 
-Function = TypeVar("Function", bound=Callable[..., Any])
 log = logging.getLogger(__name__)
 
-NUMBER, WHOLE = types.float64, types.int64
+Function = TypeVar("Function", bound=Callable[..., Any])
+Scalar = type[np.generic]
 
 
-def array_of(kind: types.Type, dimensions: int = 1) -> types.Array:
+@dataclass(frozen=True)
+class ArrayType:
+    """Type of a contiguous array.
+
+    Attributes:
+        scalar: Type of its numbers.
+        dimensions: Number of its axes.
+        is_written: Whether the function writes it; else it may be read-only.
+    """
+
+    scalar: Scalar
+    dimensions: int
+    is_written: bool
+
+
+# A number, an array, or a tuple of types.
+ArgumentType = Scalar | ArrayType | tuple["ArgumentType", ...]
+
+NUMBER, WHOLE = np.float64, np.int64
+
+
+def array_of(scalar: Scalar, dimensions: int = 1) -> ArrayType:
     """Return the type of a contiguous array that a function reads; it may be read-only."""
-    return types.Array(kind, dimensions, "C", readonly=True)
+    return ArrayType(scalar, dimensions, is_written=False)
 
 
-def written(kind: types.Type, dimensions: int = 1) -> types.Array:
+def written(scalar: Scalar, dimensions: int = 1) -> ArrayType:
     """Return the type of a contiguous array that a function writes."""
-    return types.Array(kind, dimensions, "C")
+    return ArrayType(scalar, dimensions, is_written=True)
 
 
-def compiled(*signatures: tuple[types.Type, ...]) -> Callable[[Function], Function]:
+def compiled(*signatures: tuple[ArgumentType, ...]) -> Callable[[Function], Function]:
     """Compile a function for types of arguments, once for each machine: later runs load it from a file.
 
     The file lies beside the source, else in the user's cache folder; where neither can be written, or has no room, each run
     compiles.
 
-    Functions are compiled where they are defined, so that no frame waits for it.
-
     Args:
         *signatures: Types of the arguments in order; several where an argument may be of several types.
     """
 
-    def compile_function(function: Function) -> Function:
-        options = {"nogil": True, "error_model": "numpy"}
-        try:
-            native: Function = numba.njit(list(signatures), cache=True, **options)(function)
-        except (RuntimeError, OSError):  # no folder or no room for the file
-            native = numba.njit(list(signatures), **options)(function)
-        return native
+    def defer(function: Function) -> Function:
+        deferred = _CompiledFunction(function, signatures)
+        _DEFINED.append(deferred)
+        return cast(Function, deferred)
 
-    return compile_function
+    return defer
 
 
-class _CompilationNote(event.Listener):  # type: ignore[misc]
-    """Says once that functions are being compiled."""
-
-    def __init__(self) -> None:
-        self._is_noted = False
-
-    def on_start(self, event: event.Event) -> None:
-        if not self._is_noted:
-            log.warning("compiling functions for this machine, once: up to a minute")
-        self._is_noted = True
-
-    def on_end(self, event: event.Event) -> None:
-        pass
+def load_compiled() -> None:
+    """Compile or load every function that has been defined so far."""
+    for function in tuple(_DEFINED):
+        function.native()
 
 
-event.register("numba:compile", _CompilationNote())
+class _CompiledFunction:
+    """A function that is compiled, or loaded, before its first call."""
+
+    def __init__(
+        self, function: Callable[..., Any], signatures: tuple[tuple[ArgumentType, ...], ...]
+    ) -> None:
+        self._function, self._signatures = function, signatures
+        self._native: Callable[..., Any] | None = None
+        update_wrapper(self, function)
+
+    def __call__(self, *args: Any) -> Any:  # noqa: ANN401 - of any function
+        return (self._native or self.native())(*args)
+
+    def native(self) -> Callable[..., Any]:
+        """Return the compiled function."""
+        with _LOADING:
+            if self._native is None:
+                self._load_called()
+                self._native = _compile(self._function, self._signatures)
+            return self._native
+
+    def _load_called(self) -> None:
+        """Put compiled functions in the place of those that this one calls: numba knows no others."""
+        names = self._function.__globals__
+        for name in self._function.__code__.co_names:
+            called = names.get(name)
+            if isinstance(called, _CompiledFunction):
+                names[name] = called.native()
+
+
+_DEFINED: list[_CompiledFunction] = []
+_LOADING = threading.RLock()
+
+
+def _compile(
+    function: Callable[..., Any], signatures: tuple[tuple[ArgumentType, ...], ...]
+) -> Callable[..., Any]:
+    import numba
+
+    _note_compilation()
+    types = [tuple(map(_numba_type, signature)) for signature in signatures]
+    options = {"nogil": True, "error_model": "numpy"}
+    try:
+        native: Callable[..., Any] = numba.njit(types, cache=True, **options)(function)
+    except (RuntimeError, OSError):  # no folder or no room for the file
+        native = numba.njit(types, **options)(function)
+    return native
+
+
+def _numba_type(argument: ArgumentType) -> Any:  # noqa: ANN401 - numba is not imported
+    from numba import from_dtype, types
+
+    if isinstance(argument, tuple):
+        return types.Tuple(tuple(map(_numba_type, argument)))
+    if isinstance(argument, ArrayType):
+        scalar = from_dtype(np.dtype(argument.scalar))
+        return types.Array(scalar, argument.dimensions, "C", readonly=not argument.is_written)
+    return from_dtype(np.dtype(argument))
+
+
+@cache
+def _note_compilation() -> None:
+    """Say when functions are being compiled, once."""
+    from numba.core import event
+
+    class CompilationNote(event.Listener):  # type: ignore[misc]
+        def __init__(self) -> None:
+            self._is_noted = False
+
+        def on_start(self, event: event.Event) -> None:
+            if not self._is_noted:
+                log.warning("compiling functions for this machine, once: up to a minute")
+            self._is_noted = True
+
+        def on_end(self, event: event.Event) -> None:
+            pass
+
+    event.register("numba:compile", CompilationNote())

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.types import Float, Float64, Int, UInt8
@@ -13,12 +12,12 @@ HIDDEN = 255
 _NEAREST_M = 0.6
 # A cube at an angle is broader than its edge; a full diagonal would hide the cubes behind it.
 _SPREAD = 1.2
-_PROJECTION = array_of(types.float64, 2)
-_POINTS = array_of(types.float32, 2)
-_CANVAS = written(types.uint8, 3)
+_PROJECTION = array_of(np.float64, 2)
+_POINTS = array_of(np.float32, 2)
+_CANVAS = written(np.uint8, 3)
 
 
-@compiled((_CANVAS, _PROJECTION, _POINTS, array_of(types.uint8), array_of(types.uint8, 2), WHOLE))
+@compiled((_CANVAS, _PROJECTION, _POINTS, array_of(np.uint8), array_of(np.uint8, 2), WHOLE))
 def paint_points(
     canvas: UInt8, image_P_velo: Float64, points: Float, numbers: UInt8, colors: UInt8, edge_px: int
 ) -> None:
@@ -53,7 +52,7 @@ def paint_points(
                     canvas[row, column, channel] = colors[numbers[i], channel]
 
 
-@compiled((written(types.int32, 2), _PROJECTION, _POINTS, NUMBER))
+@compiled((written(np.int32, 2), _PROJECTION, _POINTS, NUMBER))
 def splat_cubes(nearest: Int, image_P_velo: Float64, centers_m: Float, size_m: float) -> None:
     """Write the number of the nearest cube of each pixel, each cube a square as large as it appears.
 
@@ -91,7 +90,7 @@ def splat_cubes(nearest: Int, image_P_velo: Float64, centers_m: Float, size_m: f
                     nearest[row, column] = i
 
 
-@compiled((written(types.uint8, 2), array_of(types.int32, 2), _PROJECTION, _POINTS, NUMBER))
+@compiled((written(np.uint8, 2), array_of(np.int32, 2), _PROJECTION, _POINTS, NUMBER))
 def faces_of_cubes(
     faces: UInt8, nearest: Int, image_P_velo: Float64, centers_m: Float, size_m: float
 ) -> None:
@@ -128,9 +127,9 @@ def faces_of_cubes(
 @compiled(
     (
         _CANVAS,
-        array_of(types.int32, 2),
-        array_of(types.uint8, 2),
-        array_of(types.uint8, 3),
+        array_of(np.int32, 2),
+        array_of(np.uint8, 2),
+        array_of(np.uint8, 3),
         NUMBER,
     )
 )
@@ -158,7 +157,7 @@ def blend_cubes(canvas: UInt8, nearest: Int, faces: UInt8, colors: UInt8, opacit
                     ) >> 8
 
 
-@compiled((_CANVAS, array_of(types.uint8, 2), array_of(types.uint8, 2), _PROJECTION, _PROJECTION))
+@compiled((_CANVAS, array_of(np.uint8, 2), array_of(np.uint8, 2), _PROJECTION, _PROJECTION))
 def blend_mesh(
     canvas: UInt8, fill: UInt8, mesh: UInt8, colors: Float64, opacities: Float64
 ) -> None:

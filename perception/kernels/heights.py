@@ -5,16 +5,15 @@ the number of nodes along x and y. Nodes are numbered along y first.
 """
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.types import Bool, Float, Float32, Float64, Int
 
 GridNumbers = tuple[float, float, float, int, int]
 
-_GRID = types.Tuple((NUMBER, NUMBER, NUMBER, WHOLE, WHOLE))
-_POINTS_32, _POINTS_64 = array_of(types.float32, 2), array_of(types.float64, 2)
-_CELLS, _VALUES = array_of(types.int64), array_of(types.float64)
+_GRID = (NUMBER, NUMBER, NUMBER, WHOLE, WHOLE)
+_POINTS_32, _POINTS_64 = array_of(np.float32, 2), array_of(np.float64, 2)
+_CELLS, _VALUES = array_of(np.int64), array_of(np.float64)
 
 
 @compiled((_POINTS_32, WHOLE, _GRID))
@@ -133,9 +132,9 @@ def robust_plane(points: Float64, level_m: float, rounds: int) -> Float64:
         _POINTS_64,
         _VALUES,
         _VALUES,
-        types.UniTuple(types.float64, 2),
+        (NUMBER, NUMBER),
         _GRID,
-        written(types.float64, 2),
+        written(np.float64, 2),
     )
 )
 def add_normal_equations(

@@ -4,13 +4,12 @@
 """
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled
 from perception.types import Bool, Float32, Float64, Int
 
-_F32, _I32, _I64 = array_of(types.float32), array_of(types.int32), array_of(types.int64)
-_CONFIG = types.Tuple((WHOLE, WHOLE, NUMBER, NUMBER, NUMBER))
+_F32, _I32, _I64 = array_of(np.float32), array_of(np.int32), array_of(np.int64)
+_CONFIG = (WHOLE, WHOLE, NUMBER, NUMBER, NUMBER)
 _DIGIT_BITS = 11
 
 # Column width, largest gap, largest depth ratio, largest slope, extension ratio of `ColumnFillingConfig`.
@@ -40,7 +39,7 @@ def _falling_order(values: Float32) -> Int:
     return order[::-1]
 
 
-@compiled((array_of(types.float32, 2), array_of(types.float64, 2), WHOLE, WHOLE, NUMBER))
+@compiled((array_of(np.float32, 2), array_of(np.float64, 2), WHOLE, WHOLE, NUMBER))
 def project_nearest(
     points: Float32, image_P_velo: Float64, width: int, height: int, nearest_m: float
 ) -> tuple[Int, Float32, Float32]:
@@ -118,7 +117,7 @@ def _median_gap(at: Int, rows: int, margin: int) -> float:
     return (low + high) / 2
 
 
-@compiled((array_of(types.int32, 2), _F32, _F32, WHOLE, WHOLE, WHOLE, _CONFIG))
+@compiled((array_of(np.int32, 2), _F32, _F32, WHOLE, WHOLE, WHOLE, _CONFIG))
 def fill_beams(
     pixels: Int,
     depth_m: Float32,
@@ -207,7 +206,7 @@ def fill_beams(
     return inner.reshape((columns, rows, 2))
 
 
-@compiled((array_of(types.boolean), WHOLE))
+@compiled((array_of(np.bool_), WHOLE))
 def _nearest_known(is_known: Bool, column: int) -> int:
     """Return the nearest known column, of two the left one."""
     for away in range(len(is_known)):
@@ -218,7 +217,7 @@ def _nearest_known(is_known: Bool, column: int) -> int:
     return column
 
 
-@compiled((array_of(types.float32, 3), _I64, WHOLE, WHOLE, WHOLE, _CONFIG))
+@compiled((array_of(np.float32, 3), _I64, WHOLE, WHOLE, WHOLE, _CONFIG))
 def fill_between_beams(
     beams: Float32, first_rows: Int, width: int, height: int, top: int, config: FillingNumbers
 ) -> tuple[Float32, Float32]:

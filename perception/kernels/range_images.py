@@ -4,16 +4,15 @@ A projection is its (S,) row of each step of slope, and (lowest_slope, steps_per
 """
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import WHOLE, array_of, compiled
 from perception.types import Bool, Float32, Int, UInt8
 
 ProjectionNumbers = tuple[float, float, float, int]
 
-_F32, _BOOL = types.float32, types.boolean
-_POINTS, _SLOPES = array_of(_F32, 2), array_of(types.int32)
-_PROJECTION = types.Tuple((_F32, _F32, _F32, types.int64))
+_F32, _BOOL = np.float32, np.bool_
+_POINTS, _SLOPES = array_of(_F32, 2), array_of(np.int32)
+_PROJECTION = (_F32, _F32, _F32, np.int64)
 # Polynomial of the arcus tangent from 0 to 1 in odd powers (Abramowitz and Stegun, 4.4.47): good to 1e-5 rad.
 _A1, _A3, _A5, _A7, _A9 = (
     np.float32(value) for value in (0.9998660, -0.3302995, 0.1801410, -0.0851330, 0.0208351)

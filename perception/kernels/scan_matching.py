@@ -9,7 +9,6 @@ Every voxel holds one mean point, so that the nearest one within the edge of a v
 """
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.types import Float32, Float64, Int
@@ -21,9 +20,9 @@ _FLATNESS = 1e-3
 _TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points that far away
 
 _POINTS, _ROWS, _TABLE = (
-    array_of(types.float32, 2),
-    array_of(types.float64, 2),
-    array_of(types.int64, 2),
+    array_of(np.float32, 2),
+    array_of(np.float64, 2),
+    array_of(np.int64, 2),
 )
 
 
@@ -125,7 +124,7 @@ def _flattest_direction(covariance: Float64) -> tuple[float, float, float]:
     return x1 / length, y1 / length, z1 / length
 
 
-@compiled((_ROWS, _TABLE, NUMBER, array_of(types.float64), WHOLE, written(types.float64)))
+@compiled((_ROWS, _TABLE, NUMBER, array_of(np.float64), WHOLE, written(np.float64)))
 def _add_around(
     moments: Float64, table: Int, edge_m: float, place: Float64, rings: int, total: Float64
 ) -> int:
@@ -232,7 +231,7 @@ def _moved_point(source: Float64, row: int, pose: Float64) -> tuple[float, float
     )
 
 
-@compiled((written(types.float64, 2), written(types.float64)))
+@compiled((written(np.float64, 2), written(np.float64)))
 def _solve(matrix: Float64, right: Float64) -> bool:
     """Solve a symmetric positive definite system, given by its upper triangle, in place (Cholesky)."""
     size = len(right)
@@ -258,7 +257,7 @@ def _solve(matrix: Float64, right: Float64) -> bool:
     return True
 
 
-@compiled((array_of(types.float64), _ROWS))
+@compiled((array_of(np.float64), _ROWS))
 def _moved(motion: Float64, pose: Float64) -> Float64:
     """Return a (4, 4) pose after a motion, a rotation vector and a translation (Rodrigues)."""
     angle = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
@@ -291,8 +290,8 @@ def _moved(motion: Float64, pose: Float64) -> Float64:
         WHOLE,
         _ROWS,
         NUMBER,
-        written(types.float64, 2),
-        written(types.float64),
+        written(np.float64, 2),
+        written(np.float64),
     )
 )
 def _add_matches(
@@ -404,7 +403,7 @@ def _motion_between(pose: Float64, other: Float64) -> Float64:
 
 
 @compiled(
-    (_ROWS, _ROWS, NUMBER, written(types.float64, 2), written(types.float64)),
+    (_ROWS, _ROWS, NUMBER, written(np.float64, 2), written(np.float64)),
 )
 def _add_prior(
     pose: Float64, initial_guess: Float64, information: float, hessian: Float64, gradient: Float64
@@ -445,7 +444,7 @@ def _add_prior(
         _ROWS,
         _ROWS,
         NUMBER,
-        types.UniTuple(types.float64, 2),
+        (NUMBER, NUMBER),
         WHOLE,
         NUMBER,
     )

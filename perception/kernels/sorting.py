@@ -1,7 +1,6 @@
 """Sorting of integers with their indices, digit by digit."""
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import array_of, compiled
 from perception.types import Int
@@ -9,7 +8,7 @@ from perception.types import Int
 _DIGIT_BITS = 11
 
 
-@compiled((array_of(types.int64),))
+@compiled((array_of(np.int64),))
 def sorted_by_digits(keys: Int) -> tuple[Int, Int]:
     """Return (N,) keys in rising order, and the index of each; equal keys keep their order.
 

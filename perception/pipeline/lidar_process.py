@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+from perception.kernels.compiled import load_compiled
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_stages import LidarResult, LidarStages
 from perception.pipeline.remote_object import RemoteObject
@@ -26,7 +27,7 @@ class LidarProcess:
         """
         self._stages = RemoteObject(
             "the LiDAR stages",
-            partial(LidarStages, sensor, config),
+            partial(_make_stages, sensor, config),
             advice="pass --pipeline.no-parallel",
         )
 
@@ -50,6 +51,12 @@ class LidarProcess:
     def close(self) -> None:
         """End the process after the running call."""
         self._stages.close()
+
+
+def _make_stages(sensor: LidarModel, config: PipelineConfig) -> LidarStages:
+    """Return the stages, ready for the first frame."""
+    load_compiled()
+    return LidarStages(sensor, config)
 
 
 def _step(stages: LidarStages, frame: Frame, clock: StageClock) -> LidarResult:

@@ -10,12 +10,13 @@ have something to do, the LiDAR stages run in a process of their own.
 
 import time
 from collections.abc import Iterable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from typing import Self
 
 from perception.detection.networks import is_detection_enabled
 from perception.geometry.threads import limit_opencv_threads
+from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_process import LidarProcess
@@ -53,7 +54,12 @@ class Pipeline:
         self._lidar = (LidarProcess if has_own_process else LidarStages)(sensor, config)
         with ExitStack() as on_error:
             on_error.callback(self._lidar.close)
-            self._camera = CameraStages(sensor, config.detection, config.vehicles, config.budget_ms)
+            with ThreadPoolExecutor(1) as loader:
+                loading = loader.submit(load_compiled)
+                self._camera = CameraStages(
+                    sensor, config.detection, config.vehicles, config.budget_ms
+                )
+                loading.result()
             self._lidar.reset()  # a process answers when it is ready for the first frame
             on_error.pop_all()
         if config.parallel:

@@ -1,7 +1,9 @@
-import numpy as np
-from numba import types
+import subprocess
+import sys
 
-from perception.kernels.compiled import NUMBER, array_of, compiled
+import numpy as np
+
+from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from tests.full_disk import file_size_limit
 
 
@@ -23,9 +25,46 @@ def test_a_function_without_room_for_its_cache_is_compiled_all_the_same() -> Non
 
 
 def test_one_function_for_several_types() -> None:
-    @compiled((array_of(types.float32),), (array_of(types.float64),))
+    @compiled((array_of(np.float32),), (array_of(np.float64),))
     def first(values: np.ndarray) -> float:
         return values[0]
 
     for kind in (np.float32, np.float64):
         assert first(np.array([0.5], kind)) == 0.5
+
+
+def test_a_function_calls_one_that_is_not_loaded_yet() -> None:
+    names: dict[str, object] = {}
+    exec(
+        "def doubled(x):\n    return 2 * x\ndef quadrupled(x):\n    return doubled(doubled(x))",
+        names,
+    )
+    names["doubled"] = compiled((NUMBER,))(names["doubled"])
+    assert compiled((NUMBER,))(names["quadrupled"])(1.5) == 6.0
+
+
+def test_arguments_are_numbers_arrays_and_tuples() -> None:
+    @compiled(((WHOLE, NUMBER), array_of(np.bool_, 2), written(np.int64)))
+    def fill(numbers: tuple[int, float], is_set: np.ndarray, out: np.ndarray) -> float:
+        out[:] = numbers[0]
+        return numbers[1] * is_set.sum()
+
+    out, is_set = np.zeros(2, np.int64), np.ones((2, 3), np.bool_)
+    is_set.setflags(write=False)
+    assert fill((7, 0.5), is_set, out) == 3.0
+    assert out.tolist() == [7, 7]
+
+
+def test_the_pipeline_is_imported_without_numba_and_has_loaded_every_function_before_a_frame() -> (
+    None
+):
+    code = (
+        "import sys\n"
+        "from perception.pipeline import Pipeline, PipelineConfig\n"
+        "imported = 'numba' in sys.modules\n"
+        "Pipeline(config=PipelineConfig.for_motion()).close()\n"
+        "from perception.kernels.scan_matching import _table_row\n"
+        "print(imported, hasattr(_table_row, 'signatures'))"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout == "False True\n"
