@@ -163,8 +163,9 @@ class RelativeDepthEncoding(nn.Module):
 
     def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
         """Return (M, 3, H, W) normalized channels of (M, 3, H, W) crops of 0..255, and (M, 1) distances."""
-        images = crops.float()
-        depth, height = images[:, 0][self._MIDDLE], images[:, 1][self._MIDDLE]
+        # Cut before it is converted, since that is a pass over all pixels.
+        middle = crops[self._MIDDLE].float()
+        depth, height = middle[:, 0], middle[:, 1]
         known = (height > 0).float()  # heights are 1..255
         mean = (depth * known).sum((1, 2)) / known.sum((1, 2)).clamp(min=1)
         distance_m = 400 / (80 - 75 / 255 * mean)
@@ -174,7 +175,7 @@ class RelativeDepthEncoding(nn.Module):
         even = torch.full_like(factor, 2 / 255)
         factors = torch.stack((factor, even, even), dim=1)[..., None, None]
         offsets = torch.stack((-factor * mean, even * 0 - 1, even * 0 - 1), dim=1)[..., None, None]
-        return (images * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
+        return (crops.float() * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
 
 
 def _block(

@@ -5,9 +5,9 @@ depth, near 0, 80 m 255   height, see below    reflectance 0..1 as 0..255      0
      (6.2)                                            (B.2.1)
 """
 
-import cv2
 import numpy as np
 
+from perception.kernels.crops import encode_heights
 from perception.maps.densify import DenseMaps
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.types import Float64, UInt8
@@ -15,6 +15,7 @@ from perception.types import Float64, UInt8
 CHANNELS = ("depth", "height", "reflectance")
 # From below the road to above a lorry, encoded as 1 to 255; 0 is unknown.
 _LOWEST_M, _HIGHEST_M = -1.0, 4.0
+_HIGHEST = 254  # steps between these two
 
 
 def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: float) -> UInt8:
@@ -25,23 +26,29 @@ def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: flo
         image_P_velo: (3, 4) projection of the maps from the LiDAR frame.
         lidar_height_m: Height of the LiDAR's origin above the road in metres.
     """
-    height_m = heights_m(dense.depth_m, image_P_velo, lidar_height_m)
-    scale = 254 / (_HIGHEST_M - _LOWEST_M)
-    clipped = np.clip(height_m, _LOWEST_M, _HIGHEST_M)
-    height = cv2.convertScaleAbs(clipped, alpha=scale, beta=1 - scale * _LOWEST_M)
-    channels = (encode_depth(dense.depth_m), height, encode_reflectance(dense.reflectance))
-    is_valid = dense.is_valid
-    return np.asarray(cv2.merge([channel * is_valid for channel in channels]), np.uint8)
+    steps_per_m = _HIGHEST / (_HIGHEST_M - _LOWEST_M)
+    row_m, column_m, offset_m = _heights_by_depth(dense.depth_m.shape, image_P_velo)
+    planes: UInt8 = np.empty((len(CHANNELS), *dense.depth_m.shape), np.uint8)
+    planes[0] = encode_depth(dense.depth_m)
+    encode_heights(
+        np.ascontiguousarray(dense.depth_m),
+        (steps_per_m * row_m).astype(np.float32),
+        (steps_per_m * column_m).astype(np.float32),
+        1 + steps_per_m * (offset_m + lidar_height_m - _LOWEST_M),
+        planes[1],
+    )
+    planes[2] = encode_reflectance(dense.reflectance)
+    return (planes * dense.is_valid).transpose(1, 2, 0)
 
 
-def heights_m(depth_m: np.ndarray, image_P_velo: Float64, lidar_height_m: float) -> np.ndarray:
-    """Return the (H, W) heights above the road of the points at a depth along each pixel's ray.
+def _heights_by_depth(
+    shape: tuple[int, ...], image_P_velo: Float64
+) -> tuple[Float64, Float64, float]:
+    """Return (H,) and (W,) heights above the LiDAR for each metre of depth, whose sum is a pixel's, and the height at depth 0.
 
     depth * (u, v, 1) = P p + t, hence z = depth * (r . (u, v, 1)) - r . t with r the last row of the
     inverse of P.
     """
     row = np.linalg.inv(image_P_velo[:, :3])[2]
-    v, u = np.arange(depth_m.shape[0]), np.arange(depth_m.shape[1])
-    of_ray = (row[1] * v + row[2])[:, None].astype(np.float32) + (row[0] * u).astype(np.float32)
-    offset_m = np.float32(lidar_height_m - row @ image_P_velo[:, 3])
-    return np.asarray(depth_m * of_ray + offset_m, np.float32)
+    v, u = np.arange(shape[0]), np.arange(shape[1])
+    return row[1] * v + row[2], row[0] * u, -float(row @ image_P_velo[:, 3])

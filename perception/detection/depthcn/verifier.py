@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from importlib.abc import Traversable
 from typing import Annotated, get_args
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +21,9 @@ from perception.errors import ModelError
 from perception.types import ArrayTable, Float64, Method, UInt8
 
 KIND = "depthcn"
-
+# Number of crops in one run of the network, whose activations stay in the processor's cache: two thirds of the time of
+# all crops at once, which are written to memory layer by layer.
+_BLOCK = 8
 CONTRACT = ModelContract(
     metadata={
         "kind": KIND,
@@ -35,6 +36,7 @@ CONTRACT = ModelContract(
         "windows_px": ModelInput(np.float32, (None, 4)),
     },
     outputs=("scores", "boxes_px"),
+    warmup_rows=_BLOCK,
 )
 _WINDOWS: tuple[WindowKind, ...] = get_args(WindowKind)
 _METHODS: tuple[Method, ...] = get_args(Method)
@@ -96,16 +98,20 @@ class Verifier:
 
     def inputs(self, image: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return the network's inputs for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image."""
-        planes = cv2.split(image)
-        selected = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
+        selected = image.transpose(2, 0, 1)[self._channels].transpose(1, 2, 0)
         return {
-            "crops": crop_windows(selected.reshape(*image.shape[:2], -1), windows_px, self.method),
+            "crops": crop_windows(selected, windows_px, self.method),
             "windows_px": windows_px.astype(np.float32),
         }
 
     def predict(self, image: UInt8, windows_px: Float64) -> VerifierPrediction:
-        """Return the predictions for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image."""
-        outputs = self.model(self.inputs(image, windows_px))
+        """Return the predictions for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image, at least one."""
+        inputs = self.inputs(image, windows_px)
+        blocks = [
+            self.model({name: array[row : row + _BLOCK] for name, array in inputs.items()})
+            for row in range(0, len(windows_px), _BLOCK)
+        ]
+        outputs = {name: np.concatenate([one[name] for one in blocks]) for name in blocks[0]}
         # A network of one class returns one score for each window.
         scores = outputs["scores"].astype(np.float64).reshape(-1, len(self.class_names))
         types = np.array(self.class_names, np.str_)[scores.argmax(axis=1)]
