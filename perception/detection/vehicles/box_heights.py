@@ -3,8 +3,8 @@
 import numpy as np
 
 from perception.detection.vehicles.config import BoxHeightConfig
-from perception.geometry.boxes import corners
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.image_heights import image_heights_m
 from perception.types import Boxes3D, Calibration, Float64
 
 
@@ -24,23 +24,17 @@ def fit_heights(
         calibration: Calibration of the camera.
         config: Deviations.
     """
-    _, y1, _, y2 = boxes_px.T[:, :, None]
-    corners_m = corners(boxes)[:, :4]
-    # The height above each corner of the bottom at which it is projected to the upper side of the 2D box; none of
-    # the upper corners is projected above that side.
-    planes = calibration.image_P_velo[1] - y1[..., None] * calibration.image_P_velo[2]
-    beside = (planes[..., :2] * corners_m[..., :2]).sum(axis=2) + planes[..., 3]
-    tops_m = -beside / planes[..., 2]
-    seen_m = (tops_m - corners_m[..., 2]).min(axis=1)
+    _, y1, _, y2 = boxes_px.T
+    seen_m = image_heights_m(boxes, boxes_px, calibration.image_P_velo)
     mean_m, deviation_m = sizes.height_m.T
     # A vehicle may be of another class, a person is not.
     deviation_m = np.where(
         sizes.has_sides, np.maximum(deviation_m, config.min_vehicle_deviation_m), deviation_m
     )
-    height_px = np.maximum(y2 - y1, 1.0)[:, 0]
+    height_px = np.maximum(y2 - y1, 1.0)
     share = config.top_deviation_px / height_px + config.top_deviation_share
     variance_m2 = (share * mean_m) ** 2
     # The image's border cuts the upper side of what is near.
-    trust = np.where(y1[:, 0] <= 1, 0.0, deviation_m**2 / (deviation_m**2 + variance_m2))
+    trust = np.where(y1 <= 1, 0.0, deviation_m**2 / (deviation_m**2 + variance_m2))
     reach_m = config.max_deviations * deviation_m
     return np.asarray(mean_m + trust * np.clip(seen_m - mean_m, -reach_m, reach_m))

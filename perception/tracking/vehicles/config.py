@@ -48,6 +48,11 @@ class EvidenceConfig:
         memory: Share of the past evidence that the next frame leaves, since detections of one object err alike.
         height_deviation_m: Standard deviation of the height of a track, which tells classes apart.
         class_score_weight: Weight of the logarithm of scores beside that of the likelihood of a height.
+        min_height_deviation_m: Minimum standard deviation of the height of a class, against which the height that the
+            image shows is evidence.
+        top_deviation_px: Standard deviation of the upper side of the 2D box.
+        top_deviation_share: Increase of the same, as a share of the box's height.
+        max_height_evidence: Maximum evidence that a height takes away.
     """
 
     prior: float = 0.5
@@ -58,6 +63,10 @@ class EvidenceConfig:
     memory: float = 0.8
     height_deviation_m: float = 0.03
     class_score_weight: float = 0.2
+    min_height_deviation_m: float = 0.15
+    top_deviation_px: float = 1.0
+    top_deviation_share: float = 0.05
+    max_height_evidence: float = 3.0
 
 
 @dataclass(frozen=True)

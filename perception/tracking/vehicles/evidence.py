@@ -5,10 +5,11 @@ from numpy.typing import NDArray
 
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import EvidenceConfig
-from perception.types import Bool, Float64, Int
+from perception.types import Bool, Detections, Float64, Int
 
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
+_LOWEST_VEHICLE = "Car"
 
 
 def existence(
@@ -27,6 +28,33 @@ def existence(
     """
     offsets = np.where(is_person, config.person_log_odds, 0.0)
     return probability(_log_odds(scores) + offsets + (not has_camera) * config.maps_log_odds)
+
+
+def with_heights(
+    existence: Float64, heights_m: Float64, detections: Detections, config: EvidenceConfig
+) -> Float64:
+    """Return (D,) the probability of existence of detections, given their heights.
+
+    A bicycle without a rider and a post are too low for people, a motorcycle and a bush too low for a vehicle, of
+    which cars are the lowest.
+
+    Args:
+        existence: (D,) probabilities of existence by the scores.
+        heights_m: (D,) heights that the image shows; NaN where they are not known.
+        detections: (D) detections in the image.
+        config: Deviations of the heights.
+    """
+    has_sides = SizePriors.of(detections.types).has_sides
+    lowest = SizePriors.of(np.where(has_sides, _LOWEST_VEHICLE, detections.types))
+    mean_m, deviation_m = lowest.height_m.T
+    heights_px = np.maximum(detections.boxes_px[:, 3] - detections.boxes_px[:, 1], 1.0)
+    top_share = config.top_deviation_share + config.top_deviation_px / heights_px
+    deviation_m = np.maximum(deviation_m, config.min_height_deviation_m)
+    variance_m2 = deviation_m**2 + (top_share * mean_m) ** 2
+    off_m = heights_m - mean_m
+    off_m = np.where(has_sides, np.minimum(off_m, 0.0), off_m)
+    against = np.minimum(np.nan_to_num(off_m) ** 2 / variance_m2 / 2, config.max_height_evidence)
+    return probability(_log_odds(existence) - against)
 
 
 def detection_evidence(existence: Float64, config: EvidenceConfig) -> Float64:

@@ -12,7 +12,8 @@ from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
-from perception.tracking.vehicles.evidence import existence
+from perception.tracking.vehicles.evidence import existence, with_heights
+from perception.tracking.vehicles.image_heights import image_heights_m
 from perception.types import (
     MODALITIES,
     ArrayTable,
@@ -124,6 +125,7 @@ class VehicleObservations(ArrayTable):
         likely = existence(class_scores.sum(axis=1), is_person, has_camera, config.evidence)
         kept = np.flatnonzero(likely >= config.min_existence)
         detections, boxes = detections[kept], vehicles.boxes[kept]
+        heights_m = _image_heights_m(boxes, detections.boxes_px, frame)
         is_located = np.isfinite(boxes.bottom_m[:, 0])
         assumed, assumed_noise = _assumed(detections.boxes_px, frame, config)
         located = transform_boxes(frame.world_SE3_velo, boxes)
@@ -136,7 +138,7 @@ class VehicleObservations(ArrayTable):
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
             class_scores[kept],
-            likely[kept],
+            with_heights(likely[kept], heights_m, detections, config.evidence),
         )
 
 
@@ -150,6 +152,12 @@ def _class_scores(detections: Detections, classes: NDArray[np.str_], min_iou: fl
         at_place = np.where(is_same_place[:, rows], scores[rows], 0.0)
         by_class[:, column] = at_place.max(axis=1, initial=0.0)
     return by_class
+
+
+def _image_heights_m(boxes: Boxes3D, boxes_px: Float64, frame: FrameGeometry) -> Float64:
+    """Return (D,) the heights that the image shows; NaN of boxes that are not located or that its upper border cuts."""
+    heights_m = image_heights_m(boxes, boxes_px, frame.image_P_velo)
+    return np.where(boxes_px[:, 1] > 1, heights_m, np.nan)
 
 
 def _located_noise(boxes: Boxes3D, point_counts: Int, config: VehicleTrackerConfig) -> Float64:

@@ -58,6 +58,38 @@ def test_scores_of_the_maps_alone_understate_that_something_is_there(sources, ex
     np.testing.assert_allclose(seen.existence, expected, atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("name", "size_m", "expected"),
+    [
+        ("Cyclist", (1.7, 0.6, 1.7), 0.97),  # log-odds of 2.2, and 1.5 more for people
+        ("Cyclist", (1.7, 0.6, 1.05), 0.67),  # nobody rides it: 3 less
+        ("Pedestrian", (0.6, 0.6, 1.0), 0.67),  # a post
+        ("Car", (4.0, 1.6, 1.5), 0.9),
+        ("Car", (2.0, 0.8, 0.9), 0.31),  # a motorcycle
+        ("Car", (5.0, 1.9, 2.1), 0.9),  # a van
+    ],
+)
+def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, expected):
+    boxes = cars((12.0, 2.0, 0.0), size_m=size_m)
+    shown = detected(boxes, 0.9)
+    shown = replace(shown, detections=replace(shown.detections, types=np.array([name])))
+    vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, np.array([name]), VehicleTrackerConfig())
+    assert seen.is_located.all()
+    np.testing.assert_allclose(seen.existence, [expected], atol=0.03)
+
+
+def test_the_height_of_what_the_upper_border_cuts_is_not_known():
+    boxes = cars((12.0, 2.0, 0.0), size_m=(1.7, 0.6, 1.05))
+    shown = detected(boxes, 0.6)
+    boxes_px = shown.detections.boxes_px * [1, 0, 1, 1]
+    types = np.array(["Cyclist"])
+    shown = replace(shown, detections=replace(shown.detections, boxes_px=boxes_px, types=types))
+    vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, types, VehicleTrackerConfig())
+    assert seen.existence[0] == pytest.approx(0.87, abs=0.01)
+
+
 def test_scores_of_two_classes_at_one_place_add_up():
     shown = detected(cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.3, 0.4])
     types = np.array(["Car", "Van", "Van"])
