@@ -1,95 +1,102 @@
 """Scan matching: the mean point of each occupied voxel with its surface normal, and GICP between two such clouds.
 
-Voxels are found by the bars of 32 that they form along z. A hash table has a row for each bar that holds a point: its
-key (-1 of an empty row), a bit for each occupied voxel, and the number of the lowest of them:
+Voxels are found by the bars of 62 that they form along z, in a map of the ground plane. A cell of the map holds the
+number of its bar, 0 without one. A bar has a bit for each occupied voxel, and the number of the lowest of them:
 
-    table row   key, bits 00101100..., first 17   ->   voxels 2, 4 and 5 of the bar are numbers 17, 18 and 19
+    cell of the map, bar 7   ->   bits 00101100..., first 17   ->   voxels 2, 4 and 5 of the bar are numbers 17, 18, 19
 
 Every voxel holds one mean point, so that the nearest one within the edge of a voxel lies in the 27 voxels around.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.types import Float32, Float64, Int
 
-_HALF = 1 << 20  # voxels on each side of the origin: 21 bits for an axis
+# The map has 512 cells a side, of which 16 at each border stay empty: what is looked for around a cell is in the map.
+_SIDE, _BORDER = 512, 16
+_UP, _DOWN = 38, 24  # voxels of a bar above and below the origin
+_MAX_BARS = 2**16 - 1
 _MIN_VOXELS = 5  # fewer do not determine a surface
 # Squared noise along the normal of a surface, relative to that along the surface (GICP, Segal et al. 2009).
 _FLATNESS = 1e-3
+_LOOSER = 3.0  # steps so much larger than the last one still keep their matches, and end the alignment of a quarter
 _TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points that far away
 
-_POINTS, _ROWS, _TABLE = (
-    array_of(np.float32, 2),
-    array_of(np.float64, 2),
-    array_of(np.int64, 2),
-)
+# Number of the bar of each cell, along x first, and (bars + 1, 2) bits and first voxel of each bar.
+VoxelTable = tuple[NDArray[np.uint16], Int]
 
-
-@compiled((_TABLE, WHOLE, WHOLE, WHOLE))
-def _table_row(table: Int, i: int, j: int, bar: int) -> int:
-    """Return the table's row of a bar, or the empty one where it belongs."""
-    key = ((j + _HALF) << 42) | ((bar + _HALF) << 21) | (i + _HALF)
-    last = len(table) - 1
-    # Eight bars side by side stay together, since they are read together.
-    row = ((((key >> 3) * 0x1E3779B97F4A7C15) >> 40 << 3) | (i & 7)) & last
-    while table[row, 0] != key and table[row, 0] != -1:
-        row = (row + 1) & last
-    return row
+_POINTS, _ROWS = array_of(np.float32, 2), array_of(np.float64, 2)
+_TABLE = (array_of(np.uint16), array_of(np.int64, 2))
 
 
 @compiled((WHOLE,))
 def _count_bits(bits: int) -> int:
-    """Return the number of bits that are set among the lowest 32."""
-    bits = bits - ((bits >> 1) & 0x55555555)
-    bits = (bits & 0x33333333) + ((bits >> 2) & 0x33333333)
-    bits = (bits + (bits >> 4)) & 0x0F0F0F0F
-    return ((bits * 0x01010101) >> 24) & 0xFF
+    """Return the number of bits that are set among the lowest 62."""
+    bits = bits - ((bits >> 1) & 0x5555555555555555)
+    bits = (bits & 0x3333333333333333) + ((bits >> 2) & 0x3333333333333333)
+    bits = (bits + (bits >> 4)) & 0x0F0F0F0F0F0F0F0F
+    return (bits * 0x0101010101010101) >> 56
 
 
-@compiled((_POINTS, NUMBER, WHOLE))
-def voxel_moments(points: Float32, edge_m: float, table_size: int) -> tuple[Float64, Int, bool]:
-    """Sum (N, 3+) points by voxels; points beyond the grid are left out.
+@compiled((NUMBER, NUMBER))
+def _cell(x: float, y: float) -> int:
+    """Return the cell of the map that holds a position in edges of a voxel, -1 outside."""
+    inner = _SIDE // 2 - _BORDER
+    if not (abs(x) < inner and abs(y) < inner):
+        return -1
+    return (int(np.floor(y)) + _SIDE // 2) * _SIDE + int(np.floor(x)) + _SIDE // 2
+
+
+@compiled((WHOLE, WHOLE))
+def _window(level: int, rings: int) -> int:
+    """Return the bits of a bar up to so many voxels above and below a level, at most 15."""
+    low, bits = level - rings, (1 << (2 * rings + 1)) - 1
+    if low < -2 * rings or low >= _DOWN + _UP:
+        return 0
+    return bits << low if low >= 0 else bits >> -low
+
+
+@compiled((_POINTS, NUMBER))
+def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
+    """Sum (N, 3+) points by voxels; points beyond the map, 240 voxels away, or of too many bars are left out.
 
     Returns:
-        (M, 10) number of points, sums of x, y, z, and of xx, xy, xz, yy, yz, zz; the hash table; whether more than
-        half of the table would be filled, so that a larger one is needed.
+        (M, 10) number of points, sums of x, y, z, and of xx, xy, xz, yy, yz, zz; the table of the voxels.
     """
     count = len(points)
-    table, free = np.zeros((table_size, 3), np.int64), table_size // 2
-    table[:, 0] = -1
-    bars, bits = np.empty(count, np.int64), np.empty(count, np.int64)
-    limit_m = (_HALF - 1) * edge_m
+    bar_of_cell, bars = np.zeros(_SIDE * _SIDE, np.uint16), np.zeros((count + 1, 2), np.int64)
+    bar_of, bit_of = np.zeros(count, np.int64), np.empty(count, np.int64)
+    found = 0
     for number in range(count):
         x, y, z = points[number, 0], points[number, 1], points[number, 2]
-        bars[number] = -1
-        if abs(x) < limit_m and abs(y) < limit_m and abs(z) < limit_m:
-            i, j = int(np.floor(x / edge_m)), int(np.floor(y / edge_m))
-            k = int(np.floor(z / edge_m))
-            row = _table_row(table, i, j, k >> 5)
-            if table[row, 0] == -1:
-                table[row, 0] = ((j + _HALF) << 42) | (((k >> 5) + _HALF) << 21) | (i + _HALF)
-                free -= 1
-                if free == 0:
-                    return np.zeros((0, 10)), table, True
-            table[row, 1] |= 1 << (k & 31)
-            bars[number], bits[number] = row, 1 << (k & 31)
+        cell, level = _cell(x / edge_m, y / edge_m), np.floor(z / edge_m) + _DOWN
+        if cell < 0 or not (level >= 0 and level < _DOWN + _UP):
+            continue
+        if bar_of_cell[cell] == 0:
+            if found == _MAX_BARS:
+                continue
+            found += 1
+            bar_of_cell[cell] = found
+        bar_of[number], bit_of[number] = bar_of_cell[cell], 1 << int(level)
+        bars[bar_of[number], 0] |= bit_of[number]
     voxels = 0
-    for row in range(table_size):
-        table[row, 2] = voxels
-        voxels += _count_bits(table[row, 1])
+    for bar in range(found + 1):
+        bars[bar, 1] = voxels
+        voxels += _count_bits(bars[bar, 0])
     moments = np.zeros((voxels, 10))
     for number in range(count):
-        bar = bars[number]
-        if bar >= 0:
-            sums = moments[table[bar, 2] + _count_bits(table[bar, 1] & (bits[number] - 1))]
+        bar = bar_of[number]
+        if bar > 0:
+            sums = moments[bars[bar, 1] + _count_bits(bars[bar, 0] & (bit_of[number] - 1))]
             x, y = np.float64(points[number, 0]), np.float64(points[number, 1])
             z = np.float64(points[number, 2])
             sums[0] += 1
             sums[1], sums[2], sums[3] = sums[1] + x, sums[2] + y, sums[3] + z
             sums[4], sums[5], sums[6] = sums[4] + x * x, sums[5] + x * y, sums[6] + x * z
             sums[7], sums[8], sums[9] = sums[7] + y * y, sums[8] + y * z, sums[9] + z * z
-    return moments, table, False
+    return moments, (bar_of_cell, bars[: found + 1].copy())
 
 
 @compiled((_ROWS,))
@@ -126,32 +133,29 @@ def _flattest_direction(covariance: Float64) -> tuple[float, float, float]:
 
 @compiled((_ROWS, _TABLE, NUMBER, array_of(np.float64), WHOLE, written(np.float64)))
 def _add_around(
-    moments: Float64, table: Int, edge_m: float, place: Float64, rings: int, total: Float64
+    moments: Float64, table: VoxelTable, edge_m: float, place: Float64, rings: int, total: Float64
 ) -> int:
     """Sum the moments of the voxels around a place, 27 in one ring, and return the number of occupied ones."""
-    i0, j0 = int(np.floor(place[0] / edge_m)), int(np.floor(place[1] / edge_m))
-    low, bits = int(np.floor(place[2] / edge_m)) - rings, (1 << (2 * rings + 1)) - 1
+    bar_of_cell, bars = table
     total[:] = 0
-    voxels = 0
-    for i in range(i0 - rings, i0 + rings + 1):
-        for j in range(j0 - rings, j0 + rings + 1):
-            for bar in range(low >> 5, ((low + 2 * rings) >> 5) + 1):
-                at = _table_row(table, i, j, bar)
-                # The bits of the voxels around, where they are in this bar.
-                shift = low - (bar << 5)
-                window = (bits << shift if shift >= 0 else bits >> -shift) & table[at, 1]
-                if window == 0:
-                    continue
-                first = table[at, 2] + _count_bits(table[at, 1] & ((window & -window) - 1))
-                for around in range(first, first + _count_bits(window)):
-                    voxels += 1
-                    for entry in range(10):
-                        total[entry] += moments[around, entry]
+    voxels, cell = 0, _cell(place[0] / edge_m, place[1] / edge_m)
+    window = _window(int(np.floor(place[2] / edge_m)) + _DOWN, rings)
+    for row in range(cell - rings * _SIDE, cell + rings * _SIDE + 1, _SIDE):
+        for around in range(row - rings, row + rings + 1):
+            bar = bar_of_cell[around]
+            occupied = bars[bar, 0] & window
+            if occupied == 0:
+                continue
+            first = bars[bar, 1] + _count_bits(bars[bar, 0] & ((occupied & -occupied) - 1))
+            for number in range(first, first + _count_bits(occupied)):
+                voxels += 1
+                for entry in range(10):
+                    total[entry] += moments[number, entry]
     return voxels
 
 
 @compiled((_ROWS, _TABLE, NUMBER))
-def means_and_normals(moments: Float64, table: Int, edge_m: float) -> Float64:
+def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
     """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
 
     Where too few voxels are occupied, those farther around are taken, too; the normal is 0 where these are too few.
@@ -186,37 +190,44 @@ def means_and_normals(moments: Float64, table: Int, edge_m: float) -> Float64:
 
 @compiled((_ROWS, _TABLE, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER))
 def _nearest(
-    surfaces: Float64, table: Int, edge_m: float, x: float, y: float, z: float, reach_m: float
+    surfaces: Float64,
+    table: VoxelTable,
+    edge_m: float,
+    x: float,
+    y: float,
+    z: float,
+    reach_m: float,
 ) -> int:
     """Return the row of the mean point nearest to a position within reach, at most 15 voxels; else -1."""
+    bar_of_cell, bars = table
     u, v = x / edge_m, y / edge_m
-    i0, j0, k0 = int(np.floor(u)), int(np.floor(v)), int(np.floor(z / edge_m))
-    u, v = u - i0, v - j0
+    cell = _cell(u, v)
+    if cell < 0:
+        return -1
+    u, v = u - np.floor(u), v - np.floor(v)
     rings = int(np.ceil(reach_m / edge_m))
-    low, bits = k0 - rings, (1 << (2 * rings + 1)) - 1
+    window = _window(int(np.floor(z / edge_m)) + _DOWN, rings)
     best, nearest = reach_m * reach_m, -1
     # The bar of the position comes first: it leaves few others to search.
     for ring in range(rings + 1):
-        for i in range(-ring, ring + 1):
-            across = 0.0 if i == 0 else ((u - i - 1 if i < 0 else i - u) * edge_m) ** 2
-            step = 1 if abs(i) == ring else max(2 * ring, 1)
-            for j in range(-ring, ring + 1, step):
-                along = 0.0 if j == 0 else ((v - j - 1 if j < 0 else j - v) * edge_m) ** 2
+        for j in range(-ring, ring + 1):
+            along = 0.0 if j == 0 else ((v - j - 1 if j < 0 else j - v) * edge_m) ** 2
+            step = 1 if abs(j) == ring else max(2 * ring, 1)
+            for i in range(-ring, ring + 1, step):
+                bar = bar_of_cell[cell + j * _SIDE + i]
+                occupied = bars[bar, 0] & window
+                if occupied == 0:
+                    continue
+                across = 0.0 if i == 0 else ((u - i - 1 if i < 0 else i - u) * edge_m) ** 2
                 if across + along >= best:
                     continue
-                for bar in range(low >> 5, ((low + 2 * rings) >> 5) + 1):
-                    at = _table_row(table, i0 + i, j0 + j, bar)
-                    shift = low - (bar << 5)
-                    window = (bits << shift if shift >= 0 else bits >> -shift) & table[at, 1]
-                    if window == 0:
-                        continue
-                    first = table[at, 2] + _count_bits(table[at, 1] & ((window & -window) - 1))
-                    for row in range(first, first + _count_bits(window)):
-                        dx, dy = surfaces[row, 0] - x, surfaces[row, 1] - y
-                        dz = surfaces[row, 2] - z
-                        distance = dx * dx + dy * dy + dz * dz
-                        if distance < best:
-                            best, nearest = distance, row
+                first = bars[bar, 1] + _count_bits(bars[bar, 0] & ((occupied & -occupied) - 1))
+                for row in range(first, first + _count_bits(occupied)):
+                    dx, dy = surfaces[row, 0] - x, surfaces[row, 1] - y
+                    dz = surfaces[row, 2] - z
+                    distance = dx * dx + dy * dy + dz * dz
+                    if distance < best:
+                        best, nearest = distance, row
     return nearest
 
 
@@ -281,42 +292,64 @@ def _moved(motion: Float64, pose: Float64) -> Float64:
     return moved
 
 
+@compiled((_ROWS, _TABLE, NUMBER, _ROWS, WHOLE, _ROWS, NUMBER, written(np.int64)))
+def _match(
+    target: Float64,
+    table: VoxelTable,
+    edge_m: float,
+    source: Float64,
+    stride: int,
+    target_SE3_source: Float64,
+    reach_m: float,
+    matches: Int,
+) -> None:
+    """Find the nearest point of the target for every `stride`-th point of the source, -1 where none is within reach.
+
+    Args:
+        target: (M, 6) points and normals of the target.
+        table: Table of its voxels.
+        edge_m: Edge of its voxels in metres.
+        source: (N, 6) points and normals of the source.
+        stride: Step from one point of the source to the next.
+        target_SE3_source: (4, 4) pose of the source.
+        reach_m: Largest distance of a match in metres.
+        matches: (N,) rows of the target that are written.
+    """
+    for row in range(0, len(source), stride):
+        x, y, z = _moved_point(source, row, target_SE3_source)
+        matches[row] = _nearest(target, table, edge_m, x, y, z, reach_m)
+
+
 @compiled(
     (
         _ROWS,
-        _TABLE,
-        NUMBER,
         _ROWS,
         WHOLE,
         _ROWS,
-        NUMBER,
+        array_of(np.int64),
         written(np.float64, 2),
         written(np.float64),
     )
 )
 def _add_matches(
     target: Float64,
-    table: Int,
-    edge_m: float,
     source: Float64,
     stride: int,
     target_SE3_source: Float64,
-    reach_m: float,
+    nearest: Int,
     hessian: Float64,
     gradient: Float64,
 ) -> tuple[int, float]:
-    """Match every `stride`-th point of the source, and add up the normal equations of a small motion of it.
+    """Add up the normal equations of a small motion of every `stride`-th point of the source towards its match.
 
     The motion is a rotation vector and a translation in the frame of the target, applied after `target_SE3_source`.
 
     Args:
         target: (M, 6) points and normals of the target.
-        table: Its hash table.
-        edge_m: Edge of its voxels in metres.
         source: (N, 6) points and normals of the source.
         stride: Step from one point of the source to the next.
         target_SE3_source: (4, 4) pose of the source.
-        reach_m: Largest distance of a match in metres.
+        nearest: (N,) row of the target that each point matches, -1 for none.
         hessian: (6, 6) matrix that is added to.
         gradient: (6,) vector that is added to.
 
@@ -327,10 +360,10 @@ def _add_matches(
     matches, error = 0, 0.0
     jm = np.empty((6, 3))
     for row in range(0, len(source), stride):
-        px, py, pz = _moved_point(source, row, T)
-        near = _nearest(target, table, edge_m, px, py, pz, reach_m)
+        near = nearest[row]
         if near < 0:
             continue
+        px, py, pz = _moved_point(source, row, T)
         rx, ry, rz = target[near, 0] - px, target[near, 1] - py, target[near, 2] - pz
         tx, ty, tz = target[near, 3], target[near, 4], target[near, 5]
         matches += 1
@@ -451,7 +484,7 @@ def _add_prior(
 )
 def align_surfaces(
     target: Float64,
-    table: Int,
+    table: VoxelTable,
     edge_m: float,
     source: Float64,
     initial_guess: Float64,
@@ -464,7 +497,7 @@ def align_surfaces(
 
     Args:
         target: (M, 6) points and normals of the target.
-        table: Its hash table.
+        table: Table of its voxels.
         edge_m: Edge of its voxels in metres.
         source: (N, 6) points and normals of the source; without normals on either side it is point-to-point ICP.
         initial_guess: (4, 4) first guess of `target_SE3_source`.
@@ -479,13 +512,15 @@ def align_surfaces(
         step was small enough.
     """
     pose, matches, error, is_converged = initial_guess.copy(), 0, 0.0, False
+    nearest = np.empty(len(source), np.int64)
     for stride in (4, 1):
-        looser = 1.0 if stride == 1 else 3.0
+        is_small = False
         for number in range(iterations + 1):
+            # A small step changes next to no match.
+            if not is_small:
+                _match(target, table, edge_m, source, stride, pose, reach_m, nearest)
             hessian, motion = np.zeros((6, 6)), np.zeros(6)
-            matches, error = _add_matches(
-                target, table, edge_m, source, stride, pose, reach_m, hessian, motion
-            )
+            matches, error = _add_matches(target, source, stride, pose, nearest, hessian, motion)
             if number == iterations:
                 break
             for axis in range(6):
@@ -498,7 +533,8 @@ def align_surfaces(
             pose = _moved(motion, pose)
             turn = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
             way = np.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
-            is_converged = turn < looser * steps[0] and way < looser * steps[1]
+            is_small = turn < _LOOSER * steps[0] and way < _LOOSER * steps[1]
+            is_converged = is_small and (stride > 1 or (turn < steps[0] and way < steps[1]))
             if is_converged:
                 break
     return pose, matches, error, is_converged
@@ -507,7 +543,7 @@ def align_surfaces(
 @compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER))
 def distances_to_surfaces(
     target: Float64,
-    table: Int,
+    table: VoxelTable,
     edge_m: float,
     source: Float64,
     target_SE3_source: Float64,
@@ -517,17 +553,18 @@ def distances_to_surfaces(
 
     Args:
         target: (M, 6) points and normals of the target.
-        table: Its hash table.
+        table: Table of its voxels.
         edge_m: Edge of its voxels in metres.
         source: (N, 6) points and normals of the source.
         target_SE3_source: (4, 4) pose of the source.
         reach_m: Distance in metres within which the nearest point is; infinite where there is none.
     """
-    away_m = np.full(len(source), np.inf)
+    nearest, away_m = np.empty(len(source), np.int64), np.full(len(source), np.inf)
+    _match(target, table, edge_m, source, 1, target_SE3_source, reach_m, nearest)
     for row in range(len(source)):
-        x, y, z = _moved_point(source, row, target_SE3_source)
-        near = _nearest(target, table, edge_m, x, y, z, reach_m)
+        near = nearest[row]
         if near >= 0:
+            x, y, z = _moved_point(source, row, target_SE3_source)
             dx, dy, dz = target[near, 0] - x, target[near, 1] - y, target[near, 2] - z
             away_m[row] = abs(dx * target[near, 3] + dy * target[near, 4] + dz * target[near, 5])
     return away_m

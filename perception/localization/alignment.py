@@ -6,17 +6,17 @@ from typing import Literal
 import numpy as np
 
 from perception.kernels.scan_matching import (
+    VoxelTable,
     align_surfaces,
     distances_to_surfaces,
     means_and_normals,
     voxel_moments,
 )
-from perception.types import Float32, Float64, Int
+from perception.types import Float32, Float64
 
 _MIN_POINTS = 50  # of a filtered scan; fewer do not determine six degrees of freedom
 _MAX_ITERATIONS = 15
 _SURFACE_REACH = 4.0  # voxels in which the surface at a point is looked for
-_TABLE_SIZE = 2**14  # voxels of a street; doubled for a scan that fills more
 # A smaller step ends the alignment. What it leaves is of the order of its square (measured: with steps a
 # third as small, poses stay as far from the truth, for another quarter of the time).
 _STEPS = (1e-3, 3e-3)  # rad, m
@@ -28,12 +28,12 @@ class PreprocessedPoints:
 
     Attributes:
         surfaces: (M, 6) mean point of each occupied voxel, and normal of the surface there; 0 without a surface.
-        table: Hash table of the voxels.
+        table: Table of the voxels.
         voxel_size_m: Edge of a voxel in metres.
     """
 
     surfaces: Float64
-    table: Int
+    table: VoxelTable
     voxel_size_m: float
 
     def __len__(self) -> int:
@@ -65,10 +65,7 @@ class Alignment:
 
 def preprocess_points(points: Float32, voxel_size_m: float) -> PreprocessedPoints:
     """Downsample (N, 3+) points to one per voxel, and fit a surface to those around each."""
-    points, size, is_full = np.ascontiguousarray(points, np.float32), _TABLE_SIZE, True
-    while is_full:
-        moments, table, is_full = voxel_moments(points, voxel_size_m, size)
-        size *= 2
+    moments, table = voxel_moments(np.ascontiguousarray(points, np.float32), voxel_size_m)
     return PreprocessedPoints(means_and_normals(moments, table, voxel_size_m), table, voxel_size_m)
 
 

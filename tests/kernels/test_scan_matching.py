@@ -44,17 +44,16 @@ def in_order(rows: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("stride", [1, 3])
 def test_voxels_and_means_equal_the_reference(stride: int) -> None:
     points = street()
-    moments, table, is_full = voxel_moments(np.ascontiguousarray(points[::stride]), EDGE_M, 2**13)
+    moments, (bar_of_cell, bars) = voxel_moments(np.ascontiguousarray(points[::stride]), EDGE_M)
     _, counts, means = reference_voxels(points[::stride])
-    assert not is_full
     found = in_order(np.column_stack([moments[:, 1:4] / moments[:, :1], moments[:, 0]]))
     np.testing.assert_allclose(found, in_order(np.column_stack([means, counts])), atol=1e-9)
-    assert (table[:, 0] >= 0).sum() < len(moments)
+    assert bar_of_cell.max() == len(bars) - 1 < len(moments)
 
 
 def test_normals_equal_the_reference() -> None:
     points = street()
-    moments, table, _ = voxel_moments(points, EDGE_M, 2**13)
+    moments, table = voxel_moments(points, EDGE_M)
     surfaces = means_and_normals(moments, table, EDGE_M)
     cells = np.floor(points.astype(np.float64) / EDGE_M).astype(int)
     for mean, normal in zip(surfaces[::50, :3], surfaces[::50, 3:], strict=True):
@@ -65,14 +64,23 @@ def test_normals_equal_the_reference() -> None:
             assert abs(normal @ expected.eigenvectors[:, 0]) > 1 - 1e-6
 
 
-def test_a_table_that_is_too_small_says_so() -> None:
-    assert voxel_moments(street(), EDGE_M, 64)[2]
+def test_points_beyond_the_map_are_left_out() -> None:
+    outside = [[1e9, 0, 0], [np.nan, 0, 0], [0, -120.1, 0], [0, 0, 19.1], [0, 0, -12.1]]
+    inside = [[1, 2, 3], [119.9, -119.9, 18.9], [0, 0, -11.9]]
+    moments, _ = voxel_moments(np.array(outside + inside, np.float32), EDGE_M)
+    np.testing.assert_allclose(moments[:, 0], 1)
+    np.testing.assert_allclose(moments[:, 1:4], inside, rtol=1e-6)
 
 
-def test_points_beyond_the_grid_are_left_out() -> None:
-    points = np.array([[1e9, 0, 0], [np.nan, 0, 0], [1, 2, 3]], np.float32)
-    moments, _, _ = voxel_moments(points, EDGE_M, 16)
-    np.testing.assert_allclose(moments[:, :4], [[1, 1, 2, 3]])
+def test_positions_beyond_the_map_have_no_match() -> None:
+    points = np.array([[119.9, 119.9, 18.9], [-119.9, -119.9, -11.9]], np.float32)
+    moments, table = voxel_moments(points, EDGE_M)
+    surfaces = np.hstack([moments[:, 1:4], np.tile([0.0, 0.0, 1.0], (2, 1))])
+    for lift_m, expected_m in ((0.3, [0.3, 0.3]), (2.5, [np.inf, np.inf])):
+        lift = np.eye(4)
+        lift[2, 3] = lift_m
+        away_m = distances_to_surfaces(surfaces, table, EDGE_M, surfaces, lift, 2.0)
+        np.testing.assert_allclose(away_m, expected_m)
 
 
 @pytest.mark.parametrize("reach_m", [0.2, 0.5, 1.4])
@@ -80,7 +88,7 @@ def test_matches_are_the_nearest_within_reach(reach_m: float) -> None:
     target, source = street(0), street(1)[::5] + np.float32(0.3)
     _, _, means = reference_voxels(target)
     _, _, moved = reference_voxels(source)
-    moments, table, _ = voxel_moments(target, EDGE_M, 2**13)
+    moments, table = voxel_moments(target, EDGE_M)
     surfaces = np.hstack([moments[:, 1:4] / moments[:, :1], np.zeros((len(moments), 3))])
     points = np.hstack([moved, np.zeros((len(moved), 3))])
     _, matches, error, _ = align_surfaces(
@@ -99,7 +107,7 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
     moved = (points @ truth[:3, :3].T + truth[:3, 3]).astype(np.float32)
     clouds = []
     for part in (moved, street(2)):
-        moments, table, _ = voxel_moments(part, EDGE_M, 2**13)
+        moments, table = voxel_moments(part, EDGE_M)
         clouds.append((means_and_normals(moments, table, EDGE_M), table))
     arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20, 0.0)
     pose, matches, _, is_converged = align_surfaces(*arguments)
@@ -110,7 +118,7 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
 
 
 def test_distances_are_those_from_the_surfaces() -> None:
-    moments, table, _ = voxel_moments(street(0), EDGE_M, 2**13)
+    moments, table = voxel_moments(street(0), EDGE_M)
     surfaces = means_and_normals(moments, table, EDGE_M)
     raised = surfaces[(np.abs(surfaces[:, 1]) < 4) & (surfaces[:, 0] < 18)]
     lift = np.eye(4)
@@ -125,7 +133,7 @@ def test_prior_and_matches_balance_as_in_the_reference() -> None:
     """At the end of an alignment, the step of the plain normal equations with the prior S H^-1 S is zero."""
     clouds = []
     for part in (street(0), np.ascontiguousarray(street(1)[::3])):
-        moments, table, _ = voxel_moments(part, EDGE_M, 2**13)
+        moments, table = voxel_moments(part, EDGE_M)
         # Without normals a match tells half of the identity.
         means = moments[:, 1:4] / moments[:, :1]
         clouds.append((np.hstack([means, np.zeros_like(means)]), table))
