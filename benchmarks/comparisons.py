@@ -5,22 +5,19 @@ from collections.abc import Callable, Mapping
 from benchmarks.average_precision import compare_average_precision
 from benchmarks.camera_detectors import compare_camera_detectors
 from benchmarks.depthcn import compare_depthcn
+from benchmarks.ground import compare_ground
 from benchmarks.maps import compare_maps
 from benchmarks.measure import Comparison
+from benchmarks.motion import compare_motion
 from benchmarks.moving_objects import (
     compare_filters,
     compare_moving_objects,
     compare_short_term_maps,
 )
 from benchmarks.proposals import compare_clusters, compare_clusters_full_scan, compare_proposals
+from benchmarks.registration import compare_registration
 from benchmarks.single_object import compare_color_filters, compare_single_object_trackers
-from benchmarks.stages import (
-    PreparedDrive,
-    compare_ground,
-    compare_motion,
-    compare_registration,
-    compare_voxels,
-)
+from benchmarks.stages import PreparedDrive, compare_voxels
 from benchmarks.vehicle_tracking import compare_vehicle_trackers
 from perception.errors import MissingDependencyError
 

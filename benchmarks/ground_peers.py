@@ -1,4 +1,6 @@
-"""Ground by other libraries behind `GroundModel`, so that all are measured alike."""
+"""Ground by other libraries: a surface, or the points that are ground; all are measured alike."""
+
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -6,7 +8,12 @@ from scipy.spatial import KDTree
 from perception.errors import MissingDependencyError
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import LidarModel
-from perception.types import Float, Float64
+from perception.types import Bool, Float, Float32, Float64
+
+# (N, 4) points of a scan to (N,) whether each is ground.
+ClassifyGround = Callable[[Float32], Bool]
+
+_HEIGHT_ON_KITTI_M = 1.73
 
 
 class LocalPlanes:
@@ -39,29 +46,52 @@ class LocalPlanes:
         return np.asarray(((points_velo[:, :3] - centroids) * normals).sum(axis=1))
 
 
-class PatchworkGround:
-    """Patchwork++ with its own defaults; its surface is the local plane through its ground points."""
+def patchwork(sensor: LidarModel) -> ClassifyGround:
+    """Return Patchwork++ with its own defaults.
 
-    def __init__(self, sensor: LidarModel) -> None:
-        try:
-            import pypatchworkpp
-        except ImportError as error:
-            raise MissingDependencyError(
-                "pypatchworkpp", needed_for="the Patchwork++ peer", extra="bench", reason=error
-            ) from error
-        parameters = pypatchworkpp.Parameters()
-        parameters.verbose = False
-        parameters.sensor_height = sensor.height_m
-        self._patchwork = pypatchworkpp.patchworkpp(parameters)
+    Raises:
+        MissingDependencyError: The package is not installed.
+    """
+    try:
+        import pypatchworkpp
+    except ImportError as error:
+        raise MissingDependencyError(
+            "pypatchworkpp", needed_for="the Patchwork++ peer", extra="bench", reason=error
+        ) from error
+    parameters = pypatchworkpp.Parameters()
+    parameters.verbose = False
+    parameters.sensor_height = sensor.height_m
+    estimator = pypatchworkpp.patchworkpp(parameters)
 
-    def segment(self, points_velo: Float) -> Float64:
-        """Return the (G, 3) points that it calls ground."""
-        self._patchwork.estimateGround(points_velo)
-        return np.asarray(self._patchwork.getGround(), np.float64)[:, :3]
+    def classify(points_velo: Float32) -> Bool:
+        estimator.estimateGround(points_velo)
+        is_ground = np.zeros(len(points_velo), bool)
+        is_ground[np.ravel(estimator.getGroundIndices())] = True
+        return is_ground
 
-    def estimate(self, points_velo: Float) -> LocalPlanes:
-        """Return its surface for one scan."""
-        return LocalPlanes(self.segment(points_velo))
+    return classify
+
+
+def line_fit(sensor: LidarModel) -> ClassifyGround:
+    """Return the line fits of Himmelsbach et al. (2010), with the defaults of the package, which are for KITTI.
+
+    Raises:
+        MissingDependencyError: The package is not installed.
+    """
+    try:
+        import linefit
+    except ImportError as error:
+        raise MissingDependencyError(
+            "linefit", needed_for="the line fit peer", extra="bench", reason=error
+        ) from error
+    estimator = linefit.ground_seg()
+    raised_m = np.array([0.0, 0.0, sensor.height_m - _HEIGHT_ON_KITTI_M], np.float32)
+
+    def classify(points_velo: Float32) -> Bool:
+        labels = estimator.run(np.ascontiguousarray(points_velo[:, :3] + raised_m))
+        return np.ravel(labels).astype(bool)
+
+    return classify
 
 
 class RansacPlane:

@@ -5,12 +5,14 @@ import resource
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from perception.errors import MissingDependencyError, ModelError
+from perception.evaluation.confusion import Confusion
 from perception.evaluation.report import Column, Table, Value
 
 log = logging.getLogger(__name__)
@@ -36,11 +38,13 @@ class Measurement:
     Attributes:
         name: Name of the contender.
         seconds: Time of each input in seconds.
+        cpu_seconds: Processor time of all threads for each input in seconds.
         outputs: What it returned for each input, where a metric asks for it.
     """
 
     name: str
     seconds: list[float] = field(default_factory=list)
+    cpu_seconds: list[float] = field(default_factory=list)
     outputs: list[Any] = field(default_factory=list)
 
 
@@ -63,15 +67,17 @@ def compare(
     rows = {contender.name: Measurement(contender.name) for contender in contenders}
     for i in range(inputs):
         for contender, row in zip(contenders, rows.values(), strict=True):
-            start = time.perf_counter()
+            start_s, start_cpu_s = time.perf_counter(), time.process_time()
             output = contender.run(i)
-            row.seconds.append(time.perf_counter() - start)
+            row.cpu_seconds.append(time.process_time() - start_cpu_s)
+            row.seconds.append(time.perf_counter() - start_s)
             if metrics:
                 row.outputs.append(output)
     first_s = rows[contenders[0].name].seconds
     times = (
-        Column[Measurement]("p50 [ms]", lambda row: _percentile_ms(row, 50), ".1f", "p50_ms"),
-        Column[Measurement]("p99 [ms]", lambda row: _percentile_ms(row, 99), ".1f", "p99_ms"),
+        _time_column("p50 [ms]", "p50_ms", lambda row: _percentile_ms(row.seconds, 50)),
+        _time_column("p99 [ms]", "p99_ms", lambda row: _percentile_ms(row.seconds, 99)),
+        _time_column("CPU p50 [ms]", "cpu_ms", lambda row: _percentile_ms(row.cpu_seconds, 50)),
         Column[Measurement](
             "relative time",
             lambda row: float(np.median(np.divide(row.seconds, first_s))),
@@ -91,6 +97,26 @@ def metric(heading: str, value: Callable[[list[Any]], Value], spec: str) -> Colu
         spec: Format specification of the value in the table.
     """
     return Column(heading, lambda row: value(row.outputs), spec, heading)
+
+
+def confusion_columns(count: Callable[[list[Any]], Confusion]) -> list[Column[Measurement]]:
+    """Return the columns of a classification of points.
+
+    Args:
+        count: Returns the counts of all outputs of a contender.
+    """
+    counts: dict[str, Confusion] = {}
+
+    def value(of_counts: Column[Confusion], row: Measurement) -> Value:
+        if row.name not in counts:
+            counts[row.name] = count(row.outputs)
+        return of_counts.value(counts[row.name])
+
+    return [
+        Column(column.name, partial(value, column), column.spec, column.key)
+        for column in Confusion.columns()
+        if column.key != "true_points"
+    ]
 
 
 def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
@@ -116,5 +142,11 @@ def resident_mib() -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
 
 
-def _percentile_ms(row: Measurement, percent: float) -> float:
-    return 1e3 * float(np.percentile(row.seconds, percent))
+def _time_column(
+    heading: str, name: str, value: Callable[[Measurement], float]
+) -> Column[Measurement]:
+    return Column(heading, value, ".1f", name)
+
+
+def _percentile_ms(seconds: Sequence[float], percent: float) -> float:
+    return 1e3 * float(np.percentile(seconds, percent))

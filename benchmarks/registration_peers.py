@@ -32,6 +32,33 @@ def one_call_small_gicp() -> Register:
     return register
 
 
+def kiss_icp_odometry() -> Callable[[Float32], Float64]:
+    """Return KISS-ICP with its defaults on one thread: the points of the next scan to its (4, 4) world_SE3_velo.
+
+    Synthetic scans and those of KITTI are taken at one instant, so that nothing is deskewed.
+
+    Raises:
+        MissingDependencyError: The package is not installed.
+    """
+    try:
+        from kiss_icp.config import load_config
+        from kiss_icp.kiss_icp import KissICP
+    except ImportError as error:
+        raise MissingDependencyError(
+            "kiss-icp", needed_for="the KISS-ICP peer", extra="bench", reason=error
+        ) from error
+    config = load_config(None)
+    config.data.deskew = False
+    config.registration.max_num_threads = 1
+    odometry = KissICP(config)
+
+    def update(points_velo: Float32) -> Float64:
+        odometry.register_frame(points_velo[:, :3].astype(np.float64), np.zeros(0))
+        return np.array(odometry.last_pose)
+
+    return update
+
+
 def open3d_point_to_plane(voxel_size_m: float = 0.5, reach_m: float = 1.0) -> Register:
     """Return point-to-plane ICP by Open3D on scans thinned to one point a box."""
     try:

@@ -21,6 +21,10 @@ def test_every_part_prints_a_table_and_its_ratios(tmp_path, capsys):
         ratios = {name: row["relative_time"] for name, row in document[part].items()}
         assert ratios["Trifuse"] == 1.0
         assert len(ratios) >= 2
+    # Exact truth of the synthetic street.
+    assert document["ground"]["Trifuse"]["f1"] > 0.9
+    assert document["motion"]["Trifuse"].keys() >= {"precision", "recall", "f1", "iou", "cpu_ms"}
+    assert document["registration"]["Trifuse"]["1 s p50 [mm]"] < 100
     detections = {name: row["detections"] for name, row in document["depthcn"].items()}
     assert detections["reference: one proposal at a time"] == detections["Trifuse"] > 0
     assert document["chain"]["default"]["memory_end_mib"] > 0

@@ -1,0 +1,39 @@
+"""Errors of registered motions against exact poses."""
+
+import numpy as np
+import pytest
+
+from benchmarks.registration import motion_errors, true_poses
+from data.open_drive import open_drive
+from data.synthetic.collection import SynthConfig, write_drives
+from perception.geometry.se3 import from_euler, from_rotation_translation
+from perception.sensor import VLP_16
+
+
+def straight_poses(frames, step_m):
+    return [from_rotation_translation(np.eye(3), (step_m * k, 0, 0)) for k in range(frames)]
+
+
+def test_exact_poses_of_another_world_have_no_error():
+    truth = straight_poses(13, 1.0)
+    world = from_euler(0.0, 0.0, 0.7, np.array([5.0, -3.0, 1.0]))
+    errors = motion_errors([world @ pose for pose in truth], np.array(truth))
+    assert errors.shape == (3, 4, 4)  # of a second each
+    assert errors == pytest.approx(np.tile(np.eye(4), (3, 1, 1)))
+
+
+def test_steps_too_long_by_a_centimetre_add_up_to_ten_in_a_second():
+    errors = motion_errors(straight_poses(12, 1.01), np.array(straight_poses(12, 1.0)))
+    assert errors[:, 0, 3] == pytest.approx([0.1, 0.1])
+
+
+def test_a_drive_shorter_than_a_second_is_measured_as_a_whole():
+    errors = motion_errors(straight_poses(4, 1.01), np.array(straight_poses(4, 1.0)))
+    assert errors[:, 0, 3] == pytest.approx([0.03])
+
+
+def test_exact_poses_of_a_written_drive_are_those_of_its_ins_but_for_its_noise(tmp_path):
+    config = SynthConfig(frames=2, sensor=VLP_16, images=False)
+    drive = open_drive(write_drives(tmp_path, config)[0])
+    poses_ins = [frame.world_SE3_velo for frame in drive]
+    assert np.array(true_poses(drive)) == pytest.approx(np.array(poses_ins), abs=0.2)
