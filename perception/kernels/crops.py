@@ -1,12 +1,11 @@
 """The image of DepthCN's network, and crops of its upright windows."""
 
 import numpy as np
-from numba import types
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.types import Float32, Float64, Int, UInt8
 
-_BYTE, _SINGLE = types.uint8, types.float32
+_BYTE, _SINGLE = np.uint8, np.float32
 
 
 @compiled(
