@@ -49,8 +49,11 @@ def scan(world: World, sensor: LidarModel, time_s: float, rng: np.random.Generat
     hits = world.scene.cast(rays, moving)
     hits = _through_glass(world, rays, hits, moving, rng)
     kept, reflectance = _returns(world, sensor, rays, hits, moving, rng)
-    order = np.flatnonzero(kept)
-    order = order[np.lexsort((np.mod(azimuth_rad[order], 2 * np.pi), order % sensor.beams))]
+    # Beam by beam, each counter-clockwise from straight ahead.
+    rays_of_beams = np.arange(len(kept)).reshape(-1, sensor.beams).T
+    by_azimuth = np.argsort(np.mod(azimuth_rad[:: sensor.beams], 2 * np.pi), kind="stable")
+    ordered = rays_of_beams[:, by_azimuth].ravel()
+    order = ordered[kept.take(ordered)]
     range_m = hits.distance_m[order] + rng.normal(0, sensor.range_noise_m, len(order)).astype(
         np.float32
     )
