@@ -33,11 +33,13 @@ class Moment:
         ego_s_m: Position of the ego vehicle along the road in metres.
         ego_xy_m: (2,) its place in the world.
         states: States of the actors that were asked for, by track id.
+        along_m: Their positions along the road in metres, by track id.
     """
 
     ego_s_m: float
     ego_xy_m: Float64
     states: dict[int, MovingObject] = field(default_factory=dict)
+    along_m: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,9 @@ class World:
         if actor.path is None:
             offset = actor.world_SE3_parked[:2, 3] - moment.ego_xy_m
             return bool(offset @ offset < within_m**2)
-        return bool(abs(actor.path.at(time_s)[0] - moment.ego_s_m) < within_m)
+        if actor.track_id not in moment.along_m:
+            moment.along_m[actor.track_id] = float(actor.path.at(time_s)[0])
+        return abs(moment.along_m[actor.track_id] - moment.ego_s_m) < within_m
 
     def _moment(self, time_s: float) -> Moment:
         """Return what is remembered of a time."""
