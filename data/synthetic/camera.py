@@ -8,6 +8,7 @@ from data.synthetic.raycasting import Hits, MovingObject, Rays, rotated
 from data.synthetic.rig import IMAGE_SIZE_PX, PinholeCamera, near_pixels
 from data.synthetic.shading import IS_ROUNDED, GBuffer, RenderState, Shader
 from data.synthetic.world import World
+from perception.kernels.rendering import place_surfaces, surface_normals
 from perception.types import Calibration, Float32, Float64, Int, UInt8
 
 _BAND_ROWS = 76  # the image is made in bands of rows, whose arrays stay in the processor's cache
@@ -73,23 +74,17 @@ class Camera:
         hits = self._world.scene.cast(rays, state.moving)
         seen = np.flatnonzero(hits.row >= 0)
         tables = self._world.scene.tables
-        directions = rays.directions[seen]
-        slots = tables.slots[hits.row[seen]]
-        points = rays.origins_m[seen] + hits.distance_m[seen, None] * directions
+        slots = tables.slots.take(hits.row.take(seen))
         normals = self._normals(hits, seen, slots, state.moving)
-        normals *= -np.sign(np.einsum("ij,ij->i", normals, directions))[:, None]
+        points = np.empty((len(seen), 3), np.float32)
+        place_surfaces(points, normals, seen, rays.origins_m, rays.directions, hits.distance_m)
         shape = (rows.stop - rows.start, width)
         return GBuffer(rows, shape, rays, hits, seen, slots, points, normals)
 
     def _normals(self, hits: Hits, seen: Int, slots: UInt8, moving: list[MovingObject]) -> Float32:
         """Return unit normals, interpolated over rounded surfaces."""
         tables = self._world.scene.tables
-        normals = np.zeros((len(hits.row), 3), np.float32)
-        normals[seen] = np.take(tables.face_normals, hits.row[seen], axis=0)
-        rounded = seen[IS_ROUNDED[slots]]
-        corners = np.take(tables.corner_normals, hits.row[rounded], axis=0)
-        u, v = hits.u[rounded, None], hits.v[rounded, None]
-        mixed = corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v
-        mixed /= np.maximum(np.linalg.norm(mixed, axis=1, keepdims=True), 1e-6)
-        normals[rounded] = mixed
-        return rotated(normals, hits, moving)[seen]
+        normals = np.empty((len(seen), 3), np.float32)
+        faces = tables.face_normals, tables.corner_normals
+        surface_normals(normals, seen, hits.row, IS_ROUNDED[slots], *faces, hits.u, hits.v)
+        return rotated(normals, hits.moving[seen], moving)

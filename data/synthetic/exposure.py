@@ -6,12 +6,14 @@ import cv2
 import numpy as np
 
 from data.synthetic.materials import rgb
+from perception.kernels.rendering import develop_pixels
 from perception.types import Float32, Float64, UInt8
 
 _LUMINANCE = rgb(0.30, 0.59, 0.11)
 _KEY = 0.19  # light that metering makes the middle of an image
 _METERING_STEP_PX = 8
-_SHOULDER = 0.15
+# Share of the mirrored noise that each colour has beside the common noise.
+_NOISE_TINT = rgb(0.5, -0.2, 0.6)
 _FULL = 4095  # last entry of the table of tones
 
 
@@ -67,14 +69,10 @@ def develop(light: Float32, exposure: Exposure, rng: np.random.Generator) -> UIn
     if exposure.blur_px > 0:
         exposed = np.asarray(cv2.GaussianBlur(exposed, (0, 0), exposure.blur_px), np.float32)
     y, x = np.ogrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
-    exposed *= (1 - exposure.vignette * (x * x + 0.4 * y * y)).astype(np.float32)[..., None]
-    levels = np.take(
-        _tones(exposure.contrast),
-        np.clip(_FULL * _tone_shoulder(exposed), 0, _FULL).astype(np.int32),
-    )
+    fall = (1 - exposure.vignette * (x * x + 0.4 * y * y)).astype(np.float32)
     noise = rng.standard_normal((height, width), np.float32) * np.float32(exposure.noise)
-    levels += noise[..., None] + (noise[:, ::-1, None] * rgb(0.5, -0.2, 0.6))
-    image = np.asarray(np.clip(levels + 0.5, 0, 255), np.uint8)
+    image = np.empty((height, width, 3), np.uint8)
+    develop_pixels(image, exposed, fall, noise, _NOISE_TINT, _tones(exposure.contrast))
     return _through_mosaic(image) if exposure.has_mosaic else image
 
 
@@ -92,11 +90,6 @@ def _colours(exposure: Exposure) -> Float64:
     """Return the (3, 3) matrix that balances white and saturates colours."""
     grey = np.broadcast_to((1 - exposure.saturation) * _LUMINANCE, (3, 3))
     return np.asarray((grey + exposure.saturation * np.eye(3)) * np.array(exposure.white))
-
-
-def _tone_shoulder(exposed: Float32) -> Float32:
-    """Compress highlights, so that they do not clip at once."""
-    return np.asarray(exposed / (1 + _SHOULDER * np.maximum(exposed, 0)) * 0.9, np.float32)
 
 
 def _tones(contrast: float) -> Float32:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from perception.kernels.rendering import look_up, look_up_between
 from perception.types import Float, Float32
 
 _SIZE = 512
@@ -22,24 +23,20 @@ _GRAIN = np.random.default_rng(6).normal(0, 1, (_SIZE, _SIZE)).astype(np.float32
 
 def smooth_noise(x: Float, y: Float) -> Float32:
     """Look up noise of many scales; it repeats after 512 units."""
-    return _look_up(_NOISE, x, y)
+    values = np.empty(len(x), np.float32)
+    look_up(values, _NOISE, x, y)
+    return values
 
 
 def grain(x: Float, y: Float) -> Float32:
     """Look up white noise, constant within a unit square."""
-    return _look_up(_GRAIN, x, y)
-
-
-def _look_up(image: Float32, x: Float, y: Float) -> Float32:
-    column = np.floor(x).astype(np.int32) & (_SIZE - 1)
-    row = np.floor(y).astype(np.int32) & (_SIZE - 1)
-    return np.take(image.ravel(), row * _SIZE + column)
+    values = np.empty(len(x), np.float32)
+    look_up(values, _GRAIN, x, y)
+    return values
 
 
 def clouds(x: Float, y: Float) -> Float32:
     """Look up noise of many scales, interpolated between its samples."""
-    left, low = np.floor(x), np.floor(y)
-    u, v = x - left, y - low
-    below = _look_up(_NOISE, left, low) * (1 - u) + _look_up(_NOISE, left + 1, low) * u
-    above = _look_up(_NOISE, left, low + 1) * (1 - u) + _look_up(_NOISE, left + 1, low + 1) * u
-    return np.asarray(below * (1 - v) + above * v, np.float32)
+    values = np.empty(len(x), np.float32)
+    look_up_between(values, _NOISE, x, y)
+    return values

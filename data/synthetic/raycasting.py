@@ -15,6 +15,7 @@ from data.synthetic import meshes
 from data.synthetic.materials import column
 from data.synthetic.meshes import Mesh
 from data.synthetic.street import Part
+from perception.kernels.rendering import follow_object, pass_sphere
 from perception.types import Bool, Float32, Float64, Int
 
 
@@ -147,18 +148,18 @@ class RaycastingScene:
         if len(index) == 0:
             return
         origins, directions = to_local(rays, index, object_row)
-        reach = np.minimum(hits.distance_m[index], np.float32(1e6))
+        reach = np.minimum(hits.distance_m.take(index), np.float32(1e6))
         met = self._shapes[object_row.shape].run(origins, directions, dists=reach, output=1)
-        is_first = met["primID"] >= 0
-        at = index[is_first]
-        hits.distance_m[at] = met["tfar"][is_first]
-        hits.row[at] = met["primID"][is_first] + self._starts[object_row.shape + 1]
-        hits.u[at], hits.v[at] = met["u"][is_first], met["v"][is_first]
+        is_first = np.flatnonzero(met["primID"] >= 0)
+        at = index.take(is_first)
+        hits.distance_m[at] = met["tfar"].take(is_first)
+        hits.row[at] = met["primID"].take(is_first) + self._starts[object_row.shape + 1]
+        hits.u[at], hits.v[at] = met["u"].take(is_first), met["v"].take(is_first)
         hits.object_row[at], hits.moving[at] = object_row.object_row, number
 
     def blocks(self, rays: Rays, moving: Sequence[MovingObject]) -> Bool:
         """Return which rays hit any surface; panes of glass cast shadows too."""
-        blocked = self._still.run(rays.origins_m, rays.directions, query="INTERSECT") >= 0
+        blocked = self._still.run(rays.origins_m, rays.directions, query="OCCLUDED") >= 0
         for object_row in moving:
             index = rays.near(object_row.world_SE3_object[:3, 3], self._radii_m[object_row.shape])
             if len(index):
@@ -167,12 +168,12 @@ class RaycastingScene:
 
     def meets(self, shape: int, origins_m: Float32, directions: Float32) -> Bool:
         """Return which rays, in a shape's own frame, hit it, other objects ignored."""
-        return np.asarray(self._shapes[shape].run(origins_m, directions, query="INTERSECT") >= 0)
+        return np.asarray(self._shapes[shape].run(origins_m, directions, query="OCCLUDED") >= 0)
 
     def face_normals(self, hits: Hits, moving: Sequence[MovingObject]) -> Float32:
         """Return (N, 3) world normals of the faces that are hit; zero where none is."""
         normals = np.where(hits.row[:, None] >= 0, self.tables.face_normals[hits.row], 0)
-        return rotated(normals, hits, moving)
+        return rotated(normals, hits.moving, moving)
 
 
 @dataclass(frozen=True)
@@ -218,30 +219,35 @@ def _embree(mesh: Mesh) -> EmbreeScene:
 def to_local(rays: Rays, index: Int, object_row: MovingObject) -> tuple[Float32, Float32]:
     """Transform some rays into a moving object's frame at the time each is fired."""
     rotation = object_row.world_SE3_object[:3, :3].astype(np.float32)
-    origins = rays.origins_m[index] - object_row.world_SE3_object[:3, 3].astype(np.float32)
-    origins -= rays.delays_s[index, None] * object_row.velocity_m_s.astype(np.float32)
-    return origins @ rotation, rays.directions[index] @ rotation
+    position_m = object_row.world_SE3_object[:3, 3].astype(np.float32)
+    velocity_m_s = object_row.velocity_m_s.astype(np.float32)
+    origins, directions = np.empty((2, len(index), 3), np.float32)
+    follow_object(
+        origins, directions, index,
+        rays.origins_m, rays.directions, rays.delays_s, position_m, velocity_m_s,
+    )  # fmt: skip
+    return origins @ rotation, directions @ rotation
 
 
-def rotated(normals: Float32, hits: Hits, moving: Sequence[MovingObject]) -> Float32:
-    """Rotate normals on moving objects from their own frames to the world's."""
+def rotated(normals: Float32, numbers: Int, moving: Sequence[MovingObject]) -> Float32:
+    """Rotate normals on moving objects, by their numbers, from their own frames to the world's."""
     turned = normals.copy()
-    at = np.flatnonzero(hits.moving >= 0)
+    at = np.flatnonzero(numbers >= 0)
     if len(at):
         rotations = np.stack([object_row.world_SE3_object[:3, :3] for object_row in moving]).astype(
             np.float32
         )
-        turned[at] = np.einsum("nij,nj->ni", rotations[hits.moving[at]], normals[at])
+        turned[at] = np.einsum("nij,nj->ni", rotations[numbers[at]], normals[at])
     return turned
 
 
 def near_any(origins_m: Float32, directions: Float32) -> Callable[[Float64, float], Int]:
     """Return a search by distance for the rays that pass a point, for rays in no order."""
+    by_axis = np.ascontiguousarray(origins_m.T), np.ascontiguousarray(directions.T)
+    is_near = np.empty(len(origins_m), bool)
 
     def near(centre_m: Float64, radius_m: float) -> Int:
-        offset = centre_m.astype(np.float32) - origins_m
-        along = np.einsum("ij,ij->i", offset, directions)
-        squared = np.einsum("ij,ij->i", offset, offset) - along * np.abs(along)
-        return np.flatnonzero((squared < radius_m**2) & (along > -radius_m))
+        pass_sphere(is_near, *by_axis, centre_m.astype(np.float32), radius_m)
+        return np.flatnonzero(is_near)
 
     return near

@@ -48,6 +48,8 @@ class PinholeCamera:
         self.camera_R_world = (calibration.cam_SE3_velo @ se3.inverse(world_SE3_velo))[:3, :3]
         self.focal_px = float(calibration.image_P_cam[0, 0])
         self.middle_px = calibration.image_P_cam[:2, 2]
+        # The bands of an image ask for the same spheres.
+        self._windows: dict[tuple[float, ...], tuple[slice, slice]] = {}
 
     def project(self, points_world: Float64) -> tuple[Float64, Float64]:
         """Return (N, 2) pixels, NaN behind the camera, and (N,) depths."""
@@ -63,17 +65,27 @@ class PinholeCamera:
         delays = np.zeros(len(pixels), np.float32)
         return Rays(origins, directions, delays, near or near_any(origins, directions))
 
+    def window_px(self, centre_m: Float64, radius_m: float) -> tuple[slice, slice]:
+        """Return the rows and columns that may show a sphere."""
+        sphere = (*centre_m.tolist(), radius_m)
+        if sphere not in self._windows:
+            x, y, z = (self.camera_R_world @ (centre_m - self.centre_m)).tolist()
+            (column, row), (width, height) = self.middle_px.tolist(), self.size_px
+            self._windows[sphere] = (
+                _span(y, z, radius_m, self.focal_px, row, height),
+                _span(x, z, radius_m, self.focal_px, column, width),
+            )
+        return self._windows[sphere]
+
 
 def near_pixels(pinhole: PinholeCamera, band: slice) -> Callable[[Float64, float], Int]:
     """Return a search for the pixels of a band of rows that may see a sphere."""
-    width, height = pinhole.size_px
+    width = pinhole.size_px[0]
     row_start = np.arange(band.stop - band.start)[:, None] * width
     empty = np.zeros(0, np.int64)
 
     def near(centre_m: Float64, radius_m: float) -> Int:
-        x, y, z = pinhole.camera_R_world @ (centre_m - pinhole.centre_m)
-        columns = _span(x, z, radius_m, pinhole.focal_px, pinhole.middle_px[0], width)
-        rows = _span(y, z, radius_m, pinhole.focal_px, pinhole.middle_px[1], height)
+        rows, columns = pinhole.window_px(centre_m, radius_m)
         first, last = max(rows.start, band.start), min(rows.stop, band.stop)
         if first >= last or columns.start >= columns.stop:
             return empty

@@ -11,6 +11,7 @@ from data.synthetic.raycasting import Hits, MovingObject, Rays, near_any
 from data.synthetic.rig import PinholeCamera, near_pixels
 from data.synthetic.textures import ProceduralTextures
 from data.synthetic.world import World
+from perception.kernels.rendering import add_gloss, add_haze, mirror_rays, scatter_light
 from perception.types import Float32, Float64, Int, UInt8
 
 
@@ -65,6 +66,7 @@ _ROUNDED = [
 _GROUND = [Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS]
 IS_ROUNDED = np.isin(np.arange(len(Slot)), _ROUNDED)
 _IS_GROUND = np.isin(np.arange(len(Slot)), _GROUND)
+_GLOSS = column("gloss")
 _SHADOW_STEP = 2  # shadows are cast for every second pixel of every second row
 _UNDER_CARS = 0.05  # share of the sky's light that reaches the ground there
 _IN_CROWNS = 0.5  # the same of leaves
@@ -77,29 +79,30 @@ class Shader:
     def __init__(self, world: World, daylight: Daylight) -> None:
         self._world, self._daylight = world, daylight
         self._textures = ProceduralTextures(world.config.road)
+        palettes = world.scene.tables.palettes
+        self._colours = np.ascontiguousarray(palettes.reshape(-1, palettes.shape[-1])[:, :3])
         self._exposed = np.ones(len(Slot), np.float32)
         self._exposed[Slot.LEAVES] = _IN_CROWNS
 
     def shade(self, buffer: GBuffer, state: RenderState) -> Float32:
         """Return (K, 3) the light that reaches the camera from the visible surfaces."""
         tables, daylight = self._world.scene.tables, self._daylight
-        object_row = buffer.hits.object_row[buffer.seen]
-        colours = np.take(
-            tables.palettes.reshape(-1, 4),
-            object_row * len(Slot) + buffer.slots.astype(np.int64),
-            axis=0,
-        )[:, :3]
+        object_row = buffer.hits.object_row.take(buffer.seen)
+        palette_row = object_row * len(Slot) + buffer.slots.astype(np.int64)
+        colours = self._colours.take(palette_row, axis=0)
         colours = self._textures.paint(tables, buffer.hits, buffer.seen, buffer.slots, colours)
         open_sky = self._openness(buffer, state)
         facing = np.clip(buffer.normals @ daylight.sun.astype(np.float32), 0, 1)
         if daylight.is_sunny:
             facing *= self._sunlit(buffer, state) * np.minimum(2 * open_sky, 1)
         ambient = (0.55 + 0.45 * buffer.normals[:, 2]) * open_sky * self._exposed[buffer.slots]
-        light = colours * (facing[:, None] * daylight.sun_rgb + ambient[:, None] * daylight.sky_rgb)
-        light = self._gloss(light, buffer, facing)
+        light = np.empty_like(colours)
+        scatter_light(light, colours, facing, ambient, daylight.sun_rgb, daylight.sky_rgb)
+        self._add_gloss(light, buffer, facing)
         distance = buffer.hits.distance_m[buffer.seen]
-        haze = (1 - np.exp(-distance / (2500 - 1500 * daylight.haze)))[:, None]
-        return np.asarray(light + haze * (_GREY_HAZE - light), np.float32)
+        haze = 1 - np.exp(-distance / (2500 - 1500 * daylight.haze))
+        add_haze(light, haze, _GREY_HAZE)
+        return light
 
     def _sunlit(self, buffer: GBuffer, state: RenderState) -> Float32:
         """Return (K,) how much of the sun reaches each place, from rays for a quarter of the pixels."""
@@ -134,28 +137,28 @@ class Shader:
         number[buffer.seen] = np.where(_IS_GROUND[buffer.slots], np.arange(len(buffer.seen)), -1)
         near = near_pixels(state.pinhole, buffer.rows)
         for pose, length, width in state.footprints:
-            at = number[near(pose[:3, 3], length / 2 + 0.4)]
+            at = number.take(near(pose[:3, 3], length / 2 + 0.4))
             at = at[at >= 0]
             world_SE3_car = pose.astype(np.float32)
-            x, y, z = ((buffer.points[at] - world_SE3_car[:3, 3]) @ world_SE3_car[:3, :3]).T
+            x, y, z = (
+                (buffer.points.take(at, axis=0) - world_SE3_car[:3, 3]) @ world_SE3_car[:3, :3]
+            ).T
             outside = np.maximum(np.abs(x) - length / 2, np.abs(y) - width / 2)
             level = np.abs(z) < 0.3
             shade = np.clip((outside + 0.25) / 0.75, 0, 1)
             open_sky[at] *= np.where(level, _UNDER_CARS + (1 - _UNDER_CARS) * np.sqrt(shade), 1.0)
         return open_sky
 
-    def _gloss(self, light: Float32, buffer: GBuffer, facing: Float32) -> Float32:
+    def _add_gloss(self, light: Float32, buffer: GBuffer, facing: Float32) -> None:
         """Add what paint, glass and metal mirror, more at grazing angles, and the sun's glint."""
-        gloss = column("gloss")[buffer.slots]
-        at = np.flatnonzero(gloss > 0)
-        directions, normals = buffer.rays.directions[buffer.seen[at]], buffer.normals[at]
-        cosine = np.einsum("ij,ij->i", directions, normals)
-        mirrored = directions - 2 * cosine[:, None] * normals
-        strength = gloss[at] + (0.55 - 0.5 * gloss[at]) * (1 - np.abs(cosine)) ** 5
+        at = np.flatnonzero(_GLOSS.take(buffer.slots))
+        gloss = _GLOSS.take(buffer.slots.take(at))
+        directions = buffer.rays.directions.take(buffer.seen.take(at), axis=0)
+        cosine = np.einsum("ij,ij->i", directions, buffer.normals.take(at, axis=0))
+        mirrored = np.empty_like(directions)
+        mirror_rays(mirrored, at, directions, buffer.normals, cosine)
+        strength = gloss + (0.55 - 0.5 * gloss) * (1 - np.abs(cosine)) ** 5
         glint = np.clip(mirrored @ self._daylight.sun.astype(np.float32), 0, 1) ** 180
-        glossy = light.copy()
-        sun = (glint * (facing[at] > 0))[:, None] * self._daylight.sun_rgb
-        glossy[at] += strength[:, None] * (
-            self._daylight.mirrored(mirrored, buffer.points[at]) + 3.0 * sun
-        )
-        return glossy
+        glint *= facing.take(at) > 0
+        around = self._daylight.mirrored(mirrored, buffer.points.take(at, axis=0))
+        add_gloss(light, at, strength, around, glint, self._daylight.sun_rgb)

@@ -10,6 +10,7 @@ from data.synthetic.raycasting import Hits, SurfaceTables
 from data.synthetic.road import RoadShape
 from data.synthetic.vehicle_bodies import END_U, SILL_V, VARIANT_V
 from data.synthetic.world import World
+from perception.kernels.rendering import texture_coordinates
 from perception.types import Bool, Float32, Int, UInt8
 
 _PAINT_REFLECTANCE = 0.62
@@ -17,10 +18,9 @@ _PAINT_REFLECTANCE = 0.62
 
 def texture_at(tables: SurfaceTables, hits: Hits, rows: Int) -> Float32:
     """Return (K, 2) texture coordinates of some hits."""
-    corners = np.take(tables.texture_m, hits.row[rows], axis=0)
-    u, v = hits.u[rows, None], hits.v[rows, None]
-    first = corners[:, 0]
-    return np.asarray(first + u * (corners[:, 1] - first) + v * (corners[:, 2] - first))
+    places = np.empty((len(rows), 2), np.float32)
+    texture_coordinates(places, rows, hits.row, tables.texture_m, hits.u, hits.v)
+    return places
 
 
 def is_marking(shape: RoadShape, s_m: Float32, l_m: Float32) -> Bool:
@@ -116,9 +116,11 @@ class ProceduralTextures:
         for slot, pattern in self._patterns.items():
             at = np.flatnonzero(slots == slot)
             if len(at):
-                place = texture_at(tables, hits, rows[at])
-                fade = np.float32(1) / (1 + np.square(hits.distance_m[rows[at]] / np.float32(22)))
-                painted[at] = pattern(place, colours[at], fade)
+                indices = rows.take(at)
+                place = texture_at(tables, hits, indices)
+                distance_m = hits.distance_m.take(indices)
+                fade = np.float32(1) / (1 + np.square(distance_m / np.float32(22)))
+                painted[at] = pattern(place, colours.take(at, axis=0), fade)
         return painted
 
     def _asphalt(self, place: Float32, colours: Float32, fade: Float32) -> Float32:
