@@ -30,7 +30,7 @@ class BrightPlaces:
     class_names: tuple[str, ...] = ("Car",)
     metadata: dict = field(default_factory=dict)
 
-    def detect(self, image, region=None):
+    def detect(self, image, region=None, first_row=0):
         corners = self.boxes_px.astype(int)
         scores = np.array([image[y1:y2, x1:x2].mean() / 255 for x1, y1, x2, y2 in corners])
         found = scores > 0.2

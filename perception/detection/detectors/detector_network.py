@@ -79,8 +79,12 @@ class DetectorNetwork:
 
     def size_for(self, height_px: int, width_px: int) -> InputSize:
         """Return the size of the input for an image: of about as many pixels where the network takes any."""
-        is_fixed = _fixed_size(self.model.inputs[self.image_input]) is not None
-        return self.size if is_fixed else self.size.for_image(height_px, width_px)
+        return self.size if self.is_size_fixed else self.size.for_image(height_px, width_px)
+
+    @property
+    def is_size_fixed(self) -> bool:
+        """Whether images of one size alone enter."""
+        return _fixed_size(self.model.inputs[self.image_input]) is not None
 
     def inputs(self, image: UInt8) -> dict[str, Array]:
         """Return the inputs of the network for an (h, w, C) image."""

@@ -10,8 +10,11 @@ import math
 import numpy as np
 
 from perception.detection.detectors.network_input import PixelRectangle
-from perception.types import Calibration
+from perception.types import Bool, Calibration
 
+# Share of the returns in view that may be above the first row which the networks of the maps are shown: above the highest
+# beams are returns from near obstacles alone, to the side of and above what the LiDAR is mounted on.
+_SHARE_ABOVE = 0.02
 _HIGHEST_RAD, _LOWEST_RAD = math.radians(15.0), math.radians(-25.0)
 
 
@@ -40,3 +43,13 @@ def detection_region(calibration: Calibration | None, size_px: tuple[int, int]) 
     ):  # a camera that looks up or down, or is upside down
         return whole
     return PixelRectangle(0, max(0, math.floor(top)), width, min(height, math.ceil(bottom)))
+
+
+def first_observed_row(is_measured: Bool) -> int:
+    """Return the row of a map above which nearly nothing was measured.
+
+    Args:
+        is_measured: (H, W) mask of the pixels with a return.
+    """
+    counts = np.count_nonzero(is_measured, axis=1).cumsum()
+    return int(np.searchsorted(counts, _SHARE_ABOVE * counts[-1], side="right"))

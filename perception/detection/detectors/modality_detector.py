@@ -76,21 +76,23 @@ class ModalityDetector:
         """Metadata of the model file."""
         return self.model.metadata
 
-    def detect(self, image: UInt8, region: PixelRectangle | None = None) -> Detections:
+    def detect(
+        self, image: UInt8, region: PixelRectangle | None = None, first_row: int = 0
+    ) -> Detections:
         """Return the objects in an (H, W, C) image of the modality, best first, in pixels of the image.
 
         Args:
             image: Image of the modality.
             region: Region in which objects may be; else the whole image.
+            first_row: Row above which the image shows nothing; a network of any image size is not shown the rows above.
 
         Raises:
             ImageError: the image has other channels than the modality.
             ModelError: an output of the network is not finite.
         """
-        placements = self._placements(image, region)
-        whole = placements[0].region
+        placements = self._placements(image, region, first_row)
         parts = [
-            self._scored_boxes(self.model(self._inputs(image, one)), one, whole)
+            self._scored_boxes(self.model(self._inputs(image, one)), one, placements[0].limits)
             for one in placements
         ]
         return self._detections(image, ScoredBoxes.joined(parts))
@@ -101,16 +103,16 @@ class ModalityDetector:
         Raises:
             ImageError: the image has other channels than the modality.
         """
-        placement = self._placements(image, None)[0]
+        placement = self._placements(image)[0]
         return self._inputs(image, placement)[self._network.image_input]
 
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return the detections in a whole (H, W, C) image by the outputs of the network for it."""
-        placement = self._placements(image, None)[0]
-        return self._detections(image, self._scored_boxes(outputs, placement, placement.region))
+        placement = self._placements(image)[0]
+        return self._detections(image, self._scored_boxes(outputs, placement, placement.limits))
 
     def _placements(
-        self, image: UInt8, region: PixelRectangle | None
+        self, image: UInt8, region: PixelRectangle | None = None, first_row: int = 0
     ) -> tuple[ImagePlacement, ...]:
         """Return where the image is placed in the input, once or in tiles."""
         channels = CHANNELS[self.modality]
@@ -124,7 +126,10 @@ class ModalityDetector:
         if self._format.resize == "tiles":
             return place_tiles(region, self.size)
         size = self._network.size_for(region.height_px, region.width_px)
-        return (place(region, size, self._format.resize, self._format.alignment),)
+        placement = place(region, size, self._format.resize, self._format.alignment)
+        if first_row > region.top and not self._network.is_size_fixed:
+            placement = placement.from_row(first_row)
+        return (placement,)
 
     def _inputs(self, image: UInt8, placement: ImagePlacement) -> dict[str, Array]:
         shown = prepare_image(
@@ -139,7 +144,7 @@ class ModalityDetector:
         found = self._network.predict(outputs, placement.size)
         best = top_k_boxes(found.boxes_px, found.scores, self._nms)
         placed = replace(best, boxes_px=placement.to_image(best.boxes_px))
-        if placement.region == whole:
+        if placement.limits == whole:
             return placed
         # Of an object that a tile cuts, another tile or the whole image shows more.
         return placed.of_rows(~placement.is_cut(placed.boxes_px, whole))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
-from perception.detection.detectors.image_region import detection_region
+from perception.detection.detectors.image_region import detection_region, first_observed_row
 from perception.detection.detectors.modalities import (
     MapFilling,
     camera_image,
@@ -39,7 +39,6 @@ from perception.types import (
     Detections,
     Frame,
     FusedDetections,
-    MapModality,
     Modality,
     StageSpan,
     UInt8,
@@ -118,8 +117,10 @@ class MultimodalDetector:
         maps = _time(lambda: self._make_maps(frame, dense))
         for modality in MAP_MODALITIES:
             if modality in self.detectors:
-                image = partial(self._map_image, modality, maps.value)
-                running[modality] = self._start(modality, image, region)
+                dense_maps = maps.value[self.detectors[modality].filling]
+                first_row = first_observed_row(dense_maps.is_measured)
+                image = partial(map_image, dense_maps, modality)
+                running[modality] = self._start(modality, image, region, first_row)
         outputs = {name: running[name].result() for name in MODALITIES if name in running}
         detections = {name: one.value.detections for name, one in outputs.items()}
         used = next(iter(maps.value.values()), dense)
@@ -165,17 +166,19 @@ class MultimodalDetector:
             made |= {filling: fill_maps(sparse, filling) for filling in missing}
         return made
 
-    def _map_image(self, modality: MapModality, maps: Mapping[MapFilling, DenseMaps]) -> UInt8:
-        return map_image(maps[self.detectors[modality].filling], modality)
-
     def _start(
-        self, modality: Modality, make_image: Callable[[], UInt8], region: PixelRectangle
+        self,
+        modality: Modality,
+        make_image: Callable[[], UInt8],
+        region: PixelRectangle,
+        first_row: int = 0,
     ) -> "Future[_Timed[_ModalityOutput]]":
-        """Let a worker make the input image and detect in a region of it."""
+        """Let a worker make the input image and detect in a region of it, from a row on."""
 
         def detect() -> _ModalityOutput:
             image = make_image()
-            return _ModalityOutput(image, self.detectors[modality].detect(image, region))
+            detections = self.detectors[modality].detect(image, region, first_row)
+            return _ModalityOutput(image, detections)
 
         return self._workers.submit(_time, detect)
 

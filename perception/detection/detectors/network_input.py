@@ -13,14 +13,15 @@ The thesis compares modalities by images of one JPEG quality (7.2.2). A network 
 states their quality, and runs on images of the same quality.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
-from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.input_size import SIZE_STEP_PX, InputSize
 from perception.types import Bool, Float, Float64, Modality, UInt8
 
 # How a region gets the shape of the input: scaled and padded, or stretched.
@@ -67,21 +68,39 @@ class ImagePlacement:
         region: Region of the image.
         content: Region of the input that shows it; the rest is padding.
         size: Size of the input.
+        limits: Region of the image to which boxes are clipped.
     """
 
     region: PixelRectangle
     content: PixelRectangle
     size: InputSize
+    limits: PixelRectangle
 
     def to_input(self, boxes_px: Float) -> Float64:
         """Return (M, 4) boxes of the image in pixels of the input."""
         return (boxes_px - _corners(self.region)) * self._scale + _corners(self.content)
 
     def to_image(self, boxes_px: Float) -> Float64:
-        """Return (M, 4) boxes of the input in pixels of the image, clipped to the region."""
+        """Return (M, 4) boxes of the input in pixels of the image, clipped to its limits."""
         image_px = (boxes_px - _corners(self.content)) / self._scale + _corners(self.region)
-        left, top, right, bottom = self.region
+        left, top, right, bottom = self.limits
         return np.clip(image_px, [left, top] * 2, [right, bottom] * 2)
+
+    def from_row(self, row: int) -> "ImagePlacement":
+        """Return the placement of the lower part of the region at the same scale, in as few rows of the input as show it.
+
+        Boxes may extend above that part.
+
+        Args:
+            row: First row of the image that has to be shown.
+        """
+        rows_px = self.height_scale * max(self.region.bottom - row, 1)
+        height_px = SIZE_STEP_PX * math.ceil(rows_px / SIZE_STEP_PX)
+        if height_px >= self.size.height_px:
+            return self
+        top = max(self.region.top, self.region.bottom - int(height_px / self.height_scale))
+        size = InputSize(height_px, self.size.width_px)
+        return replace(place(self.region._replace(top=top), size), limits=self.limits)
 
     def is_cut(self, boxes_px: Float, whole: PixelRectangle) -> Bool:
         """Return which of (M, 4) boxes of the image end where the region does and a whole region goes on."""
@@ -118,14 +137,16 @@ def place(
         alignment: Place of the content where it is padded.
     """
     if fit == "stretch":
-        return ImagePlacement(region, PixelRectangle(0, 0, size.width_px, size.height_px), size)
+        content = PixelRectangle(0, 0, size.width_px, size.height_px)
+        return ImagePlacement(region, content, size, region)
     scale = min(size.width_px / region.width_px, size.height_px / region.height_px)
     width = min(size.width_px, max(1, round(scale * region.width_px)))
     height = min(size.height_px, max(1, round(scale * region.height_px)))
     left, top = 0, 0
     if alignment == "center":
         left, top = (size.width_px - width) // 2, (size.height_px - height) // 2
-    return ImagePlacement(region, PixelRectangle(left, top, left + width, top + height), size)
+    content = PixelRectangle(left, top, left + width, top + height)
+    return ImagePlacement(region, content, size, region)
 
 
 def place_tiles(region: PixelRectangle, size: InputSize) -> tuple[ImagePlacement, ...]:

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.detection.detectors.image_region import detection_region
+from perception.detection.detectors.image_region import detection_region, first_observed_row
+from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.network_input import PixelRectangle, place
 from perception.maps.projection import VIRTUAL_CAMERA
 from perception.types import Calibration
 from tests.detection.bright_cells import bright_cells
@@ -82,3 +84,36 @@ def test_an_object_is_shown_at_the_same_scale_whatever_is_above_the_region(below
     high = camera((1280, 960 + below_px), 640, 760)
     region, higher = (detection_region(one, one.image_size_px) for one in (low, high))
     assert (higher.top - region.top, higher.bottom - region.bottom) == (400, 400)
+
+
+def test_rows_above_all_but_few_returns_are_not_observed():
+    is_measured = np.zeros((10, 100), bool)
+    is_measured[4:] = True
+    assert first_observed_row(is_measured) == 4
+    is_measured[1, :12] = True  # 12 of 612: less than 2 %
+    assert first_observed_row(is_measured) == 4
+    is_measured[1, 12] = True
+    assert first_observed_row(is_measured) == 1
+    assert first_observed_row(np.zeros((10, 100), bool)) == 10
+
+
+@pytest.mark.parametrize(
+    ("row", "height_px"), [(0, 192), (30, 192), (63, 160), (125, 128), (200, 96), (375, 32)]
+)
+def test_rows_without_returns_are_left_out_at_the_same_scale(row, height_px):
+    whole = place(PixelRectangle(0, 0, 1242, 375), InputSize(192, 640))
+    lower = whole.from_row(row)
+    assert lower.size == (height_px, 640)
+    assert lower.region.top <= row
+    assert lower.region.bottom == 375
+    assert lower.height_scale == pytest.approx(whole.height_scale, rel=0.01)
+    # A box may end above the rows that are shown.
+    box_px = np.array([[100.0, 20, 300, 350]])
+    np.testing.assert_allclose(lower.to_image(lower.to_input(box_px)), box_px)
+
+
+def test_rows_of_a_region_are_never_above_it():
+    region = PixelRectangle(0, 100, 1242, 475)
+    placement = place(region, InputSize(192, 640))
+    assert placement.from_row(0) == placement
+    assert placement.from_row(225).region == (0, 225, 1242, 475)
