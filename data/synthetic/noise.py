@@ -1,4 +1,7 @@
-"""Noise to look up by place: white, of many scales, and smooth."""
+"""Noise to look up by place: white, of many scales, and smooth.
+
+Places are often columns of other arrays: they are copied, since compiled functions take contiguous arrays.
+"""
 
 import numpy as np
 
@@ -24,19 +27,19 @@ _GRAIN = np.random.default_rng(6).normal(0, 1, (_SIZE, _SIZE)).astype(np.float32
 def smooth_noise(x: Float, y: Float) -> Float32:
     """Look up noise of many scales; it repeats after 512 units."""
     values = np.empty(len(x), np.float32)
-    look_up(values, _NOISE, x, y)
+    look_up(values, _NOISE, x.copy(), y.copy())
     return values
 
 
 def grain(x: Float, y: Float) -> Float32:
     """Look up white noise, constant within a unit square."""
     values = np.empty(len(x), np.float32)
-    look_up(values, _GRAIN, x, y)
+    look_up(values, _GRAIN, x.copy(), y.copy())
     return values
 
 
 def clouds(x: Float, y: Float) -> Float32:
     """Look up noise of many scales, interpolated between its samples."""
     values = np.empty(len(x), np.float32)
-    look_up_between(values, _NOISE, x, y)
+    look_up_between(values, _NOISE, x.copy(), y.copy())
     return values

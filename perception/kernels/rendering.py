@@ -3,18 +3,17 @@
 import math
 
 import numpy as np
-from numba import types
 
-from perception.kernels.compiled import NUMBER, array_of, compiled, written
+from perception.kernels.compiled import NUMBER, ArrayType, Scalar, array_of, compiled, written
 from perception.types import Bool, Float, Float32, Int, UInt8
 
-_VALUES, _VECTORS = array_of(types.float32), array_of(types.float32, 2)
-_CORNERS = array_of(types.float32, 3)
-_ROWS, _INDICES = array_of(types.int32), array_of(types.int64)
+_VALUES, _VECTORS = array_of(np.float32), array_of(np.float32, 2)
+_CORNERS = array_of(np.float32, 3)
+_ROWS, _INDICES = array_of(np.int32), array_of(np.int64)
 _HALF, _ONE, _TWO = np.float32(0.5), np.float32(1), np.float32(2)
 
 
-@compiled((written(types.boolean), _VECTORS, _VECTORS, _VALUES, NUMBER))
+@compiled((written(np.bool_), _VECTORS, _VECTORS, _VALUES, NUMBER))
 def pass_sphere(
     is_near: Bool, origins_m: Float32, directions: Float32, centre_m: Float32, radius_m: float
 ) -> None:
@@ -39,8 +38,8 @@ def pass_sphere(
 
 @compiled(
     (
-        written(types.float32, 2),
-        written(types.float32, 2),
+        written(np.float32, 2),
+        written(np.float32, 2),
         _INDICES,
         _VECTORS,
         _VECTORS,
@@ -81,10 +80,10 @@ def follow_object(
 
 @compiled(
     (
-        written(types.float32, 2),
+        written(np.float32, 2),
         _INDICES,
         _ROWS,
-        array_of(types.boolean),
+        array_of(np.bool_),
         _VECTORS,
         _CORNERS,
         _VALUES,
@@ -132,9 +131,7 @@ def surface_normals(
             normals[k, axis] /= length
 
 
-@compiled(
-    (written(types.float32, 2), written(types.float32, 2), _INDICES, _VECTORS, _VECTORS, _VALUES)
-)
+@compiled((written(np.float32, 2), written(np.float32, 2), _INDICES, _VECTORS, _VECTORS, _VALUES))
 def place_surfaces(
     points_m: Float32,
     normals: Float32,
@@ -164,7 +161,7 @@ def place_surfaces(
             normals[k, axis] *= turn
 
 
-@compiled((written(types.float32, 2), _INDICES, _VECTORS, _VECTORS, _VALUES))
+@compiled((written(np.float32, 2), _INDICES, _VECTORS, _VECTORS, _VALUES))
 def mirror_rays(
     mirrored: Float32, indices: Int, directions: Float32, normals: Float32, cosine: Float32
 ) -> None:
@@ -183,7 +180,7 @@ def mirror_rays(
             mirrored[k, axis] = directions[k, axis] - across
 
 
-@compiled((written(types.float32, 2), _INDICES, _ROWS, _CORNERS, _VALUES, _VALUES))
+@compiled((written(np.float32, 2), _INDICES, _ROWS, _CORNERS, _VALUES, _VALUES))
 def texture_coordinates(
     places: Float32, indices: Int, rows: Int, texture_m: Float32, u: Float32, v: Float32
 ) -> None:
@@ -206,12 +203,11 @@ def texture_coordinates(
             places[k, axis] = first + along + v[i] * (texture_m[row, 2, axis] - first)
 
 
-def _lookup_types(kind: types.Type) -> tuple[types.Type, ...]:
-    places = types.Array(kind, 1, "A", readonly=True)
-    return written(types.float32), _VECTORS, places, places
+def _lookup_types(kind: Scalar) -> tuple[ArrayType, ...]:
+    return written(np.float32), _VECTORS, array_of(kind), array_of(kind)
 
 
-@compiled(_lookup_types(types.float32), _lookup_types(types.float64))
+@compiled(_lookup_types(np.float32), _lookup_types(np.float64))
 def look_up(values: Float32, image: Float32, x: Float, y: Float) -> None:
     """Write the pixels of a square image, repeated without end, at places.
 
@@ -227,7 +223,7 @@ def look_up(values: Float32, image: Float32, x: Float, y: Float) -> None:
         values[i] = image[row, column]
 
 
-@compiled(_lookup_types(types.float32), _lookup_types(types.float64))
+@compiled(_lookup_types(np.float32), _lookup_types(np.float64))
 def look_up_between(values: Float32, image: Float32, x: Float, y: Float) -> None:
     """Write a square image, repeated without end, at places between its pixels; arguments as of `look_up`."""
     mask = len(image) - 1
@@ -242,7 +238,7 @@ def look_up_between(values: Float32, image: Float32, x: Float, y: Float) -> None
         values[i] = below * first_v + above * v
 
 
-@compiled((written(types.float32, 2), _VECTORS, _VALUES, _VALUES, _VALUES, _VALUES))
+@compiled((written(np.float32, 2), _VECTORS, _VALUES, _VALUES, _VALUES, _VALUES))
 def scatter_light(
     light: Float32,
     colors: Float32,
@@ -267,7 +263,7 @@ def scatter_light(
             light[k, channel] = colors[k, channel] * falling
 
 
-@compiled((written(types.float32, 2), _INDICES, _VALUES, _VECTORS, _VALUES, _VALUES))
+@compiled((written(np.float32, 2), _INDICES, _VALUES, _VECTORS, _VALUES, _VALUES))
 def add_gloss(
     light: Float32,
     indices: Int,
@@ -292,7 +288,7 @@ def add_gloss(
             light[indices[k], channel] += strength[k] * (mirrored[k, channel] + sun)
 
 
-@compiled((written(types.float32, 2), _VALUES, _VALUES))
+@compiled((written(np.float32, 2), _VALUES, _VALUES))
 def add_haze(light: Float32, haze: Float32, haze_rgb: Float32) -> None:
     """Mix the light of haze into that of surfaces.
 
@@ -306,7 +302,7 @@ def add_haze(light: Float32, haze: Float32, haze_rgb: Float32) -> None:
             light[k, channel] += haze[k] * (haze_rgb[channel] - light[k, channel])
 
 
-@compiled((written(types.uint8, 3), _CORNERS, _VECTORS, _VECTORS, _VALUES, _VALUES))
+@compiled((written(np.uint8, 3), _CORNERS, _VECTORS, _VECTORS, _VALUES, _VALUES))
 def develop_pixels(
     image: UInt8, exposed: Float32, fall: Float32, noise: Float32, tint: Float32, tones: Float32
 ) -> None:
