@@ -40,6 +40,11 @@ class PreprocessedPoints:
         """Return the number of points after the filter."""
         return len(self.surfaces)
 
+    def thinned(self, count: int) -> "PreprocessedPoints":
+        """Return about as many of the points, evenly; they cannot be a target."""
+        stride = max(-(-len(self) // count), 1)
+        return replace(self, surfaces=np.ascontiguousarray(self.surfaces[::stride]))
+
     @property
     def places_m(self) -> Float64:
         """(M, 3) positions of the points."""
@@ -92,6 +97,31 @@ def on_surfaces(
         _SURFACE_REACH * target.voxel_size_m,
     )
     return replace(source, surfaces=source.surfaces[away_m < max_distance_m])
+
+
+def share_on_surfaces(
+    source: PreprocessedPoints,
+    target: PreprocessedPoints,
+    target_SE3_source: Float64,
+    max_distance_m: float,
+) -> float:
+    """Return the share of the source's points that are on the surfaces of the target.
+
+    Args:
+        source: Points that are moved.
+        target: Points that stay.
+        target_SE3_source: (4, 4) transform from the source to the target.
+        max_distance_m: Largest distance of a point from the surface at the nearest point of the target in metres.
+    """
+    away_m = distances_to_surfaces(
+        target.surfaces,
+        target.table,
+        target.voxel_size_m,
+        source.surfaces,
+        np.ascontiguousarray(target_SE3_source, np.float64),
+        target.voxel_size_m,
+    )
+    return float(np.count_nonzero(away_m < max_distance_m) / max(len(away_m), 1))
 
 
 def align(

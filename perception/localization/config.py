@@ -35,8 +35,11 @@ class RegistrationConfig:
         keyframe_angle_rad: Rotation in rad after which the reference scan is replaced.
         keyframe_inlier_ratio: Share of matched points below which the reference scan is replaced, 0 to 1.
         min_inlier_ratio: Smallest share of matched points of an accepted alignment, 0 to 1.
-        max_cost_ratio: Largest cost of an alignment from another motion, as a share of that from the motion so far,
-            at which it is a correction.
+        tight_distance_m: Largest distance in metres from the surfaces of the reference scan of a point that speaks for a
+            motion, where two motions are compared.
+        min_surface_gain: Smallest share of a scan's points by which more speak for another motion than for the motion so
+            far, 0 to 1, where it is a correction.
+        max_ins_loss: Largest share of a scan's points by which fewer may speak for the motion of the INS, 0 to 1.
         min_moving_ratio: Smallest share of a scan's points that move at which later scans are not aligned with them.
         surface_distance_m: Largest distance in metres of a static point from the surfaces of such a scan.
         ins_prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it
@@ -62,7 +65,9 @@ class RegistrationConfig:
     keyframe_angle_rad: float = float(np.radians(15))
     keyframe_inlier_ratio: float = 0.6
     min_inlier_ratio: float = 0.4
-    max_cost_ratio: float = 0.85
+    tight_distance_m: float = 0.05
+    min_surface_gain: float = 0.025
+    max_ins_loss: float = 0.02
     min_moving_ratio: float = 0.1
     surface_distance_m: float = 0.1
     ins_prior_share: float = 0.006

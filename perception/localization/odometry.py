@@ -28,6 +28,7 @@ from perception.localization.alignment import (
     align,
     on_surfaces,
     preprocess_points,
+    share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
 from perception.types import Bool, Float32, Float64
@@ -125,8 +126,13 @@ class _Guess:
 
 
 _INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
-# Without INS: distances from the motion that was found to others that are tried in turn, in a jam of such speeds.
-_CREEPING_M, _CREEPING_M_S, _MIN_CREEPING_S = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0), 4.0, 0.5
+# Without INS: distances ahead of the keyframe at which the scan may be, too; a part of them is tried at each scan.
+_SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
+_SEARCH_BACK_M = 3.0
+_SEARCH_POINTS = 1000  # of a scan; fewer miss the motion by chance
+_SEARCH_LOSS = 0.02  # by which fewer of these may be on surfaces than at the motion found
+# After a correction, until the moving points are known again, only what lies on surfaces takes part.
+_CORRECTED_S = 1.0
 
 
 class LidarOdometry:
@@ -135,12 +141,12 @@ class LidarOdometry:
     A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
     once a keyframe, not once a scan.
 
-    In a traffic jam most surfaces around creep along with the vehicle. From scan to scan the static ones move less
-    than the reach of a match, and the nearest minimum is that of the jam; over a metre or more the minimum of what is
-    static is lower. So a keyframe is at least so far back, and other motions since the keyframe are tried: that of
-    the INS, or, where the vehicle seems to be slow, one metre more or less. Where much moves, keyframes leave it out, and
-    a scan is matched by what lies on their surfaces where the INS or the motion so far puts it: vehicles that came less
-    than the reach of a match would pull the pose along.
+    In dense traffic most surfaces around come along with the vehicle, and the nearest minimum is that of the traffic.
+    But vehicles never keep their distances to a few centimetres, and what is static does: over a metre or more, more
+    points lie on the surfaces of the keyframe at the true motion than at any other. So a keyframe is at least so far
+    back, and another motion since the keyframe is tried: that of the INS, or the distance ahead that brings most points
+    onto surfaces. Where much moves, keyframes leave it out, and a scan is matched by what lies on their surfaces where
+    the INS or the motion so far puts it: vehicles that came less than the reach of a match would pull the pose along.
 
     Beside a fence or between even walls, points barely tell how far the vehicle came, and matches slip along by the
     pattern of the voxels. There the step of the INS decides; where points tell the motion, it does not pull. A constant
@@ -153,7 +159,7 @@ class LidarOdometry:
         self._keyframe: _LocatedScan
         # The keyframe and some later scans.
         self._since: deque[_LocatedScan] = deque(maxlen=16)
-        self._tries = 0
+        self._corrected_s, self._searched_m = -np.inf, 0.0
 
     def update(
         self,
@@ -256,12 +262,13 @@ class LidarOdometry:
             guesses = [step.after(inverse(world_SE3_keyframe) @ last_pose) for step in steps]
             motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
             of_static = None
-            if last.points.is_crowded:
+            if last.points.is_crowded or stamp_s - self._corrected_s < _CORRECTED_S:
                 guess = guesses[0] if motion_ins is None else replace(guesses[0], motion=motion_ins)
                 of_static = self._static_alignment(points.all, guess)
             carried = of_static or self._best_alignment(points.all, guesses)
-            other = self._other_alignment(points.all, stamp_s, motion_ins, carried)
+            other = self._correction(points.all, stamp_s, motion_ins, carried)
             if other is not None:
+                self._corrected_s = stamp_s
                 self._keyframe.points.forget_moving()
             best = other or carried
             if best is not None:
@@ -273,36 +280,74 @@ class LidarOdometry:
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
         return Localization(last_pose @ step, origin, is_reset=not is_near)
 
-    def _other_alignment(
+    def _correction(
         self,
         points: PreprocessedPoints,
         stamp_s: float,
         motion_ins: Float64 | None,
         carried: Alignment | None,
     ) -> Alignment | None:
-        """Return an alignment from another motion since the keyframe, where it is clearly better."""
+        """Return the alignment from another motion since the keyframe, where more points speak for it.
+
+        All points are compared: what is called moving depends on the poses.
+        """
         if carried is None:
             return None
-        found, reach_m = carried.target_SE3_source, self._config.max_correspondence_m / 2
-        guess = self._guess_creeping(found, stamp_s) if motion_ins is None else motion_ins
-        if guess is None or _length_m(found - guess) < reach_m:
+        config, found = self._config, carried.target_SE3_source
+        guess, min_gain = motion_ins, -config.max_ins_loss
+        if guess is None:
+            guess, min_gain = self._search_ahead(points, stamp_s, found), config.min_surface_gain
+        if guess is None or not self._is_apart(guess, found):
             return None
-        other = self._best_alignment(points, [_Guess(guess)])
-        if other is None:
+        other = self._surface_alignment(points, guess)
+        if other is None or not self._is_apart(other.target_SE3_source, found):
             return None
-        if self._last is not None and self._last.points.is_crowded:
-            # Alignments are compared by all points: what is called moving depends on the poses.
-            carried = self._best_alignment(points, [_Guess(found)]) or carried
-        return other if other.cost < self._config.max_cost_ratio * carried.cost else None
+        gain = self._share(points, other.target_SE3_source) - self._share(points, found)
+        return other if gain > min_gain else None
 
-    def _guess_creeping(self, found: Float64, stamp_s: float) -> Float64 | None:
-        """Return another motion since the keyframe than the slow one that was found, a different one at each call."""
-        age_s = stamp_s - self._keyframe.stamp_s
-        if age_s < _MIN_CREEPING_S or _length_m(found) > _CREEPING_M_S * age_s:
-            return None
-        self._tries += 1
-        away_m = _CREEPING_M[self._tries % len(_CREEPING_M)]
-        return found @ _ahead(away_m) if abs(away_m) <= _CREEPING_M_S * age_s else None
+    def _search_ahead(
+        self, points: PreprocessedPoints, stamp_s: float, found: Float64
+    ) -> Float64 | None:
+        """Return the motion, farther or less far ahead than the one found, that brings most points onto surfaces.
+
+        Each call tries the next part of the way. The farther back the keyframe, the fewer of its surfaces are seen
+        again, but traffic that comes along is seen as before: after a few metres no shorter way is tried.
+        """
+        travelled_m = self._config.max_speed_m_s * (stamp_s - self._keyframe.stamp_s)
+        end_m = min(_SEARCH_M, travelled_m)
+        start_m = self._searched_m if self._searched_m < end_m else 0.0
+        self._searched_m = start_m + _SEARCH_PART_M
+        if found[0, 3] > _SEARCH_BACK_M:
+            start_m = max(start_m, float(found[0, 3]))
+        sample = points.thinned(_SEARCH_POINTS)
+        best, most = None, self._share(sample, found) - _SEARCH_LOSS
+        for ahead_m in np.arange(start_m, min(end_m, self._searched_m), _SEARCH_STEP_M):
+            motion = found.copy()
+            motion[0, 3] = ahead_m
+            share = self._share(sample, motion) if self._is_apart(motion, found) else 0.0
+            if share > most:
+                best, most = motion, share
+        return best
+
+    def _share(self, points: PreprocessedPoints, motion: Float64) -> float:
+        """Return the share of points that a motion since the keyframe brings onto its surfaces."""
+        target, config = self._keyframe.points.all, self._config
+        return share_on_surfaces(points, target, motion, config.tight_distance_m)
+
+    def _surface_alignment(self, points: PreprocessedPoints, motion: Float64) -> Alignment | None:
+        """Align what a motion brings onto surfaces, and once more what the alignment found brings there."""
+        found, target = None, self._keyframe.points.all
+        for _ in range(2):
+            kept = on_surfaces(points, target, motion, self._config.surface_distance_m)
+            found = self._align(target, kept, _Guess(motion))
+            if found is None:
+                return None
+            motion = found.target_SE3_source
+        return found
+
+    def _is_apart(self, motion: Float64, other: Float64) -> bool:
+        """Return whether two motions are so far apart that they do not converge to the same one."""
+        return _length_m(motion - other) >= self._config.max_correspondence_m / 2
 
     def _update_keyframe(self, scan: _LocatedScan, last: _LocatedScan) -> None:
         """Replace the keyframe where it is too far back, by a scan that is far enough back."""

@@ -5,7 +5,12 @@ import pytest
 
 from perception.errors import PoseError
 from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
-from perception.localization.alignment import align, on_surfaces, preprocess_points
+from perception.localization.alignment import (
+    align,
+    on_surfaces,
+    preprocess_points,
+    share_on_surfaces,
+)
 from perception.localization.config import RegistrationConfig
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 
@@ -184,6 +189,61 @@ def test_a_jam_that_creeps_along_does_not_carry_the_pose() -> None:
     assert degrees < 0.1
     assert len(resets) == 2  # the start, and where the jam is told from the street
     assert resets[1] < 10
+
+
+def buildings_along(world_SE3_velo: np.ndarray, seed: int) -> np.ndarray:
+    """Return points on the fronts of porches along the street, in the LiDAR's frame."""
+    random = np.random.default_rng(seed + 500)
+    parts = [
+        random.uniform((x, y, -1.7), (x + 0.02, y + 2, 3), (250, 3))
+        for x in range(-40, 80, 5)
+        for y in (-10, 8)
+    ]
+    points = np.column_stack([np.concatenate(parts), np.zeros(250 * 48)])
+    points[:, 0] -= world_SE3_velo[0, 3]
+    return points[np.abs(points[:, 0]) < 40].astype(np.float32)
+
+
+@pytest.mark.parametrize("speed_m_s", [1.75, 10.0])
+def test_traffic_that_comes_along_does_not_carry_the_pose_without_ins(speed_m_s: float) -> None:
+    truth = path(20, speed_m_s, turn_rad_s=0.0)
+    odometry, found, resets = LidarOdometry(), [], []
+    for index, pose in enumerate(truth):
+        static = [observed_from(pose, index)[::2], buildings_along(pose, index)]
+        points = np.concatenate([*static, lorries_around(index)])
+        found.append(odometry.update(points, index * STEP_S))
+        resets += [index] if found[-1].is_reset else []
+    step = inverse(found[-10].world_SE3_velo) @ found[-1].world_SE3_velo
+    metres, degrees = apart(inverse(truth[-10]) @ truth[-1], step)
+    assert metres < 0.05
+    assert degrees < 0.1
+    assert len(resets) <= 2  # the start, and where the traffic is told from the street
+    assert max(resets) < 10
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 8.0])
+def test_traffic_that_passes_does_not_carry_the_pose_without_ins(speed_m_s: float) -> None:
+    truth = path(12, speed_m_s, turn_rad_s=0.0)
+    odometry = LidarOdometry()
+    for index, pose in enumerate(truth):
+        lorries = lorries_around(index)
+        lorries[:, 0] += 20.0 - (speed_m_s + 4.0) * index * STEP_S
+        static = [observed_from(pose, index), buildings_along(pose, index)]
+        found = odometry.update(np.concatenate([*static, lorries]), index * STEP_S)
+        assert found.is_reset == (index == 0)
+    metres, degrees = apart(truth[-1], found.world_SE3_velo)
+    assert metres < 0.05
+    assert degrees < 0.1
+
+
+def test_points_on_surfaces_are_counted() -> None:
+    target = preprocess_points(observed_from(np.eye(4), 1), voxel_size_m=0.5)
+    source = preprocess_points(observed_from(np.eye(4), 2), voxel_size_m=0.5)
+    away = from_euler(0, 0, 0, np.array([0.0, 0.0, 0.3]))
+    assert share_on_surfaces(source, target, np.eye(4), 0.05) > 0.85
+    # A street that is raised keeps its walls, but not its ground.
+    assert share_on_surfaces(source, target, away, 0.05) < 0.6
+    assert len(source.thinned(100)) == pytest.approx(100, rel=0.1)
 
 
 def test_vehicles_that_move_off_do_not_pull_the_pose() -> None:
