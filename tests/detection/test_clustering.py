@@ -3,7 +3,6 @@ import pytest
 from sklearn.cluster import DBSCAN
 
 from benchmarks.reference.dbscan import cluster_by_definition
-from perception.detection import clustering, point_cells
 from perception.detection.clustering import cluster
 from perception.errors import UsageError
 
@@ -55,18 +54,6 @@ def test_labels_are_those_of_scikit_learn(shape, count, min_points):
     xy_m = shape(np.random.default_rng(count + min_points), count)
     expected = DBSCAN(eps=0.5, min_samples=min_points).fit_predict(xy_m)
     assert cluster(xy_m, 0.5, min_points).tolist() == expected.tolist()
-
-
-@pytest.mark.parametrize("constant", ["_MAX_COMPARISONS", "_LARGEST_TABLE"])
-@pytest.mark.parametrize("shape", SHAPES)
-def test_labels_do_not_depend_on_how_they_are_found(monkeypatch, shape, constant):
-    module = clustering if hasattr(clustering, constant) else point_cells
-    generator = np.random.default_rng(5)
-    sets = [shape(generator, 400) for _ in range(8)]
-    expected = [cluster(xy_m, 0.5, 4) for xy_m in sets]
-    monkeypatch.setattr(module, constant, 0)
-    for xy_m, labels in zip(sets, expected, strict=True):
-        assert cluster(xy_m, 0.5, 4).tolist() == labels.tolist()
 
 
 def test_distant_places_are_separate_clusters():

@@ -11,8 +11,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from perception.detection.clustering import connected_parts
-from perception.detection.point_cells import expand_ranges
+from perception.detection.clustering import connected_parts, expand_ranges
 from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.detection.vehicles.frustum_points import (
     FrustumPoints,
