@@ -28,8 +28,8 @@ from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
+from data.synthetic.remote_object import RemoteObject
 from perception.atomic_file import write_atomically
-from perception.pipeline.remote_object import RemoteObject
 from perception.sensor import sensor_to_json
 from perception.types import Float64, Labels, PointTruth, UInt8
 

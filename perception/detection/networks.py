@@ -21,11 +21,6 @@ def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
     )
 
 
-def is_detection_enabled(config: DetectionConfig) -> bool:
-    """Tell whether any detector is configured to run."""
-    return config.depthcn.enabled or len(enabled_modalities(config)) > 0
-
-
 def open_detectors(config: DetectionConfig) -> dict[Modality, ModalityDetector]:
     """Open the detectors of the configured modalities, for one thread each.
 

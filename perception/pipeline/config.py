@@ -30,8 +30,7 @@ class PipelineConfig:
         area: Area around the vehicle in which ground, obstacles and moving objects are found.
         ego_vehicle: Outline of the vehicle itself; its returns are left out of every stage.
         seed: Seed of RANSAC.
-        parallel: Whether independent stages run side by side, on two workers and in two processes; the results are the
-            same.
+        parallel: Whether independent stages run side by side, in two threads; the results are the same.
     """
 
     method: Method = "default"

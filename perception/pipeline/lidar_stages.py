@@ -37,7 +37,7 @@ class LidarResult:
         tracks: Moving objects with their ids.
         is_reset: Whether poses of earlier scans no longer fit to this one.
         spans: Start and end of each stage.
-        scan: Input of DATMO; None where the result comes from another process.
+        scan: Input of DATMO.
     """
 
     world_SE3_velo: Float64
@@ -46,7 +46,7 @@ class LidarResult:
     tracks: Tracks
     is_reset: bool
     spans: tuple[StageSpan, ...]
-    scan: SegmentedScan | None
+    scan: SegmentedScan
 
     def of_frame(self, frame: Frame) -> Result:
         """Return it as the result of a frame without detectors."""
@@ -81,9 +81,6 @@ class LidarStages:
         self._motion = motion_segmenter(motion, config.method_of(motion), sensor, config.area)
         self._datmo = datmo_stage(config.datmo, sensor, config.area)
 
-    def close(self) -> None:
-        """Do nothing: there is no process to end."""
-
     def step(self, frame: Frame, clock: StageClock, *, with_datmo: bool = True) -> LidarResult:
         """Run the stages on a frame, in their order.
 
@@ -116,7 +113,6 @@ class LidarStages:
         """
         with limit_blas_threads():
             result = self.step(frame, StageClock(), with_datmo=False)
-        assert result.scan is not None  # it is of this process
         return result.of_frame(frame), result.scan
 
     def _register(self, frame: Frame) -> RegisteredScans:

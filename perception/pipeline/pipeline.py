@@ -4,22 +4,19 @@
                    |                                                                      |
     camera worker  | maps - three detectors, fusion - DepthCN ---------------------------- vehicles - Result
 
-Each worker takes one frame after another; a stage waits for the stages whose results it needs. Where both workers
-have something to do, the LiDAR stages run in a process of their own.
+Each worker is a thread, which takes one frame after another; a stage waits for the stages whose results it needs.
+Compiled functions, NumPy, OpenCV and the networks release Python's lock, so that both threads run at once.
 """
 
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
 from typing import Self
 
-from perception.detection.networks import is_detection_enabled
 from perception.geometry.threads import limit_opencv_threads
 from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.lidar_process import LidarProcess
 from perception.pipeline.lidar_stages import LidarResult, LidarStages
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
@@ -33,7 +30,7 @@ _MAX_IN_FLIGHT = 2
 class Pipeline:
     """Runs every stage on the frames of a drive: `step` for one frame, `stream` for files and for live use.
 
-    A context manager, which ends its workers and their process.
+    A context manager, which ends its workers.
     """
 
     def __init__(self, sensor: LidarModel = HDL_64E, config: PipelineConfig | None = None) -> None:
@@ -45,23 +42,14 @@ class Pipeline:
 
         Raises:
             ModelError: a network is missing, or is of another kind than it is given for.
-            PerceptionError: no process can be started.
         """
         self.sensor = sensor
         self.config = config = config or PipelineConfig()
-        # With nothing to run beside them, the LiDAR stages need no process of their own.
-        has_own_process = config.parallel and is_detection_enabled(config.detection)
-        self._lidar = (LidarProcess if has_own_process else LidarStages)(sensor, config)
-        with ExitStack() as on_error:
-            on_error.callback(self._lidar.close)
-            with ThreadPoolExecutor(1) as loader:
-                loading = loader.submit(load_compiled)
-                self._camera = CameraStages(
-                    sensor, config.detection, config.vehicles, config.budget_ms
-                )
-                loading.result()
-            self._lidar.reset()  # a process answers when it is ready for the first frame
-            on_error.pop_all()
+        self._lidar = LidarStages(sensor, config)
+        with ThreadPoolExecutor(1) as loader:
+            loading = loader.submit(load_compiled)
+            self._camera = CameraStages(sensor, config.detection, config.vehicles, config.budget_ms)
+            loading.result()
         if config.parallel:
             limit_opencv_threads()
         kind = ThreadWorker if config.parallel else InlineWorker
@@ -75,10 +63,9 @@ class Pipeline:
         self.close()
 
     def close(self) -> None:
-        """End the workers and their process; no frame can be given any more."""
+        """End the workers; no frame can be given any more."""
         self._lidar_worker.close()
         self._camera_worker.close()
-        self._lidar.close()
 
     def reset(self) -> None:
         """Forget the drive so far, as between frames that do not follow each other."""

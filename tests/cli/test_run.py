@@ -19,7 +19,7 @@ from tests.faults import command, fault
 
 FRAMES = 4  # of `street`
 ROOT = Path(__file__).parents[2]
-# What a run leaves behind is the same without a second process, whose start takes a second.
+# What a run leaves behind is the same with its stages one after another.
 IN_TURN = "--pipeline.no-parallel"
 
 

@@ -40,5 +40,5 @@ def all_stages(tmp_path_factory) -> PipelineConfig:
 
 @pytest.fixture(scope="session")
 def stages_in_turn(all_stages) -> PipelineConfig:
-    """Return the configuration of all stages without a second process, whose start takes a second."""
+    """Return the configuration of all stages one after another, in one thread."""
     return replace(all_stages, parallel=False)

@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from perception.errors import ModelError, PoseError
 from perception.maps.densify import densify
 from perception.maps.projection import VIRTUAL_CAMERA
 from perception.pipeline import Pipeline, PipelineConfig, camera_stages
-from perception.pipeline.lidar_process import LidarProcess
+from perception.pipeline.lidar_stages import LidarStages
 from perception.types import MODALITIES
 
 STAGES = {
@@ -85,7 +86,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
 
 def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypatch):
     has_detected, waited = threading.Event(), []
-    verify_frame, step = DepthCn.verify_frame, LidarProcess.step
+    verify_frame, step = DepthCn.verify_frame, LidarStages.step
 
     def verify_and_signal(*given):
         verified = verify_frame(*given)
@@ -97,7 +98,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
         return step(*given)
 
     monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
-    monkeypatch.setattr(LidarProcess, "step", step_late)
+    monkeypatch.setattr(LidarStages, "step", step_late)
     with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]
@@ -233,15 +234,24 @@ def test_detectors_that_are_off_are_not_opened(tmp_path):
     assert error.value.where.endswith("nowhere.onnx")
 
 
-def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
-    ended, close = [], LidarProcess.close
+def child_processes():
+    return {
+        child
+        for file in Path("/proc/self/task").glob("*/children")
+        for child in file.read_text().split()
+    }
 
-    def close_and_tell(process):
-        close(process)
-        ended.append(process.process_id)
 
-    monkeypatch.setattr(LidarProcess, "close", close_and_tell)
-    missing = DetectionConfig(rgb_model=tmp_path / "nowhere.onnx")
-    with pytest.raises(ModelError):
-        Pipeline(config=PipelineConfig(detection=missing))
-    assert len(ended) == 1
+def worker_threads():
+    return {thread.name for thread in threading.enumerate()} & {"obstacles_0", "vehicles_0"}
+
+
+def test_the_workers_are_threads_of_this_process_and_end_with_the_pipeline(
+    street_frames, all_stages
+):
+    processes = child_processes()
+    with Pipeline(config=all_stages) as pipeline:
+        pipeline.step(street_frames[0])
+        assert worker_threads() == {"obstacles_0", "vehicles_0"}
+        assert child_processes() == processes
+    assert worker_threads() == set()
