@@ -18,6 +18,7 @@ from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_stages import LidarResult, LidarStages
+from perception.pipeline.memory import limit_heaps
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
@@ -45,6 +46,7 @@ class Pipeline:
         """
         self.sensor = sensor
         self.config = config = config or PipelineConfig()
+        limit_heaps()
         self._lidar = LidarStages(sensor, config)
         with ThreadPoolExecutor(1) as loader:
             loading = loader.submit(load_compiled)
