@@ -5,7 +5,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import UsageError
-from perception.types import Bool, Float
+from perception.kernels.cropping import crop
+from perception.types import Bool, Float, Float32, Int
+
+
+@dataclass(frozen=True)
+class CroppedScan:
+    """Some points of a scan.
+
+    Attributes:
+        points_velo: (M, C) the points.
+        rows: (M,) where they are in the scan, rising.
+    """
+
+    points_velo: Float32
+    rows: Int
 
 
 @dataclass(frozen=True)
@@ -40,6 +54,11 @@ class LocalArea:
             & (np.abs(y) < self.side_m + margin_m)
         )
 
+    def crop(self, points_velo: Float) -> CroppedScan:
+        """Return the (N, 3+) points that lie over the area."""
+        rectangle = (-self.behind_m, self.ahead_m, -self.side_m, self.side_m)
+        return _cropped(points_velo, rectangle, is_inside=True)
+
 
 # Area of moving objects in the thesis (5.2.2). It contains the area of obstacles, `LocalArea()`.
 MOVING_OBJECT_AREA = LocalArea(ahead_m=30.0, behind_m=10.0)
@@ -71,3 +90,16 @@ class EgoVehicle:
         """Tell which (N, 2+) points lie over the vehicle."""
         x, y = points_velo[:, 0], points_velo[:, 1]
         return np.asarray((x > -self.rear_m) & (x < self.front_m) & (np.abs(y) < self.side_m))
+
+    def crop(self, points_velo: Float) -> CroppedScan:
+        """Return the (N, 3+) points that do not lie over the vehicle."""
+        rectangle = (-self.rear_m, self.front_m, -self.side_m, self.side_m)
+        return _cropped(points_velo, rectangle, is_inside=False)
+
+
+def _cropped(
+    points_velo: Float, rectangle: tuple[float, float, float, float], *, is_inside: bool
+) -> CroppedScan:
+    points = np.ascontiguousarray(points_velo, np.float32)
+    rows, cropped = crop(points, rectangle, is_inside)
+    return CroppedScan(cropped, rows)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.geometry.grids import CroppedScan
 from perception.geometry.se3 import inverse
 from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig, WindowIcpConfig
@@ -47,17 +48,17 @@ class Registration:
         """Whether there is no scan yet."""
         return len(self._window) == 0
 
-    def update(self, frame: Frame, rows: Int) -> RegisteredScans:
+    def update(self, frame: Frame, scan: CroppedScan) -> RegisteredScans:
         """Register the scan of a frame.
 
         Args:
             frame: Frame with its stamp and, where there is an INS, its pose.
-            rows: Indices of the frame's points that are registered.
+            scan: Points of the frame that are registered.
 
         Raises:
             PoseError: the INS pose jumps, or the stamps do not rise.
         """
-        points_velo = frame.points_velo.take(rows, axis=0)
+        points_velo, rows = scan.points_velo, scan.rows
         if self._method == "thesis" and frame.world_SE3_velo is not None:
             self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
             window = register_window(self._window, self._config.icp)

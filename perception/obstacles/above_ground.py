@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.grids import LocalArea
+from perception.kernels.cropping import split_by_height
 from perception.types import Bool, Float, Float32, GroundModel, Int, PointState, UInt8
 
 
@@ -43,9 +44,9 @@ def split_by_ground(
         area: Local area in which obstacles are reported.
         min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min).
     """
-    rows = np.flatnonzero(area.contains_xy(points_velo))
-    local = points_velo.take(rows, axis=0)[:, :3].astype(np.float32, copy=False)
-    distance_m: Float32 = np.asarray(ground.distance_m(local), np.float32)
-    is_above = (distance_m >= min_ground_distance_m) & (distance_m < area.height_m)
-    is_ground = distance_m < min_ground_distance_m
-    return AboveGround(local[is_above], rows[is_above], rows[is_ground], len(points_velo))
+    local = area.crop(points_velo)
+    distance_m = np.asarray(ground.distance_m(local.points_velo), np.float32)
+    points, rows, ground_rows = split_by_height(
+        local.points_velo, local.rows, distance_m, min_ground_distance_m, area.height_m
+    )
+    return AboveGround(points, rows, ground_rows, len(points_velo))

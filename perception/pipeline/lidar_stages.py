@@ -119,8 +119,8 @@ class LidarStages:
         """Register the scan, without returns of the vehicle itself, which would be obstacles that move with it."""
         if self._registration.is_empty:
             check_mounting(frame.points_velo, self._sensor, frame.source)
-        rows = np.flatnonzero(~self._config.ego_vehicle.contains_xy(frame.points_velo))
-        return self._registration.update(frame, rows)
+        scan = self._config.ego_vehicle.crop(frame.points_velo)
+        return self._registration.update(frame, scan)
 
 
 def _segmented_scan(

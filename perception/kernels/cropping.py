@@ -1,0 +1,62 @@
+"""Rows of a scan by place: those in or out of a rectangle, and those on or above the ground."""
+
+import numpy as np
+
+from perception.kernels.compiled import NUMBER, array_of, compiled
+from perception.types import Float32, Int
+
+# Lowest and highest x, lowest and highest y.
+Rectangle = tuple[float, float, float, float]
+
+_POINTS, _ROWS = array_of(np.float32, 2), array_of(np.int64)
+
+
+@compiled((_POINTS, (np.float32, np.float32, np.float32, np.float32), np.bool_))
+def crop(points: Float32, rectangle: Rectangle, is_inside: bool) -> tuple[Int, Float32]:
+    """Return the rows of (N, 3+) points that lie strictly inside a rectangle, or of all others, and these points."""
+    low_x, high_x, low_y, high_y = rectangle
+    count, columns = points.shape
+    rows, cropped = np.empty(count + 1, np.int64), np.empty((count + 1, columns), np.float32)
+    found = 0
+    for row in range(count):
+        x, y = points[row, 0], points[row, 1]
+        is_in = (x > low_x) & (x < high_x) & (y > low_y) & (y < high_y)
+        # Written in any case: a branch would often be foreseen wrongly.
+        rows[found] = row
+        cropped[found, 0], cropped[found, 1], cropped[found, 2] = x, y, points[row, 2]
+        for column in range(3, columns):
+            cropped[found, column] = points[row, column]
+        found += int(is_in == is_inside)
+    return rows[:found], cropped[:found]
+
+
+@compiled((_POINTS, _ROWS, array_of(np.float32), NUMBER, NUMBER))
+def split_by_height(
+    points: Float32, rows: Int, above_m: Float32, low_m: float, high_m: float
+) -> tuple[Float32, Int, Int]:
+    """Split (M, 3+) points by their distance above the ground.
+
+    Args:
+        points: (M, 3+) points.
+        rows: (M,) their rows in the scan.
+        above_m: (M,) their distances above the ground in metres.
+        low_m: Smallest distance of an obstacle point.
+        high_m: Largest distance of an obstacle point, exclusive.
+
+    Returns:
+        (O, 3) obstacle points, their rows, and the rows of the ground points.
+    """
+    low, high = np.float32(low_m), np.float32(high_m)
+    chosen, ground = np.empty(len(points) + 1, np.int64), np.empty(len(points) + 1, np.int64)
+    obstacles, grounds = 0, 0
+    for at in range(len(points)):
+        chosen[obstacles], ground[grounds] = at, rows[at]
+        obstacles += int((above_m[at] >= low) & (above_m[at] < high))
+        grounds += int(above_m[at] < low)
+    obstacle_points, obstacle_rows = np.empty((obstacles, 3), np.float32), chosen[:obstacles]
+    for number in range(obstacles):
+        at = obstacle_rows[number]
+        for axis in range(3):
+            obstacle_points[number, axis] = points[at, axis]
+        obstacle_rows[number] = rows[at]
+    return obstacle_points, obstacle_rows, ground[:grounds]

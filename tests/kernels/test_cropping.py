@@ -1,0 +1,42 @@
+"""Compiled cropping, beside NumPy's masks."""
+
+import numpy as np
+import pytest
+
+from perception.kernels.cropping import crop, split_by_height
+
+RECTANGLE = (-2.0, 3.0, -1.0, 1.5)
+
+
+def scan(columns: int, count: int = 500) -> np.ndarray:
+    points = np.random.default_rng(0).uniform(-4, 4, (count, columns)).astype(np.float32)
+    points[:4, :2] = [[-2, 0], [3, 0], [0, -1], [0, 1.5]]  # on the border, which is outside
+    points[4] = np.nan
+    return points
+
+
+@pytest.mark.parametrize("columns", [3, 4, 5])
+@pytest.mark.parametrize("is_inside", [False, True])
+def test_crop_equals_a_mask(columns: int, is_inside: bool) -> None:
+    points = scan(columns)
+    x, y = points[:, 0], points[:, 1]
+    mask = ((x > -2) & (x < 3) & (y > -1) & (y < 1.5)) == is_inside
+    rows, cropped = crop(points, RECTANGLE, is_inside)
+    np.testing.assert_array_equal(rows, np.flatnonzero(mask))
+    np.testing.assert_array_equal(cropped, points[mask])
+
+
+def test_crop_of_no_points_is_empty() -> None:
+    rows, cropped = crop(np.zeros((0, 4), np.float32), RECTANGLE, True)
+    assert rows.shape == (0,)
+    assert cropped.shape == (0, 4)
+
+
+def test_split_by_height_equals_masks() -> None:
+    points, rows = scan(4), np.arange(500) * 3
+    above_m = points[:, 2].copy()
+    obstacles, obstacle_rows, ground_rows = split_by_height(points, rows, above_m, 0.2, 2.0)
+    mask = (above_m >= np.float32(0.2)) & (above_m < 2)
+    np.testing.assert_array_equal(obstacles, points[mask, :3])
+    np.testing.assert_array_equal(obstacle_rows, rows[mask])
+    np.testing.assert_array_equal(ground_rows, rows[above_m < np.float32(0.2)])
