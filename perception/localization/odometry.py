@@ -133,6 +133,8 @@ _SEARCH_POINTS = 1000  # of a scan; fewer miss the motion by chance
 _SEARCH_LOSS = 0.02  # by which fewer of these may be on surfaces than at the motion found
 # After a correction, until the moving points are known again, only what lies on surfaces takes part.
 _CORRECTED_S = 1.0
+# A step of one scan tells the velocity worse than the way since an older keyframe.
+_MIN_STEADY_S = 0.45
 
 
 class LidarOdometry:
@@ -263,7 +265,9 @@ class LidarOdometry:
             motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
             of_static = None
             if last.points.is_crowded or stamp_s - self._corrected_s < _CORRECTED_S:
-                guess = guesses[0] if motion_ins is None else replace(guesses[0], motion=motion_ins)
+                guess = replace(guesses[0], motion=self._steady_motion(last, gap_s))
+                if motion_ins is not None:
+                    guess = replace(guess, motion=motion_ins)
                 of_static = self._static_alignment(points.all, guess)
             carried = of_static or self._best_alignment(points.all, guesses)
             other = self._correction(points.all, stamp_s, motion_ins, carried)
@@ -279,6 +283,13 @@ class LidarOdometry:
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
         return Localization(last_pose @ step, origin, is_reset=not is_near)
+
+    def _steady_motion(self, last: _LocatedScan, gap_s: float) -> Float64:
+        """Return the motion since the keyframe at the velocity since then, or, where it is too young, the last one."""
+        velocity = last.velocity
+        if last.stamp_s - self._keyframe.stamp_s >= _MIN_STEADY_S:
+            velocity = _velocity(self._keyframe, last.localization, last.stamp_s)
+        return _motion(self._keyframe, last) @ _extrapolate(velocity, gap_s)
 
     def _correction(
         self,
