@@ -86,6 +86,7 @@ class VehicleTrackerConfig:
             width and height.
         min_size_px: Minimum width and height in that share.
         max_walking_speed_m_s: Speed from which on a person rides; detectors see the rider of a cycle, too.
+        max_riding_votes: Number of detections above that speed, less those below, that settle that a person rides.
         class_change_cost: Cost of a detection of another class than that of the track.
         max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 30
             leaves out 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
@@ -125,6 +126,7 @@ class VehicleTrackerConfig:
     side_deviation_share: float = 0.16
     min_size_px: float = 4.0
     max_walking_speed_m_s: float = 3.0
+    max_riding_votes: int = 10
     class_change_cost: float = 10.0
     max_cost: float = 30.0
     position_noise_m: float = 0.2

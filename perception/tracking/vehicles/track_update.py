@@ -15,7 +15,7 @@ from perception.tracking.vehicles.observations import (
 )
 from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, to_world
-from perception.types import Bool, Boxes3D, Float64
+from perception.types import Bool, Boxes3D, Float64, Int
 
 
 def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig) -> VehicleTable:
@@ -58,6 +58,7 @@ def init_tracks(
         is_located=observations.is_located,
         last_located_s=np.full(count, frame.stamp_s),
         top_speed_m_s=np.zeros(count),
+        riding_votes=np.zeros(count, np.int64),
         axis=_doubled(boxes.yaw_rad),
         front_votes=np.zeros(count, np.int64),
         sizes_m=boxes.size_m,
@@ -190,8 +191,25 @@ def _corrected(
     )
     has_moved = tracks.top_speed_m_s >= config.front_speed_m_s
     sure_speed_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
-    tracks = replace(tracks, top_speed_m_s=np.maximum(tracks.top_speed_m_s, sure_speed_m_s))
+    tracks = replace(
+        tracks,
+        top_speed_m_s=np.maximum(tracks.top_speed_m_s, sure_speed_m_s),
+        riding_votes=_riding_votes(tracks, config),
+    )
     return _turned_to_course(tracks, boxes.yaw_rad, has_moved, config)
+
+
+def _riding_votes(tracks: VehicleTable, config: VehicleTrackerConfig) -> Int:
+    """Return (T,) the votes of the speeds so far, and of the present ones, that a person rides.
+
+    Returns of another object move a walker for some scans; who rode for long may wait.
+    """
+    deviations_m_s = 2 * tracks.speed_deviations_m_s
+    is_fast = tracks.speeds_m_s - deviations_m_s > config.max_walking_speed_m_s
+    is_slow = tracks.speeds_m_s + deviations_m_s < config.max_walking_speed_m_s
+    votes = np.maximum(tracks.riding_votes + is_fast - is_slow, 0)
+    is_settled = tracks.riding_votes >= config.max_riding_votes
+    return np.where(is_settled, tracks.riding_votes, votes)
 
 
 def _turned_to_course(

@@ -185,7 +185,7 @@ class VehicleTracker:
         return _classified(moving, self._tracks, types)
 
     def _types(self, tracks: VehicleTable) -> NDArray[np.str_]:
-        """Return (T,) the class of the most evidence of each track; a person who was faster than a walker rides."""
+        """Return (T,) the class of the most evidence of each track; a person faster than a walker rides."""
         if not len(tracks):
             return np.array([], np.str_)
         heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], np.nan)
@@ -193,8 +193,7 @@ class VehicleTracker:
             tracks.class_evidence, heights_m, self._classes, self._config.evidence
         )
         types = self._classes[rows]
-        is_fast = tracks.top_speed_m_s > self._config.max_walking_speed_m_s
-        return np.where(is_fast & (types == _WALKER), _RIDER, types)
+        return np.where((tracks.riding_votes > 0) & (types == _WALKER), _RIDER, types)
 
     def _with_tracks(
         self, vehicles: Vehicles, frame_geometry: FrameGeometry, types: NDArray[np.str_]

@@ -26,6 +26,7 @@ class VehicleTable(GroundPlaneTracks):
             height in the image, and heading and size are void.
         last_located_s: (T,) time of the last detection that was located.
         top_speed_m_s: (T,) highest speed that it surely had, by two standard deviations.
+        riding_votes: (T,) detections at which it was surely faster than a walker, less those at which it was slower.
         axis: (T, 2) sum of the observed headings, as cosine and sine of twice the angle.
         front_votes: (T,) observations of the course that agree with the heading, less those against it.
         sizes_m: (T, 3) mean length, width and height.
@@ -43,6 +44,7 @@ class VehicleTable(GroundPlaneTracks):
     is_located: Bool
     last_located_s: Float64
     top_speed_m_s: Float64
+    riding_votes: Int
     axis: Annotated[Float64, 2]
     front_votes: Int
     sizes_m: Annotated[Float64, 3]

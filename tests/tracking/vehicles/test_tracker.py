@@ -111,6 +111,26 @@ def test_a_person_faster_than_a_walker_rides(speed_m_s, expected):
     assert reported.fused.detections.types.tolist() == [expected]
 
 
+def test_a_walker_first_located_elsewhere_does_not_ride_for_long():
+    drive = Drive(speed_m_s=0.0)
+    walker = cars((14.0, 3.0, 0.0), size_m=(0.8, 0.6, 1.7))
+    behind = cars((16.0, 3.4, 0.0), size_m=(0.8, 0.6, 1.7))
+    types = []
+    for returns_of in [behind] * 2 + [walker] * 20:
+        reported = drive.observe(walker, types=("Pedestrian",), returns_of=returns_of).vehicles
+        types += reported.fused.detections.types.tolist()
+    assert "Cyclist" in types
+    assert types[15:] == ["Pedestrian"] * 7
+
+
+def test_a_rider_who_waits_rides_on():
+    drive = Drive(speed_m_s=0.0)
+    for step in range(50):
+        person = cars((12.0 + 0.6 * min(step, 25), 3.0, 0.0), size_m=(1.7, 0.6, 1.7))
+        reported = drive.observe(person, types=("Pedestrian",)).vehicles
+    assert reported.fused.detections.types.tolist() == ["Cyclist"]
+
+
 def _yaws(drive: Drive, world: Boxes3D, along_m: list[float]) -> np.ndarray:
     """Return the reported heading of one vehicle while it goes along x."""
     reported = [drive.observe(driven(world, x_m)).vehicles for x_m in along_m]
