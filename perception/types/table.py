@@ -48,9 +48,9 @@ class ArrayTable:
 
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the rows of a mask, of indices, or of a slice; shared fields stay."""
-        columns = {column.name for column in _columns(type(self))}
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return type(self)(**{n: v[rows] if n in columns else v for n, v in values.items()})
+        return self._with(
+            {column.name: getattr(self, column.name)[rows] for column in _columns(type(self))}
+        )
 
     @classmethod
     def empty(cls, **shared: Any) -> Self:  # noqa: ANN401 - values of any field
@@ -67,13 +67,12 @@ class ArrayTable:
         whole = list(parts)
         if not whole:
             return cls.empty()
-        columns = {column.name: column for column in _columns(cls)}
-        values = {}
-        for field in fields(cls):
-            pieces = [getattr(part, field.name) for part in whole]
-            column = columns.get(field.name)
-            values[field.name] = pieces[0] if column is None else column.concatenate(pieces)
-        return cls(**values)
+        return whole[0]._with(
+            {
+                column.name: column.concatenate([getattr(part, column.name) for part in whole])
+                for column in _columns(cls)
+            }
+        )
 
     def joined(self, others: Self) -> Self:
         """Return the rows of this table, then those of the other."""
@@ -81,9 +80,22 @@ class ArrayTable:
 
     def replaced(self, rows: Bool | Int, others: Self) -> Self:
         """Return the table with some rows replaced by those of the other."""
-        places = np.arange(len(self))
-        places[rows] = len(self) + np.arange(len(others))
-        return self.joined(others)[places]
+        return self._with(
+            {
+                column.name: column.replaced(
+                    getattr(self, column.name), rows, getattr(others, column.name)
+                )
+                for column in _columns(type(self))
+            }
+        )
+
+    def _with(self, columns: dict[str, Any]) -> Self:
+        """Return the table with columns taken from valid ones, which need no validation."""
+        table = object.__new__(type(self))
+        for name in _layout(type(self)).shared:
+            columns[name] = getattr(self, name)
+        table.__dict__.update(columns)
+        return table
 
 
 @dataclass(frozen=True)
@@ -108,15 +120,44 @@ class _Column:
     def concatenate(self, pieces: list[Any]) -> Any:  # noqa: ANN401 - an array or a table
         return self.table.concatenate(pieces) if self.table else np.concatenate(pieces)
 
+    def replaced(self, values: Any, rows: Bool | Int, others: Any) -> Any:  # noqa: ANN401 - an array or a table
+        if self.table:
+            return values.replaced(rows, others)
+        # Longer names than those of the column widen it.
+        changed = values.astype(np.result_type(values, others))
+        changed[rows] = others
+        return changed
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Fields of a table.
+
+    Attributes:
+        columns: Columns in the order of their fields.
+        shared: Names of the other fields.
+    """
+
+    columns: tuple[_Column, ...]
+    shared: tuple[str, ...]
+
+
+def _layout(table: type[ArrayTable]) -> _Layout:
+    """Return the fields of a table by their annotations."""
+    if table not in _LAYOUTS:
+        columns = tuple(_read_columns(table))
+        names = {column.name for column in columns}
+        shared = tuple(field.name for field in fields(table) if field.name not in names)
+        _LAYOUTS[table] = _Layout(columns, shared)
+    return _LAYOUTS[table]
+
 
 def _columns(table: type[ArrayTable]) -> tuple[_Column, ...]:
     """Return the columns of a table by the annotations of its fields."""
-    if table not in _COLUMNS:
-        _COLUMNS[table] = tuple(_read_columns(table))
-    return _COLUMNS[table]
+    return _layout(table).columns
 
 
-_COLUMNS: dict[type[ArrayTable], tuple[_Column, ...]] = {}
+_LAYOUTS: dict[type[ArrayTable], _Layout] = {}
 
 
 def _read_columns(table: type[ArrayTable]) -> Iterator[_Column]:

@@ -71,6 +71,16 @@ def test_rows_are_replaced():
     assert changed.boxes.bottom_m[:, 0].tolist() == [10, 2, 30]
     masked = places(1, 2, 3).replaced(np.array([True, False, True]), places(10, 30))
     assert masked.numbers.tolist() == [10, 2, 30]
+    assert (masked.name, len(masked.replaced(np.zeros(0, np.int64), places()))) == ("there", 3)
+
+
+def test_a_replaced_row_may_have_a_longer_name_and_leaves_the_table_as_it_was():
+    cars = Detections(np.zeros((2, 4)), np.zeros(2), np.array(["Car", "Van"]))
+    cyclist = Detections(np.ones((1, 4)), np.ones(1), np.array(["Cyclist"]))
+    changed = cars.replaced(np.array([1]), cyclist)
+    assert changed.types.tolist() == ["Car", "Cyclist"]
+    assert changed.scores.tolist() == [0, 1]
+    assert (cars.types.tolist(), cars.scores.tolist()) == (["Car", "Van"], [0, 0])
 
 
 def test_shared_fields_without_a_default_are_given():

@@ -70,11 +70,12 @@ def init_tracks(
 def update_tracks(
     tracks: VehicleTable,
     observations: VehicleObservations,
+    expected_px: Float64,
     frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
-    """Correct each of T tracks by the detection that continues it."""
-    expected_px, found_px = expected_boxes_px(tracks, frame), observations.detections.boxes_px
+    """Correct each of T tracks by the detection that continues it, and by its (T, 4) predicted box in the image."""
+    found_px = observations.detections.boxes_px
     smoothed_px = expected_px + config.box_gain * (found_px - expected_px)
     evidence = tracks.evidence + detection_evidence(observations.existence, config.evidence)
     tracks = replace(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
-from perception.tracking.association import Association, assign_with_max_cost
+from perception.tracking.association import assign_with_max_cost
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
@@ -120,21 +120,20 @@ class VehicleTracker:
         config = self._config
         observations = observations[~is_duplicate(observations, config.duplicates)]
         existence, track_of = observations.existence, np.full(len(observations), -1)
-        sure = existence >= config.high_existence
-        free, types = np.arange(len(self._tracks)), self._types(self._tracks)
+        expected_px = expected_boxes_px(self._tracks, frame_geometry)
+        costs = self._costs(observations, expected_px)
+        sure, free = existence >= config.high_existence, np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
-            if not (len(chosen) and len(free)):
-                continue
-            pairs = self._match(
-                self._tracks[free], types[free], observations[chosen], frame_geometry
-            )
-            rows, seen = free[pairs.tracks], chosen[pairs.detections]
-            corrected = update_tracks(
-                self._tracks[rows], observations[seen], frame_geometry, config
-            )
-            self._tracks = self._tracks.replaced(rows, corrected)
-            track_of[seen] = rows
+            left = costs[np.ix_(free, chosen)]
+            pairs = assign_with_max_cost(left, np.isfinite(left), config.max_cost)
+            track_of[chosen[pairs.detections]] = free[pairs.tracks]
             free = free[pairs.unmatched_tracks]
+        seen = np.flatnonzero(track_of >= 0)
+        rows = track_of[seen]
+        corrected = update_tracks(
+            self._tracks[rows], observations[seen], expected_px[rows], frame_geometry, config
+        )
+        self._tracks = self._tracks.replaced(rows, corrected)
         missed = np.zeros(len(self._tracks))
         missed[free] = config.evidence.miss
         self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
@@ -147,16 +146,10 @@ class VehicleTracker:
         is_tracked = track_of >= 0
         self._seen, self._track_of = observations.rows[is_tracked], track_of[is_tracked]
 
-    def _match(
-        self,
-        tracks: VehicleTable,
-        types: NDArray[np.str_],
-        observations: VehicleObservations,
-        frame_geometry: FrameGeometry,
-    ) -> Association:
-        config = self._config
-        expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
-        detections = observations.detections
+    def _costs(self, observations: VehicleObservations, expected_px: Float64) -> Float64:
+        """Return (T, D) the costs of continuing tracks by detections; infinite where a track cannot go on so."""
+        config, tracks, types = self._config, self._tracks, self._types(self._tracks)
+        expected_px, detections = np.nan_to_num(expected_px), observations.detections
         is_allowed = iou_px(expected_px, detections.boxes_px) >= config.min_iou
         on_ground, gate = position_distances(tracks, observations), config.motion.gate
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
@@ -168,7 +161,7 @@ class VehicleTracker:
             SizePriors.of(types).has_sides[:, None] == SizePriors.of(detections.types).has_sides
         )
         costs = in_image + on_ground + config.class_change_cost * is_other
-        return assign_with_max_cost(costs, is_allowed, config.max_cost)
+        return np.where(is_allowed, costs, np.inf)
 
     def _give_ids(
         self, frame_geometry: FrameGeometry, types: NDArray[np.str_], moving: Tracks
