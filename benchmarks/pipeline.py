@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from benchmarks.measure import resident_mib
+from benchmarks.measure import memory_mib
 from perception.evaluation.report import Column, Metric, Metrics, Table
 from perception.evaluation.stage_times import StageTime, StageTimes
 from perception.pipeline import Pipeline, PipelineConfig
@@ -50,7 +50,7 @@ class RunTiming(Metrics):
 
 def measure_chain(drive: Drive, frames: int) -> dict[str, RunTiming]:
     """Run the obstacle chain by the default and the thesis' methods, once its window of scans is full."""
-    given = _FrameSource(drive)
+    given = FrameSource(drive)
     runs: dict[str, RunTiming] = {}
     thesis = replace(PipelineConfig.for_motion("thesis"), method="thesis")
     # The thesis' methods are thirty times slower: a tenth of the frames is enough.
@@ -64,7 +64,7 @@ def measure_chain(drive: Drive, frames: int) -> dict[str, RunTiming]:
 
 def measure_pipeline(drive: Drive, frames: int, config: PipelineConfig) -> dict[str, RunTiming]:
     """Run the pipeline over a number of frames of a drive: sequential, parallel, and at the sensor's rate."""
-    given, rate_hz = _FrameSource(drive), drive.sensor.rate_hz
+    given, rate_hz = FrameSource(drive), drive.sensor.rate_hz
     runs: dict[str, RunTiming] = {}
     with Pipeline(drive.sensor, replace(config, parallel=False)) as pipeline:
         runs["sequential"] = _measure(map(pipeline.step, given.take(frames)), frames)
@@ -107,14 +107,16 @@ def _stage_ms(run: RunTiming, heading: str, stage: str) -> float | None:
     return times.p50_ms if heading == "p50" else times.p99_ms
 
 
-class _FrameSource:
+class FrameSource:
     """Frames of a drive in memory, played to the end and back again, with time going forward."""
 
     def __init__(self, drive: Drive) -> None:
+        """Read the frames that are kept."""
         self._kept: Sequence[Frame] = [drive[index] for index in range(min(len(drive), _KEPT))]
         self._turn_s = 1 / drive.sensor.rate_hz
 
     def take(self, frames: int) -> Iterator[Frame]:
+        """Yield a number of frames."""
         last = len(self._kept) - 1
         for number in range(frames):
             phase = number % (2 * last) if last else 0
@@ -132,13 +134,13 @@ def _at_rate(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:
 
 def _measure(results: Iterable[Result], frames: int) -> RunTiming:
     times, latencies_s, skipped, start_s = StageTimes(), [], 0, time.perf_counter()
-    memory_start = resident_mib()
+    memory_start = memory_mib()
     for number, result in enumerate(results):
         times.update(result)
         latencies_s.append(result.latency_s)
         skipped += bool(result.skipped)
         if number == frames // 5:
-            memory_start = resident_mib()
+            memory_start = memory_mib()
     elapsed_s = time.perf_counter() - start_s
     return RunTiming(
         frames=frames,
@@ -149,5 +151,5 @@ def _measure(results: Iterable[Result], frames: int) -> RunTiming:
         p99_ms=1e3 * float(np.percentile(latencies_s, 99)),
         stages=times.table("").rows,
         memory_start_mib=memory_start,
-        memory_end_mib=resident_mib(),
+        memory_end_mib=memory_mib(),
     )

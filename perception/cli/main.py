@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from perception import __version__
+from perception.cli import study
 from perception.cli.parser import CommandFunction, call, flag_types, help_text
-from perception.cli.study import STUDIES
 from perception.cli.trainings import TRAININGS
 from perception.cli.trainings import help_text as training_help
 from perception.errors import PerceptionError, UsageError
@@ -129,7 +129,7 @@ COMMANDS: Mapping[str, Command] = {
     },
     **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in TRAININGS},
     "bench": Command("benchmarks.bench:bench", SUMMARIES["bench"]),
-    **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
+    **{f"study {n}": Command(study.target(n), summary) for n, summary in study.STUDIES.items()},
 }
 
 _HELP = """usage: trifuse COMMAND [flags]

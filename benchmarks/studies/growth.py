@@ -1,0 +1,198 @@
+"""Processor time of a frame over the beams and points of the LiDAR, the local area, and the length of the drive."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.studies.report import RESULTS, formatted_table, publish
+from perception.cli.flags import require_positive
+from perception.cli.parser import FlagGroup
+from perception.evaluation.report import Table
+from perception.evaluation.stage_times import ALL_STAGES
+from perception.geometry.grids import LocalArea
+from perception.pipeline import PipelineConfig
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
+from perception.sensor import HDL_64E, VLP_16, LidarModel
+from perception.types import Drive, Frame
+
+if TYPE_CHECKING:
+    from benchmarks.frame_cost import FrameCost, LongRun
+
+_SHORT_DRIVE = 60  # frames of the drive that the long run plays back and forth
+_BEAMS = (16, 32, 128)  # beside the 64 of an HDL-64E
+_STEP_RATIOS = (4.0, 2.0, 0.5)  # azimuth steps relative to those of an HDL-64E
+# Today's area, and squares up to that of a junction.
+_AREAS = (PipelineConfig().area, *(LocalArea(half, half, half) for half in (20.0, 30.0, 40.0)))
+
+
+@dataclass(frozen=True)
+class GrowthConfig(FlagGroup):
+    """Drives.
+
+    Attributes:
+        frames: Number of measured frames of each LiDAR and area.
+        length: Number of frames of the long run, back and forth over a short drive; 20000 is half an hour at 10 Hz.
+        detect: Whether detectors, fusion, DepthCN and vehicles run as well, on images.
+        seed: Seed of the drives.
+    """
+
+    frames: int = 10
+    length: int = 400
+    detect: bool = False
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Validate the numbers of frames."""
+        require_positive("--frames", self.frames)
+        require_positive("--length", self.length)
+
+    @property
+    def pipeline(self) -> PipelineConfig:
+        """Configuration of the pipeline: one stage after another."""
+        config = PipelineConfig() if self.detect else PipelineConfig.for_motion()
+        return replace(config, parallel=False)
+
+    def drive(self, frames: int, sensor: LidarModel) -> Drive:
+        """Return the street by a LiDAR."""
+        from data.synthetic.drive import SyntheticDrive
+
+        return SyntheticDrive(frames, seed=self.seed, sensor=sensor, images=self.detect)
+
+
+def growth(*, config: GrowthConfig, out: Path = RESULTS / "growth.png") -> None:
+    """Measure the processor time of a frame over beams, points, area and the length of the drive.
+
+    Example: trifuse study growth --length 20000
+
+    Args:
+        out: Figure; a JSON file with the numbers is written beside it.
+    """
+    from benchmarks.frame_cost import long_run
+
+    # First, while the memory holds nothing else.
+    run = long_run(config.drive(_SHORT_DRIVE, VLP_16), config.length, config.pipeline)
+    by_beams, by_step = _by_sensor(config)
+    by_area = _by_area(config)
+    points, area = "points of a scan", "area [m²]"
+    panels = [
+        CurvePanel(
+            "LiDAR",
+            points,
+            "CPU [ms]",
+            [_curve("16 to 128 beams", by_beams), _curve("64 beams, finer steps", by_step)],
+        ),
+        CurvePanel("local area", area, "CPU [ms]", _stage_curves(by_area)),
+        CurvePanel("long run", "frames", "CPU [ms]", [_blocks(run, run.medians_ms)]),
+        CurvePanel("long run", "frames", "memory [MiB]", [_blocks(run, run.memory_mib)]),
+    ]
+    stages = "all stages" if config.detect else "stages of the LiDAR"
+    title = f"Processor time of a frame, {stages}, synthetic drives of seed {config.seed}"
+    plot_curves(out, title, panels, columns=2)
+    tables = {
+        "lidar": _table(f"{title}, by LiDAR", points, {**by_beams, **by_step}),
+        "area": _table(f"{title}, by area", area, by_area),
+        "length": _long_table(run),
+    }
+    publish(out, "none: the thesis has one sensor and area", tables, {"config": config})
+
+
+def _by_sensor(config: GrowthConfig) -> tuple[dict[str, "FrameCost"], dict[str, "FrameCost"]]:
+    """Return the costs by the number of beams, and by the number of points of 64 beams."""
+    from benchmarks.frame_cost import FrameCost, median_stages_ms
+
+    beams = {f"{number} beams": _with_beams(number) for number in _BEAMS}
+    steps = {f"64 beams, step x {ratio:g}": _with_step(ratio) for ratio in _STEP_RATIOS}
+    costs = {}
+    for name, sensor in {**beams, "64 beams": HDL_64E, **steps}.items():
+        frames = _frames(config, sensor)
+        size = float(np.median([len(frame.points_velo) for frame in frames]))
+        costs[name] = FrameCost(size, median_stages_ms(sensor, frames, config.pipeline))
+    return _sorted(costs, [*beams, "64 beams"]), _sorted(costs, [*steps, "64 beams"])
+
+
+def _by_area(config: GrowthConfig) -> dict[str, "FrameCost"]:
+    from benchmarks.frame_cost import FrameCost, median_stages_ms
+
+    frames, costs = _frames(config, HDL_64E), {}
+    for area in _AREAS:
+        long_m, wide_m = area.ahead_m + area.behind_m, 2 * area.side_m
+        pipeline = replace(config.pipeline, area=area)
+        stages_ms = median_stages_ms(HDL_64E, frames, pipeline)
+        costs[f"{long_m:g} m x {wide_m:g} m"] = FrameCost(long_m * wide_m, stages_ms)
+    return costs
+
+
+def _frames(config: GrowthConfig, sensor: LidarModel) -> list[Frame]:
+    """Return the frames of a street in memory."""
+    from benchmarks.frame_cost import WARM_UP
+
+    return list(config.drive(WARM_UP + config.frames, sensor))
+
+
+def _with_beams(number: int) -> LidarModel:
+    """Return an HDL-64E of another number of beams, spread evenly between its highest and its lowest."""
+    high, low = HDL_64E.elevations_rad[[0, -1]]
+    elevations_rad = np.linspace(high, low, number)
+    return replace(HDL_64E, name=f"{number} beams", elevations_rad=elevations_rad)
+
+
+def _with_step(ratio: float) -> LidarModel:
+    """Return an HDL-64E of other steps between firings."""
+    step_rad = ratio * HDL_64E.azimuth_step_rad
+    return replace(HDL_64E, name=f"step x {ratio:g}", azimuth_step_rad=step_rad)
+
+
+def _sorted(costs: Mapping[str, "FrameCost"], names: Sequence[str]) -> dict[str, "FrameCost"]:
+    """Return some of the costs by their names, the least points first."""
+    return {name: costs[name] for name in sorted(names, key=lambda name: costs[name].size)}
+
+
+def _curve(name: str, costs: Mapping[str, "FrameCost"]) -> Curve:
+    rows = list(costs.values())
+    return Curve(name, [cost.size for cost in rows], [cost.all_ms for cost in rows])
+
+
+def _stage_curves(costs: Mapping[str, "FrameCost"]) -> list[Curve]:
+    rows = list(costs.values())
+    sizes = [cost.size for cost in rows]
+    return [
+        Curve(
+            stage,
+            sizes,
+            [cost.stages_ms[stage] for cost in rows],
+            is_emphasised=stage == ALL_STAGES,
+        )
+        for stage in reversed(list(rows[0].stages_ms))
+    ]
+
+
+def _blocks(run: "LongRun", values: Sequence[float]) -> Curve:
+    return Curve("VLP-16, back and forth", list(map(float, run.frames)), values)
+
+
+def _table(title: str, size: str, costs: Mapping[str, "FrameCost"]) -> Table[object]:
+    """Return the cost of each stage in milliseconds by setting, and of the whole frame relative to the first."""
+    first = next(iter(costs.values()))
+    stages = list(first.stages_ms)
+    specs = {size: ".0f", **{f"{stage} [ms]": ".1f" for stage in stages}, "relative time": ".2f"}
+    rows = {
+        name: [
+            cost.size,
+            *(cost.stages_ms[stage] for stage in stages),
+            cost.all_ms / first.all_ms,
+        ]
+        for name, cost in costs.items()
+    }
+    return formatted_table(title, "", specs, rows)
+
+
+def _long_table(run: "LongRun") -> Table[object]:
+    specs = {"CPU p50 [ms]": ".2f", "memory [MiB]": ".1f"}
+    rows = {
+        f"until {end}": [median_ms, mib]
+        for end, median_ms, mib in zip(run.frames, run.medians_ms, run.memory_mib, strict=True)
+    }
+    return formatted_table("Long run, VLP-16, back and forth", "frame", specs, rows)
