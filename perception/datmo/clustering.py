@@ -6,12 +6,10 @@ and gaps to its neighbour across it.
 """
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from perception.datmo.config import ClusteringConfig
-from perception.types import Bool, Float, Float64, Int
+from perception.kernels.neighbours import linked_clusters
+from perception.types import Float, Float64, Int
 
 
 def cluster_moving_points(
@@ -33,11 +31,8 @@ def cluster_moving_points(
         config.min_depth_gap_m,
         config.max_depth_gap_m,
     )
-    reach_m = float(depth_gaps_m.max())
-    pairs = cKDTree(places_m).query_pairs(reach_m, output_type="ndarray")
-    pairs = pairs[_is_linked(places_m, depth_gaps_m, pairs, config.lateral_gap_m)]
-    links = coo_matrix((np.ones(len(pairs)), pairs.T), (len(places_m), len(places_m)))
-    _, cluster_of_cell = connected_components(links, directed=False)
+    order = np.argsort(places_m[:, 0])
+    cluster_of_cell = linked_clusters(places_m, depth_gaps_m, config.lateral_gap_m, order)
     return np.asarray(cluster_of_cell[cell_of], np.int64)
 
 
@@ -49,15 +44,3 @@ def _cells(points_velo: Float, cell_m: float) -> tuple[Int, Float64]:
     _, cell_of, counts = np.unique(keys, return_inverse=True, return_counts=True)
     sums = [np.bincount(cell_of, along_m) for along_m in (x_m, y_m)]
     return np.asarray(cell_of, np.int64), np.column_stack(sums) / counts[:, None]
-
-
-def _is_linked(places_m: Float64, depth_gaps_m: Float64, pairs: Int, lateral_gap_m: float) -> Bool:
-    """Return which (L, 2) pairs of cells lie within an ellipse along the line of sight."""
-    first, second = places_m[pairs[:, 0]], places_m[pairs[:, 1]]
-    sight = first + second
-    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-6)
-    apart = second - first
-    along = (apart * sight).sum(axis=1)
-    across = apart[:, 0] * sight[:, 1] - apart[:, 1] * sight[:, 0]
-    depth_m = depth_gaps_m[pairs].mean(axis=1)
-    return np.asarray((along / depth_m) ** 2 + (across / lateral_gap_m) ** 2 <= 1)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
+from perception.kernels.neighbours import are_near
 from perception.obstacles.config import MovingClusterConfig
 from perception.obstacles.free_space import VisibilityHistory
 from perception.types import Bool, Float, Float64, Int
@@ -117,11 +117,8 @@ def occupied_clusters(centers_m: Float, cell_m: float) -> Int:
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
     """Return which of (V, 3) places have one of (B, 3) others within reach over the ground plane."""
-    if len(others_m) == 0:
-        return np.zeros(len(centers_m), bool)
-    others = cKDTree(others_m[:, :2])
-    away_m, _ = others.query(centers_m[:, :2], distance_upper_bound=reach_m)
-    return np.asarray(np.isfinite(away_m))
+    others = np.asarray(others_m[np.argsort(others_m[:, 0]), :2], np.float64, order="C")
+    return are_near(np.asarray(centers_m[:, :2], np.float64, order="C"), others, reach_m)
 
 
 def _static_weight(history: VisibilityHistory, config: MovingClusterConfig) -> float:
