@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.reference.overlap import area, iou
-from perception.detection.config import DEFAULT_NMS, NmsConfig
+from perception.detection.config import DEFAULT_NMS, DepthCnConfig, NmsConfig
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import propose
 from perception.detection.depthcn.verifier import Verifier, VerifierPrediction
@@ -19,11 +19,12 @@ def detect_one_by_one(
 ) -> Detections:
     """Detect as `DepthCn` does, with a call of the network for each proposal."""
     calibration, size_px = camera_of(frame)
+    focal_px = float(calibration.image_P_cam[0, 0])
     proposals = propose(frame.points_velo, calibration, size_px)
+    proposals = proposals[proposals.has_min_size(DepthCnConfig().min_size_m, focal_px)]
     image = encode_channels(
         densify(project_frame(frame)), calibration.image_P_velo, sensor.height_m
     )
-    focal_px = float(calibration.image_P_cam[0, 0])
     windows = windows_px(verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
     verified = verify_one_by_one(verifier, image, windows)
     right, bottom = size_px[0] - 1, size_px[1] - 1

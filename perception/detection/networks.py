@@ -49,5 +49,11 @@ def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
     Raises:
         ModelError: there is no such file, or it holds no network of DepthCN.
     """
-    proposals = config.depthcn.proposals
-    return DepthCn(config.depthcn.model or "default", sensor, proposals=proposals, nms=config.nms)
+    depthcn = config.depthcn
+    return DepthCn(
+        depthcn.model or "default",
+        sensor,
+        proposals=depthcn.proposals,
+        min_size_m=depthcn.min_size_m,
+        nms=config.nms,
+    )

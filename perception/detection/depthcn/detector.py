@@ -1,6 +1,6 @@
 """DepthCN: vehicle proposals of the LiDAR, verified by a network (6.1).
 
-scan -- propose --> proposals -- windows --> crops of the maps -- network --> scores and boxes -- NMS --> detections
+scan -- propose, size --> proposals -- windows --> crops of the maps -- network --> scores and boxes -- NMS --> detections
 
 The thesis verifies its proposals and suppresses none.
 """
@@ -13,6 +13,7 @@ import numpy as np
 from perception.detection.config import (
     DEFAULT_NMS,
     PROPOSAL_CONFIGS,
+    DepthCnConfig,
     NmsConfig,
     ProposalOverrides,
 )
@@ -64,7 +65,7 @@ class VerifiedProposals:
         return self.proposals[self.kept].clusters
 
 
-_NO_OVERRIDES = ProposalOverrides()
+_NO_OVERRIDES, _DEFAULT = ProposalOverrides(), DepthCnConfig()
 _NO_SUPPRESSION = 1.0  # no overlap exceeds it
 
 
@@ -77,6 +78,7 @@ class DepthCn:
         sensor: LidarModel = HDL_64E,
         *,
         proposals: ProposalOverrides = _NO_OVERRIDES,
+        min_size_m: tuple[float, float] = _DEFAULT.min_size_m,
         nms: NmsConfig = DEFAULT_NMS,
         threads: int = 2,
     ) -> None:
@@ -86,6 +88,7 @@ class DepthCn:
             model: Model file, or the method of a model of this package.
             sensor: LiDAR of the scans.
             proposals: Proposal parameters in place of those of the network's method.
+            min_size_m: Width and height from which a proposal is verified; the thesis' network verifies all.
             nms: Score threshold and suppression; the thesis' network has no suppression.
             threads: Number of threads of the network.
 
@@ -97,7 +100,9 @@ class DepthCn:
         self._method = self.verifier.method
         self._proposals = proposals.over(PROPOSAL_CONFIGS[self._method])
         self._min_score = nms.min_score
-        self._max_iou = _NO_SUPPRESSION if self._method == "thesis" else nms.max_iou
+        is_thesis = self._method == "thesis"
+        self._min_size_m = (0.0, 0.0) if is_thesis else min_size_m
+        self._max_iou = _NO_SUPPRESSION if is_thesis else nms.max_iou
 
     def detect(self, frame: Frame) -> Detections:
         """Return the vehicles in the camera's view, best first; the image is not used."""
@@ -116,9 +121,10 @@ class DepthCn:
         return self.verify(proposals, dense, calibration)
 
     def propose(self, frame: Frame) -> Proposals:
-        """Find the proposals of a frame."""
+        """Find the proposals of a frame that are large enough to be verified."""
         calibration, size_px = camera_of(frame)
-        return propose(frame.points_velo, calibration, size_px, self._proposals, self._method)
+        found = propose(frame.points_velo, calibration, size_px, self._proposals, self._method)
+        return found[found.has_min_size(self._min_size_m, float(calibration.image_P_cam[0, 0]))]
 
     def densify(self, frame: Frame) -> DenseMaps:
         """Return the dense maps of a frame."""

@@ -28,9 +28,7 @@ def order_scores(order: ProposalOrder, proposals: Proposals, focal_px: float) ->
         belongs = proposals.clusters >= 0
         counts = np.bincount(proposals.clusters[belongs], minlength=len(proposals))
         return counts.astype(np.float64)
-    sizes_px = proposals.boxes_px[:, 2:] - proposals.boxes_px[:, :2]
-    sizes_m = sizes_px * (proposals.depths_m / focal_px)[:, None]
-    width, height = np.log(np.maximum(sizes_m, _MIN_SIZE_M)).T
+    width, height = np.log(np.maximum(proposals.sizes_m(focal_px), _MIN_SIZE_M)).T
     narrowest, widest = np.log(_CAR_WIDTHS_M)
     width_error = np.abs(width - np.clip(width, narrowest, widest))
     return np.asarray(-np.abs(height - np.log(_CAR_HEIGHT_M)) - width_error)

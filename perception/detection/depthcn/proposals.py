@@ -41,6 +41,15 @@ class Proposals:
         """Return M."""
         return len(self.boxes_px)
 
+    def sizes_m(self, focal_px: float) -> Float64:
+        """Return the (M, 2) widths and heights in the image, in metres at the depths."""
+        sizes_px = self.boxes_px[:, 2:] - self.boxes_px[:, :2]
+        return np.asarray(sizes_px * (self.depths_m / focal_px)[:, None])
+
+    def has_min_size(self, min_size_m: tuple[float, float], focal_px: float) -> Bool:
+        """Return the (M,) mask of the proposals of at least a width and a height in metres."""
+        return np.asarray((self.sizes_m(focal_px) >= min_size_m).all(axis=1))
+
     def __getitem__(self, rows: Bool | Int) -> Self:
         """Return the proposals of a mask or of indices, with renumbered clusters."""
         numbers = np.full(len(self) + 1, -1)
@@ -69,9 +78,8 @@ def propose(
     above_ground = find_above_ground(
         points_velo, calibration, size_px, config.cell_m, config.min_variance_m2, method
     )
-    return fit_boxes(
-        above_ground, cluster_points(above_ground, config.radius_m, config.min_points, method)
-    )
+    labels = cluster_points(above_ground, config.radius_m, config.min_points, method)
+    return fit_boxes(above_ground, labels)
 
 
 def cluster_points(

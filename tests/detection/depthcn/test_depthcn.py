@@ -172,6 +172,31 @@ def test_whole_way_from_scan_to_detections(write_model):
     np.testing.assert_array_equal(detector.detect(frame).scores, detections.scores)
 
 
+def with_pole_and_kerb():
+    """The street with a pole 0.2 m wide and a kerb 0.5 m high, 10 m ahead and to the right."""
+    generator = np.random.default_rng(1)
+    pole = generator.uniform((10, -4.1, -1.4), (10.1, -3.9, 0.2), (200, 3))
+    kerb = generator.uniform((10, -8, -1.4), (10.3, -6, -1.0), (200, 3))
+    added = np.hstack([np.vstack([pole, kerb]), np.full((400, 1), 0.5)]).astype(np.float32)
+    frame = street()
+    return replace(frame, points_velo=np.vstack([frame.points_velo, added]))
+
+
+def test_poles_and_kerbs_are_not_verified(write_model):
+    frame = with_pole_and_kerb()
+
+    def count(method="default", **sizes):
+        model = write_model(method=method, window="metric")
+        return len(DepthCn(model, **sizes).propose(frame))
+
+    # At 100 px of focal length, the margin above a cluster 10 m ahead is half a metre.
+    assert count(min_size_m=(0.0, 0.0)) == 4
+    assert count(min_size_m=(0.3, 0.0)) == count() == 3
+    assert count(min_size_m=(0.0, 1.2)) == 3
+    assert count(min_size_m=(0.3, 1.2)) == 2
+    assert count("thesis") == count("thesis", min_size_m=(0.0, 0.0))
+
+
 @pytest.mark.parametrize("min_score", [0.0, 0.2, 0.6])
 def test_the_reference_keeps_the_same_detections(write_model, min_score):
     nms = NmsConfig(min_score=min_score)
