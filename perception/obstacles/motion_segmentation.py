@@ -74,7 +74,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         above_ground = split_by_ground(
             newest.points_velo, ground, self._area, self._config.free_space.min_ground_distance_m
         )
-        voxels = group_keys(grid.keys(_to_world(above_ground, newest.world_SE3_velo)))
+        voxels = group_keys(grid.keys_of_moved(above_ground.points_velo, newest.world_SE3_velo))
         return VoxelizedScan(above_ground, voxels, newest.world_SE3_velo, static_map)
 
     def segment(self, voxelized: VoxelizedScan) -> Obstacles:
@@ -163,11 +163,6 @@ def static_threshold(config: MotionConfig, sensor: LidarModel) -> int:
         return config.counters.static_threshold
     points = (config.previous_scans + 1) * sensor.beams * sensor.columns
     return max(1, round(50 * points / (7 * HDL_64E.beams * HDL_64E.columns)))
-
-
-def _to_world(above_ground: AboveGround, world_SE3_velo: Float64) -> Float64:
-    points = above_ground.points_velo.astype(np.float64)
-    return np.asarray(points @ world_SE3_velo[:3, :3].T + world_SE3_velo[:3, 3])
 
 
 def _pick(voxels: KeyGroups, rows: Bool) -> KeyCounts:

@@ -145,10 +145,10 @@ class _VoxelColumns:
 
     @classmethod
     def over(cls, centers_m: Float, cell_m: float) -> "_VoxelColumns":
-        cells = np.floor(centers_m[:, :2] / cell_m).astype(np.int64)
-        cells -= cells.min(axis=0)
-        across, along = (int(cell) + 1 for cell in cells.max(axis=0))
-        return cls(cells[:, 0] * along + cells[:, 1], (across, along), cell_m)
+        x, y = np.floor(centers_m[:, :2].T / cell_m).astype(np.int64)
+        x, y = x - x.min(), y - y.min()
+        across, along = int(x.max()) + 1, int(y.max()) + 1
+        return cls(x * along + y, (across, along), cell_m)
 
     def count(self, voxels: Bool) -> Float64:
         """Return how many of the chosen voxels each column holds."""

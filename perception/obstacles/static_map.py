@@ -7,7 +7,8 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
-from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, group_keys, is_among
+from perception.kernels.voxels import merge_voxels
+from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, is_among
 from perception.types import Bool, Float32, Float64, Voxels
 
 
@@ -60,13 +61,18 @@ class StaticMap:
         )
         queried = np.flatnonzero(stays & ~is_observed)
         stays[queried] = ~is_free(centers_velo[queried])
-        kept = _StaticVoxels(
-            known.keys[stays],
-            known.counts[stays],
-            known.unseen_scans[stays] + 1,
-            centers_velo[stays],
+        self._known = _StaticVoxels(
+            *merge_voxels(
+                known.keys,
+                known.counts,
+                known.unseen_scans,
+                known.centers_velo,
+                stays,
+                np.asarray(seen.keys, np.int64),
+                seen.counts,
+                self._centers_velo(seen.keys, velo_SE3_world),
+            )
         )
-        self._known = _join(kept, seen, self._centers_velo(seen.keys, velo_SE3_world))
         self._world_SE3_velo = world_SE3_velo
         return Voxels(self._known.centers_velo, self._known.counts, self._grid.size_m)
 
@@ -74,20 +80,3 @@ class StaticMap:
         rotation, translation_m = velo_SE3_world[:3, :3], velo_SE3_world[:3, 3]
         centers_world = self._grid.centers_m(keys)
         return np.asarray(centers_world @ rotation.T + translation_m, np.float32)
-
-
-def _join(kept: _StaticVoxels, seen: KeyCounts, seen_centers_velo: Float32) -> _StaticVoxels:
-    """Add up the counts of kept and observed voxels; the age of the observed ones is 0."""
-    groups = group_keys(np.concatenate([kept.keys, seen.keys]))
-    voxels = len(groups.first)
-    counts = np.concatenate([kept.counts, seen.counts])
-    unseen = np.zeros(voxels, np.int64)
-    unseen[groups.group_of[: len(kept.keys)]] = kept.unseen_scans
-    unseen[groups.group_of[len(kept.keys) :]] = 0
-    centers = np.concatenate([kept.centers_velo, seen_centers_velo])
-    return _StaticVoxels(
-        groups.counted.keys,
-        np.bincount(groups.group_of, counts, voxels).astype(np.int64),
-        unseen,
-        centers[groups.first],
-    )

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from perception.errors import UsageError
 from perception.geometry.sorting import sorted_keys
-from perception.types import Bool, Float, Float64, Voxels
+from perception.kernels.voxels import keys_of_moved
+from perception.types import Bool, Float, Float32, Float64, Voxels
 
 Keys = NDArray[np.signedinteger[Any]]
 
@@ -76,6 +77,11 @@ class VoxelGrid:
         fits = np.prod(np.asarray(self.shape, np.int64)) < 2**31
         # Half the bytes sort in half the time.
         return keys.astype(np.int32) if fits else keys
+
+    def keys_of_moved(self, points: Float32, grid_SE3_points: Float64) -> Keys:
+        """Return (N,) the key of the cell of each (N, 3+) point after a motion; points beyond go to the border."""
+        pose = np.ascontiguousarray(grid_SE3_points, np.float64)
+        return keys_of_moved(points, pose, self.corner_m, self.size_m, self.shape)
 
     def columns(self, keys: Keys) -> Keys:
         """Return (K,) the number i * shape[1] + j of the vertical bar that holds each cell."""

@@ -1,0 +1,41 @@
+"""Compiled functions of voxels, beside NumPy and a dictionary."""
+
+import numpy as np
+import pytest
+
+from perception.geometry.se3 import from_euler, transform_points
+from perception.kernels.voxels import merge_voxels
+from perception.obstacles.voxels import VoxelGrid
+
+
+def test_keys_of_moved_points_equal_those_of_the_moved() -> None:
+    grid = VoxelGrid(np.array([-4.0, -6, -1]), (80, 120, 30), 0.1)
+    motion = from_euler(0.1, -0.2, 1.0, np.array([0.5, 0.3, -0.2]))
+    points = np.random.default_rng(0).normal(0, 3, (3000, 3)).astype(np.float32)
+    expected = grid.keys(transform_points(motion, points.astype(np.float64)))
+    np.testing.assert_array_equal(grid.keys_of_moved(points, motion), expected)
+
+
+def drawn(seed: int, size: int) -> tuple[np.ndarray, ...]:
+    random = np.random.default_rng(seed)
+    keys = np.sort(random.choice(60, size, replace=False))
+    counts, centers = random.integers(1, 9, size), random.normal(0, 1, (size, 3))
+    return keys, counts, random.integers(0, 5, size), centers.astype(np.float32)
+
+
+@pytest.mark.parametrize(("old", "new"), [(0, 0), (0, 7), (7, 0), (40, 30)])
+def test_merged_voxels_equal_a_dictionary(old: int, new: int) -> None:
+    keys, counts, ages, centers = drawn(0, old)
+    new_keys, new_counts, _, new_centers = drawn(1, new)
+    stays = np.random.default_rng(2).random(old) < 0.6
+    expected = {}
+    for row in np.flatnonzero(stays):
+        expected[keys[row]] = [counts[row], ages[row] + 1, centers[row]]
+    for key, count, center in zip(new_keys, new_counts, new_centers, strict=True):
+        known = expected.get(key, [0, 0, center])
+        expected[key] = [known[0] + count, 0, known[2]]
+    merged = merge_voxels(keys, counts, ages, centers, stays, new_keys, new_counts, new_centers)
+    assert merged[0].tolist() == sorted(expected)
+    for row, key in enumerate(merged[0]):
+        assert (merged[1][row], merged[2][row]) == tuple(expected[key][:2])
+        np.testing.assert_array_equal(merged[3][row], expected[key][2])
