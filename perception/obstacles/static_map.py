@@ -66,7 +66,7 @@ class StaticMap:
                 known.keys,
                 known.counts,
                 known.unseen_scans,
-                known.centers_velo,
+                centers_velo,
                 stays,
                 np.asarray(seen.keys, np.int64),
                 seen.counts,
