@@ -12,7 +12,7 @@ from perception.render.composition import Composition
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
 from perception.render.video import VideoWriter
-from perception.types import Drive, Result
+from perception.types import Drive, Result, UInt8
 
 # Bounds the memory of frames that wait to be drawn.
 _MAX_QUEUED = 2
@@ -40,6 +40,7 @@ class RunVideo:
         self._middle, self._count = frames // 2, 0
         rate_hz = drive.sensor.rate_hz
         self._video = None if composition is None else VideoWriter(out / "video.mp4", rate_hz)
+        self._canvas: UInt8 | None = None
         self._history = SceneHistory() if drive.is_sequence else SceneHistory(duration_s=0.0)
         self._worker = ThreadWorker("video")
         self._queue: deque[Future[None]] = deque()
@@ -79,7 +80,8 @@ class RunVideo:
         scene = self._history.update(result, objects)
         if selected is not None:
             scene = replace(scene, tracked=selected.tracked)
-        image = self._composition.draw(scene)
+        # The same memory for every image: fresh pages of several megabytes cost 3 ms.
+        self._canvas = image = self._composition.draw(scene, self._canvas)
         self._video.add(image)
         if self._count == self._middle:
             write_jpeg(self._out / "preview.jpg", image, quality=88)

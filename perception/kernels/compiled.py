@@ -21,17 +21,19 @@ Scalar = type[np.generic]
 
 @dataclass(frozen=True)
 class ArrayType:
-    """Type of a contiguous array.
+    """Type of an array.
 
     Attributes:
         scalar: Type of its numbers.
         dimensions: Number of its axes.
         is_written: Whether the function writes it; else it may be read-only.
+        is_contiguous: Whether it has no gaps; else it may be a part of a larger array.
     """
 
     scalar: Scalar
     dimensions: int
     is_written: bool
+    is_contiguous: bool = True
 
 
 # A number, an array, or a tuple of types.
@@ -130,7 +132,8 @@ def _numba_type(argument: ArgumentType) -> Any:  # noqa: ANN401 - numba is not i
         return types.Tuple(tuple(map(_numba_type, argument)))
     if isinstance(argument, ArrayType):
         scalar = from_dtype(np.dtype(argument.scalar))
-        return types.Array(scalar, argument.dimensions, "C", readonly=not argument.is_written)
+        layout = "C" if argument.is_contiguous else "A"
+        return types.Array(scalar, argument.dimensions, layout, readonly=not argument.is_written)
     return from_dtype(np.dtype(argument))
 
 

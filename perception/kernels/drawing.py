@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
+from perception.kernels.compiled import NUMBER, WHOLE, ArrayType, array_of, compiled, written
 from perception.types import Float, Float64, Int, UInt8
 
 # Number of a point that is not drawn.
@@ -14,7 +14,7 @@ _NEAREST_M = 0.6
 _SPREAD = 1.2
 _PROJECTION = array_of(np.float64, 2)
 _POINTS = array_of(np.float32, 2)
-_CANVAS = written(np.uint8, 3)
+_CANVAS = ArrayType(np.uint8, 3, is_written=True, is_contiguous=False)
 
 
 @compiled((_CANVAS, _PROJECTION, _POINTS, array_of(np.uint8), array_of(np.uint8, 2), WHOLE))
@@ -108,19 +108,21 @@ def faces_of_cubes(
     height, width = nearest.shape
     turn = np.linalg.inv(image_P_velo[:, :3].copy())
     camera_m = -(turn @ image_P_velo[:, 3].copy())
+    half_m = size_m / 2
     for row in range(height):
         for column in range(width):
             cube = nearest[row, column]
             if cube < 0:
                 continue
-            face, latest = 0, -np.inf
+            # Of two fractions with positive denominators, the larger one is told without a division.
+            face, latest_m, latest_speed = 0, 0.0, 0.0
             for axis in range(3):
                 ray = turn[axis, 0] * column + turn[axis, 1] * row + turn[axis, 2]
-                slower = 1 / (ray if abs(ray) > 1e-9 else 1e-9)
-                middle = (centers_m[cube, axis] - camera_m[axis]) * slower
-                enters = middle - abs(slower) * size_m / 2
-                if enters > latest:
-                    face, latest = axis, enters
+                middle_m = centers_m[cube, axis] - camera_m[axis]
+                speed = max(abs(ray), 1e-9)
+                enters_m = (-middle_m if ray < 0 else middle_m) - half_m
+                if axis == 0 or enters_m * latest_speed > latest_m * speed:
+                    face, latest_m, latest_speed = axis, enters_m, speed
             faces[row, column] = face
 
 
@@ -157,9 +159,9 @@ def blend_cubes(canvas: UInt8, nearest: Int, faces: UInt8, colors: UInt8, opacit
                     ) >> 8
 
 
-@compiled((_CANVAS, array_of(np.uint8, 2), array_of(np.uint8, 2), _PROJECTION, _PROJECTION))
+@compiled((_CANVAS, *(array_of(np.uint8, 2),) * 3, _PROJECTION, _PROJECTION))
 def blend_mesh(
-    canvas: UInt8, fill: UInt8, mesh: UInt8, colors: Float64, opacities: Float64
+    canvas: UInt8, fill: UInt8, mesh: UInt8, hidden: UInt8, colors: Float64, opacities: Float64
 ) -> None:
     """Blend a surface and the lines on it into a canvas.
 
@@ -167,6 +169,7 @@ def blend_mesh(
         canvas: (H, W, 3) canvas.
         fill: (H, W) 255 on the surface, else 0.
         mesh: (H, W) share of each pixel that a line covers, 0 to 255.
+        hidden: (H, W) 1 where neither is visible, else 0.
         colors: (2, 3) colours of surface and lines.
         opacities: (1, 2) opacity of the surface, and what a line adds to it, 0 to 1.
     """
@@ -177,6 +180,8 @@ def blend_mesh(
     surface = np.rint(share * colors[0] + 128).astype(np.int64)
     for row in range(height):
         for column in range(width):
+            if hidden[row, column]:
+                continue
             if mesh[row, column]:
                 on_line = mesh[row, column] / 255
                 opacity = opacities[0, 0] * fill[row, column] / 255 + opacities[0, 1] * on_line
@@ -188,3 +193,34 @@ def blend_mesh(
                 for channel in range(3):
                     below = np.int64(canvas[row, column, channel])
                     canvas[row, column, channel] = (surface[channel] + (256 - share) * below) >> 8
+
+
+@compiled((array_of(np.int64, 2), *(array_of(np.float64, 2),) * 2))
+def best_place(places_px: Int, taken_px: Float64, avoided_px: Float64) -> int:
+    """Return the number of the rectangle that covers the least of others, -1 where none is free.
+
+    Args:
+        places_px: (P, 4) left, top, right and bottom of rectangles, the best first.
+        taken_px: (T, 4) rectangles that it must not touch.
+        avoided_px: (A, 4) rectangles of which it should cover little.
+    """
+    best, least = -1, np.inf
+    for place in range(len(places_px)):
+        left, top, right, bottom = places_px[place]
+        is_free = True
+        for other in range(len(taken_px)):
+            across = min(right, taken_px[other, 2]) - max(left, taken_px[other, 0])
+            along = min(bottom, taken_px[other, 3]) - max(top, taken_px[other, 1])
+            if across > 0 and along > 0:
+                is_free = False
+                break
+        if not is_free:
+            continue
+        covered = 0.0
+        for other in range(len(avoided_px)):
+            across = min(right, avoided_px[other, 2]) - max(left, avoided_px[other, 0])
+            along = min(bottom, avoided_px[other, 3]) - max(top, avoided_px[other, 1])
+            covered += max(across, 0.0) * max(along, 0.0)
+        if covered < least:
+            best, least = place, covered
+    return best

@@ -16,8 +16,8 @@ from perception.render import palette
 from perception.render.canvas import (
     FIXED_POINT_BITS,
     Align,
-    blank_canvas,
     draw_text,
+    fill_canvas,
     fixed_point,
     text_width_px,
 )
@@ -84,16 +84,17 @@ def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
     return BirdsEyeView(size_px, scale, (width / 2, top_px + area.ahead_m * scale))
 
 
-def draw_birds_eye(view: BirdsEyeView, result: Result, surface: GroundMesh) -> UInt8:
-    """Return the canvas with ground, points, obstacles, range rings and the vehicle."""
-    canvas = blank_canvas(view.size_px, palette.PANEL)
+def draw_birds_eye(
+    canvas: UInt8, view: BirdsEyeView, result: Result, surface: GroundMesh
+) -> None:
+    """Fill a canvas with ground, points, obstacles, range rings and the vehicle."""
+    fill_canvas(canvas, palette.PANEL)
     draw_ground(canvas, view, surface)
     draw_points(canvas, view, result)
     draw_rings(canvas, view)
     draw_static(canvas, view, result.obstacles.static, surface)
     draw_squares(canvas, view, result.obstacles.moving, _MOVING)
     draw_vehicle(canvas, view)
-    return canvas
 
 
 def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:

@@ -1,14 +1,16 @@
 """The image of one frame of a run: camera, scene in 3D, bird's-eye view, and a strip of legend, maps and times."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, draw_scale, view_of_area
-from perception.render.canvas import blank_canvas
+from perception.render.canvas import fill_canvas
 from perception.render.detector_views import draw_detector_boxes, map_insets
 from perception.render.labels import Label, draw_labels
 from perception.render.object_figures import object_figures
@@ -18,8 +20,8 @@ from perception.render.palette import Style
 from perception.render.panels import (
     FittedImage,
     LegendEntry,
+    draw_title,
     left_column_px,
-    place_panel,
     title_area_px,
 )
 from perception.render.perspective import chase_camera, draw_perspective
@@ -81,9 +83,15 @@ class Composition:
                 found=f"{width}x{height}",
             )
 
-    def draw(self, scene: Scene) -> UInt8:
-        """Return the (height, width, 3) image of one frame."""
+    def draw(self, scene: Scene, canvas: UInt8 | None = None) -> UInt8:
+        """Return the image of one frame.
+
+        Args:
+            scene: Content of the image.
+            canvas: (height, width, 3) canvas, all of which is drawn on and returned; None for a new one.
+        """
         width, height = self.size_px
+        canvas = np.empty((height, width, 3), np.uint8) if canvas is None else canvas
         strip_px = round(_STRIP_SHARES[bool(scene.result.map_images)] * height)
         body_px = height - strip_px
         image, calibration = scene.result.frame.image, scene.result.frame.calibration
@@ -91,19 +99,15 @@ class Composition:
             (width, body_px), None if calibration is None else image, _CAMERA_SHARE
         )
         views = _Views(self, scene)
-        canvas = blank_canvas(self.size_px, palette.BACKGROUND)
+        fill_canvas(canvas, palette.BACKGROUND)
         # Left: the camera's image, and below it the scene in 3D; without a camera, 3D alone.
         behind_px = 0
         if image is not None and calibration is not None:
-            camera = views.camera(image, calibration, (left_px, camera_px))
-            self._place(canvas, camera, (0, 0), _CAMERA)
+            views.draw_camera(canvas[:camera_px, :left_px], image, calibration)
             behind_px = camera_px + _GUTTER_PX
-        behind = views.from_behind((left_px, body_px - behind_px))
-        self._place(canvas, behind, (0, behind_px), _BEHIND)
+        views.draw_from_behind(canvas[behind_px:body_px, :left_px])
         # Right: the scene from above.
-        right_px = left_px + _GUTTER_PX
-        above = views.from_above((width - right_px, body_px))
-        self._place(canvas, above, (right_px, 0), _ABOVE)
+        views.draw_from_above(canvas[:body_px, left_px + _GUTTER_PX :])
         # Below: legend, maps and times of the stages.
         text_px = self.style.text_px - 1
         largest_px = (round(_MAP_SHARE * width), inset_height_px(strip_px, text_px))
@@ -115,9 +119,6 @@ class Composition:
     def style(self) -> Style:
         """Line width and text height."""
         return Style.of_height(self.size_px[1])
-
-    def _place(self, canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str) -> None:
-        place_panel(canvas, panel, corner_px, title, self.style.text_px)
 
     def _legend(self, scene: Scene) -> list[tuple[LegendEntry, ...]]:
         """Return the rows of the legend."""
@@ -145,12 +146,12 @@ class _Views:
         self._surface = sample_surface(scene.result.ground, layout.area)
         self._figures = object_figures(scene.objects, scene.paths_velo)
 
-    def camera(self, image: UInt8, calibration: Calibration, size_px: tuple[int, int]) -> UInt8:
-        """Return the camera image with ground, obstacles and objects, centred."""
-        fitted, result = FittedImage.within(image, size_px), self._scene.result
+    def draw_camera(self, panel: UInt8, image: UInt8, calibration: Calibration) -> None:
+        """Draw the camera image with ground, obstacles and objects, centred."""
+        fitted, result = FittedImage.onto(panel, image), self._scene.result
         # Everything is drawn after resizing, so that lines and text keep their size.
-        image_P_velo = fitted.resizing.project(calibration.image_P_velo)
-        canvas = draw_overlay(fitted.canvas, image_P_velo, self._surface, result.obstacles)
+        image_P_velo, canvas = fitted.resizing.project(calibration.image_P_velo), fitted.canvas
+        draw_overlay(canvas, image_P_velo, self._surface, result.obstacles)
         if self._scene.tracked is not None:
             line_px = self._style.line_px
             draw_tracked_in_image(canvas, self._scene.tracked, fitted.resizing, line_px)
@@ -166,25 +167,26 @@ class _Views:
                     pattern=palette.LINE_PATTERNS[modality],
                 )
         self._draw_labels(canvas, labels, _CAMERA)
-        return replace(fitted, canvas=canvas).on_strip(size_px[0])
+        draw_title(panel, _CAMERA, self._style.text_px)
 
-    def from_behind(self, size_px: tuple[int, int]) -> UInt8:
-        """Return the scene in 3D from behind the vehicle."""
-        canvas = draw_perspective(size_px, self._scene.result, self._surface)
-        labels = draw_objects(canvas, chase_camera(size_px), self._figures, self._style)
-        self._draw_labels(canvas, labels, _BEHIND)
-        return canvas
+    def draw_from_behind(self, panel: UInt8) -> None:
+        """Draw the scene in 3D from behind the vehicle."""
+        image_P_velo = chase_camera((panel.shape[1], panel.shape[0]))
+        draw_perspective(panel, image_P_velo, self._scene.result, self._surface)
+        labels = draw_objects(panel, image_P_velo, self._figures, self._style)
+        self._draw_labels(panel, labels, _BEHIND)
+        draw_title(panel, _BEHIND, self._style.text_px)
 
-    def from_above(self, size_px: tuple[int, int]) -> UInt8:
-        """Return the scene from above, with its scale."""
-        area = self._layout.area
+    def draw_from_above(self, panel: UInt8) -> None:
+        """Draw the scene from above, with its scale."""
+        area, size_px = self._layout.area, (panel.shape[1], panel.shape[0])
         margins_m = (area.ahead_m, area.behind_m, area.side_m)
         view = view_of_area(LocalArea(*(each_m + _SURROUND_M for each_m in margins_m)), size_px)
-        canvas = draw_birds_eye(view, self._scene.result, self._surface)
-        taken_px = draw_scale(canvas, view, self._style.text_px - 1)
-        labels = draw_objects(canvas, view.image_P_velo, self._figures, self._style)
-        self._draw_labels(canvas, labels, _ABOVE, taken_px)
-        return canvas
+        draw_birds_eye(panel, view, self._scene.result, self._surface)
+        taken_px = draw_scale(panel, view, self._style.text_px - 1)
+        labels = draw_objects(panel, view.image_P_velo, self._figures, self._style)
+        self._draw_labels(panel, labels, _ABOVE, taken_px)
+        draw_title(panel, _ABOVE, self._style.text_px)
 
     def _draw_labels(
         self, canvas: UInt8, labels: Sequence[Label], title: str, taken_px: Sequence[Int] = ()

@@ -41,7 +41,8 @@ def draw_counted_obstacles(result: Result, counted: FrameObstacles | None) -> UI
         raise ImageError(frame.source, expected="an image with its calibration", found="none")
     image_P_velo = frame.calibration.image_P_velo
     surface = sample_surface(result.ground, LocalArea())
-    canvas = draw_overlay(frame.image, image_P_velo, surface, result.obstacles, _NO_GROUND)
+    canvas = frame.image.copy()
+    draw_overlay(canvas, image_P_velo, surface, result.obstacles, _NO_GROUND)
     if counted is None or not len(counted.counted):
         return canvas
     boxes = counted.counted.boxes_velo

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.kernels.drawing import best_place
 from perception.render import palette
 from perception.render.canvas import draw_text, text_width_px
 from perception.render.palette import Color
@@ -91,22 +92,21 @@ def place_tags(
     boxes = np.clip(boxes_px, 0, np.tile(canvas_px, 2))
     is_visible = (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & (sizes_px <= canvas_px).all(axis=1)
     tags = np.zeros((len(boxes), 4), np.int64)
-    occupied = list(taken_px)
+    avoided = np.ascontiguousarray(boxes[is_visible])
+    occupied = np.zeros((len(taken_px) + len(avoided), 4))
+    occupied[: len(taken_px)] = np.reshape(taken_px, (-1, 4))
+    count = len(taken_px)
     for row in np.flatnonzero(is_visible):
-        corners = np.clip(_corners(boxes[row], sizes_px[row]), 0, canvas_px - sizes_px[row])
-        places = np.hstack([corners, corners + sizes_px[row]])
-        taken = np.array(occupied, np.int64).reshape(-1, 4)
-        is_free = ~(_overlaps_px(places, taken) > 0).any(axis=1)
-        if not is_free.any():
-            continue
-        covered = _overlaps_px(places, boxes[is_visible]).sum(axis=1)
-        tags[row] = places[np.where(is_free, covered, np.inf).argmin()]
-        occupied.append(tags[row])
+        places = _places(boxes[row], sizes_px[row], canvas_px)
+        best = best_place(places, occupied[:count], avoided)
+        if best >= 0:
+            tags[row] = occupied[count] = places[best]
+            count += 1
     return tags
 
 
-def _corners(box_px: Float64, size_px: Int) -> Int:
-    """Return the left upper corners of the possible places of a tag, best first: above, below, beside."""
+def _places(box_px: Float64, size_px: Int, canvas_px: tuple[int, int]) -> Int:
+    """Return the (P, 4) possible places of a tag on the canvas, best first: above, below, beside."""
     x1, y1, x2, y2 = np.rint(box_px).astype(int).tolist()
     width, height = size_px.tolist()
     left, beside = (x1 + x2 - width) // 2, (y1 + y2 - height) // 2
@@ -118,11 +118,8 @@ def _corners(box_px: Float64, size_px: Int) -> Int:
         corners += [(left, above - step * (height + 2)), (left, below + step * (height + 2))]
     # Where the box fills the canvas, within it.
     corners += [(left, y1 + _GAP_PX), (left, beside)]
-    return np.array(corners)
-
-
-def _overlaps_px(places: Int, others: Float64 | Int) -> Float64:
-    """Return the (P, K) common area of (P, 4) and (K, 4) rectangles."""
-    low = np.maximum(places[:, None, :2], others[None, :, :2])
-    high = np.minimum(places[:, None, 2:], others[None, :, 2:])
-    return np.asarray(np.maximum(high - low, 0).prod(axis=2), np.float64)
+    last_column, last_row = canvas_px[0] - width, canvas_px[1] - height
+    kept = [
+        (min(max(column, 0), last_column), min(max(row, 0), last_row)) for column, row in corners
+    ]
+    return np.array([(column, row, column + width, row + height) for column, row in kept])

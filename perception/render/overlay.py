@@ -89,33 +89,30 @@ ON_CAMERA = OverlayStyle()
 
 
 def draw_overlay(
-    image: UInt8,
+    canvas: UInt8,
     image_P_velo: Float64,
     surface: GroundMesh,
     obstacles: Obstacles,
     style: OverlayStyle = ON_CAMERA,
-) -> UInt8:
-    """Return the image with the ground in blue, static voxels in red and moving ones in green.
+) -> None:
+    """Draw the ground in blue, static voxels in red and moving ones in green.
 
     Obstacles hide the ground behind them, and nearer voxels hide farther ones.
 
     Args:
-        image: (H, W, 3) image, which is not changed.
+        canvas: (H, W, 3) image.
         image_P_velo: (3, 4) projection from the LiDAR frame.
         surface: Ground in the LiDAR frame.
         obstacles: Static and moving voxels in the LiDAR frame.
         style: Opacities.
     """
-    height, width = image.shape[:2]
+    height, width = canvas.shape[:2]
     voxels, colors = _voxels_and_colors(obstacles)
     cubes = render_cubes(image_P_velo, (width, height), voxels)
     fill, mesh = _ground_masks(image_P_velo, (width, height), surface)
-    bare = _is_bare(cubes, style.gap_px)
-    blended = np.ascontiguousarray(image).copy()
     opacities = np.array([[style.ground_opacity, style.mesh_opacity]])
-    blend_mesh(blended, fill * bare, mesh * bare, _MESH_COLORS, opacities)
-    blend_cubes(blended, cubes.cubes, cubes.faces, colors, style.cube_opacity)
-    return blended
+    blend_mesh(canvas, fill, mesh, _is_hidden(cubes, style.gap_px), _MESH_COLORS, opacities)
+    blend_cubes(canvas, cubes.cubes, cubes.faces, colors, style.cube_opacity)
 
 
 def _cube_colors() -> UInt8:
@@ -166,9 +163,10 @@ def _clipped_fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
     return fixed_point(np.clip(pixels, -reach, reach))
 
 
-def _is_bare(cubes: CubeImage, gap_px: tuple[int, int]) -> UInt8:
-    """Return the (H, W) mask, 1 or 0, of what lies behind no obstacle and no gap within one."""
+def _is_hidden(cubes: CubeImage, gap_px: tuple[int, int]) -> UInt8:
+    """Return the (H, W) mask, 1 or 0, of what lies behind an obstacle or a gap within one."""
     solid = cubes.is_cube.view(np.uint8)
-    return 1 - np.asarray(
-        cv2.morphologyEx(solid, cv2.MORPH_CLOSE, np.ones(gap_px[::-1], np.uint8)), np.uint8
-    )
+    if gap_px == (1, 1):
+        return solid
+    kernel = np.ones(gap_px[::-1], np.uint8)
+    return np.asarray(cv2.morphologyEx(solid, cv2.MORPH_CLOSE, kernel), np.uint8)

@@ -7,7 +7,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from perception.render.canvas import blank_canvas, draw_text, text_width_px
+from perception.render.canvas import blank_canvas, draw_text, fill_canvas, text_width_px
 from perception.render.palette import PANEL, Color, LinePattern
 from perception.render.strokes import Strokes, draw_strokes
 from perception.types import Float64, Int, UInt8
@@ -62,10 +62,15 @@ def place_panel(
     height, width = panel.shape[:2]
     target = canvas[row : row + height, column : column + width]
     target[:] = panel
+    draw_title(target, title, text_px)
+
+
+def draw_title(panel: UInt8, title: str, text_px: int) -> None:
+    """Write a title on the darkened upper left corner of a panel."""
     right, bottom = title_area_px(title, text_px)[2:].tolist()
-    tag = target[:bottom, :right]
+    tag = panel[:bottom, :right]
     tag[:] = tag // 3
-    draw_text(target, title, (_TITLE_MARGIN * text_px, 1.5 * text_px + 2), height_px=text_px)
+    draw_text(panel, title, (_TITLE_MARGIN * text_px, 1.5 * text_px + 2), height_px=text_px)
 
 
 def title_area_px(title: str, text_px: int) -> Int:
@@ -164,14 +169,28 @@ class FittedImage:
     @classmethod
     def within(cls, image: UInt8, largest_px: tuple[int, int]) -> Self:
         """Resize an image to fit within (width, height)."""
-        scale = min(largest_px[0] / image.shape[1], largest_px[1] / image.shape[0])
-        width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
+        width, height = _fitted_px(image, largest_px)
+        return cls._resized(image, np.empty((height, width, 3), np.uint8))
+
+    @classmethod
+    def onto(cls, panel: UInt8, image: UInt8) -> Self:
+        """Resize an image to fit onto the top of a panel, centred; the canvas is that part of the panel."""
+        panel_px = panel.shape[1]
+        width, height = _fitted_px(image, (panel_px, len(panel)))
+        left = (panel_px - width) // 2
+        if width < panel_px:
+            fill_canvas(panel[:height], PANEL)
+        return cls._resized(image, panel[:height, left : left + width])
+
+    @classmethod
+    def _resized(cls, image: UInt8, canvas: UInt8) -> Self:
+        height, width = canvas.shape[:2]
         # Above half the size, bilinear interpolation uses all pixels.
-        interpolation = cv2.INTER_AREA if scale <= 0.5 else cv2.INTER_LINEAR
-        canvas = cv2.resize(image, (width, height), interpolation=interpolation)
+        is_small = width <= 0.5 * image.shape[1]
+        interpolation = cv2.INTER_AREA if is_small else cv2.INTER_LINEAR
+        cv2.resize(image, (width, height), dst=canvas, interpolation=interpolation)
         whole = np.array([0, 0, image.shape[1], image.shape[0]], np.float64)
-        resizing = Resizing.of_window(whole, (width, height))
-        return cls(np.asarray(canvas, np.uint8), resizing)
+        return cls(canvas, Resizing.of_window(whole, (width, height)))
 
     def on_strip(self, width_px: int) -> UInt8:
         """Return the canvas centred on a strip of a width."""
@@ -180,3 +199,10 @@ class FittedImage:
         left = (width_px - width) // 2
         strip[:, left : left + width] = self.canvas
         return strip
+
+
+def _fitted_px(image: UInt8, largest_px: tuple[int, int]) -> tuple[int, int]:
+    """Return the largest (width, height) of an image within others."""
+    height, width = image.shape[:2]
+    scale = min(largest_px[0] / width, largest_px[1] / height)
+    return round(width * scale), round(height * scale)

@@ -11,7 +11,7 @@ from perception.kernels.drawing import HIDDEN, paint_points
 from perception.render import palette
 from perception.render.canvas import (
     FIXED_POINT_BITS,
-    blank_canvas,
+    fill_canvas,
     fixed_point,
 )
 from perception.render.ego_vehicle import Face, vehicle_faces
@@ -65,15 +65,15 @@ def chase_camera(
     return np.asarray(_straight_camera(size_px, field_of_view_rad) @ turn)
 
 
-def draw_perspective(size_px: tuple[int, int], result: Result, surface: GroundMesh) -> UInt8:
-    """Return an image of (width, height) with points, ground, obstacles and the vehicle."""
-    image_P_velo = chase_camera(size_px)
-    image = blank_canvas(size_px, palette.PANEL)
-    _draw_points(image, image_P_velo, result)
-    image = draw_overlay(image, image_P_velo, surface, result.obstacles, _SOLID)
+def draw_perspective(
+    canvas: UInt8, image_P_velo: Float64, result: Result, surface: GroundMesh
+) -> None:
+    """Fill a canvas with points, ground, obstacles and the vehicle."""
+    fill_canvas(canvas, palette.PANEL)
+    _draw_points(canvas, image_P_velo, result)
+    draw_overlay(canvas, image_P_velo, surface, result.obstacles, _SOLID)
     ground_height_m = float(result.ground.height_m(np.zeros((1, 2)))[0])
-    draw_vehicle(image, image_P_velo, ground_height_m)
-    return image
+    draw_vehicle(canvas, image_P_velo, ground_height_m)
 
 
 def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
