@@ -120,7 +120,7 @@ def faces_of_cubes(
                 ray = turn[axis, 0] * column + turn[axis, 1] * row + turn[axis, 2]
                 middle_m = centers_m[cube, axis] - camera_m[axis]
                 speed = max(abs(ray), 1e-9)
-                enters_m = (-middle_m if ray < 0 else middle_m) - half_m
+                enters_m = (-middle_m if ray < -1e-9 else middle_m) - half_m
                 if axis == 0 or enters_m * latest_speed > latest_m * speed:
                     face, latest_m, latest_speed = axis, enters_m, speed
             faces[row, column] = face
@@ -129,70 +129,61 @@ def faces_of_cubes(
 @compiled(
     (
         _CANVAS,
-        array_of(np.int32, 2),
-        array_of(np.uint8, 2),
-        array_of(np.uint8, 3),
-        NUMBER,
+        (array_of(np.int32, 2), array_of(np.uint8, 2)),
+        (array_of(np.uint8, 2),) * 3,
+        (array_of(np.uint8, 3), _PROJECTION),
+        (NUMBER,) * 3,
     )
 )
-def blend_cubes(canvas: UInt8, nearest: Int, faces: UInt8, colors: UInt8, opacity: float) -> None:
-    """Blend the visible face of each pixel's cube into a canvas.
+def blend_overlay(
+    canvas: UInt8,
+    cubes: tuple[Int, UInt8],
+    ground: tuple[UInt8, UInt8, UInt8],
+    colors: tuple[UInt8, Float64],
+    opacities: tuple[float, float, float],
+) -> None:
+    """Blend cubes, and the ground beside them, into a canvas.
 
     Args:
         canvas: (H, W, 3) canvas.
-        nearest: (H, W) number of the cube of each pixel, -1 without one.
-        faces: (H, W) visible face of that cube.
-        colors: (V, 3, 3) colour of each face of each cube.
-        opacity: Opacity of the cubes, 0 to 1.
+        cubes: (H, W) number of the cube of each pixel, -1 without one; (H, W) visible face of that cube.
+        ground: (H, W) 255 on the ground, else 0; (H, W) share of each pixel that a line on it covers, 0 to 255;
+            (H, W) 1 where both are hidden, as behind every cube, else 0.
+        colors: (V, 3, 3) colour of each face of each cube; (2, 3) colours of the ground and of its lines.
+        opacities: Opacity of the cubes, that of the ground, and what a line adds to it, 0 to 1.
     """
+    (nearest, faces), (fill, mesh, hidden), (cube_colors, ground_colors) = cubes, ground, colors
     height, width = nearest.shape
-    share = round(256 * opacity)
+    cube_share, ground_share = round(256 * opacities[0]), round(256 * opacities[1])
+    # Most pixels of the ground are bare, whose blending has one factor and one summand for each channel.
+    bare = np.rint(ground_share * ground_colors[0] + 128).astype(np.int64)
     for row in range(height):
         for column in range(width):
             cube = nearest[row, column]
             if cube >= 0:
+                face = faces[row, column]
                 for channel in range(3):
-                    color = np.int64(colors[cube, faces[row, column], channel])
+                    color = np.int64(cube_colors[cube, face, channel])
                     below = np.int64(canvas[row, column, channel])
-                    canvas[row, column, channel] = (
-                        share * color + (256 - share) * below + 128
-                    ) >> 8
-
-
-@compiled((_CANVAS, *(array_of(np.uint8, 2),) * 3, _PROJECTION, _PROJECTION))
-def blend_mesh(
-    canvas: UInt8, fill: UInt8, mesh: UInt8, hidden: UInt8, colors: Float64, opacities: Float64
-) -> None:
-    """Blend a surface and the lines on it into a canvas.
-
-    Args:
-        canvas: (H, W, 3) canvas.
-        fill: (H, W) 255 on the surface, else 0.
-        mesh: (H, W) share of each pixel that a line covers, 0 to 255.
-        hidden: (H, W) 1 where neither is visible, else 0.
-        colors: (2, 3) colours of surface and lines.
-        opacities: (1, 2) opacity of the surface, and what a line adds to it, 0 to 1.
-    """
-    height, width = fill.shape
-    opacity = opacities[0, 0]
-    share = round(256 * opacity)
-    # Most pixels are bare surface, whose blending has one factor and one summand for each channel.
-    surface = np.rint(share * colors[0] + 128).astype(np.int64)
-    for row in range(height):
-        for column in range(width):
-            if hidden[row, column]:
+                    mixed = cube_share * color + (256 - cube_share) * below + 128
+                    canvas[row, column, channel] = mixed >> 8
+            elif hidden[row, column]:
                 continue
-            if mesh[row, column]:
+            elif mesh[row, column]:
                 on_line = mesh[row, column] / 255
-                opacity = opacities[0, 0] * fill[row, column] / 255 + opacities[0, 1] * on_line
+                opacity = opacities[1] * fill[row, column] / 255 + opacities[2] * on_line
                 for channel in range(3):
-                    color = colors[0, channel] + on_line * (colors[1, channel] - colors[0, channel])
-                    below = canvas[row, column, channel]
-                    canvas[row, column, channel] = int(below + opacity * (color - below) + 0.5)
+                    change = ground_colors[1, channel] - ground_colors[0, channel]
+                    color_on_line = ground_colors[0, channel] + on_line * change
+                    under = canvas[row, column, channel]
+                    canvas[row, column, channel] = int(
+                        under + opacity * (color_on_line - under) + 0.5
+                    )
             elif fill[row, column]:
                 for channel in range(3):
                     below = np.int64(canvas[row, column, channel])
-                    canvas[row, column, channel] = (surface[channel] + (256 - share) * below) >> 8
+                    mixed = bare[channel] + (256 - ground_share) * below
+                    canvas[row, column, channel] = mixed >> 8
 
 
 @compiled((array_of(np.int64, 2), *(array_of(np.float64, 2),) * 2))

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.geometry.camera import project
 from perception.geometry.grids import LocalArea
-from perception.kernels.drawing import blend_cubes, blend_mesh
+from perception.kernels.drawing import blend_overlay
 from perception.render import palette
 from perception.render.canvas import FIXED_POINT_BITS, fixed_point
 from perception.render.cubes import CubeImage, render_cubes
@@ -110,9 +110,13 @@ def draw_overlay(
     voxels, colors = _voxels_and_colors(obstacles)
     cubes = render_cubes(image_P_velo, (width, height), voxels)
     fill, mesh = _ground_masks(image_P_velo, (width, height), surface)
-    opacities = np.array([[style.ground_opacity, style.mesh_opacity]])
-    blend_mesh(canvas, fill, mesh, _is_hidden(cubes, style.gap_px), _MESH_COLORS, opacities)
-    blend_cubes(canvas, cubes.cubes, cubes.faces, colors, style.cube_opacity)
+    blend_overlay(
+        canvas,
+        (cubes.cubes, cubes.faces),
+        (fill, mesh, _is_hidden(cubes, style.gap_px)),
+        (colors, _MESH_COLORS),
+        (style.cube_opacity, style.ground_opacity, style.mesh_opacity),
+    )
 
 
 def _cube_colors() -> UInt8:

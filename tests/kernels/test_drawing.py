@@ -6,8 +6,8 @@ import pytest
 from perception.geometry.camera import project
 from perception.kernels.drawing import (
     HIDDEN,
-    blend_cubes,
-    blend_mesh,
+    best_place,
+    blend_overlay,
     faces_of_cubes,
     paint_points,
     splat_cubes,
@@ -81,16 +81,42 @@ def test_cubes_are_blended_by_their_opacity():
     colors = np.zeros((2, 3, 3), np.uint8)
     colors[:, 2] = [(200, 0, 100), (0, 40, 250)]
     canvas = gray()
-    blend_cubes(canvas, nearest, faces, colors, 0.5)
+    no_ground = (np.zeros((HEIGHT, WIDTH), np.uint8),) * 3
+    blend_overlay(canvas, (nearest, faces), no_ground, (colors, np.zeros((2, 3))), (0.5, 1.0, 1.0))
     assert canvas[3, 4].tolist() == [150, 50, 100]
     assert canvas[3, 5].tolist() == [50, 70, 175]
     assert (np.delete(canvas[3], [4, 5], axis=0) == 100).all()
 
 
 def test_lines_of_a_mesh_are_more_opaque_than_its_fill():
-    fill, mesh = np.zeros((2, HEIGHT, WIDTH), np.uint8)
+    fill, mesh, hidden = np.zeros((3, HEIGHT, WIDTH), np.uint8)
     fill[2, :3], mesh[2, 1:4] = 255, 255
+    fill[3], mesh[3, 1:4], hidden[3] = 255, 255, 1
     colors = np.array([(200.0, 0, 100), (0, 200, 100)])
-    canvas = gray()
-    blend_mesh(canvas, fill, mesh, colors, np.array([[0.5, 0.25]]))
+    # A part of a larger image.
+    canvas = gray().repeat(2, axis=1)[:, :WIDTH]
+    no_cubes = np.full((HEIGHT, WIDTH), -1, np.int32), np.zeros((HEIGHT, WIDTH), np.uint8)
+    blend_overlay(
+        canvas,
+        no_cubes,
+        (fill, mesh, hidden),
+        (np.zeros((1, 3, 3), np.uint8), colors),
+        (1.0, 0.5, 0.25),
+    )
     assert canvas[2, :5, 0].tolist() == [150, 25, 25, 75, 100]
+    assert (canvas[3] == 100).all()
+
+
+@pytest.mark.parametrize(
+    ("taken", "expected"),
+    [
+        ([], 1),
+        ([(21, 0, 30, 10)], 2),
+        ([(0, 0, 100, 100)], -1),
+    ],
+)
+def test_the_best_place_is_free_and_covers_least(taken, expected):
+    places = np.array([(0, 0, 10, 10), (20, 0, 30, 10), (40, 0, 50, 10)])
+    avoided = np.array([(5.0, 5, 60, 10), (0, 0, 10, 8), (40, 0, 50, 4)])
+    taken_px = np.array(taken, float).reshape(-1, 4)
+    assert best_place(places, taken_px, avoided) == expected
