@@ -84,9 +84,7 @@ def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
     return BirdsEyeView(size_px, scale, (width / 2, top_px + area.ahead_m * scale))
 
 
-def draw_birds_eye(
-    canvas: UInt8, view: BirdsEyeView, result: Result, surface: GroundMesh
-) -> None:
+def draw_birds_eye(canvas: UInt8, view: BirdsEyeView, result: Result, surface: GroundMesh) -> None:
     """Fill a canvas with ground, points, obstacles, range rings and the vehicle."""
     fill_canvas(canvas, palette.PANEL)
     draw_ground(canvas, view, surface)

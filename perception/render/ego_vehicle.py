@@ -1,6 +1,7 @@
 """The recording vehicle as a simple solid, for views from outside."""
 
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -49,23 +50,24 @@ def vehicle_outline_m() -> Float64:
     return np.array([(front, half), (rear, half), (rear, -half), (front, -half)])
 
 
-def vehicle_faces(ground_height_m: float) -> list[Face]:
-    """Return the faces of the vehicle on the ground at a z."""
+@cache
+def vehicle_faces() -> tuple[Face, ...]:
+    """Return the faces of the vehicle on the ground at z = 0."""
     faces = []
     for number, (start, stop) in enumerate(pairwise(_PROFILE_M)):
         across = [(*start, 1), (*stop, 1), (*stop, -1), (*start, -1)]
         along = (stop - start) / np.linalg.norm(stop - start)
         outward = np.array([-along[1], 0.0, along[0]])
-        faces.append(Face(_place(across, ground_height_m), outward, number in _GLASS_EDGES))
+        faces.append(Face(_place(across), outward, number in _GLASS_EDGES))
     for side in (1, -1):
         outward = np.array([0.0, side, 0.0])
         body = [(*corner, side) for corner in _PROFILE_M]
         window = [(*corner, side * 1.01) for corner in _WINDOW_M]
-        faces.append(Face(_place(body, ground_height_m), outward))
-        faces.append(Face(_place(window, ground_height_m), outward, is_glass=True))
-    return faces
+        faces.append(Face(_place(body), outward))
+        faces.append(Face(_place(window), outward, is_glass=True))
+    return tuple(faces)
 
 
-def _place(corners: list[tuple[float, ...]], ground_height_m: float) -> Float64:
+def _place(corners: list[tuple[float, ...]]) -> Float64:
     x, z, side = np.array(corners, np.float64).T
-    return np.column_stack([x, side * _HALF_WIDTH_M, z + ground_height_m])
+    return np.column_stack([x, side * _HALF_WIDTH_M, z])

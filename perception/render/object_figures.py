@@ -3,11 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
 from perception.geometry.boxes import corners, edges
+from perception.render import palette
 from perception.render.ego_vehicle import vehicle_outline_m
+from perception.render.palette import Color
 from perception.render.scene import SceneObjects
 from perception.types import Bool, Boxes3D, Float64, Int
 
@@ -15,6 +18,7 @@ _ARROW_S = 1.0
 _ARROW_HEAD_M = 0.6
 # Share of a box's top that is filled, from its front.
 _FRONT_SHARE = 0.22
+_PREDICTED_LIGHT = 0.55
 
 
 class ObjectPart(IntEnum):
@@ -44,6 +48,40 @@ class ObjectFigures:
     numbers: Int
     faces_m: Float64
     face_rows: Int
+
+    @cached_property
+    def colors(self) -> list[Color]:
+        """Colour of each object, faint of one that is not observed."""
+        objects = self.objects
+        return [
+            palette.dimmed(
+                palette.TRACKED_OBJECT if is_selected else _color(number, name),
+                1.0 if is_observed else _PREDICTED_LIGHT,
+            )
+            for number, name, is_selected, is_observed in zip(
+                objects.colors.tolist(),
+                objects.types.tolist(),
+                objects.is_selected.tolist(),
+                objects.is_observed.tolist(),
+                strict=True,
+            )
+        ]
+
+    @cached_property
+    def texts(self) -> dict[int, tuple[str, Color, str, bool, Color | None]]:
+        """Content of the label of each object by its row: the selected one first, then what moves, the nearest first."""
+        objects = self.objects
+        ranks = (objects.distances_m, ~objects.is_moving, ~objects.is_selected)
+        return {
+            row: (
+                _name(objects, row),
+                self.colors[row],
+                _details(objects, row),
+                not objects.is_observed[row],
+                palette.CLASSES.get(str(objects.types[row])),
+            )
+            for row in np.lexsort(ranks).tolist()
+        }
 
 
 def object_figures(objects: SceneObjects, paths_velo: Sequence[Float64]) -> ObjectFigures:
@@ -126,3 +164,26 @@ def _fronts(boxes: Boxes3D) -> Float64:
     top, rear_top = points[:, [4, 7]], points[:, [5, 6]]
     behind = top + _FRONT_SHARE * (rear_top - top)
     return np.concatenate([points[:, [0, 3, 7, 4]], np.hstack([top, behind[:, ::-1]])])
+
+
+def _color(number: int, name: str) -> Color:
+    """Return the colour of a track, or of a class where there is no track."""
+    return palette.track_color(number) if number >= 0 else palette.class_color(name)
+
+
+def _name(objects: SceneObjects, row: int) -> str:
+    """Return class and distance, as far as they are known."""
+    distance_m = objects.distances_m[row]
+    parts = [str(objects.types[row]), f"{distance_m:.0f} m" if np.isfinite(distance_m) else ""]
+    return " ".join(part for part in parts if part)
+
+
+def _details(objects: SceneObjects, row: int) -> str:
+    """Return id, speed and status, as far as they are known."""
+    status, track = str(objects.statuses[row]), int(objects.ids[row])
+    parts = [f"#{track}"] if track >= 0 else []
+    if objects.is_moving[row]:
+        parts.append(f"{objects.speeds_m_s[row]:.1f} m/s")
+    if status and not objects.is_observed[row]:
+        parts.append(status)
+    return "  ".join(parts)

@@ -15,7 +15,6 @@ from perception.render.labels import Label
 from perception.render.object_figures import ObjectFigures, ObjectPart
 from perception.render.palette import Color, Style
 from perception.render.panels import Resizing
-from perception.render.scene import SceneObjects
 from perception.render.strokes import (
     Strokes,
     draw_seam,
@@ -35,7 +34,6 @@ _LIGHT = {
     ObjectPart.BOX: 1.0,
     ObjectPart.ARROW: 1.0,
 }
-_PREDICTED_LIGHT = 0.55
 # Boxes with a smaller outline are drawn with thin lines.
 _SMALL_PX = 40.0
 
@@ -59,7 +57,7 @@ def draw_objects(
     objects, count = figures.objects, len(figures.objects)
     if not count:
         return []
-    colors = _colors(objects)
+    colors = figures.colors
     strokes = project_strokes(image_P_velo, canvas, figures.segments_m, figures.numbers)
     boxes = slice(ObjectPart.BOX * count, ObjectPart.ARROW * count)
     outlines = outlines_px(strokes.ends_px, strokes.owners, len(ObjectPart) * count)[boxes]
@@ -73,7 +71,7 @@ def draw_objects(
     seam = strokes.since(ObjectPart.BOX * count)
     draw_seam(canvas, seam, palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px.ravel())
-    return _labels(objects, outlines)
+    return [Label(outlines[row], *text) for row, text in figures.texts.items()]
 
 
 def _with_rectangles(
@@ -89,66 +87,9 @@ def _with_rectangles(
     return strokes.joined(rectangles), outlines
 
 
-def _colors(objects: SceneObjects) -> list[Color]:
-    """Return the colour of each object, faint of one that is not observed."""
-    return [
-        palette.dimmed(
-            palette.TRACKED_OBJECT if is_selected else _color(number, name),
-            1.0 if is_observed else _PREDICTED_LIGHT,
-        )
-        for number, name, is_selected, is_observed in zip(
-            objects.colors.tolist(),
-            objects.types.tolist(),
-            objects.is_selected.tolist(),
-            objects.is_observed.tolist(),
-            strict=True,
-        )
-    ]
-
-
-def _color(number: int, name: str) -> Color:
-    """Return the colour of a track, or of a class where there is no track."""
-    return palette.track_color(number) if number >= 0 else palette.class_color(name)
-
-
 def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
     """Return the colour of each line number."""
     return [palette.dimmed(color, light) for light in _LIGHT.values() for color in colors]
-
-
-def _labels(objects: SceneObjects, outlines: Float64) -> list[Label]:
-    """Return the labels: the selected object first, then what moves, then the rest, the nearest first."""
-    ranks = (objects.distances_m, ~objects.is_moving, ~objects.is_selected)
-    colors = _colors(objects)
-    return [
-        Label(
-            outlines[row],
-            _name(objects, row),
-            colors[row],
-            _details(objects, row),
-            not objects.is_observed[row],
-            palette.CLASSES.get(str(objects.types[row])),
-        )
-        for row in np.lexsort(ranks).tolist()
-    ]
-
-
-def _name(objects: SceneObjects, row: int) -> str:
-    """Return class and distance, as far as they are known."""
-    distance_m = objects.distances_m[row]
-    parts = [str(objects.types[row]), f"{distance_m:.0f} m" if np.isfinite(distance_m) else ""]
-    return " ".join(part for part in parts if part)
-
-
-def _details(objects: SceneObjects, row: int) -> str:
-    """Return id, speed and status, as far as they are known."""
-    status, track = str(objects.statuses[row]), int(objects.ids[row])
-    parts = [f"#{track}"] if track >= 0 else []
-    if objects.is_moving[row]:
-        parts.append(f"{objects.speeds_m_s[row]:.1f} m/s")
-    if status and not objects.is_observed[row]:
-        parts.append(status)
-    return "  ".join(parts)
 
 
 def _fill_fronts(

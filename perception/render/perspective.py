@@ -86,10 +86,12 @@ def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
 
 def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:
     """Draw the vehicle on the ground at a z, lit from behind and above."""
-    eye_m = np.asarray(-np.linalg.solve(image_P_velo[:, :3], image_P_velo[:, 3]), np.float64)
-    faces = [face for face in vehicle_faces(ground_height_m) if _faces(face, eye_m)]
+    image_P_ground = image_P_velo.copy()
+    image_P_ground[:, 3] += ground_height_m * image_P_velo[:, 2]
+    eye_m = np.asarray(-np.linalg.solve(image_P_ground[:, :3], image_P_ground[:, 3]), np.float64)
+    faces = [face for face in vehicle_faces() if _faces(face, eye_m)]
     for face in sorted(faces, key=lambda face: (-_distance_m(face, eye_m), face.is_glass)):
-        pixels, _ = project(image_P_velo, face.corners_m)
+        pixels, _ = project(image_P_ground, face.corners_m)
         corners = fixed_point(pixels)
         light = 0.55 + 0.45 * max(float(face.outward @ _TO_LIGHT), 0.0)
         tint = palette.GLASS if face.is_glass else palette.VEHICLE

@@ -1,12 +1,13 @@
 """The strip below the views of a frame: legend, maps, times of the stages beside one LiDAR revolution, and clock."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
 from perception.render import palette
-from perception.render.canvas import Align, draw_text, text_width_px
+from perception.render.canvas import Align, blank_canvas, draw_text, text_width_px
 from perception.render.panels import LegendEntry, draw_legend
 from perception.render.scene import Scene
 from perception.types import StageSpan, UInt8, relative_to_start
@@ -37,11 +38,9 @@ def draw_strip(
         text_px: Height of capitals.
     """
     height, width = canvas.shape[:2]
-    rows_px = _row_edges_px(height, len(legend), text_px)
-    column = max(
-        draw_legend(canvas[top:bottom], entries, text_px)
-        for (top, bottom), entries in zip(pairwise(rows_px), legend, strict=True)
-    )
+    drawn = _legend_image(tuple(legend), (width, height), text_px)
+    column = drawn.shape[1]
+    canvas[:, :column] = drawn
     for title, inset in insets.items():
         top = (height - len(inset) + _title_height_px(text_px)) // 2
         canvas[top : top + len(inset), column : column + inset.shape[1]] = inset
@@ -60,6 +59,20 @@ def draw_strip(
         at = (width - 1.2 * text_px, (top + bottom + text_px) / 2)
         color = palette.FAINT_TEXT if number else palette.TEXT
         draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)
+
+
+@lru_cache(maxsize=8)
+def _legend_image(
+    legend: Sequence[Sequence[LegendEntry]], size_px: tuple[int, int], text_px: int
+) -> UInt8:
+    """Return the rows of a legend as an image as wide as they are; a video has few legends."""
+    canvas = blank_canvas(size_px, palette.BACKGROUND)
+    rows_px = _row_edges_px(size_px[1], len(legend), text_px)
+    columns = [
+        draw_legend(canvas[top:bottom], entries, text_px)
+        for (top, bottom), entries in zip(pairwise(rows_px), legend, strict=True)
+    ]
+    return canvas[:, : max(columns)]
 
 
 def inset_height_px(height: int, text_px: int) -> int:

@@ -68,6 +68,7 @@ class VideoWriter:
         self._rate_hz = Fraction(rate_hz).limit_denominator(1001)
         self._container: OutputContainer | None = None
         self._stream: Any = None
+        self._planes: UInt8 | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -106,7 +107,8 @@ class VideoWriter:
         with writing(self.path):
             container = self._container or self._open(image)
             self._check_size(image)
-            frame = av.VideoFrame.from_ndarray(_to_yuv420(image), format="yuv420p")
+            self._planes = planes = _to_yuv420(image, self._planes)
+            frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
             for packet in self._stream.encode(frame):
                 container.mux(packet)
 
@@ -142,14 +144,14 @@ class VideoWriter:
             )
 
 
-def _to_yuv420(image: UInt8) -> UInt8:
-    """Return the (H * 3 / 2, W) luma, then blue and red differences of each four pixels (BT.601).
+def _to_yuv420(image: UInt8, planes: UInt8 | None) -> UInt8:
+    """Return the (H * 3 / 2, W) luma, then blue and red differences of each four pixels (BT.601), in given memory.
 
     OpenCV takes the differences of one of the four pixels, which breaks coloured lines; here they are those of the
     mean. FFmpeg does the same in several times the time.
     """
     height, width = image.shape[:2]
-    planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), np.uint8)
+    planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420, dst=planes), np.uint8)
     means = cv2.resize(image, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
     differences = cv2.cvtColor(means, cv2.COLOR_RGB2YCrCb)
     for plane, channel in zip(

@@ -14,6 +14,12 @@ from tests.render.conftest import voxels_at
 VIEW = BirdsEyeView(size_px=(200, 300), pixels_per_m=10.0, vehicle_px=(100.0, 250.0))
 
 
+def birds_eye(view, scene):
+    canvas = np.empty((*view.size_px[::-1], 3), np.uint8)
+    draw_birds_eye(canvas, view, scene, sample_surface(scene.ground, LocalArea()))
+    return canvas
+
+
 def test_metres_become_pixels_with_ahead_up_and_left_left():
     metres = np.array([(0, 0), (10, 0), (0, 5), (-2, -3)], float)
     np.testing.assert_allclose(
@@ -48,7 +54,7 @@ def test_voxels_beyond_the_canvas_are_left_out():
 
 
 def test_everything_is_where_it_should_be(scene):
-    canvas = draw_birds_eye(VIEW, scene, sample_surface(scene.ground, LocalArea()))
+    canvas = birds_eye(VIEW, scene)
     column, row = VIEW.to_pixels(np.array([[12.0, 1.0]]))[0].astype(int)
     assert (canvas[row, column] == MOVING).all()
     column, row = VIEW.to_pixels(np.array([[10.0, -1.0]]))[0].astype(int)
@@ -61,6 +67,6 @@ def test_everything_is_where_it_should_be(scene):
 
 def test_points_outside_the_area_are_grey_on_the_panel(scene):
     far_view = BirdsEyeView((200, 300), 5.0, (100.0, 250.0))
-    canvas = draw_birds_eye(far_view, scene, sample_surface(scene.ground, LocalArea()))
+    canvas = birds_eye(far_view, scene)
     assert (canvas[35, 85] == POINTS).all()
     assert (canvas[60, 20] == PANEL).all()
