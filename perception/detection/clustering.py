@@ -37,7 +37,7 @@ def cluster(xy_m: Float, radius_m: float, min_points: int) -> Int:
         return np.zeros(0, np.int64)
     points_m = np.ascontiguousarray(xy_m, np.float64)
     cells_per_m = float(np.sqrt(2)) * (1 + _SLACK) / radius_m
-    extent = (points_m.max(axis=0) - points_m.min(axis=0)).sum() * cells_per_m
+    extent = sum(np.ptp(along_m) for along_m in points_m.T) * cells_per_m
     if not extent < _MAX_CELLS:
         raise UsageError(
             "points to cluster",

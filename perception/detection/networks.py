@@ -44,7 +44,7 @@ def open_fusion(config: DetectionConfig) -> Fusion:
 
 
 def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
-    """Open DepthCN.
+    """Open DepthCN, for one thread: blocks of crops are too small to be shared.
 
     Raises:
         ModelError: there is no such file, or it holds no network of DepthCN.
@@ -56,4 +56,5 @@ def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
         proposals=depthcn.proposals,
         min_size_m=depthcn.min_size_m,
         nms=config.nms,
+        threads=1,
     )

@@ -77,8 +77,9 @@ def find_above_ground(
     """
     image_P_velo = calibration.image_P_velo
     in_area = _AREA_FILTERS[method](points_velo, image_P_velo, size_px)
-    removal = _GROUND_REMOVALS[method](points_velo[in_area], cell_m, min_variance_m2)
-    points = points_velo[in_area[removal.rows], :3]
+    points = points_velo.take(in_area, axis=0)
+    removal = _GROUND_REMOVALS[method](points, cell_m, min_variance_m2)
+    points = points.take(removal.rows, axis=0)[:, :3]
     exact_px, depths_m = project(image_P_velo, points)
     ground_points = np.column_stack([points[:, :2], removal.ground_m])
     ground_rows_px = np.rint(project(image_P_velo, ground_points)[0][:, 1])

@@ -38,7 +38,8 @@ def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: flo
         planes[1],
     )
     planes[2] = encode_reflectance(dense.reflectance)
-    return (planes * dense.is_valid).transpose(1, 2, 0)
+    planes *= dense.is_valid
+    return planes.transpose(1, 2, 0)
 
 
 def _heights_by_depth(
