@@ -28,13 +28,16 @@ class Headings:
 
 
 def yaws_of_shape(clusters: Footprints, steps: int = 45) -> Float64:
-    """Return (F,) the direction, 0 to pi, of the longer side of each outline's smallest rectangle."""
+    """Return (F,) the direction, 0 to pi, of the longer side of the rectangle of least perimeter around each outline.
+
+    The outline of two observed sides is a right triangle: its rectangles along a side and along the hypotenuse have
+    the same area, not the same perimeter.
+    """
     if len(clusters) == 0:
         return np.zeros(0)
     yaws_rad = np.arange(steps) * np.pi / 2 / steps
-    # A line has an area, too.
-    sizes_m = measure_extents(clusters, yaws_rad, np.zeros(2)).sizes_m + 0.02
-    best = np.argmin(sizes_m.prod(axis=2), axis=0)
+    sizes_m = measure_extents(clusters, yaws_rad, np.zeros(2)).sizes_m
+    best = np.argmin(sizes_m.sum(axis=2), axis=0)
     length_m, width_m = sizes_m[best, np.arange(len(clusters))].T
     return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
 
