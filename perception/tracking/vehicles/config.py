@@ -58,9 +58,9 @@ class EvidenceConfig:
     prior: float = 0.5
     person_log_odds: float = 1.5
     maps_log_odds: float = 0.85
-    miss: float = 0.2
-    confirmation: float = 2.0
-    memory: float = 0.8
+    miss: float = 0.1
+    confirmation: float = 1.5
+    memory: float = 0.85
     height_deviation_m: float = 0.03
     class_score_weight: float = 0.2
     min_height_deviation_m: float = 0.15
