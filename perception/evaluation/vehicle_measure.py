@@ -59,7 +59,7 @@ PROTOCOL_WORDS = {
         "detection of the greatest overlap of at least 0.5 in the image"
     ),
     "coverage": (
-        f"labelled cars that some detector sees in at least {MIN_FRAMES} frames, from the score from which a vehicle "
+        f"labelled cars that some detector finds in at least {MIN_FRAMES} frames, from the score from which a vehicle "
         "counts and by an overlap of at least 0.5 in the image, by their nearest range; those that ever have an id"
     ),
     "same id": (
@@ -181,7 +181,7 @@ class VehicleReport(Report):
         tracking: Metrics of the tracks in the image by class.
         ground_tracking: Metrics of the tracks on the ground by class, of the classes that are labelled or tracked.
         location: Errors of the positions on the road by range.
-        coverage: Share of the cars seen by a detector that have an id, by range.
+        coverage: Share of the detected cars that have an id, by range.
         ids: Ids shared by vehicles and moving objects.
     """
 
@@ -206,7 +206,7 @@ class VehicleReport(Report):
             ),
             Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
             Table(
-                f"cars that a detector sees in {MIN_FRAMES} frames or more, by nearest range",
+                f"cars detected in {MIN_FRAMES} frames or more, by nearest range",
                 CoverageMetrics.columns(),
                 self.coverage,
             ),

@@ -1,4 +1,4 @@
-"""Coverage: how many of the true objects that some detector saw have ever had an id."""
+"""Coverage: how many of the true objects that some detector has found have ever had an id."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from perception.evaluation.report import Metric, Metrics
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import Bool, Float64, Int
 
-MIN_FRAMES = 3  # in which a detector sees an object that should have an id
+MIN_FRAMES = 3  # in which an object that should have an id is detected
 _MIN_IOU = 0.5
 
 
@@ -19,26 +19,26 @@ class CoverageMetrics(Metrics):
     """Coverage of the objects of a range.
 
     Attributes:
-        seen: Number of objects that some detector saw in enough frames.
+        detected: Number of objects that some detector found in enough frames.
         tracked: Share of these that have had an id.
     """
 
-    seen: Annotated[int, Metric("seen")]
+    detected: Annotated[int, Metric("detected")]
     tracked: Annotated[float, Metric("with an id", ".3f")]
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Detected:
     frames: int = 0
     nearest_m: float = float("inf")
     is_tracked: bool = False
 
 
 class Coverage:
-    """Counts in how many frames true objects are seen, and whether they are ever tracked."""
+    """Counts in how many frames true objects are detected, and whether they are ever tracked."""
 
     def __init__(self) -> None:
-        self._objects: dict[int, _Seen] = {}
+        self._objects: dict[int, _Detected] = {}
 
     def update(
         self,
@@ -57,26 +57,26 @@ class Coverage:
             views_px: (M, 4) boxes in the image of each detector.
             tracked_px: (T, 4) boxes in the image of what has an id.
         """
-        is_seen = np.zeros(len(ids), bool)
+        is_detected = np.zeros(len(ids), bool)
         for found_px in views_px:
-            is_seen |= _is_found(boxes_px, found_px)
+            is_detected |= _is_found(boxes_px, found_px)
         is_tracked = _is_found(boxes_px, tracked_px)
-        for row in np.flatnonzero(is_seen | is_tracked).tolist():
-            known = self._objects.get(int(ids[row]), _Seen())
-            self._objects[int(ids[row])] = _Seen(
-                known.frames + int(is_seen[row]),
+        for row in np.flatnonzero(is_detected | is_tracked).tolist():
+            known = self._objects.get(int(ids[row]), _Detected())
+            self._objects[int(ids[row])] = _Detected(
+                known.frames + int(is_detected[row]),
                 min(known.nearest_m, float(range_m[row])),
                 known.is_tracked or bool(is_tracked[row]),
             )
 
     def compute(self, low_m: float, high_m: float) -> CoverageMetrics:
         """Return the coverage of the objects that were nearest within a range."""
-        seen = [
+        tracked = [
             one.is_tracked
             for one in self._objects.values()
             if one.frames >= MIN_FRAMES and low_m <= one.nearest_m < high_m
         ]
-        return CoverageMetrics(len(seen), float(np.mean(seen)) if seen else float("nan"))
+        return CoverageMetrics(len(tracked), float(np.mean(tracked)) if tracked else float("nan"))
 
 
 def _is_found(boxes_px: Float64, found_px: Float64) -> Bool:
