@@ -34,34 +34,6 @@ def _azimuth_rad(x: np.float32, y: np.float32) -> np.float32:
     return np.float32(2) * _PI - angle if y < 0 else angle
 
 
-@compiled((_F32, _F32, _F32, _SLOPES, _PROJECTION))
-def _pixel(
-    x: np.float32, y: np.float32, z: np.float32, row_of_slope: Int, projection: ProjectionNumbers
-) -> tuple[int, int, float, bool]:
-    """Return row, column and range of a point, and whether a beam points there."""
-    lowest_slope, steps_per_slope, columns_per_rad, columns = projection
-    across = np.sqrt(x * x + y * y)
-    step = (z / max(across, np.float32(1e-3)) - lowest_slope) * steps_per_slope
-    last = len(row_of_slope) - 1
-    row = row_of_slope[int(min(max(step, np.float32(0)), np.float32(last)))]
-    column = min(int(_azimuth_rad(x, y) * columns_per_rad), columns - 1)
-    return row, column, np.sqrt(across * across + z * z), step >= 0 and step <= last
-
-
-@compiled((_POINTS, _SLOPES, _PROJECTION))
-def pixels_of(
-    points: Float32, row_of_slope: Int, projection: ProjectionNumbers
-) -> tuple[Int, Int, Float32, Bool]:
-    """Return (P,) rows, columns and ranges of (P, 3+) points, and whether a beam points there."""
-    rows, columns = np.empty(len(points), np.int32), np.empty(len(points), np.int32)
-    ranges_m, is_in_view = np.empty(len(points), np.float32), np.empty(len(points), np.bool_)
-    for k in range(len(points)):
-        rows[k], columns[k], ranges_m[k], is_in_view[k] = _pixel(
-            points[k, 0], points[k, 1], points[k, 2], row_of_slope, projection
-        )
-    return rows, columns, ranges_m, is_in_view
-
-
 @compiled((_LINE, _LINE, _LINE, _PROJECTION, _LINE_OUT, written(np.int32), _LINE_OUT))
 def _directions(
     x: Float32,
@@ -81,6 +53,25 @@ def _directions(
         ranges_m[k] = np.sqrt(across * across + z[k] * z[k])
 
 
+@compiled((_POINTS, _SLOPES, _PROJECTION))
+def pixels_of(
+    points: Float32, row_of_slope: Int, projection: ProjectionNumbers
+) -> tuple[Int, Int, Float32, Bool]:
+    """Return (P,) rows, columns and ranges of (P, 3+) points, and whether a beam points there."""
+    count, last = len(points), np.float32(len(row_of_slope) - 1)
+    # Coordinates side by side: the directions take vector instructions.
+    x, y, z = np.empty(count, _F32), np.empty(count, _F32), np.empty(count, _F32)
+    for k in range(count):
+        x[k], y[k], z[k] = points[k, 0], points[k, 1], points[k, 2]
+    steps, ranges_m = np.empty(count, _F32), np.empty(count, _F32)
+    rows, columns = np.empty(count, np.int32), np.empty(count, np.int32)
+    _directions(x, y, z, projection, steps, columns, ranges_m)
+    is_in_view = (steps >= 0) & (steps <= last)
+    for k in range(count):
+        rows[k] = row_of_slope[int(min(max(steps[k], np.float32(0)), last))]
+    return rows, columns, ranges_m, is_in_view
+
+
 @compiled((_POINTS, _SLOPES, _PROJECTION, WHOLE))
 def nearest_returns(
     points: Float32, row_of_slope: Int, projection: ProjectionNumbers, rows: int
@@ -88,7 +79,7 @@ def nearest_returns(
     """Return the (rows, columns) range of the nearest of (N, 3+) points in each pixel, infinite without one."""
     nearest_m = np.full((rows, projection[3]), np.float32(np.inf))
     last = len(row_of_slope) - 1
-    # Coordinates side by side, some hundred points at a time: the directions take vector instructions.
+    # Some hundred points at a time, which stay in the cache.
     x, y, z = (
         np.zeros(_BLOCK, np.float32),
         np.zeros(_BLOCK, np.float32),
@@ -141,14 +132,12 @@ def are_free(
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
         margin_m: Distance in metres by which a beam must go farther to have passed.
     """
+    rows, columns, ranges_m, is_in_view = pixels_of(points, row_of_slope, projection)
     is_free = np.empty(len(points), np.bool_)
     for k in range(len(points)):
-        row, column, range_m, is_in_view = _pixel(
-            points[k, 0], points[k, 1], points[k, 2], row_of_slope, projection
-        )
-        pixel = row * projection[3] + column
-        passed = _is_passed(block_minima, pixel, range_m, level_0_from_m, margin_m)
-        is_free[k] = is_in_view and passed
+        pixel = rows[k] * projection[3] + columns[k]
+        passed = _is_passed(block_minima, pixel, ranges_m[k], level_0_from_m, margin_m)
+        is_free[k] = is_in_view[k] & passed
     return is_free
 
 
@@ -173,13 +162,12 @@ def visibility_of(
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
         margin_m: Distance in metres of a passing beam beyond, and of an ending one from a place.
     """
+    rows, columns, ranges_m, is_in_view = pixels_of(points, row_of_slope, projection)
     states, gaps_m = np.zeros(len(points), np.uint8), np.zeros(len(points), np.float32)
     for k in range(len(points)):
-        row, column, range_m, is_in_view = _pixel(
-            points[k, 0], points[k, 1], points[k, 2], row_of_slope, projection
-        )
-        if not is_in_view:
+        if not is_in_view[k]:
             continue
+        row, column, range_m = rows[k], columns[k], ranges_m[k]
         is_hit = False
         for i in range(row, row + 3):
             for j in range(column, column + 3):
@@ -215,12 +203,11 @@ def single_beams(
         margin_m: Distance in metres of a passing beam beyond, and of an ending one from a place.
     """
     ended, passed = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
+    rows, columns, ranges_m, is_in_view = pixels_of(points, row_of_slope, projection)
     for k in range(len(points)):
-        row, column, range_m, is_in_view = _pixel(
-            points[k, 0], points[k, 1], points[k, 2], row_of_slope, projection
-        )
-        if not is_in_view:
+        if not is_in_view[k]:
             continue
+        row, column, range_m = rows[k], columns[k], ranges_m[k]
         ends, passes = False, False
         for i in range(row, row + 3):
             for j in range(column, column + 3):
