@@ -34,8 +34,8 @@ def export_fusion(config: ExportConfig) -> ExportResult:
         )
     network, metadata = load_fusion(config.checkpoint)
     rng = np.random.default_rng(0)
-    lows, scales = network.lows.numpy(), network.scales.numpy()
-    spans = np.where(scales > 0, 2 / np.where(scales > 0, scales, 1), 0)
+    lows, highs = (one.numpy() for one in network.input_range)
+    spans = highs - lows
     # Within the range of the training features, and a little beyond.
     batches = [
         {"features": (lows + spans * rng.uniform(-0.1, 1.1, (n, len(lows)))).astype(np.float32)}

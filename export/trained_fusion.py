@@ -82,8 +82,9 @@ class FusionResult:
         """Table of the average precision."""
         variant, hidden = self.metadata["variant"], self.metadata["hidden"]
         *_, error = self.mean_square_error.values()  # of the part that is not fitted
+        neurons = f"{hidden} neurons, " if hidden else ""
         title = (
-            f"Fusion, {variant}, {hidden} neurons, mean square error {error:.4f}: "
+            f"Fusion, {variant}, {neurons}mean square error {error:.4f}: "
             f"AP [%] on {self.counts[f'{self.part}_frames']} {self.part} frames"
         )
         return Table(title, level_columns(), self.ap_percent, "class, min IoU, detector")
@@ -198,7 +199,7 @@ FUSION = TrainingKind(
     report,
     # Levenberg-Marquardt needs doubles, and so small a network is no slower by them.
     defaults={
-        "trainer.max_epochs": 8,
+        "trainer.max_epochs": 20,
         "trainer.precision": "64-true",
         "trainer.accelerator": "cpu",
     },

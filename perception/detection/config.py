@@ -202,7 +202,7 @@ class TriBoxConfig(TriBoxOverrides):
 TRI_BOX_CONFIGS: Mapping[FusionVariant, TriBoxConfig] = {
     "scores": TriBoxConfig(),
     "features": TriBoxConfig(),
-    "default": TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
+    "default": TriBoxConfig(min_iou=0.4, by_set=False, max_partners=1),
 }
 
 

@@ -61,7 +61,7 @@ def train(*arguments):
 
 
 SHORT = {
-    "default": ["--epochs", "2", "--model.hidden", "4"],
+    "default": ["--epochs", "2"],
     "scores": [
         "--config",
         "thesis",
@@ -143,9 +143,9 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
     np.testing.assert_array_equal(says(after), says(before))  # it was at its end
     assert after.calibrations == before.calibrations
     config = (out / "config.yaml").read_bytes()
-    other = {"default": "8", "scores": "9"}[variant]
-    words = ["--variant", variant, "--model.hidden", other, "--resume", "last"]
-    with fault(ModelError, "last.ckpt", expected="whose hidden is"):
+    name, value = {"default": ("max_partners", "8"), "scores": ("hidden", "9")}[variant]
+    words = ["--variant", variant, f"--model.{name}", value, "--resume", "last"]
+    with fault(ModelError, "last.ckpt", expected=f"whose {name} is"):
         command(*words_of(drive, models, cache, out, *words, "--model.sweep.one", "[]"))
     assert (out / "config.yaml").read_bytes() == config
 

@@ -112,8 +112,7 @@ class FusionDataModule(LightningDataModule):
     @cached_property
     def training(self) -> FusionRows:
         """Rows that the network is fitted to."""
-        jitters = self.config.score_jitters
-        return fusion_rows(self.detections.training, self.variant, self.max_partners, jitters)
+        return fusion_rows(self.detections.training, self.variant, self.max_partners)
 
     @cached_property
     def validation(self) -> FusionRows:

@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from train.fusion.levenberg_marquardt import NormalEquations
-from train.fusion.network import RescoringMlp
+from train.fusion.network import FusionNetwork, RescoringMlp
 
 Rows = Sequence[Tensor]
 """(T, F) features, (T, 3) targets and (T, 3) weights."""
@@ -93,15 +93,15 @@ class _Block:
         return spread.permute(0, 2, 1, 3).flatten(0, 1).flatten(1)
 
 
-def weighted_squares(network: RescoringMlp, rows: Rows) -> Tensor:
+def weighted_squares(network: FusionNetwork, rows: Rows) -> Tensor:
     """Return the sum of the weighted squared errors, and the sum of the weights."""
     features, targets, weights = rows
     squares = weights * (network(features) - targets).square()
     return torch.stack([squares.sum(), weights.sum()])
 
 
-def weighted_entropy(network: RescoringMlp, rows: Rows) -> Tensor:
-    """Return the sum of the weighted cross-entropies of a bounded network, and the sum of the weights.
+def weighted_entropy(network: FusionNetwork, rows: Rows) -> Tensor:
+    """Return the sum of the weighted cross-entropies of probabilities, and the sum of the weights.
 
     Near 0 and 1, where boxes are ranked, the cross-entropy has a gradient, and the squared error has none.
     """
@@ -113,7 +113,7 @@ def weighted_entropy(network: RescoringMlp, rows: Rows) -> Tensor:
 
 @torch.no_grad()
 def mean_square(
-    network: RescoringMlp, rows: Rows, reduce: Callable[[Tensor], Tensor] = torch.clone
+    network: FusionNetwork, rows: Rows, reduce: Callable[[Tensor], Tensor] = torch.clone
 ) -> Tensor:
     """Return the weighted mean of the squared errors.
 
@@ -172,9 +172,8 @@ def _factors(network: RescoringMlp, rows: Rows) -> tuple[Tensor, list[_LayerFact
     features, targets, weights = rows
     *inputs, outputs = network.activations(features)
     roots = weights.sqrt()
-    slopes = outputs * (1 - outputs) if network.is_bounded else torch.ones_like(outputs)
-    # An output changes with what enters its own bend, and with no other's.
-    back = (slopes * roots).diag_embed().permute(1, 2, 0).contiguous()
+    # An output changes with what enters it, and with no other's.
+    back = roots.diag_embed().permute(1, 2, 0).contiguous()
     factors: list[_LayerFactors] = []
     for layer, entered in zip(reversed(network.linear_layers), reversed(inputs), strict=True):
         values = entered.T.contiguous()

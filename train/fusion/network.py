@@ -1,9 +1,9 @@
-"""The fusion's network, which rescores combinations of boxes: hidden layers of tanh (7.2.2)."""
+"""The fusion's networks, which rescore combinations of boxes: hidden layers of tanh (7.2.2), or a noisy-OR."""
 
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 import torch
@@ -17,17 +17,20 @@ from perception.types import MODALITIES, Float32
 from train.checkpoints import Content, load_network
 from train.fusion.config import MODEL
 
+_MIN_SCORE = 1e-5  # of a probability whose logarithm is taken
+
 
 class RescoringMlp(nn.Module):
-    """Network from (T, F) features to (T, 3) scores.
+    """Network from (T, F) features to (T, 3) scores, of the thesis' variants.
 
-    features - to -1..1 over the training set - tanh layers - linear, in the default a sigmoid after it
+    features - to -1..1 over the training set - tanh layers - linear
 
     Attributes:
-        variant: Features of a combination.
-        is_bounded: Whether a sigmoid follows the last layer.
+        hidden: Neurons of each hidden layer.
+        is_probability: Whether scores stay between 0 and 1.
     """
 
+    is_probability: ClassVar[bool] = False
     lows: Tensor
     scales: Tensor
 
@@ -45,9 +48,7 @@ class RescoringMlp(nn.Module):
         if not hidden or min(hidden) < 1:
             found = ", ".join(map(str, hidden)) or "none"
             raise UsageError("hidden layers", expected="one or more neurons in each", found=found)
-        self.variant = variant
-        # Features outside the training set still give 0..1; the output of MATLAB's fitnet is linear.
-        self.is_bounded = variant == "default"
+        self.hidden = tuple(hidden)
         count = len(FEATURES[variant])
         self.register_buffer("lows", torch.zeros(count))
         self.register_buffer("scales", torch.ones(count))
@@ -75,6 +76,12 @@ class RescoringMlp(nn.Module):
         self.lows.copy_(torch.from_numpy(scaler.data_min_))
         self.scales.copy_(torch.from_numpy(scales))
 
+    @property
+    def input_range(self) -> tuple[Tensor, Tensor]:
+        """(F,) smallest and largest value of each feature in the training set."""
+        spans = torch.where(self.scales > 0, 2 / self.scales.clamp(min=1e-12), 0.0)
+        return self.lows, self.lows + spans
+
     def mapped(self, features: Tensor) -> Tensor:
         """Return (T, F) features scaled for the first layer."""
         return (features - self.lows) * self.scales - 1
@@ -85,22 +92,76 @@ class RescoringMlp(nn.Module):
         values = [self.mapped(features)]
         for layer in hidden:
             values.append(torch.tanh(layer(values[-1])))
-        raw = last(values[-1])
-        return [*values, torch.sigmoid(raw) if self.is_bounded else raw]
+        return [*values, last(values[-1])]
 
     def forward(self, features: Tensor) -> Tensor:
         """Return (T, 3) scores of the boxes of (T, F) combinations."""
         return self.activations(features)[-1]
 
 
-def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
+class NoisyOr(nn.Module):
+    """Network from (T, F) scores and flags of classes to (T, 3) scores, the same for all boxes of a combination.
+
+    Each detector of a modality is right with a probability that grows with its score s, and an object exists where not
+    all of them are wrong: a further modality never lowers a score (J. Pearl, "Probabilistic Reasoning in Intelligent
+    Systems", 1988, 4.3.2).
+
+        p = sigmoid(a ln s - b ln (1 - s) + c + d)      a, b, c of the modality, d of modality and class
+        score = 1 - product of (1 - p)
+
+    Attributes:
+        hidden: Neurons of each hidden layer: it has none.
+        is_probability: Whether scores stay between 0 and 1.
+    """
+
+    hidden: tuple[int, ...] = ()
+    is_probability: ClassVar[bool] = True
+
+    def __init__(self) -> None:
+        """Make a network that takes scores as they are."""
+        super().__init__()
+        modalities, classes = len(MODALITIES), len(FEATURES["default"]) - len(MODALITIES)
+        # a and b as logarithms, so that they stay above 0.
+        self.log_slopes = nn.Parameter(torch.zeros(2, modalities))
+        self.offsets = nn.Parameter(torch.zeros(modalities))
+        self.class_offsets = nn.Parameter(torch.zeros(classes, modalities))
+
+    def fit_inputs(self, features: Float32) -> None:
+        """Scale nothing: scores are probabilities."""
+
+    @property
+    def input_range(self) -> tuple[Tensor, Tensor]:
+        """(F,) smallest and largest value of each feature."""
+        ones = torch.ones(len(FEATURES["default"]), dtype=self.offsets.dtype)
+        return 0 * ones, ones
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return (T, 3) scores of the boxes of (T, F) combinations."""
+        scores, flags = features[:, : len(MODALITIES)], features[:, len(MODALITIES) :]
+        within = scores.clamp(_MIN_SCORE, 1 - _MIN_SCORE)
+        rising, falling = self.log_slopes.exp().unbind()
+        logits = rising * within.log() - falling * (1 - within).log()
+        is_right = torch.sigmoid(logits + self.offsets + flags @ self.class_offsets)
+        all_wrong = (1 - is_right * (scores > 0)).prod(dim=1, keepdim=True)
+        return (1 - all_wrong).expand(-1, len(MODALITIES))
+
+
+FusionNetwork = RescoringMlp | NoisyOr
+
+
+def fusion_network(variant: FusionVariant, hidden: Sequence[int]) -> FusionNetwork:
+    """Return an untrained network of a variant; hidden layers are those of the thesis' variants."""
+    return NoisyOr() if variant == "default" else RescoringMlp(variant, hidden)
+
+
+def load_fusion(checkpoint: Path) -> tuple[FusionNetwork, dict[str, str]]:
     """Return the network of a checkpoint, and the metadata of its model file.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
 
-    def make(content: Content) -> tuple[RescoringMlp, dict[str, str]]:
+    def make(content: Content) -> tuple[FusionNetwork, dict[str, str]]:
         found = content["hyper_parameters"]
         variant = found["variant"]
         metadata = {
@@ -112,7 +173,7 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         metadata["calibration"] = content.get("calibration", str(FusionCalibration()))
         metadata["optimizer"] = found["optimizer"]["class_path"].rpartition(".")[2]
         stated = ("variant", "max_partners", "detectors", "classes")
-        network = RescoringMlp(variant, found["hidden"])
+        network = fusion_network(variant, found["hidden"])
         return network, metadata | {name: str(found[name]) for name in stated}
 
     return load_network(checkpoint, MODEL, make)

@@ -7,9 +7,8 @@ import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
 from data.detections.fused_frames import FusedFrames, boxes_by_detector, precision_curves
-from perception.detection.fusion.features import score_features, tri_box_features
+from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.detection.reliability import Reliability
@@ -59,7 +58,7 @@ def _rescoring(frames: DetectedFrames, fusion: Fusion) -> "Figure":
     """Return the new scores over the three scores, at the mean of the other features of full tri-boxes."""
     scores = np.stack(np.meshgrid(*[_SCORES] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     features = np.tile(_mean_features(frames, fusion), (len(scores), 1))
-    features[:, :3] = score_features(scores, fusion.variant)
+    features[:, :3] = scores
     rescored = fusion.predict(features).reshape(*[len(_SCORES)] * 3, 3)
     return rescoring_figure(f"Joint rescoring, {fusion.variant}", _SCORES, rescored)
 
@@ -98,7 +97,7 @@ def _mean_features(frames: DetectedFrames, fusion: Fusion) -> Float64:
     means = []
     for min_boxes in (3, 1):
         for scene in frames.scenes:
-            rows = tri_boxes(scene, fusion.tri_boxes)
+            rows = fusion.combinations(scene)
             rows = rows[(rows >= 0).sum(axis=1) >= min_boxes]
             means.append(tri_box_features(scene, rows, fusion.variant))
         if any(map(len, means)):

@@ -21,7 +21,7 @@ from train.fusion.gauss_newton import (
     weighted_squares,
 )
 from train.fusion.levenberg_marquardt import LevenbergMarquardt, NormalEquations
-from train.fusion.network import RescoringMlp
+from train.fusion.network import RescoringMlp, fusion_network
 from train.optimization import WarmupCosine, configure_optimizers
 
 _NO_SWEEP = SweepConfig()
@@ -43,19 +43,19 @@ class FusionTraining(LightningModule):
         self,
         *,
         variant: FusionVariant = "default",
-        hidden: Hidden = (32, 16),
+        hidden: Hidden = (23,),
         max_partners: int | None = None,
         sweep: SweepConfig = _NO_SWEEP,
         seed: int = 0,
-        optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.01, weight_decay=0.1),
+        optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.03, weight_decay=0.0),
         lr_scheduler: LRSchedulerCallable | None = WarmupCosine,
     ) -> None:
         """Make the network with random weights.
 
         Args:
-            variant: Features of a combination: default, with distances, overlaps and missing detectors; features
-                or scores, as in the thesis.
-            hidden: Neurons of each hidden layer.
+            variant: Features of a combination: default, a noisy-OR of calibrated scores; features or scores, as in
+                the thesis.
+            hidden: Neurons of each hidden layer of the thesis' variants; the default has none.
             max_partners: Maximum number of boxes of each other modality that a box is combined with, 0 for all
                 combinations; else that of the variant.
             sweep: Sizes of the network to try first; the best of them is taken in place of `hidden`.
@@ -65,7 +65,7 @@ class FusionTraining(LightningModule):
         """
         super().__init__()
         torch.manual_seed(seed)
-        self.network = RescoringMlp(variant, hidden)
+        self.network = fusion_network(variant, hidden)
         self.optimizer, self.lr_scheduler = optimizer, lr_scheduler
         made = optimizer(self.network.parameters())
         self.automatic_optimization = not isinstance(made, LevenbergMarquardt)
@@ -73,7 +73,7 @@ class FusionTraining(LightningModule):
             {
                 "model": MODEL,
                 "variant": variant,
-                "hidden": list(hidden),
+                "hidden": list(self.network.hidden),
                 "max_partners": max_partners,
                 "seed": seed,
                 "optimizer": {"class_path": type(made).__name__},
@@ -90,7 +90,7 @@ class FusionTraining(LightningModule):
         """Scale the inputs to the training rows, and note what the detections are of.
 
         Raises:
-            UsageError: Levenberg-Marquardt is asked for in batches.
+            UsageError: Levenberg-Marquardt is asked for in batches, or for the default.
         """
         if stage != "fit":
             return
@@ -101,6 +101,13 @@ class FusionTraining(LightningModule):
                 "--data.batch_size",
                 expected="null with LevenbergMarquardt, which takes all rows at once",
                 found=str(batch_size),
+            )
+        if not (self.automatic_optimization or isinstance(self.network, RescoringMlp)):
+            raise UsageError(
+                "--optimizer",
+                expected="LevenbergMarquardt with the variants features and scores",
+                found=f"variant {self.variant}",
+                advice="use --config thesis, or another optimizer",
             )
         self.network.fit_inputs(data.training.features)
         found = data.detections
@@ -117,12 +124,12 @@ class FusionTraining(LightningModule):
         if not self.automatic_optimization:
             self._take_step(batch)
             return None
-        is_bounded = self.network.is_bounded
-        loss = weighted_entropy if is_bounded else weighted_squares
+        is_probability = self.network.is_probability
+        loss = weighted_entropy if is_probability else weighted_squares
         total, weight = loss(self.network, batch)
         # The gradient is the mean of those of all processes.
         error: Tensor = self.trainer.world_size * total / self._sum(weight).clamp(min=1e-6)
-        self._log("train/cross_entropy" if is_bounded else "train/mse", error, len(batch[0]))
+        self._log("train/cross_entropy" if is_probability else "train/mse", error, len(batch[0]))
         return error
 
     def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:
@@ -140,14 +147,17 @@ class FusionTraining(LightningModule):
         return configure_optimizers(self, self.network, self.optimizer, self.lr_scheduler)
 
     def _take_step(self, rows: list[Tensor]) -> None:
+        network = self.network
+        assert isinstance(network, RescoringMlp)  # as validated in setup
+
         def equations() -> NormalEquations:
-            found = normal_equations(self.network, rows, self._sum)
+            found = normal_equations(network, rows, self._sum)
             self._write_gradient(2 * found.gradient)  # for those who log it
             return found
 
         optimizer: Any = self.optimizers()
         error = optimizer.step(
-            equations, mean_square=partial(mean_square, self.network, rows, self._sum)
+            equations, mean_square=partial(mean_square, network, rows, self._sum)
         )
         self._log("train/mse", error, len(rows[0]))
         self._log("train/damping", optimizer.param_groups[0]["damping"], len(rows[0]))

@@ -1,10 +1,17 @@
 """Joint rescoring of the boxes of all modalities, and one detection for each object (6.2.4).
 
-boxes of three detectors -- tri-boxes -- features -- network -- three scores for each tri-box
-                         -- mean of the scores of each box -- NMS -- score calibration
+The thesis' variants:
 
-The default network predicts how well each box is expected to overlap an object of its class, by which boxes are
-ranked. The boxes of an object are blended by the scores of their detectors, which say more of where a box ends.
+boxes of three detectors -- tri-boxes -- features -- network -- three scores for each tri-box
+                         -- mean of the scores of each box -- NMS
+
+The default:
+
+boxes of three detectors -- matched boxes -- network -- one score and one blended box for each match -- NMS
+                         -- score calibration
+
+The default network (`train.fusion.network.NoisyOr`) predicts how well the blended box is expected to overlap an object
+of its class.
 
 Each class is fused by the detectors that know it. The boxes of a class that a single detector knows, or that the network
 was not trained with, keep their scores:
@@ -23,12 +30,12 @@ from numpy.typing import NDArray
 from perception.detection.config import FusionVariant, NmsConfig, TriBoxOverrides, tri_box_config
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import FEATURES, tri_box_features
+from perception.detection.fusion.matched_boxes import blended_boxes_px, box_weights, matched_boxes
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
-from perception.geometry.box_overlap_px import paired_iou_px
 from perception.types import (
     MODALITIES,
     Bool,
@@ -45,7 +52,6 @@ CONTRACT = ModelContract(
     inputs={"features": ModelInput(np.float32, (None, None))},
     outputs=("scores",),
 )
-_MIN_ERROR = 0.02  # smallest error of a box; labels are no better
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,23 @@ class RescoredBoxes:
     detections: Detections
     tri_boxes: Int
     best: Int
+    is_fused: Bool
+
+
+@dataclass(frozen=True)
+class _JointBoxes:
+    """K boxes of which suppression keeps some.
+
+    Attributes:
+        detections: (K) boxes with the scores of the fusion.
+        source_indices: (K, 3) rows of the combined boxes in the detections of each modality, -1 for none.
+        columns: (K,) index in `MODALITIES` of the dominant modality.
+        is_fused: (K,) mask of the boxes that the network has rescored.
+    """
+
+    detections: Detections
+    source_indices: Int
+    columns: Int
     is_fused: Bool
 
 
@@ -114,6 +137,12 @@ class Fusion:
             return FusedDetections.empty()
         return self.join(scene, self.rescore(scene))
 
+    def combinations(self, scene: DetectedScene) -> Int:
+        """Return the (T, 3) rows in the detections of each modality that are scored together, -1 for none."""
+        if self.variant == "default":
+            return matched_boxes(scene, self.tri_boxes.min_iou)
+        return tri_boxes(scene, self.tri_boxes)
+
     def rescore(self, scene: DetectedScene) -> RescoredBoxes:
         """Return the boxes with the mean of their scores in all combinations.
 
@@ -121,7 +150,7 @@ class Fusion:
             scene: Detections of one frame, at least one box.
         """
         merged = scene.merged
-        rows = tri_boxes(scene, self.tri_boxes)
+        rows = self.combinations(scene)
         places = merged.places(rows)
         is_fused = self.is_fused(scene, merged.detections.types)
         tri_scores = self._tri_scores(scene, rows, is_fused[places.max(axis=1)])
@@ -133,23 +162,28 @@ class Fusion:
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Return the boxes that suppression keeps, with the combination of each."""
-        kept = suppress(rescored.detections, self.max_iou)
-        rows = rescored.best[kept]
-        source_indices = rescored.tri_boxes[rows]
-        detections = rescored.detections[kept]
-        boxes_px = detections.boxes_px
-        if self.variant == "default":
-            places = scene.merged.places(source_indices)
-            others = scene.merged.detections
-            others_px = others.boxes_px[places]
-            is_own, is_present = places == kept[:, None], places >= 0
-            is_same = is_own | (is_present & (_overlaps(others_px, is_own) > self.max_iou))
-            boxes_px = _weighted_mean(others_px, is_same, others.scores[places])
-        columns = scene.merged.columns[kept]
-        own_columns = np.where(rescored.is_fused[kept], -1, columns)
+        boxes = (self._blended if self.variant == "default" else self._separate)(scene, rescored)
+        kept = suppress(boxes.detections, self.max_iou)
+        detections, columns = boxes.detections[kept], boxes.columns[kept]
+        own_columns = np.where(boxes.is_fused[kept], -1, columns)
         scores = self.calibrations.probabilities(detections.scores, own_columns)
-        found = Detections(boxes_px, scores, detections.types)
-        return FusedDetections(found, source_indices, columns, existence=scores)
+        found = replace(detections, scores=scores)
+        return FusedDetections(found, boxes.source_indices[kept], columns, existence=scores)
+
+    @staticmethod
+    def _separate(scene: DetectedScene, rescored: RescoredBoxes) -> _JointBoxes:
+        """Return the boxes of all modalities, each with its best combination."""
+        rows = rescored.tri_boxes[rescored.best]
+        return _JointBoxes(rescored.detections, rows, scene.merged.columns, rescored.is_fused)
+
+    @staticmethod
+    def _blended(scene: DetectedScene, rescored: RescoredBoxes) -> _JointBoxes:
+        """Return one box for each combination, with the score of the box that counts most in it."""
+        rows = rescored.tri_boxes
+        columns = box_weights(scene, rows).argmax(axis=1)
+        main = scene.merged.places(rows)[np.arange(len(rows)), columns]
+        detections = replace(rescored.detections[main], boxes_px=blended_boxes_px(scene, rows))
+        return _JointBoxes(detections, rows, columns, rescored.is_fused[main])
 
     def is_fused(self, scene: DetectedScene, types: NDArray[np.str_]) -> Bool:
         """Return the (M,) mask of the classes that the network rescores in a scene."""
@@ -203,28 +237,6 @@ def _best_rows(places: Int, scores: Float64, count: int) -> Int:
     best = np.empty(count + 1, np.int64)
     best[places[at_peak[::-1]]] = at_peak[::-1] // len(MODALITIES)  # the last assignment stays
     return best[:count]
-
-
-def _overlaps(boxes_px: Float64, is_own: Bool) -> Float64:
-    """Return the (M, 3) overlaps (IoU) of the (M, 3, 4) boxes of a combination with the one marked in (M, 3)."""
-    own_px = np.repeat(boxes_px[is_own], len(MODALITIES), axis=0)
-    return paired_iou_px(own_px, boxes_px.reshape(-1, 4)).reshape(is_own.shape)
-
-
-def _weighted_mean(boxes_px: Float64, is_same: Bool, scores: Float64) -> Float64:
-    """Return the (M, 4) means of those of (M, 3, 4) boxes that show the same object.
-
-    Errors of boxes are taken as independent between modalities and proportional to 1 - score: weights are its inverse
-    square.
-
-    Args:
-        boxes_px: (M, 3, 4) boxes of each combination.
-        is_same: (M, 3) mask of the boxes that count.
-        scores: (M, 3) score of each box.
-    """
-    weights = np.where(is_same, np.maximum(1 - scores, _MIN_ERROR) ** -2, 0.0)
-    weights /= weights.sum(axis=1, keepdims=True)
-    return np.asarray((weights[..., None] * boxes_px).sum(axis=1))
 
 
 def _variant(model: OnnxModel) -> FusionVariant:

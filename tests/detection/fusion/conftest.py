@@ -15,14 +15,11 @@ Write = Callable[..., Path]
 
 
 def weighted_sums(variant: FusionVariant, weights, **metadata: str) -> bytes:
-    """Return a file of: scores = (the first 3 features) @ weights, of the default variant in log-odds."""
+    """Return a file of: scores = (the first 3 features, which are the scores) @ weights."""
     names = FEATURES[variant]
     matrix = np.zeros((len(names), 3), np.float32)
     matrix[:3] = weights
-    nodes = [helper.make_node("MatMul", ["features", "matrix"], ["sums"])]
-    # The default takes log-odds.
-    last = "Sigmoid" if variant == "default" else "Identity"
-    nodes.append(helper.make_node(last, ["sums"], ["scores"]))
+    nodes = [helper.make_node("MatMul", ["features", "matrix"], ["scores"])]
     graph = helper.make_graph(
         nodes,
         "weighted_sums",

@@ -42,15 +42,15 @@ def test_one_detection_stays_of_each_neighbourhood(fusion_file):
     assert fused.detections.types.tolist() == ["Car"] * 3
 
 
-def test_the_default_blends_boxes_by_what_they_are_expected_to_overlap(fusion_file):
+def test_the_default_blends_matched_boxes_by_their_scores(fusion_file):
     modality_detections = {
         "rgb": detections([[100, 100, 200, 200]], [0.8]),
         "dm": detections([[110, 100, 210, 200]], [0.6]),
         "rm": detections([[155, 100, 255, 200]], [0.3]),  # overlaps by 0.29: not the same
     }
     fused = Fusion(fusion_file("default")).fuse(DetectedScene(modality_detections, SIZE_PX))
-    # Weights 1 / 0.2² and 1 / 0.4².
-    left = (25 * 100 + 6.25 * 110) / 31.25
+    # Weights 1 / 0.2² and 0.7 / 0.4².
+    left = (25 * 100 + 4.375 * 110) / 29.375
     np.testing.assert_allclose(fused.detections.boxes_px[0], [left, 100, left + 100, 200])
     assert fused.detections.boxes_px[1].tolist() == [155, 100, 255, 200]
     assert fused.dominant_modality.tolist() == [0, 2]

@@ -24,10 +24,10 @@ class SimulatedRows(FusionDataModule):
 
 @pytest.fixture(scope="session")
 def fitted(tmp_path_factory):
-    """Return the fusion of all features, fitted by 20 steps to 50 frames and their losses."""
+    """Return the default fusion, fitted by AdamW to 50 frames."""
     out = tmp_path_factory.mktemp("fitted")
-    words = ["--model.variant=default", "--model.hidden=[8]", "--data.score_jitters=0"]
-    train_toy(out, [*toy_words(epochs=20), *words], data=SimulatedRows)
+    words = toy_words("AdamW", 20, "--model.variant=default", "--data.batch_size=100")
+    train_toy(out, words, data=SimulatedRows)
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(ExportConfig(out / "best.ckpt")).models["fp32"])
     return Fusion(file)

@@ -39,8 +39,10 @@ def test_a_loss_is_graceful(frames, fitted, lost):
     assert moderate(left, found.boxes) >= best - (1e-9 if is_alone else 2)
 
 
-def test_each_step_helps(frames, fitted):
+def test_boxes_are_one_of_each_object_in_the_last_step(frames, fitted):
     steps = fuse_frames(frames.scenes, fitted).steps
-    values = [moderate(frames, boxes) for boxes in steps.values()]
+    merged, rescored, fused = (moderate(frames, boxes) for boxes in steps.values())
     assert list(steps) == ["merged", "rescored", "fused"]
-    assert values == sorted(values)
+    # All boxes of an object have the same score until they are blended.
+    assert len(steps["merged"]) == len(steps["rescored"]) > len(steps["fused"])
+    assert fused > max(merged, rescored) + 5

@@ -1,7 +1,6 @@
 """Targets by hand: the overlap with the best label, and what is neither right nor wrong."""
 
 import numpy as np
-import pytest
 
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
@@ -9,7 +8,7 @@ from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
 from tests.faults import fault
-from train.fusion.targets import DROPPED_MODALITIES, box_targets, fusion_rows, jitter_scores
+from train.fusion.targets import box_targets, fusion_rows
 
 SIZE_PX = (1000, 300)
 
@@ -22,11 +21,11 @@ def truth_of(*rows) -> TrueBoxes:
 
 
 def test_overlap_with_the_best_label_of_the_type():
-    scene = DetectedScene({"rgb": detections([[0, 0, 20, 10], [500, 0, 510, 10]])}, SIZE_PX)
+    found = detections([[0, 0, 20, 10], [500, 0, 510, 10]])
     truth = truth_of(
         ("Car", [10, 0, 30, 10]), ("Car", [0, 0, 20, 20]), ("Pedestrian", [0, 0, 20, 10])
     )
-    targets = box_targets(scene, truth)
+    targets = box_targets(found, truth)
     np.testing.assert_allclose(targets.ious, [0.5, 0])
     assert targets.is_used.tolist() == [True, True]
 
@@ -39,7 +38,7 @@ def test_vans_and_unlabelled_regions_are_not_used():
         ("Car", [200, 0, 220, 10]),
         ("DontCare", [190, 0, 310, 50]),  # holds the third, which is a car, and half of the fourth
     )
-    targets = box_targets(DetectedScene({"dm": detections(boxes)}, SIZE_PX), truth)
+    targets = box_targets(detections(boxes), truth)
     assert targets.ious.tolist() == [0, 0, 1, 0]
     assert targets.is_used.tolist() == [False, False, True, True]
 
@@ -61,18 +60,12 @@ def test_the_thesis_asks_zero_of_what_is_not_there():
     assert rows.weights.tolist() == [[1, 1, 1]]
 
 
-def test_the_default_asks_nothing_of_it_and_sees_every_loss():
+def test_boxes_of_a_match_share_a_target_and_a_weight():
     rows = fusion_rows(frames(), "default")
-    # An overlap of 0.5 exceeds neither of KITTI's thresholds.
-    assert rows.targets[0].tolist() == [1, 0, 0]
-    assert rows.weights[0].tolist() == [1, 1, 0]
-    # rgb lost; dm; rm, where both others stay.
-    share = pytest.approx(1 / len(DROPPED_MODALITIES))
-    assert [tuple(row) for row in rows.weights[1:].tolist()] == [
-        (0, share, 0),
-        (share, 0, 0),
-        (share, share, 0),
-    ]
+    np.testing.assert_allclose(rows.features, [[0.9, 0.8, 0, 1, 0, 0, 0, 0]])
+    # Blended, the box is 10 + 10 / 1.175 pixels wide.
+    assert rows.targets.tolist() == [[1, 1, 1]]
+    assert rows.weights.tolist() == [[0.5, 0.5, 0]]
 
 
 def test_the_default_asks_which_thresholds_are_exceeded():
@@ -80,37 +73,8 @@ def test_the_default_asks_which_thresholds_are_exceeded():
     labels = [("Car", [0, 0, 20, 9]), ("Car", [100, 0, 120, 6]), ("Van", [200, 0, 220, 10])]
     scene = DetectedScene({"rgb": detections(boxes), "rm": detections([])}, SIZE_PX)
     rows = fusion_rows(DetectedFrames((scene,), truth_of(*labels)), "default")
-    assert rows.targets[:3, 0].tolist() == [1, 0.5, 0]
-    assert rows.weights[:3, 0].tolist() == [1, 1, 0]  # a van is no wrong car
-
-
-def test_the_default_sees_all_again_by_detectors_that_are_doubted():
-    once, thrice = (
-        fusion_rows(frames(), "default"),
-        fusion_rows(frames(), "default", score_jitters=2),
-    )
-    assert len(thrice) == 3 * len(once)
-    for first in (4, 8):
-        again = slice(first, first + 4)
-        np.testing.assert_array_equal(thrice.targets[again], once.targets)
-        np.testing.assert_array_equal(thrice.weights[again], once.weights)
-        np.testing.assert_array_equal(thrice.features[again, 3:], once.features[:, 3:])
-        assert (thrice.features[again, :2] != once.features[:, :2]).any()
-
-
-def test_a_doubted_detector_keeps_its_order():
-    scene = DetectedScene({"rgb": detections([[0, 0, 20, 10]] * 5)}, SIZE_PX)
-    one = DetectedFrames((scene,) * 40, truth_of()[[]])
-    scores = np.array(
-        [other.modality_detections["rgb"].scores for other in jitter_scores(one, 3).scenes]
-    )
-    assert (np.diff(scores, axis=1) < 0).all()
-    # A logit of 0 is shifted only; one of ln 9 is stretched by up to 15 %, too.
-    logits = np.log(scores / (1 - scores))
-    assert np.std(logits[:, 2]) == pytest.approx(0.9, rel=0.3)
-    assert (abs((logits[:, 0] - logits[:, 2]) / np.log(9) - 1) <= 0.15).all()
-    again = jitter_scores(one, 3).scenes[7].modality_detections["rgb"].scores
-    np.testing.assert_array_equal(again, scores[7])
+    assert rows.targets[:, 0].tolist() == [1, 0.5, 0]
+    assert rows.weights[:, 0].tolist() == [1, 1, 0]  # a van is no wrong car
 
 
 def test_all_combinations_are_counted_and_no_more_than_fit_into_memory(monkeypatch):

@@ -13,13 +13,13 @@ from tests.faults import fault
 from tests.train.fusion.toy_rows import toy_rows
 from train.fusion.datamodule import row_tensors
 from train.fusion.gauss_newton import mean_square, normal_equations, weighted_entropy
-from train.fusion.network import RescoringMlp
+from train.fusion.network import NoisyOr, RescoringMlp
 
 
-def toy_network(hidden=(4,), variant="scores", dtype=torch.float64):
+def toy_network(hidden=(4,), dtype=torch.float64):
     torch.manual_seed(0)
-    network = RescoringMlp(variant, hidden)
-    network.fit_inputs(toy_rows(features=len(FEATURES[variant])).features)
+    network = RescoringMlp("scores", hidden)
+    network.fit_inputs(toy_rows().features)
     return network.to(dtype)
 
 
@@ -33,11 +33,10 @@ def residuals_of(network, rows, parameters):
     return ((outputs - targets) * weights.sqrt()).flatten()
 
 
-@pytest.mark.parametrize("variant", ["scores", "default"])
 @pytest.mark.parametrize("hidden", [(2,), (4, 3), (3, 2, 2)])
-def test_the_sums_are_those_of_the_whole_jacobian(variant, hidden):
-    rows = tensors_of(toy_rows(features=len(FEATURES[variant])))
-    network = toy_network(hidden, variant)
+def test_the_sums_are_those_of_the_whole_jacobian(hidden):
+    rows = tensors_of(toy_rows())
+    network = toy_network(hidden)
     parameters = {name: weight.detach() for name, weight in network.named_parameters()}
     by_name = jacrev(lambda values: residuals_of(network, rows, values))(parameters)
     jacobian = torch.cat([one.flatten(1) for one in by_name.values()], dim=1)
@@ -49,10 +48,10 @@ def test_the_sums_are_those_of_the_whole_jacobian(variant, hidden):
     torch.testing.assert_close(mean_square(network, rows), found.mean_square)
 
 
-def test_the_cross_entropy_of_a_bounded_network_is_that_of_its_definition():
+def test_the_cross_entropy_of_probabilities_is_that_of_its_definition():
     rows = tensors_of(toy_rows(features=len(FEATURES["default"])))
-    rows[1] = rows[1].clamp(0, 1)
-    network = toy_network((4,), "default")
+    rows[0], rows[1] = rows[0].sigmoid(), rows[1].clamp(0, 1)
+    network = NoisyOr().double()
     scores = network(rows[0])
     terms = rows[1] * scores.log() + (1 - rows[1]) * (1 - scores).log()
     found = weighted_entropy(network, rows)
