@@ -51,19 +51,17 @@ def simulated_frames(count: int, seed: int) -> DetectedFrames:
         true_px = _boxes_at(distances_m, _HEIGHT_M * np.ones_like(distances_m), rng)
         bush_m = rng.uniform(8, 50, 2)
         bush_px = _boxes_at(bush_m, rng.uniform(0.7, 2.5, 2), rng)
-        modality_detections, depths_m = {}, {}
+        modality_detections = {}
         for name, quality in QUALITIES.items():
-            found_px, scores, found_m = _detected(quality, true_px, distances_m, rng)
-            alarm_px, alarm_scores, alarm_m = _alarms(name, quality, (bush_px, bush_m), rng)
+            found_px, scores = _detected(quality, true_px, distances_m, rng)
+            alarm_px, alarm_scores = _alarms(name, quality, bush_px, rng)
             both_px = np.vstack([found_px, alarm_px])
             seen = Detections(
                 both_px, np.concatenate([scores, alarm_scores]), np.full(len(both_px), "Car")
             )
             kept = suppress(seen, 0.5)
             modality_detections[name] = seen[kept]
-            both_m = np.concatenate([found_m, alarm_m])[kept]
-            depths_m[name] = both_m[:, None] * np.array([1.0, 1.05])
-        scenes.append(DetectedScene(modality_detections, SIZE_PX, depths_m))
+        scenes.append(DetectedScene(modality_detections, SIZE_PX))
         boxes.append(true_px)
         frames.append(np.full(len(true_px), frame))
     rows = np.concatenate(frames)
@@ -107,24 +105,22 @@ def _detected(quality, true_px, distances_m, rng):
         quality.jitter * rng.normal(0, 1, true_px.shape) * rng.uniform(0.3, 1.5, (len(true_px), 1))
     )
     boxes_px = true_px + jitter * sizes
-    return boxes_px[is_found], _sigmoid(visible[is_found]), distances_m[is_found]
+    return boxes_px[is_found], _sigmoid(visible[is_found])
 
 
-def _alarms(name, quality, bushes, rng):
+def _alarms(name, quality, bush_px, rng):
     count = rng.poisson(quality.alarms)
     distances_m = rng.uniform(8, 65, count)
     heights_m = rng.uniform(0.4, 4.0, count) if name == "rgb" else rng.uniform(0.8, 2.2, count)
     boxes_px = _boxes_at(distances_m, heights_m, rng)
     scores = _sigmoid(rng.normal(-1.0, 1.2, count))
     if name == "rgb":
-        return boxes_px, scores, distances_m
-    bush_px, bush_m = bushes
-    is_fooled = rng.uniform(size=len(bush_m)) < 0.6
+        return boxes_px, scores
+    is_fooled = rng.uniform(size=len(bush_px)) < 0.6
     bush_scores = _sigmoid(rng.normal(0.0, 1.0, int(is_fooled.sum())))
     return (
         np.vstack([boxes_px, bush_px[is_fooled]]),
         np.concatenate([scores, bush_scores]),
-        np.concatenate([distances_m, bush_m[is_fooled]]),
     )
 
 

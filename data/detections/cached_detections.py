@@ -122,29 +122,21 @@ def _detect(frame: Frame, detector: MultimodalDetector) -> Arrays:
         arrays[f"{name}_boxes_px"] = found.boxes_px
         arrays[f"{name}_scores"] = found.scores
         arrays[f"{name}_types"] = found.types.astype(np.str_)
-    for name, depths_m in scene.depths_m.items():
-        arrays[f"{name}_depths_m"] = depths_m
     for name, class_names in scene.class_names.items():
         arrays[f"{name}_classes"] = np.array(class_names, np.str_)
-    if scene.known_focal_px is not None:
-        arrays["focal_px"] = np.array(scene.known_focal_px)
     return arrays
 
 
 def _to_scene(arrays: Arrays) -> DetectedScene:
     modality_detections: dict[Modality, Detections] = {}
-    depths_m: dict[Modality, np.ndarray] = {}
     for name in MODALITIES:
         if f"{name}_boxes_px" in arrays:
             columns = [arrays[f"{name}_{part}"] for part in ("boxes_px", "scores", "types")]
             modality_detections[name] = Detections(*columns)
-        if f"{name}_depths_m" in arrays:
-            depths_m[name] = arrays[f"{name}_depths_m"]
     width, height = arrays["size_px"].tolist()
-    focal_px = float(arrays["focal_px"]) if "focal_px" in arrays else None
     class_names = {
         name: tuple(arrays[f"{name}_classes"].tolist())
         for name in MODALITIES
         if f"{name}_classes" in arrays
     }
-    return DetectedScene(modality_detections, (width, height), depths_m, focal_px, class_names)
+    return DetectedScene(modality_detections, (width, height), class_names)

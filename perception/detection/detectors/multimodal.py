@@ -25,7 +25,7 @@ from perception.detection.detectors.modalities import (
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.network_input import PixelRectangle
-from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.detector_fusion import DetectionFusion, fusion_of
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
@@ -35,7 +35,6 @@ from perception.maps.projection import camera_of, project_frame
 from perception.types import (
     MAP_MODALITIES,
     MODALITIES,
-    Calibration,
     Detections,
     Frame,
     FusedDetections,
@@ -52,7 +51,7 @@ class MultimodalOutput:
     """Detections in one frame.
 
     Attributes:
-        scene: Detections by modality, with the depths of their boxes; a detector that had no input has no entry.
+        scene: Detections by modality; a detector that had no input has no entry.
         fused: Fused detections.
         dense: Dense maps that were used, or None.
         map_images: (H, W) map image of each modality that was used, 0 where unknown.
@@ -109,7 +108,7 @@ class MultimodalDetector:
             ModelError: an output of a network is not finite.
         """
         start_s = time.perf_counter()
-        camera, size_px = self._camera(frame)
+        size_px = self._image_size_px(frame)
         region = detection_region(frame.calibration, size_px)
         running: dict[Modality, Future[_Timed[_ModalityOutput]]] = {}
         if self._uses_image(frame):
@@ -125,7 +124,7 @@ class MultimodalDetector:
         detections = {name: one.value.detections for name, one in outputs.items()}
         used = next(iter(maps.value.values()), dense)
         class_names = {name: one.class_names for name, one in self.detectors.items()}
-        scene = scene_of(detections, size_px, used, camera, class_names)
+        scene = DetectedScene(detections, size_px, class_names)
         fused = _time(lambda: self._fusion.fuse(scene))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in outputs.items()}
@@ -146,12 +145,12 @@ class MultimodalDetector:
     def _needs_no_maps(self) -> bool:
         return self.detectors.keys() == {"rgb"}
 
-    def _camera(self, frame: Frame) -> tuple[Calibration | None, tuple[int, int]]:
-        """Return the camera of the detections, None of an image without a calibration, and the size of its image."""
+    def _image_size_px(self, frame: Frame) -> tuple[int, int]:
+        """Return the (width, height) of the image of the detections."""
         if self._needs_no_maps and frame.calibration is None:
             height_px, width_px = camera_image(frame).shape[:2]
-            return None, (width_px, height_px)
-        return camera_of(frame)
+            return width_px, height_px
+        return camera_of(frame)[1]
 
     def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
         """Return the dense maps by each filling that a detector needs."""

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.class_precision import ClassPrecision, PrecisionMeasure
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.fusion_measure import row_functions
 from perception.evaluation.report import Report, Table, value_table
-from perception.maps.projection import camera_of
 from perception.render.curve_plots import Curve, CurvePanel
 from perception.types import Frame, Modality
 
@@ -59,20 +58,17 @@ def corrupted_detector(
     ]
 
     def detect(frame: Frame) -> CorruptedScenes:
-        camera, size_px = camera_of(frame)
         clean = detector.detect(frame)
         scenes = {CLEAN: clean.scene}
         for number, one in enumerate(corruptions):
             for level in one.levels:
                 rng = np.random.default_rng((seed, frame.index, number))
                 output = affected[number].detect(one.corrupt(frame, level, rng))
-                dense = clean.dense if output.dense is None else output.dense
                 found = {
                     **clean.scene.modality_detections,
                     **output.scene.modality_detections,
                 }
-                class_names = clean.scene.class_names
-                scenes[one.name, level] = scene_of(found, size_px, dense, camera, class_names)
+                scenes[one.name, level] = replace(clean.scene, modality_detections=found)
         return scenes
 
     return detect

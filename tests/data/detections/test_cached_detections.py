@@ -12,9 +12,8 @@ from data.detections.cached_detections import (
 )
 from data.detections.detected_frames import DetectedFrames
 from data.open_drive import open_drive
-from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import DriveError, PerceptionError, ScanError
-from perception.maps.densify import DenseMaps
 from perception.types import Detections
 from tests.car_frames import write_car_frames
 from tests.faults import fault
@@ -41,10 +40,8 @@ class ToyDetector:
         self.looks += 1
         if frame.index == self._fails_at:
             raise ScanError("scan", expected="points", found="none")
-        depth_m = np.full((190, 620), 12, np.float32)
-        dense = DenseMaps(depth_m, depth_m * 0, depth_m > 0, depth_m < 0)
         box = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.7]), np.array(["Car"]))
-        return ToyOutput(scene_of({"rgb": Detections.empty(), "dm": box}, (620, 190), dense))
+        return ToyOutput(DetectedScene({"rgb": Detections.empty(), "dm": box}, (620, 190)))
 
 
 def test_detectors_run_once_on_each_frame(car_frames, tmp_path):
@@ -56,7 +53,6 @@ def test_detectors_run_once_on_each_frame(car_frames, tmp_path):
         assert list(scene.modality_detections) == ["rgb", "dm"]
         assert scene.modality_detections["dm"].boxes_px.tolist() == [[10, 20, 30, 40]]
         assert scene.modality_detections["dm"].types.tolist() == ["Car"]
-        assert scene.depths_m["dm"].tolist() == [[12, 12]]
         assert scene.size_px == (620, 190)
     labels = drive.labels(0)
     own = first.truth_of(0)

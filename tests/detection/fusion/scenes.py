@@ -17,12 +17,11 @@ def detections(boxes_px, scores=None, type_="Car") -> Detections:
 def clumped_scene(seed: int, clumps: int = 5, most: int = 3) -> DetectedScene:
     rng = np.random.default_rng(seed)
     centers = rng.uniform((100, 100), (1100, 300), (clumps, 2))
-    modality_detections, depths_m = {}, {}
+    modality_detections = {}
     for modality in MODALITIES:
         counts = rng.integers(0, most + 1, clumps)
         middles = np.repeat(centers, counts, axis=0) + rng.normal(0, 12, (counts.sum(), 2))
         sizes = rng.uniform((60, 40), (140, 90), (len(middles), 2))
         boxes_px = np.hstack([middles - sizes / 2, middles + sizes / 2])
         modality_detections[modality] = detections(boxes_px, rng.uniform(0, 1, len(boxes_px)))
-        depths_m[modality] = np.add(rng.uniform(5, 60, (len(boxes_px), 1)), (0, 2))
-    return DetectedScene(modality_detections, SIZE_PX, depths_m)
+    return DetectedScene(modality_detections, SIZE_PX)

@@ -93,7 +93,7 @@ def test_a_view_alone_keeps_its_boxes_and_their_order(fusion_file, left):
     scene = clumped_scene(1)
     found = scene.modality_detections[left]
     found = found[suppress(found, 0.5)]
-    alone = replace(scene, modality_detections={left: found}, depths_m={})
+    alone = replace(scene, modality_detections={left: found})
     curves = f"1.0,1.0,0.0 {left}=1.0,1.0,-1.0"
     fused = Fusion(fusion_file("default", HALF_OF_ALL, calibration=curves)).fuse(alone)
     np.testing.assert_array_equal(fused.detections.boxes_px, found.boxes_px)
