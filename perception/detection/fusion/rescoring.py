@@ -200,8 +200,8 @@ class Fusion:
     def predict(self, features: Float64) -> Float64:
         """Return the (T, 3) scores of combinations by their (T, F) features, undefined where there is no box.
 
-        A score is the expected IoU of a box with the object, or of the default variant the expected share of
-        KITTI's overlap thresholds that it exceeds.
+        A score is the expected IoU of a box with the object, or of the default variant the expected share of the
+        overlap thresholds 0.3, 0.5 and 0.7 that it exceeds.
         """
         outputs = self._model({"features": features.astype(np.float32)})
         return outputs["scores"].astype(np.float64)

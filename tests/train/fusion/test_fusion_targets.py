@@ -73,7 +73,7 @@ def test_the_default_asks_which_thresholds_are_exceeded():
     labels = [("Car", [0, 0, 20, 9]), ("Car", [100, 0, 120, 6]), ("Van", [200, 0, 220, 10])]
     scene = DetectedScene({"rgb": detections(boxes), "rm": detections([])}, SIZE_PX)
     rows = fusion_rows(DetectedFrames((scene,), truth_of(*labels)), "default")
-    assert rows.targets[:, 0].tolist() == [1, 0.5, 0]
+    np.testing.assert_allclose(rows.targets[:, 0], [1, 2 / 3, 0])
     assert rows.weights[:, 0].tolist() == [1, 1, 0]  # a van is no wrong car
 
 
