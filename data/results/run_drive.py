@@ -22,7 +22,6 @@ from perception.render.composition import Composition
 from perception.render.scene import SelectedObject
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 from perception.tracking.single_object.handover import TrackHandover
-from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Drive, Result
 
 log = logging.getLogger(__name__)
@@ -159,5 +158,8 @@ def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
 def _handover(drive: Drive, config: RunConfig) -> TrackHandover | None:
     if config.track is None:
         return None
+    # These trackers take half a second to import.
+    from perception.tracking.single_object.trackers import single_object_tracker
+
     tracker = single_object_tracker(config.tracker, drive.sensor, config.tracker_config)
     return TrackHandover(config.track, tracker, config.pipeline.ego_vehicle)

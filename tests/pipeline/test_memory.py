@@ -1,4 +1,4 @@
-"""Threads share few heaps."""
+"""Threads share few heaps, and a run imports no more than it needs."""
 
 import ctypes
 import subprocess
@@ -43,3 +43,13 @@ def test_threads_share_two_heaps():
         [sys.executable, "-c", COUNT_HEAPS], capture_output=True, text=True, check=True
     )
     assert int(ran.stdout) <= 2
+
+
+def test_a_run_without_a_tracker_of_one_object_imports_none():
+    code = (
+        "import sys\n"
+        "import data.results.run_drive\n"
+        "print([name for name in ('scipy.signal', 'matplotlib') if name in sys.modules])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout == "[]\n"
