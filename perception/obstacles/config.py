@@ -15,6 +15,7 @@ class GroundSurfaceConfig:
     Attributes:
         margin_m: Reach of the surface beyond the local area in metres.
         cell_m: Distance between two nodes of the surface in metres.
+        max_cells_across: Largest number of cells across the road; in a wider area nodes are farther apart.
         sample_m: Edge of the cells in metres in which points are averaged.
         max_points: Largest number of points of a scan that are used; scans with more are thinned evenly.
         max_slope: Largest mean slope of the ground seen from the sensor, as a ratio.
@@ -35,6 +36,7 @@ class GroundSurfaceConfig:
     # Measured on real drives. The stiffness belongs to nodes twice as far apart: 25 there is 100 here.
     margin_m: float = 3.0
     cell_m: float = 1.0
+    max_cells_across: int = 60
     sample_m: float = 0.5
     max_points: int = 65_000
     max_slope: float = 0.15
@@ -53,8 +55,9 @@ class GroundSurfaceConfig:
 
     def __post_init__(self) -> None:
         """Validate sizes and counts."""
-        sizes = (self.cell_m, self.sample_m, self.max_points, self.band_m, self.full_count)
-        if min(sizes) <= 0 or self.remembered_scans < 0 or self.remember_every < 1:
+        lengths = (self.cell_m, self.sample_m, self.band_m)
+        counts = (self.max_cells_across, self.max_points, self.full_count)
+        if min(*lengths, *counts) <= 0 or self.remembered_scans < 0 or self.remember_every < 1:
             raise UsageError(
                 "ground surface", expected="positive sizes and counts", found=str(self)
             )

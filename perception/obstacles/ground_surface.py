@@ -56,8 +56,12 @@ class GroundSurfaceEstimator:
         area, margin_m = area or LocalArea(), self._config.margin_m
         low_m = (-area.behind_m - margin_m, -area.side_m - margin_m)
         high_m = (area.ahead_m + margin_m, area.side_m + margin_m)
-        self._stiff = HeightGrid.covering(low_m, high_m, 2 * self._config.cell_m)
-        self._fine = HeightGrid.covering(low_m, high_m, self._config.cell_m)
+        # The cost of a fit grows with the square of the cells across.
+        across_m = (high_m[1] - low_m[1]) / self._config.max_cells_across
+        cell_m = max(self._config.cell_m, across_m)
+        self._stiffness_ratio = (self._config.cell_m / cell_m) ** 2  # the same bend of the surface
+        self._stiff = HeightGrid.covering(low_m, high_m, 2 * cell_m)
+        self._fine = HeightGrid.covering(low_m, high_m, cell_m)
         self._samples = HeightGrid.covering(low_m, high_m, self._config.sample_m)
         cell_centers_m = self._samples.nodes_xy_m + self._samples.cell_m / 2
         self._stiff_at_cells = self._stiff.bilinear(cell_centers_m)
@@ -123,7 +127,8 @@ class GroundSurfaceEstimator:
         heights_m = start_m
         for scale_m in scales_m:
             low_m = scale_m * self._config.low_scale_ratio
-            heights_m = grid.fit(samples, stiffness, heights_m, (low_m, scale_m))
+            scales = (low_m, scale_m)
+            heights_m = grid.fit(samples, self._stiffness_ratio * stiffness, heights_m, scales)
         return heights_m
 
     def _averages(

@@ -198,6 +198,20 @@ def test_the_grid_covers_the_area_and_its_margin() -> None:
     np.testing.assert_allclose([*low, *high], [-13, -18, 43, 18])
 
 
+@pytest.mark.parametrize(("side_m", "cell_m"), [(10.0, 1.0), (27.0, 1.0), (57.0, 2.0)])
+def test_nodes_are_farther_apart_in_a_wide_area(side_m: float, cell_m: float) -> None:
+    area = LocalArea(ahead_m=40.0, behind_m=40.0, side_m=side_m)
+    surface = GroundSurfaceEstimator(HDL_64E, area)
+    points = rings(HDL_64E, level, [])
+    assert surface.update(window_of(PosedScan(points, np.eye(4)))).grid.cell_m == cell_m
+
+
+@pytest.mark.parametrize("ground", [slope, camber, crest])
+def test_roads_of_a_junction_are_found_as_well(ground: Ground) -> None:
+    surface = GroundSurfaceEstimator(HDL_64E, LocalArea(40.0, 40.0, 40.0))
+    assert np.abs(errors_m(surface, ground, HDL_64E, [])).mean() < 0.01
+
+
 def test_sizes_that_make_no_grid_are_refused() -> None:
     with pytest.raises(UsageError) as error:
         GroundSurfaceConfig(cell_m=0.0)
