@@ -115,7 +115,7 @@ def test_lines_of_a_mesh_are_more_opaque_than_its_fill():
         ([(0, 0, 100, 100)], -1),
     ],
 )
-def test_the_best_place_is_free_and_covers_least(taken, expected):
+def test_the_best_place_is_free_and_covers_little(taken, expected):
     places = np.array([(0, 0, 10, 10), (20, 0, 30, 10), (40, 0, 50, 10)])
     avoided = np.array([(5.0, 5, 60, 10), (0, 0, 10, 8), (40, 0, 50, 4)])
     taken_px = np.array(taken, float).reshape(-1, 4)
