@@ -18,7 +18,7 @@ INPUTS = {
     "study sim-to-real": "x --validation y",
     **dict.fromkeys(("demo", "synth", "bench"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
-    "study thesis": "",
+    **dict.fromkeys(("study growth", "study thesis"), ""),
 }
 OUTPUTS = {"synth": "out", "export": "--out out", "split": "--out out"}
 
