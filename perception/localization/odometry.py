@@ -300,7 +300,8 @@ class LidarOdometry:
     ) -> Alignment | None:
         """Return the alignment from another motion since the keyframe, where more points speak for it.
 
-        All points are compared: what is called moving depends on the poses.
+        All points are compared: what is called moving depends on the poses. But without INS, what has been seen to move
+        does not speak for a shorter way.
         """
         if carried is None:
             return None
@@ -313,7 +314,12 @@ class LidarOdometry:
         other = self._surface_alignment(points, guess)
         if other is None or not self._is_apart(other.target_SE3_source, found):
             return None
-        gain = self._share(points, other.target_SE3_source) - self._share(points, found)
+        target = self._keyframe.points.all
+        if motion_ins is None and other.target_SE3_source[0, 3] < found[0, 3]:
+            target = self._keyframe.points.static
+        gain = self._share(points, target, other.target_SE3_source) - self._share(
+            points, target, found
+        )
         return other if gain > min_gain else None
 
     def _search_ahead(
@@ -331,19 +337,21 @@ class LidarOdometry:
         if found[0, 3] > _SEARCH_BACK_M:
             start_m = max(start_m, float(found[0, 3]))
         sample = points.thinned(_SEARCH_POINTS)
-        best, most = None, self._share(sample, found) - _SEARCH_LOSS
+        target = self._keyframe.points.all
+        best, most = None, self._share(sample, target, found) - _SEARCH_LOSS
         for ahead_m in np.arange(start_m, min(end_m, self._searched_m), _SEARCH_STEP_M):
             motion = found.copy()
             motion[0, 3] = ahead_m
-            share = self._share(sample, motion) if self._is_apart(motion, found) else 0.0
+            share = self._share(sample, target, motion) if self._is_apart(motion, found) else 0.0
             if share > most:
                 best, most = motion, share
         return best
 
-    def _share(self, points: PreprocessedPoints, motion: Float64) -> float:
-        """Return the share of points that a motion since the keyframe brings onto its surfaces."""
-        target, config = self._keyframe.points.all, self._config
-        return share_on_surfaces(points, target, motion, config.tight_distance_m)
+    def _share(
+        self, points: PreprocessedPoints, target: PreprocessedPoints, motion: Float64
+    ) -> float:
+        """Return the share of points that a motion brings onto surfaces of the keyframe."""
+        return share_on_surfaces(points, target, motion, self._config.tight_distance_m)
 
     def _surface_alignment(self, points: PreprocessedPoints, motion: Float64) -> Alignment | None:
         """Align what a motion brings onto surfaces, and once more what the alignment found brings there."""
