@@ -7,6 +7,7 @@ from perception.datmo.config import PointDetectorConfig
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.static_cells import StaticCells
 from perception.geometry.footprints import Footprints, footprints_of
+from perception.kernels.neighbours import extents_of_clusters
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, GroundModel, Int, PointState
 
@@ -51,11 +52,7 @@ class PointDetector:
     def _beams_across(self, moving: Float32, cluster_of: Int) -> Float64:
         """Return the number of beams across each cluster, by its height and its distance."""
         clusters = int(cluster_of.max(initial=-1)) + 1
-        low_m, high_m = np.full(clusters, np.inf), np.full(clusters, -np.inf)
-        np.minimum.at(low_m, cluster_of, moving[:, 2])
-        np.maximum.at(high_m, cluster_of, moving[:, 2])
-        nearest_m = np.full(clusters, np.inf)
-        np.minimum.at(nearest_m, cluster_of, np.hypot(moving[:, 0], moving[:, 1]))
+        low_m, high_m, nearest_m = extents_of_clusters(moving, cluster_of, clusters)
         gap_m = np.maximum(nearest_m, 1.0) * self._sensor.elevation_step_rad
         return np.asarray((high_m - low_m) / gap_m, np.float64)
 
@@ -70,7 +67,7 @@ def _without_attached(cluster_of: Int, touches: Bool, max_share: float) -> Int:
 
 def _points_of(scan: SegmentedScan, state: PointState) -> Float32:
     rows = np.flatnonzero(scan.point_states == state)
-    return np.asarray(scan.points_velo.take(rows, axis=0)[:, :3])
+    return np.asarray(scan.points_velo.take(rows, axis=0), np.float32)
 
 
 def _outline(points_velo: Float32, cluster_of: Int, min_points: int) -> Footprints:

@@ -1,9 +1,9 @@
-"""Places over the ground plane that are near each other, found along x: places within reach follow one another there."""
+"""Clusters: places over the ground plane that are near each other, which follow one another along x, and their extents."""
 
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, array_of, compiled, written
-from perception.types import Bool, Float64, Int
+from perception.types import Bool, Float32, Float64, Int
 
 _PLACES, _NUMBERS, _ORDER = array_of(np.float64, 2), array_of(np.float64), array_of(np.int64)
 
@@ -80,3 +80,25 @@ def linked_clusters(
         else:
             clusters[row] = clusters[root]
     return clusters
+
+
+@compiled((array_of(np.float32, 2), _ORDER, np.int64))
+def extents_of_clusters(
+    points: Float32, cluster_of: Int, clusters: int
+) -> tuple[Float64, Float64, Float64]:
+    """Return the (C,) lowest and highest z, and the smallest distance over the ground plane, of clusters of points.
+
+    Args:
+        points: (N, 3+) points.
+        cluster_of: (N,) cluster of each.
+        clusters: Number of clusters.
+    """
+    low_m, high_m = np.full(clusters, np.inf), np.full(clusters, -np.inf)
+    nearest_m = np.full(clusters, np.inf)
+    for row in range(len(points)):
+        x, y, z = points[row, 0], points[row, 1], np.float64(points[row, 2])
+        cluster, away_m = cluster_of[row], np.float64(np.sqrt(x * x + y * y))
+        low_m[cluster] = min(low_m[cluster], z)
+        high_m[cluster] = max(high_m[cluster], z)
+        nearest_m[cluster] = min(nearest_m[cluster], away_m)
+    return low_m, high_m, nearest_m

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
-from perception.obstacles.voxels import Keys, is_among
+from perception.obstacles.voxels import Keys, count_keys, is_among
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, UInt8
 
@@ -111,7 +111,7 @@ class FreeSpaceMemory:
         """
         newest = self._scans[-1]
         newest.image.mark_moving(moving_velo)
-        columns = np.unique(_columns(static_velo, newest.world_SE3_velo))
+        columns = count_keys(_columns(static_velo, newest.world_SE3_velo)).keys
         self._scans[-1] = replace(newest, static_columns=columns)
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:

@@ -101,7 +101,7 @@ class VoxelGrid:
 
 def count_keys(keys: Keys) -> KeyCounts:
     """Count how often each key occurs."""
-    return _count_ordered(np.sort(keys))
+    return _count_ordered(sorted_keys(keys)[0])
 
 
 def _count_ordered(ordered: Keys) -> KeyCounts:

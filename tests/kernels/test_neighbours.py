@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
-from perception.kernels.neighbours import are_near, linked_clusters
+from perception.kernels.neighbours import are_near, extents_of_clusters, linked_clusters
 
 
 def places(count: int, seed: int) -> np.ndarray:
@@ -35,3 +35,16 @@ def test_clusters_equal_the_components_of_all_links(seed: int) -> None:
     assert found[0] == 0
     assert 1 < found.max() < 149
     np.testing.assert_array_equal(found, expected)
+
+
+def test_extents_equal_those_of_each_cluster() -> None:
+    random = np.random.default_rng(0)
+    points, cluster_of = (
+        random.normal(0, 5, (300, 3)).astype(np.float32),
+        random.integers(0, 7, 300),
+    )
+    low_m, high_m, nearest_m = extents_of_clusters(points, cluster_of, 7)
+    for number in range(7):
+        part = points[cluster_of == number]
+        assert (low_m[number], high_m[number]) == (part[:, 2].min(), part[:, 2].max())
+        np.testing.assert_allclose(nearest_m[number], np.hypot(*part.T[:2]).min(), rtol=1e-6)
