@@ -1,4 +1,4 @@
-"""Exact DBSCAN in the plane, and connected parts of graphs.
+"""Exact DBSCAN in the plane.
 
 The labels are those of scikit-learn: clusters are numbered in the order of their first core, and a border point of several
 clusters belongs to the first of them. The author's program gives it to its nearest core.
@@ -7,8 +7,6 @@ The 11,000 points above ground of a frame of KITTI take less than 1 ms here and 
 """
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from perception.errors import UsageError
 from perception.kernels.dbscan import dbscan
@@ -45,20 +43,6 @@ def cluster(xy_m: Float, radius_m: float, min_points: int) -> Int:
             found=f"an extent of {extent:.3g} cells",
         )
     return dbscan(points_m, cells_per_m, radius_m, min_points)
-
-
-def connected_parts(count: int, first: Int, second: Int) -> Int:
-    """Return the (count,) connected component of each node of a graph.
-
-    Args:
-        count: Number of nodes.
-        first: (E,) first node of each edge, ascending.
-        second: (E,) second node of each edge.
-    """
-    ends = np.zeros(count + 1, np.int32)
-    np.cumsum(np.bincount(first, minlength=count), out=ends[1:])
-    edges = csr_matrix((np.ones(len(first)), second.astype(np.int32), ends), (count, count))
-    return np.asarray(connected_components(edges, directed=False)[1], np.int64)
 
 
 def expand_ranges(starts: Int, counts: Int) -> tuple[Int, Int]:

@@ -9,6 +9,7 @@ monotonic, so that what holds for the boxes holds exactly for their points.
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
+from perception.kernels.graphs import root_of
 from perception.kernels.sorting import sorted_by_digits
 from perception.types import Bool, Float64, Int
 
@@ -98,15 +99,6 @@ def find_cores(
                     counts[a] += 1
                     counts[b] += 1
     return counts >= min_points
-
-
-@compiled((written(WHOLE), WHOLE))
-def root_of(parents: Int, node: int) -> int:
-    """Return the root of a node in a forest, whose paths are shortened."""
-    while parents[node] != node:
-        parents[node] = parents[parents[node]]
-        node = parents[node]
-    return node
 
 
 @compiled((_POINTS, _WHOLES, _WHOLES, _WHOLES, _MASK, _MASK, NUMBER))

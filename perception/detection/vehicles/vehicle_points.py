@@ -11,7 +11,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
-from perception.detection.clustering import connected_parts, expand_ranges
+from perception.detection.clustering import expand_ranges
 from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.detection.vehicles.frustum_points import (
     FrustumPoints,
@@ -20,6 +20,7 @@ from perception.detection.vehicles.frustum_points import (
 )
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.sorting import sorted_keys
+from perception.kernels.graphs import connected_parts
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, GroundModel, Int
 

@@ -1,0 +1,40 @@
+"""Connected parts of graphs, as forests in which each node knows its parent."""
+
+import numpy as np
+
+from perception.kernels.compiled import WHOLE, array_of, compiled, written
+from perception.types import Int
+
+
+@compiled((written(WHOLE), WHOLE))
+def root_of(parents: Int, node: int) -> int:
+    """Return the root of a node in a forest, whose paths are shortened."""
+    while parents[node] != node:
+        parents[node] = parents[parents[node]]
+        node = parents[node]
+    return node
+
+
+@compiled((WHOLE, array_of(WHOLE), array_of(WHOLE)))
+def connected_parts(count: int, first: Int, second: Int) -> Int:
+    """Return the (count,) connected component of each node of a graph, numbered by first node.
+
+    Args:
+        count: Number of nodes.
+        first: (E,) one node of each edge.
+        second: (E,) the other node.
+    """
+    parents = np.arange(count)
+    for edge in range(len(first)):
+        one, other = root_of(parents, first[edge]), root_of(parents, second[edge])
+        # The first node of a part is its root.
+        parents[max(one, other)] = min(one, other)
+    numbers, found = np.empty(count, np.int64), 0
+    for node in range(count):
+        root = root_of(parents, node)
+        if root == node:
+            numbers[node] = found
+            found += 1
+        else:
+            numbers[node] = numbers[root]
+    return numbers
