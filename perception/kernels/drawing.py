@@ -188,14 +188,14 @@ def blend_overlay(
 
 @compiled((array_of(np.int64, 2), *(array_of(np.float64, 2),) * 2))
 def best_place(places_px: Int, taken_px: Float64, avoided_px: Float64) -> int:
-    """Return the number of the rectangle that covers the least of others, -1 where none is free.
+    """Return the number of the rectangle that covers the smallest area of others, -1 where none is free.
 
     Args:
         places_px: (P, 4) left, top, right and bottom of rectangles, the best first.
         taken_px: (T, 4) rectangles that it must not touch.
         avoided_px: (A, 4) rectangles of which it should cover little.
     """
-    best, least = -1, np.inf
+    best, smallest = -1, np.inf
     for place in range(len(places_px)):
         left, top, right, bottom = places_px[place]
         is_free = True
@@ -212,6 +212,6 @@ def best_place(places_px: Int, taken_px: Float64, avoided_px: Float64) -> int:
             across = min(right, avoided_px[other, 2]) - max(left, avoided_px[other, 0])
             along = min(bottom, avoided_px[other, 3]) - max(top, avoided_px[other, 1])
             covered += max(across, 0.0) * max(along, 0.0)
-        if covered < least:
-            best, least = place, covered
+        if covered < smallest:
+            best, smallest = place, covered
     return best
