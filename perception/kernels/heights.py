@@ -34,6 +34,19 @@ def points_over_cells(points: Float32, stride: int, grid: GridNumbers) -> tuple[
     return inside[:found], cells[:found]
 
 
+@compiled((_POINTS_64, _GRID))
+def cells_of(points: Float64, grid: GridNumbers) -> Int:
+    """Return the (N,) cell of a grid that holds each of (N, 3) points, -1 outside."""
+    x0_m, y0_m, cell_m, nodes_x, nodes_y = grid
+    cells = np.empty(len(points), np.int64)
+    for row in range(len(points)):
+        i = int(np.floor((points[row, 0] - x0_m) / cell_m))
+        j = int(np.floor((points[row, 1] - y0_m) / cell_m))
+        inside = (i >= 0) & (i < nodes_x - 1) & (j >= 0) & (j < nodes_y - 1)
+        cells[row] = i * nodes_y + j if inside else -1
+    return cells
+
+
 @compiled((_POINTS_32, _CELLS, WHOLE, NUMBER, NUMBER, NUMBER))
 def lowest_of_cells(
     points: Float32, cells: Int, size: int, level_m: float, max_step_m: float, max_slope: float

@@ -17,6 +17,7 @@ from perception.geometry.grids import LocalArea
 from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 from perception.geometry.se3 import inverse
 from perception.kernels.heights import (
+    cells_of,
     lowest_of_cells,
     points_over_cells,
     robust_plane,
@@ -168,11 +169,7 @@ class GroundSurfaceEstimator:
 
     def _cells_of(self, points: Float64) -> Int:
         """Return the cell of the surface's grid that each point lies in, -1 outside."""
-        grid = self._fine
-        i = np.floor((points[:, 0] - grid.x0_m) / grid.cell_m).astype(np.int64)
-        j = np.floor((points[:, 1] - grid.y0_m) / grid.cell_m).astype(np.int64)
-        inside = (i >= 0) & (i < grid.nodes_x - 1) & (j >= 0) & (j < grid.nodes_y - 1)
-        return np.where(inside, i * grid.nodes_y + j, -1)
+        return cells_of(np.ascontiguousarray(points), self._fine.numbers)
 
     def _remember(self, clean: HeightSamples, scan: PosedScan) -> None:
         if self._updates % self._config.remember_every == 0:

@@ -4,6 +4,7 @@ import numpy as np
 
 from perception.kernels.heights import (
     add_normal_equations,
+    cells_of,
     lowest_of_cells,
     points_over_cells,
     robust_plane,
@@ -29,6 +30,13 @@ def test_points_over_cells_equal_the_reference() -> None:
     inside = (i >= 0) & (i < 5) & (j >= 0) & (j < 4)
     np.testing.assert_array_equal(found, thinned[inside, :3])
     np.testing.assert_array_equal(cells, (5 * i + j)[inside])
+
+
+def test_cells_equal_the_reference() -> None:
+    points = scattered()[:, :3].astype(np.float64)
+    i, j = np.floor((points[:, 0] + 2) / 0.5), np.floor((points[:, 1] + 1) / 0.5)
+    inside = (i >= 0) & (i < 5) & (j >= 0) & (j < 4)
+    np.testing.assert_array_equal(cells_of(points, GRID), np.where(inside, 5 * i + j, -1))
 
 
 def test_points_may_be_read_only() -> None:
