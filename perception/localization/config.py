@@ -39,7 +39,8 @@ class RegistrationConfig:
             motion, where two motions are compared.
         min_surface_gain: Smallest share of a scan's points by which more speak for another motion than for the motion so
             far, 0 to 1, where it is a correction.
-        max_ins_loss: Largest share of a scan's points by which fewer may speak for the motion of the INS, 0 to 1.
+        max_ins_loss: Largest share of a scan's points by which fewer may speak for the motion of the INS than for the
+            motion so far, 0 to 1, where it is believed.
         min_moving_ratio: Smallest share of a scan's points that move at which later scans are not aligned with them.
         surface_distance_m: Largest distance in metres of a static point from the surfaces of such a scan.
         ins_prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it
@@ -67,7 +68,7 @@ class RegistrationConfig:
     min_inlier_ratio: float = 0.4
     tight_distance_m: float = 0.05
     min_surface_gain: float = 0.025
-    max_ins_loss: float = 0.02
+    max_ins_loss: float = 0.04
     min_moving_ratio: float = 0.1
     surface_distance_m: float = 0.1
     ins_prior_share: float = 0.006

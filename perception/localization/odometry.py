@@ -265,10 +265,10 @@ class LidarOdometry:
             motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
             of_static = None
             if last.points.is_crowded or stamp_s - self._corrected_s < _CORRECTED_S:
-                guess = replace(guesses[0], motion=self._steady_motion(last, gap_s))
-                if motion_ins is not None:
-                    guess = replace(guess, motion=motion_ins)
-                of_static = self._static_alignment(points.all, guess)
+                motion = self._steady_motion(last, gap_s)
+                if motion_ins is not None and self._is_plausible(points.all, motion_ins, motion):
+                    motion = motion_ins
+                of_static = self._static_alignment(points.all, replace(guesses[0], motion=motion))
             carried = of_static or self._best_alignment(points.all, guesses)
             other = self._correction(points.all, stamp_s, motion_ins, carried)
             if other is not None:
@@ -283,6 +283,12 @@ class LidarOdometry:
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
         return Localization(last_pose @ step, origin, is_reset=not is_near)
+
+    def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
+        """Return whether a motion brings hardly fewer points onto static surfaces than another."""
+        sample, target = points.thinned(_SEARCH_POINTS), self._keyframe.points.static
+        shares = [self._share(sample, target, one) for one in (motion, other)]
+        return shares[0] > shares[1] - self._config.max_ins_loss
 
     def _steady_motion(self, last: _LocatedScan, gap_s: float) -> Float64:
         """Return the motion since the keyframe at the velocity since then, or, where it is too young, the last one."""
@@ -300,27 +306,28 @@ class LidarOdometry:
     ) -> Alignment | None:
         """Return the alignment from another motion since the keyframe, where more points speak for it.
 
-        All points are compared: what is called moving depends on the poses. But without INS, what has been seen to move
-        does not speak for a shorter way.
+        All points are compared: what is called moving depends on the poses. But what has been seen to move does not
+        speak for a shorter way. Where the vehicle seems to stand among what may come along with it, the INS is believed
+        against a few more points.
         """
         if carried is None:
             return None
         config, found = self._config, carried.target_SE3_source
-        guess, min_gain = motion_ins, -config.max_ins_loss
+        guess = motion_ins
         if guess is None:
-            guess, min_gain = self._search_ahead(points, stamp_s, found), config.min_surface_gain
+            guess = self._search_ahead(points, stamp_s, found)
         if guess is None or not self._is_apart(guess, found):
             return None
         other = self._surface_alignment(points, guess)
         if other is None or not self._is_apart(other.target_SE3_source, found):
             return None
-        target = self._keyframe.points.all
-        if motion_ins is None and other.target_SE3_source[0, 3] < found[0, 3]:
-            target = self._keyframe.points.static
-        gain = self._share(points, target, other.target_SE3_source) - self._share(
-            points, target, found
-        )
-        return other if gain > min_gain else None
+        is_farther = other.target_SE3_source[0, 3] > found[0, 3]
+        keyframe, min_gain = self._keyframe.points, config.min_surface_gain
+        if is_farther and motion_ins is not None and found[0, 3] < config.min_keyframe_distance_m:
+            min_gain = -config.max_ins_loss
+        target = keyframe.all if is_farther else keyframe.static
+        shares = [self._share(points, target, one.target_SE3_source) for one in (carried, other)]
+        return other if shares[1] - shares[0] > min_gain else None
 
     def _search_ahead(
         self, points: PreprocessedPoints, stamp_s: float, found: Float64
@@ -430,7 +437,8 @@ class LidarOdometry:
         if found is None:
             return None
         share = len(kept) / len(points) / (len(static) / len(self._keyframe.points.all))
-        return replace(found, inlier_ratio=min(1.0, found.inlier_ratio * share))
+        ratio = min(1.0, found.inlier_ratio * share)
+        return replace(found, inlier_ratio=ratio) if ratio >= config.min_inlier_ratio else None
 
     def _align(
         self, target: PreprocessedPoints, source: PreprocessedPoints, guess: _Guess

@@ -261,6 +261,21 @@ def test_vehicles_that_move_off_do_not_pull_the_pose() -> None:
     assert found.origin is PoseOrigin.REGISTERED
 
 
+def test_an_ins_that_errs_does_not_carry_the_pose_where_much_moves() -> None:
+    truth, random, odometry = path(12, 5.0, 0.0), np.random.default_rng(4), LidarOdometry()
+    for index, pose in enumerate(truth):
+        static = [observed_from(pose, index)[::2], buildings_along(pose, index)]
+        lorries = lorries_around(index)
+        lorries[:, 0] += 20.0 - 0.7 * index
+        points = np.concatenate([*static, lorries])
+        ins = pose @ from_euler(0, 0, 0, np.array([*random.normal(0, 0.4, 2), 0.0]))
+        found = odometry.update(points, index * STEP_S, ins if index > 2 else pose)
+        odometry.mark_moving(np.arange(len(points)) >= len(points) - len(lorries))
+        metres, degrees = apart(pose, found.world_SE3_velo)
+        assert metres < 0.05
+        assert degrees < 0.1
+
+
 def test_what_is_off_the_surfaces_takes_no_part() -> None:
     target = preprocess_points(observed_from(np.eye(4), 1), voxel_size_m=0.5)
     beside = np.random.default_rng(0).uniform((2, -3, 0), (8, 3, 1), (400, 3))
