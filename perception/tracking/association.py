@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from perception.kernels.assignment import minimum_cost_pairs
 from perception.types import Bool, Float64, Int
 
 
@@ -34,7 +34,7 @@ def assign_hungarian(costs: Float64, is_allowed: Bool) -> Association:
     """
     # One forbidden pair costs more than all allowed ones together.
     forbidden = 1.0 + 2.0 * min(costs.shape) * float(costs[is_allowed].max(initial=0.0))
-    tracks, detections = linear_sum_assignment(np.where(is_allowed, costs, forbidden))
+    tracks, detections = minimum_cost_pairs(np.where(is_allowed, costs, forbidden))
     kept = is_allowed[tracks, detections]
     return _association(tracks[kept], detections[kept], costs.shape)
 
@@ -51,7 +51,7 @@ def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> A
         max_cost: Cost of a pair at and above which both stay unmatched.
     """
     is_worthwhile = is_allowed & (costs < max_cost)
-    tracks, detections = linear_sum_assignment(np.where(is_worthwhile, costs, max_cost))
+    tracks, detections = minimum_cost_pairs(np.where(is_worthwhile, costs, max_cost))
     kept = is_worthwhile[tracks, detections]
     return _association(tracks[kept], detections[kept], costs.shape)
 

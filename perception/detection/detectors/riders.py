@@ -12,8 +12,8 @@ A bicycle without a rider is no road user.
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
+from perception.kernels.assignment import minimum_cost_pairs
 from perception.types import Bool, Detections, Float64
 
 # Of the narrower of both boxes: from behind, a bicycle is as wide as a wheel.
@@ -42,7 +42,7 @@ def _joined(found: Detections, is_bicycle: Bool, is_person: Bool) -> Detections:
     bicycles_px, persons_px = found.boxes_px[bicycles, None], found.boxes_px[None, persons]
     worth = np.sqrt(found.scores[bicycles, None] * found.scores[None, persons])
     worth = np.where(_is_riding(persons_px, bicycles_px), worth, 0.0)
-    rows, columns = linear_sum_assignment(-worth)
+    rows, columns = minimum_cost_pairs(-worth)
     is_pair = worth[rows, columns] > 0
     ridden, riders = bicycles[rows[is_pair]], persons[columns[is_pair]]
     scores, boxes_px = found.scores.copy(), found.boxes_px.copy()

@@ -9,9 +9,9 @@ Example: rgb 0 overlaps dm 0 and dm 1, dm 1 more than dm 0; rm 0 overlaps none:
 """
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.kernels.assignment import minimum_cost_pairs
 from perception.types import MODALITIES, Float64, Int
 
 _MIN_ERROR = 0.02  # smallest error of a box; labels are no better
@@ -39,7 +39,7 @@ def matched_boxes(scene: DetectedScene, min_iou: float) -> Int:
     for column in range(len(MODALITIES)):
         boxes = np.flatnonzero(merged.columns == column)
         gains = overlap[:, boxes][places].max(axis=1)
-        rows, matched = linear_sum_assignment(gains, maximize=True)
+        rows, matched = minimum_cost_pairs(-gains)
         is_match = gains[rows, matched] > 0
         places[rows[is_match], column] = boxes[matched[is_match]]
         left = np.delete(boxes, matched[is_match])
