@@ -2,7 +2,6 @@
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from perception.types import Float, Float32, Float64
 
@@ -19,9 +18,35 @@ def from_euler(
     roll_rad: float, pitch_rad: float, yaw_rad: float, translation_m: Float | None = None
 ) -> Float64:
     """Build a transform from Rz(yaw) Ry(pitch) Rx(roll) (2.2)-(2.3) and a translation."""
-    rotation = Rotation.from_euler("ZYX", [yaw_rad, pitch_rad, roll_rad]).as_matrix()
+    cos_r, cos_p, cos_y = np.cos([roll_rad, pitch_rad, yaw_rad])
+    sin_r, sin_p, sin_y = np.sin([roll_rad, pitch_rad, yaw_rad])
+    rotation = (
+        np.array([[cos_y, -sin_y, 0.0], [sin_y, cos_y, 0.0], [0.0, 0.0, 1.0]])
+        @ np.array([[cos_p, 0.0, sin_p], [0.0, 1.0, 0.0], [-sin_p, 0.0, cos_p]])
+        @ np.array([[1.0, 0.0, 0.0], [0.0, cos_r, -sin_r], [0.0, sin_r, cos_r]])
+    )
     return from_rotation_translation(
         rotation, np.zeros(3) if translation_m is None else translation_m
+    )
+
+
+def rotation_vector(rotation: Float) -> Float64:
+    """Return the (3,) axis times the angle in radians of a (3, 3) rotation by less than half a turn."""
+    twice_sine = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
+    sine = float(np.linalg.norm(twice_sine)) / 2
+    angle_rad = np.arctan2(sine, (np.trace(rotation) - 1) / 2)
+    return np.asarray(twice_sine / 2 * (angle_rad / sine if sine > 0 else 1.0), np.float64)
+
+
+def from_rotation_vector(vector: Float) -> Float64:
+    """Return the (3, 3) rotation about a (3,) axis by its length in radians (Rodrigues' formula)."""
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle_rad = np.linalg.norm(vector)
+    # np.sinc(t) is sin(pi t) / (pi t), and 1 at 0.
+    half_chord = np.sinc(angle_rad / (2 * np.pi))
+    return np.asarray(
+        np.eye(3) + np.sinc(angle_rad / np.pi) * cross + 0.5 * half_chord**2 * (cross @ cross)
     )
 
 

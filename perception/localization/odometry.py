@@ -13,14 +13,15 @@ from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from perception.errors import PoseError
 from perception.geometry.se3 import (
     from_rotation_translation,
+    from_rotation_vector,
     inverse,
     orthonormal,
     rotation_angle_rad,
+    rotation_vector,
 )
 from perception.localization.alignment import (
     Alignment,
@@ -478,7 +479,7 @@ def _velocity(earlier: _LocatedScan, now: Localization, stamp_s: float) -> Float
     if now.origin not in (PoseOrigin.REGISTERED, PoseOrigin.INS):
         return earlier.velocity
     step = inverse(earlier.localization.world_SE3_velo) @ now.world_SE3_velo
-    turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
+    turn = rotation_vector(step[:3, :3])
     return np.concatenate([turn, step[:3, 3]]) / (stamp_s - earlier.stamp_s)
 
 
@@ -491,7 +492,7 @@ def _step(world_SE3_before: Float64 | None, world_SE3_now: Float64 | None) -> Fl
 def _extrapolate(velocity: Float64 | None, gap_s: float) -> Float64:
     if velocity is None:
         return np.eye(4)
-    turn = Rotation.from_rotvec(velocity[:3] * gap_s).as_matrix()
+    turn = from_rotation_vector(velocity[:3] * gap_s)
     return from_rotation_translation(turn, velocity[3:] * gap_s)
 
 
