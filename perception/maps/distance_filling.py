@@ -1,7 +1,6 @@
 """Filling by distance in the image: the nearest return, and natural neighbours. One distance transform each."""
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
@@ -45,6 +44,8 @@ def _nearest_return(sparse: SparseMaps) -> Int:
     """Return the (H, W) nearest return of every pixel."""
     numbers = np.zeros(sparse.size_px[::-1], np.int32)
     numbers[sparse.pixels[:, 1], sparse.pixels[:, 0]] = np.arange(len(sparse))
+    from scipy.ndimage import distance_transform_edt
+
     rows, columns = distance_transform_edt(
         ~sparse.is_measured, return_distances=False, return_indices=True
     )

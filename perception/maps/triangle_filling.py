@@ -1,9 +1,9 @@
 """Filling within Delaunay triangles: the nearest vertex as in the thesis (6.3), or a plane. One triangulation each."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.spatial import Delaunay, QhullError
 
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
@@ -51,9 +51,8 @@ def _triangulate(sparse: SparseMaps) -> _Covered:
     """Find the triangle of each pixel; none where all returns are on one line."""
     width, height = sparse.size_px
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
-    try:
-        triangles = Delaunay(sparse.pixels.astype(np.float64))
-    except (QhullError, ValueError):
+    triangles = _triangles(sparse)
+    if triangles is None:
         return _Covered(np.zeros(0, int), pixels[:0], np.zeros((0, 3), int))
     simplex = triangles.find_simplex(pixels)
     flat_indices = np.flatnonzero(simplex >= 0)
@@ -71,7 +70,15 @@ def _filled(sparse: SparseMaps, covered: _Covered, weights: Float64) -> FilledMa
 
 def triangles_of(sparse: SparseMaps) -> Int:
     """Return the (T, 3) returns at the vertices of Delaunay triangles; none where all are on one line."""
+    triangles = _triangles(sparse)
+    return np.zeros((0, 3), np.int32) if triangles is None else np.asarray(triangles.simplices)
+
+
+def _triangles(sparse: SparseMaps) -> Any:  # noqa: ANN401 - SciPy is not imported
+    """Return the Delaunay triangles of the returns; None where all are on one line."""
+    from scipy.spatial import Delaunay, QhullError
+
     try:
-        return np.asarray(Delaunay(sparse.pixels.astype(np.float64)).simplices)
+        return Delaunay(sparse.pixels.astype(np.float64))
     except (QhullError, ValueError):
-        return np.zeros((0, 3), np.int32)
+        return None

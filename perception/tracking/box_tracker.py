@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from perception.geometry import se3
 from perception.geometry.footprints import Footprints
@@ -127,8 +126,8 @@ class BoxTracker:
         if len(before) == 0 or len(clusters) == 0:
             return np.ones(len(clusters), bool)
         reach_m = self._config.static_reach_m
-        away_m, _ = cKDTree(before).query(clusters.centroids_m, distance_upper_bound=reach_m)
-        return np.asarray(~np.isfinite(away_m))
+        away_m = np.linalg.norm(clusters.centroids_m[:, None] - before[None], axis=2)
+        return np.asarray(away_m.min(axis=1) >= reach_m)
 
     def _update_matched(
         self, rows: Int, clusters: Footprints, sensor_m: Float64, *, is_moving: bool
