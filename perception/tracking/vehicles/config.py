@@ -57,7 +57,7 @@ class EvidenceConfig:
 
     prior: float = 0.5
     person_log_odds: float = 1.5
-    maps_log_odds: float = 0.85
+    maps_log_odds: float = 1.6
     miss: float = 0.1
     confirmation: float = 1.5
     memory: float = 0.85

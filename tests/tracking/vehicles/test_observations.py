@@ -46,7 +46,7 @@ def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
     ("sources", "expected"),
     [
         ([[0, 0, 0], [-1, 1, -1]], [0.5, 0.2]),  # the camera, too
-        ([[-1, 0, 0], [-1, 1, -1]], [0.7, 0.369]),  # log-odds of 0 and -1.39, and 0.85 more
+        ([[-1, 0, 0], [-1, 1, -1]], [0.832, 0.553]),  # log-odds of 0 and -1.39, and 1.6 more
         ([[-1, -1, -1], [-1, -1, -1]], [0.5, 0.2]),  # no detector of a modality
     ],
 )
