@@ -26,7 +26,7 @@ class RegistrationConfig:
 
     Attributes:
         method: Method of this stage; else that of the pipeline.
-        voxel_size_m: Edge of a cell of the box-grid filter in metres.
+        voxel_size_m: Edge of a cell of the box-grid filter in metres; points farther away than 240 of them are left out.
         max_points: Largest number of points of a scan that are filtered; scans with more are thinned evenly.
         max_correspondence_m: Largest distance of a match in metres; leaves out what moved.
         keyframe_distance_m: Distance in metres after which the reference scan is replaced.
