@@ -32,7 +32,7 @@ from perception.types import MODALITIES
 from train.checkpoint_writer import write_checkpoint
 from train.checkpoints import read_checkpoint
 from train.cli import Stage, TrainingKind
-from train.fusion.calibration import fit_calibration
+from train.fusion.calibration import fit_calibration, fit_class_calibrations
 from train.fusion.config import MODEL
 from train.fusion.datamodule import FusionDataModule, row_tensors
 from train.fusion.gauss_newton import mean_square
@@ -147,16 +147,15 @@ def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
     content = read_checkpoint(checkpoint, MODEL) | {"calibration": str(FusionCalibration())}
     write_checkpoint(checkpoint, content)
     _, fused = _fuse(checkpoint, frames)
-    curves = {
-        name: fit_calibration(
-            class_correctness(
-                frames, one, class_names if name == "fusion" else np.unique(one.types).tolist()
-            )
-        )
+    of_classes = fit_class_calibrations(
+        {name: class_correctness(frames, fused.boxes, [name]) for name in class_names}
+    )
+    alone = {
+        name: fit_calibration(class_correctness(frames, one, np.unique(one.types).tolist()))
         for name, one in boxes_by_detector(frames, fused).items()
+        if name in MODALITIES
     }
-    alone = {name: curves[name] for name in MODALITIES if name in curves}
-    calibration = str(FusionCalibration(curves["fusion"], alone))
+    calibration = str(FusionCalibration(named=of_classes | alone))
     write_checkpoint(checkpoint, content | {"calibration": calibration})
 
 

@@ -166,9 +166,12 @@ class Fusion:
         kept = suppress(boxes.detections, self.max_iou)
         detections, columns = boxes.detections[kept], boxes.columns[kept]
         own_columns = np.where(boxes.is_fused[kept], -1, columns)
-        scores = self.calibrations.probabilities(detections.scores, own_columns)
-        found = replace(detections, scores=scores)
-        return FusedDetections(found, boxes.source_indices[kept], columns, existence=scores)
+        scores = self.calibrations.probabilities(detections.scores, own_columns, detections.types)
+        # Curves differ between classes and modalities, and may change the order.
+        order = np.argsort(-scores, kind="stable")
+        found = replace(detections, scores=scores)[order]
+        source_indices = boxes.source_indices[kept[order]]
+        return FusedDetections(found, source_indices, columns[order], existence=found.scores)
 
     @staticmethod
     def _separate(scene: DetectedScene, rescored: RescoredBoxes) -> _JointBoxes:

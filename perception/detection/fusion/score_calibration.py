@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.errors import UsageError
-from perception.types import MODALITIES, Float64, Int, Modality
+from perception.types import MODALITIES, Float64, Int
 
 _EDGE = 1e-6  # minimum distance of scores from 0 and 1
 
@@ -61,38 +62,40 @@ class FusionCalibration:
     """Calibration curves of a fusion.
 
     Attributes:
-        joint: Curve of the fused scores of several modalities.
-        alone: Curve of the scores of each modality where they are not fused with others.
+        joint: Curve of the fused scores of every class that has no curve of its own.
+        named: Curves by name: of the fused scores of a class, and of the scores of a modality where they are not fused.
     """
 
     joint: BetaCalibration = BetaCalibration()
-    alone: Mapping[Modality, BetaCalibration] = field(default_factory=dict)
+    named: Mapping[str, BetaCalibration] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """Return the curves as text, as in a model file: 1.0,1.0,0.0 rgb=2.0,1.0,0.5 dm=..."""
-        return " ".join([str(self.joint), *(f"{name}={one}" for name, one in self.alone.items())])
+        """Return the curves as text, as in a model file: 1.0,1.0,0.0 Car=1.0,1.0,0.5 rgb=2.0,1.0,0.5."""
+        return " ".join([str(self.joint), *(f"{name}={one}" for name, one in self.named.items())])
 
     @classmethod
     def parse(cls, text: str) -> "FusionCalibration":
         """Return the curves of a text; ValueError where it has none."""
-        joint, *alone = text.split(" ")
-        named = dict(entry.split("=") for entry in alone)
+        joint, *others = text.split(" ")
+        pairs = (entry.split("=") for entry in others)
         return cls(
-            BetaCalibration.parse(joint),
-            {name: BetaCalibration.parse(named[name]) for name in MODALITIES if name in named},
+            BetaCalibration.parse(joint), {name: BetaCalibration.parse(one) for name, one in pairs}
         )
 
-    def probabilities(self, scores: Float64, columns: Int) -> Float64:
+    def probabilities(self, scores: Float64, columns: Int, types: NDArray[np.str_]) -> Float64:
         """Return the (M,) probabilities of (M,) scores.
 
         Args:
             scores: Scores of the fusion or of a modality.
             columns: (M,) index in `MODALITIES` of the modality that a score is of, -1 of a fused one.
+            types: (M,) classes.
         """
-        found = np.where(columns < 0, self.joint.probabilities(scores), scores)
-        for column, name in enumerate(MODALITIES):
-            rows = columns == column
-            found[rows] = self.alone.get(name, BetaCalibration()).probabilities(scores[rows])
+        names = np.where(columns < 0, types, np.array(MODALITIES)[columns])
+        found = np.zeros(len(scores))
+        for name in np.unique(names).tolist():
+            rows = names == name
+            other = BetaCalibration() if name in MODALITIES else self.joint
+            found[rows] = self.named.get(name, other).probabilities(scores[rows])
         return found
 
 

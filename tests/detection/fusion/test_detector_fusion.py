@@ -82,6 +82,7 @@ def test_each_class_takes_the_curve_of_what_it_comes_from(fusion_file):
     }
     fused = fusion.fuse(scene_of(found, dm=("Car", "Bus"), rm=("Car",)))
     assert fused.detections.types.tolist() == ["Car", "Cyclist", "Bus"]
+    assert fused.dominant_modality.tolist() == [0, 0, 1]
     np.testing.assert_allclose(fused.detections.scores, 1 / (1 + np.exp([-1, 1, 2])), atol=1e-6)
 
 

@@ -108,11 +108,19 @@ def test_curves_are_written_and_read_as_they_are():
     )
     assert FusionCalibration.parse(str(curves)) == curves
     assert FusionCalibration.parse("1.0,1.0,0.0") == FusionCalibration()
-    half = np.full(4, 0.5)
+    half, cars = np.full(4, 0.5), np.full(4, "Car")
     # Of the fusion, of rgb, of dm, whose curve is not known, of rm.
-    found = curves.probabilities(half, np.array([-1, 0, 1, 2]))
+    found = curves.probabilities(half, np.array([-1, 0, 1, 2]), cars)
     first = (2 - 0.5) * np.log(2) + 0.1
     np.testing.assert_allclose(found, 1 / (1 + np.exp([-first, 0, 0, 3 * np.log(2) + 1e-7])))
+
+
+def test_a_class_may_have_its_own_curve():
+    curves = FusionCalibration(named={"Car": BetaCalibration(1.0, 1.0, -1.0)})
+    found = curves.probabilities(
+        np.full(3, 0.5), np.array([-1, -1, 0]), np.array(["Car", "Van", "Car"])
+    )
+    np.testing.assert_allclose(found, [1 / (1 + np.e), 0.5, 0.5])
 
 
 @pytest.mark.parametrize("variant", ["scores", "features", "default"])

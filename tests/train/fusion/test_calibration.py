@@ -8,7 +8,7 @@ from sklearn.linear_model import LogisticRegression
 from perception.detection.fusion.score_calibration import BetaCalibration, score_logs
 from perception.errors import UsageError
 from perception.evaluation.detection.reliability import Correctness, measure_reliability
-from train.fusion.calibration import fit_calibration
+from train.fusion.calibration import fit_calibration, fit_class_calibrations
 
 
 def made_by(curve: BetaCalibration, count: int) -> Correctness:
@@ -33,6 +33,21 @@ def test_within_its_bounds_it_is_a_logistic_regression():
     theirs.fit(np.stack(score_logs(found.scores), axis=1), found.is_correct)
     expected = [*theirs.coef_[0], theirs.intercept_[0]]
     np.testing.assert_allclose([curve.a, curve.b, curve.c], expected, atol=1e-3)
+
+
+def test_curves_of_classes_differ_by_their_offsets():
+    curves = {"Car": BetaCalibration(0.6, 1.8, -0.4), "Van": BetaCalibration(0.6, 1.8, 0.8)}
+    found = fit_class_calibrations({name: made_by(one, 40_000) for name, one in curves.items()})
+    for name, curve in curves.items():
+        fitted = [found[name].a, found[name].b, found[name].c]
+        np.testing.assert_allclose(fitted, [curve.a, curve.b, curve.c], atol=0.1)
+
+
+def test_a_class_without_correct_detections_has_low_probabilities():
+    rare = Correctness(np.array([0.5, 0.7]), np.zeros(2, bool))
+    cars = made_by(BetaCalibration(), 1_000)
+    found = fit_class_calibrations({"Car": cars, "Truck": rare})
+    assert -2 < found["Truck"].c < found["Car"].c - 0.3
 
 
 def test_where_all_are_right_scores_stay():
