@@ -112,7 +112,8 @@ class FusionDataModule(LightningDataModule):
     @cached_property
     def training(self) -> FusionRows:
         """Rows that the network is fitted to."""
-        return fusion_rows(self.detections.training, self.variant, self.max_partners)
+        jitters = self.config.score_jitters
+        return fusion_rows(self.detections.training, self.variant, self.max_partners, jitters)
 
     @cached_property
     def validation(self) -> FusionRows:

@@ -1,5 +1,6 @@
-"""The fusion's networks, which rescore combinations of boxes: hidden layers of tanh (7.2.2), or a noisy-OR."""
+"""The fusion's networks, which rescore combinations of boxes: hidden layers of tanh (7.2.2), or naive Bayes."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from perception.detection.config import FusionVariant
-from perception.detection.fusion.features import FEATURES
+from perception.detection.fusion.features import CLASSES, FEATURES
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.errors import UsageError
 from perception.types import MODALITIES, Float32
@@ -99,15 +100,15 @@ class RescoringMlp(nn.Module):
         return self.activations(features)[-1]
 
 
-class NoisyOr(nn.Module):
-    """Network from (T, F) scores and flags of classes to (T, 3) scores, the same for all boxes of a combination.
+class NaiveBayes(nn.Module):
+    """Network from (T, F) default features to (T, 3) scores, the same for all boxes of a combination.
 
-    Each detector of a modality is right with a probability that grows with its score s, and an object exists where not
-    all of them are wrong: a further modality never lowers a score (J. Pearl, "Probabilistic Reasoning in Intelligent
-    Systems", 1988, 4.3.2).
+    Detectors err independently, so that their evidence, in log-odds, adds up. A box is evidence that grows with its
+    score s, and a modality that was searched without a box speaks against the object:
 
-        p = sigmoid(a ln s - b ln (1 - s) + c + d)      a, b, c of the modality, d of modality and class
-        score = 1 - product of (1 - p)
+        score = sigmoid(p + sum of e)      p the prior
+        e = a ln s - b ln (1 - s) + c + d     of a box: a, b, c of the modality, d of modality and class
+        e = -m                                of a missing box, m of the modality
 
     Attributes:
         hidden: Neurons of each hidden layer: it has none.
@@ -118,13 +119,15 @@ class NoisyOr(nn.Module):
     is_probability: ClassVar[bool] = True
 
     def __init__(self) -> None:
-        """Make a network that takes scores as they are."""
+        """Make a network that takes the evidence of half of each log-odds."""
         super().__init__()
-        modalities, classes = len(MODALITIES), len(FEATURES["default"]) - len(MODALITIES)
-        # a and b as logarithms, so that they stay above 0.
-        self.log_slopes = nn.Parameter(torch.zeros(2, modalities))
+        modalities = len(MODALITIES)
+        # a, b and m as logarithms, so that they stay above 0.
+        self.log_slopes = nn.Parameter(torch.full((2, modalities), math.log(0.5)))
+        self.log_misses = nn.Parameter(torch.zeros(modalities))
         self.offsets = nn.Parameter(torch.zeros(modalities))
-        self.class_offsets = nn.Parameter(torch.zeros(classes, modalities))
+        self.class_offsets = nn.Parameter(torch.zeros(len(CLASSES), modalities))
+        self.prior = nn.Parameter(torch.zeros(1))
 
     def fit_inputs(self, features: Float32) -> None:
         """Scale nothing: scores are probabilities."""
@@ -137,21 +140,24 @@ class NoisyOr(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """Return (T, 3) scores of the boxes of (T, F) combinations."""
-        scores, flags = features[:, : len(MODALITIES)], features[:, len(MODALITIES) :]
+        modalities = len(MODALITIES)
+        scores, searched = features[:, :modalities], features[:, modalities : 2 * modalities]
+        flags = features[:, 2 * modalities :]
         within = scores.clamp(_MIN_SCORE, 1 - _MIN_SCORE)
         rising, falling = self.log_slopes.exp().unbind()
-        logits = rising * within.log() - falling * (1 - within).log()
-        is_right = torch.sigmoid(logits + self.offsets + flags @ self.class_offsets)
-        all_wrong = (1 - is_right * (scores > 0)).prod(dim=1, keepdim=True)
-        return (1 - all_wrong).expand(-1, len(MODALITIES))
+        of_boxes = rising * within.log() - falling * (1 - within).log()
+        of_boxes = of_boxes + self.offsets + flags @ self.class_offsets
+        evidence = torch.where(scores > 0, of_boxes, -searched * self.log_misses.exp())
+        total = self.prior + evidence.sum(dim=1, keepdim=True)
+        return torch.sigmoid(total).expand(-1, modalities)
 
 
-FusionNetwork = RescoringMlp | NoisyOr
+FusionNetwork = RescoringMlp | NaiveBayes
 
 
 def fusion_network(variant: FusionVariant, hidden: Sequence[int]) -> FusionNetwork:
     """Return an untrained network of a variant; hidden layers are those of the thesis' variants."""
-    return NoisyOr() if variant == "default" else RescoringMlp(variant, hidden)
+    return NaiveBayes() if variant == "default" else RescoringMlp(variant, hidden)
 
 
 def load_fusion(checkpoint: Path) -> tuple[FusionNetwork, dict[str, str]]:

@@ -1,10 +1,12 @@
 """Training rows of the fusion: features and targets of combinations.
 
 In the thesis' variants the target of a box is its IoU with the object (6.5), (6.6). Average precision asks whether the
-IoU exceeds a threshold, so that the default learns the share of thresholds that its blended box exceeds.
+IoU exceeds a threshold, so that the default learns the share of thresholds that its blended box exceeds. It also
+learns from jittered scores: on roads that they were not trained on, the scores of detectors are miscalibrated by
+different amounts, and the fusion has to rely more on agreement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -15,6 +17,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.matched_boxes import blended_boxes_px, matched_boxes
 from perception.detection.fusion.rescoring import is_rescored
+from perception.detection.fusion.score_calibration import BetaCalibration
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
@@ -27,6 +30,8 @@ _MIN_IGNORED_IOU = 0.5  # with a neighbouring type or DontCare region, above whi
 # maps' boxes of cars that the camera hardly shows count for little, as they fit less well.
 _TARGET_IOUS = (0.3, *sorted({one.iou for one in KITTI_CLASSES}))
 _MAX_ROWS = 20_000_000  # 8 GB in double precision
+# Largest stretch of the scores' logits, and standard deviation of their shift, for each frame and modality.
+_MAX_STRETCH, _SHIFT = 0.15, 0.9
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,10 @@ def box_targets(found: Detections, truth: TrueBoxes) -> BoxTargets:
 
 
 def fusion_rows(
-    frames: DetectedFrames, variant: FusionVariant, max_partners: int | None = None
+    frames: DetectedFrames,
+    variant: FusionVariant,
+    max_partners: int | None = None,
+    score_jitters: int = 0,
 ) -> FusionRows:
     """Return all combinations of all frames with their targets.
 
@@ -87,16 +95,22 @@ def fusion_rows(
         variant: Features of a combination.
         max_partners: Maximum number of boxes of each other modality that a box is combined with, 0 for all; else
             that of the variant.
+        score_jitters: Number of copies with jittered scores, for the default variant.
 
     Raises:
         UsageError: there is no combination, or there are more than a computer's memory holds.
     """
     config = tri_box_config(variant, max_partners)
+    copies = range(score_jitters if variant == "default" else 0)
+    scenes = [
+        *frames.scenes,
+        *(one for seed in copies for one in jitter_scores(frames, seed).scenes),
+    ]
     rows, count = [], 0
-    for number, scene in enumerate(frames.scenes):
+    for number, scene in enumerate(scenes):
         if not len(scene.merged.detections):
             continue
-        truth = frames.truth_of(number)
+        truth = frames.truth_of(number % len(frames))
         if variant == "default":
             rows.append(_blended_rows(scene, truth, config.min_iou))
         else:
@@ -112,6 +126,21 @@ def fusion_rows(
     if not count:
         raise UsageError("fusion", expected="frames with detections", found="none")
     return FusionRows.concatenate(rows)
+
+
+def jitter_scores(frames: DetectedFrames, seed: int) -> DetectedFrames:
+    """Return the same boxes with scores that other detectors might have given them, in the same order."""
+    rng = np.random.default_rng(seed)
+    return replace(frames, scenes=tuple(_jitter_scene(scene, rng) for scene in frames.scenes))
+
+
+def _jitter_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
+    modality_detections = {}
+    for name, found in scene.modality_detections.items():
+        stretch = 1 + _MAX_STRETCH * rng.uniform(-1, 1)
+        other = BetaCalibration(stretch, stretch, _SHIFT * rng.standard_normal())
+        modality_detections[name] = replace(found, scores=other.probabilities(found.scores))
+    return replace(scene, modality_detections=modality_detections)
 
 
 def _separate_rows(

@@ -53,7 +53,7 @@ class FusionTraining(LightningModule):
         """Make the network with random weights.
 
         Args:
-            variant: Features of a combination: default, a noisy-OR of calibrated scores; features or scores, as in
+            variant: Features of a combination: default, sums of the evidence of scores; features or scores, as in
                 the thesis.
             hidden: Neurons of each hidden layer of the thesis' variants; the default has none.
             max_partners: Maximum number of boxes of each other modality that a box is combined with, 0 for all

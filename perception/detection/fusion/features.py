@@ -7,8 +7,8 @@ The thesis' 23 features, with C = rgb, D = dm, R = rm:
     15..18  μx μy σx σy                     mean and deviation of the centres of the existing boxes
     19..22  w h x y                         smallest box around them
 
-A missing box has zeros. The default features are the scores and a flag for each class; positions in the image do not
-transfer from one road to another.
+A missing box has zeros. The default features are the scores, flags of the modalities whose detector ran and knows the
+class, and a flag for each class; positions in the image do not transfer from one road to another.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,11 @@ _PLACED = (
 FEATURES: Mapping[FusionVariant, tuple[str, ...]] = {
     "scores": _SCORES,
     "features": (*_SCORES, *_PLACED),
-    "default": (*_SCORES, *(f"is_{name.lower()}" for name in CLASSES)),
+    "default": (
+        *_SCORES,
+        *(f"searched_{name}" for name in MODALITIES),
+        *(f"is_{name.lower()}" for name in CLASSES),
+    ),
 }
 
 
@@ -48,7 +52,7 @@ def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: FusionVarian
     if variant == "features":
         return np.vstack([scores, *_layout(found.boxes_px / np.tile(scene.size_px, 2), places)]).T
     types = found.types[places.max(axis=0)]  # that of any box, as -1 is none
-    return np.vstack([scores, *(types == name for name in CLASSES)]).T
+    return np.vstack([scores, scene.searched(types).T, *(types == name for name in CLASSES)]).T
 
 
 def _layout(boxes: Float64, places: Int) -> list[Float64]:

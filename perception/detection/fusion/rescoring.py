@@ -10,8 +10,8 @@ The default:
 boxes of three detectors -- matched boxes -- network -- one score and one blended box for each match -- NMS
                          -- score calibration
 
-The default network (`train.fusion.network.NoisyOr`) predicts how well the blended box is expected to overlap an object
-of its class.
+The default network (`train.fusion.network.NaiveBayes`) predicts how well the blended box is expected to overlap an
+object of its class.
 
 Each class is fused by the detectors that know it. The boxes of a class that a single detector knows, or that the network
 was not trained with, keep their scores:

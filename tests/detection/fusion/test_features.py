@@ -45,7 +45,7 @@ def test_equals_the_reference(seed):
     np.testing.assert_array_equal(tri_box_features(scene, rows, "scores"), expected[:, :3])
     found = tri_box_features(scene, rows, "default")
     np.testing.assert_array_equal(
-        found, np.hstack([expected[:, :3], [[1, 0, 0, 0, 0]] * len(rows)])
+        found, np.hstack([expected[:, :3], [[1, 1, 1, 1, 0, 0, 0, 0]] * len(rows)])
     )
 
 

@@ -1,6 +1,7 @@
 """Targets by hand: the overlap with the best label, and what is neither right nor wrong."""
 
 import numpy as np
+import pytest
 
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
@@ -8,7 +9,7 @@ from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
 from tests.faults import fault
-from train.fusion.targets import box_targets, fusion_rows
+from train.fusion.targets import box_targets, fusion_rows, jitter_scores
 
 SIZE_PX = (1000, 300)
 
@@ -62,7 +63,7 @@ def test_the_thesis_asks_zero_of_what_is_not_there():
 
 def test_boxes_of_a_match_share_a_target_and_a_weight():
     rows = fusion_rows(frames(), "default")
-    np.testing.assert_allclose(rows.features, [[0.9, 0.8, 0, 1, 0, 0, 0, 0]])
+    np.testing.assert_allclose(rows.features, [[0.9, 0.8, 0, 1, 1, 1, 1, 0, 0, 0, 0]])
     # Blended, the box is 10 + 10 / 1.175 pixels wide.
     assert rows.targets.tolist() == [[1, 1, 1]]
     assert rows.weights.tolist() == [[0.5, 0.5, 0]]
@@ -75,6 +76,29 @@ def test_the_default_asks_which_thresholds_are_exceeded():
     rows = fusion_rows(DetectedFrames((scene,), truth_of(*labels)), "default")
     np.testing.assert_allclose(rows.targets[:, 0], [1, 2 / 3, 0])
     assert rows.weights[:, 0].tolist() == [1, 1, 0]  # a van is no wrong car
+
+
+def test_the_default_learns_from_all_frames_again_with_jittered_scores():
+    once = fusion_rows(frames(), "default")
+    thrice = fusion_rows(frames(), "default", score_jitters=2)
+    assert len(thrice) == 3 * len(once)
+    assert (thrice.features[1:, :2] != once.features[:, :2]).all()
+    np.testing.assert_array_equal(thrice.features[1:, 2:], once.features[[0, 0], 2:])
+
+
+def test_jittered_scores_keep_their_order():
+    scene = DetectedScene({"rgb": detections([[0, 0, 20, 10]] * 5)}, SIZE_PX)
+    one = DetectedFrames((scene,) * 40, truth_of()[[]])
+    scores = np.array(
+        [other.modality_detections["rgb"].scores for other in jitter_scores(one, 3).scenes]
+    )
+    assert (np.diff(scores, axis=1) < 0).all()
+    # A logit of 0 is shifted only; one of ln 9 is stretched by up to 15 %, too.
+    logits = np.log(scores / (1 - scores))
+    assert np.std(logits[:, 2]) == pytest.approx(0.9, rel=0.3)
+    assert (abs((logits[:, 0] - logits[:, 2]) / np.log(9) - 1) <= 0.15).all()
+    again = jitter_scores(one, 3).scenes[7].modality_detections["rgb"].scores
+    np.testing.assert_array_equal(again, scores[7])
 
 
 def test_all_combinations_are_counted_and_no_more_than_fit_into_memory(monkeypatch):

@@ -13,7 +13,7 @@ from tests.faults import fault
 from tests.train.fusion.toy_rows import toy_rows
 from train.fusion.datamodule import row_tensors
 from train.fusion.gauss_newton import mean_square, normal_equations, weighted_entropy
-from train.fusion.network import NoisyOr, RescoringMlp
+from train.fusion.network import NaiveBayes, RescoringMlp
 
 
 def toy_network(hidden=(4,), dtype=torch.float64):
@@ -51,7 +51,7 @@ def test_the_sums_are_those_of_the_whole_jacobian(hidden):
 def test_the_cross_entropy_of_probabilities_is_that_of_its_definition():
     rows = tensors_of(toy_rows(features=len(FEATURES["default"])))
     rows[0], rows[1] = rows[0].sigmoid(), rows[1].clamp(0, 1)
-    network = NoisyOr().double()
+    network = NaiveBayes().double()
     scores = network(rows[0])
     terms = rows[1] * scores.log() + (1 - rows[1]) * (1 - scores).log()
     found = weighted_entropy(network, rows)
