@@ -17,8 +17,8 @@ def existence(
 ) -> Float64:
     """Return (D,) the probability that detections show an object.
 
-    A score says how well a box fits, too, which is less likely for people, and for boxes of the maps alone, than that
-    they are there.
+    A score says how well a box fits, too, which is less likely for people, and for vehicles in the maps alone, than
+    that they are there.
 
     Args:
         scores: (D,) scores, summed over classes.
@@ -26,8 +26,9 @@ def existence(
         has_camera: Whether boxes of the camera are among those of the frame.
         config: By how much scores understate existence.
     """
-    offsets = np.where(is_person, config.person_log_odds, 0.0)
-    return probability(_log_odds(scores) + offsets + (not has_camera) * config.maps_log_odds)
+    of_vehicles = 0.0 if has_camera else config.maps_log_odds
+    offsets = np.where(is_person, config.person_log_odds, of_vehicles)
+    return probability(_log_odds(scores) + offsets)
 
 
 def with_heights(

@@ -238,8 +238,8 @@ def test_a_person_is_there_at_a_score_at_which_a_vehicle_is_doubtful():
     vehicles, people = Drive(speed_m_s=0.0), Drive(speed_m_s=0.0)
     person = cars((12.0, 4.0, 0.0), size_m=(0.8, 0.6, 1.75))
     for _ in range(3):
-        vehicle_ids = vehicles.observe(cars((12.0, 4.0, 0.0)), scores=0.35).vehicles.ids
-        person_ids = people.observe(person, scores=0.35, types=("Pedestrian",)).vehicles.ids
+        vehicle_ids = vehicles.observe(cars((12.0, 4.0, 0.0)), scores=0.6).vehicles.ids
+        person_ids = people.observe(person, scores=0.6, types=("Pedestrian",)).vehicles.ids
     assert vehicle_ids.tolist() == [-1]
     assert person_ids.tolist() == [0]
 
