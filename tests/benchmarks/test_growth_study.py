@@ -62,12 +62,13 @@ def test_every_stage_has_a_cost_and_a_larger_area_costs_more():
 @on_linux
 def test_memory_holds_started_processes():
     before_mib = memory_mib()
-    code = "held = bytes(range(256)) * 2**18; print(flush=True); input()"
+    # 512 MiB: what this process shares with others changes while they start and end.
+    code = "held = bytes(range(256)) * 2**21; print(flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as started:
         started.stdout.readline()
-        assert 60 < memory_mib() - before_mib < 100
+        assert 400 < memory_mib() - before_mib < 620
         started.communicate(b"\n")
 
 
