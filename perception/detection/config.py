@@ -163,9 +163,9 @@ class TriBoxOverrides:
     Attributes:
         min_iou: Overlap (IoU) above which two boxes may show the same object; else as the network was trained.
         by_set: Combine all boxes of a set that overlaps connect, as the thesis does; else only boxes that
-            overlap each other.
+            overlap each other. No effect on the default fusion, which matches boxes one to one.
         max_partners: Number of boxes of each other modality that a box is combined with, those of the
-            largest overlap; 0 for all.
+            largest overlap; 0 for all. No effect on the default fusion either.
     """
 
     min_iou: float | None = None
