@@ -88,14 +88,7 @@ def on_surfaces(
         target_SE3_source: (4, 4) transform from the source to the target.
         max_distance_m: Largest distance of a point from the surface at the nearest point of the target in metres.
     """
-    away_m = distances_to_surfaces(
-        target.surfaces,
-        target.table,
-        target.voxel_size_m,
-        source.surfaces,
-        np.ascontiguousarray(target_SE3_source, np.float64),
-        _SURFACE_REACH * target.voxel_size_m,
-    )
+    away_m = _surface_distances_m(source, target, target_SE3_source, _SURFACE_REACH)
     return replace(source, surfaces=source.surfaces[away_m < max_distance_m])
 
 
@@ -113,15 +106,25 @@ def share_on_surfaces(
         target_SE3_source: (4, 4) transform from the source to the target.
         max_distance_m: Largest distance of a point from the surface at the nearest point of the target in metres.
     """
-    away_m = distances_to_surfaces(
+    away_m = _surface_distances_m(source, target, target_SE3_source, 1.0)
+    return float(np.count_nonzero(away_m < max_distance_m) / max(len(away_m), 1))
+
+
+def _surface_distances_m(
+    source: PreprocessedPoints, target: PreprocessedPoints, target_SE3_source: Float64, reach: float
+) -> Float64:
+    """Return the (N,) distance of each point of the source from the surface at the nearest point of the target.
+
+    It is infinite where none is within `reach` edges of the target's voxels.
+    """
+    return distances_to_surfaces(
         target.surfaces,
         target.table,
         target.voxel_size_m,
         source.surfaces,
         np.ascontiguousarray(target_SE3_source, np.float64),
-        target.voxel_size_m,
+        reach * target.voxel_size_m,
     )
-    return float(np.count_nonzero(away_m < max_distance_m) / max(len(away_m), 1))
 
 
 def align(
