@@ -15,6 +15,20 @@ def root_of(parents: Int, node: int) -> int:
     return node
 
 
+@compiled((written(WHOLE),))
+def tree_numbers(parents: Int) -> Int:
+    """Return the (N,) number of each node's tree, numbered by root; the root of a tree is its first node."""
+    numbers, found = np.empty(len(parents), np.int64), 0
+    for node in range(len(parents)):
+        root = root_of(parents, node)
+        if root == node:
+            numbers[node] = found
+            found += 1
+        else:
+            numbers[node] = numbers[root]
+    return numbers
+
+
 @compiled((WHOLE, array_of(WHOLE), array_of(WHOLE)))
 def connected_parts(count: int, first: Int, second: Int) -> Int:
     """Return the (count,) connected component of each node of a graph, numbered by first node.
@@ -29,12 +43,4 @@ def connected_parts(count: int, first: Int, second: Int) -> Int:
         one, other = root_of(parents, first[edge]), root_of(parents, second[edge])
         # The first node of a part is its root.
         parents[max(one, other)] = min(one, other)
-    numbers, found = np.empty(count, np.int64), 0
-    for node in range(count):
-        root = root_of(parents, node)
-        if root == node:
-            numbers[node] = found
-            found += 1
-        else:
-            numbers[node] = numbers[root]
-    return numbers
+    return tree_numbers(parents)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from perception.kernels.compiled import NUMBER, array_of, compiled, written
+from perception.kernels.compiled import NUMBER, array_of, compiled
+from perception.kernels.graphs import root_of, tree_numbers
 from perception.types import Bool, Float32, Float64, Int
 
 _PLACES, _NUMBERS, _ORDER = array_of(np.float64, 2), array_of(np.float64), array_of(np.int64)
@@ -23,15 +24,6 @@ def are_near(places_m: Float64, others_m: Float64, reach_m: float) -> Bool:
                 break
             other += 1
     return is_near
-
-
-@compiled((written(np.int64), np.int64))
-def _root(parents: Int, node: int) -> int:
-    """Return the root of a node's tree, and shorten the way to it."""
-    while parents[node] != node:
-        parents[node] = parents[parents[node]]
-        node = parents[node]
-    return node
 
 
 @compiled((_PLACES, _NUMBERS, NUMBER, _ORDER))
@@ -68,18 +60,10 @@ def linked_clusters(
             across = (along_x_m * sight_y - along_y_m * sight_x) / length
             depth_m = (depth_gaps_m[first] + depth_gaps_m[second]) / 2
             if (along / depth_m) ** 2 + (across / lateral_gap_m) ** 2 <= 1:
-                one, other = _root(parents, first), _root(parents, second)
+                one, other = root_of(parents, first), root_of(parents, second)
                 # The earliest place is the root.
                 parents[max(one, other)] = min(one, other)
-    clusters, found = np.empty(count, np.int64), 0
-    for row in range(count):
-        root = _root(parents, row)
-        if root == row:
-            clusters[row] = found
-            found += 1
-        else:
-            clusters[row] = clusters[root]
-    return clusters
+    return tree_numbers(parents)
 
 
 @compiled((array_of(np.float32, 2), _ORDER, np.int64))
