@@ -1,0 +1,1 @@
+"""Point clouds in files: .bin, .npy, .npz, .pcd, .ply, .csv."""
