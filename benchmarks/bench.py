@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 BenchmarkPart = Literal[
     "all", "chain", "pipeline", "registration", "ground", "voxels", "motion",
     "objects", "short-term-map", "kalman-filters", "single-object", "color-model", "maps",
-    "clusters", "clusters-full-scan", "proposals", "depthcn", "average-precision", "detectors",
+    "clusters", "clusters-full-scan", "proposals", "depthcn", "video", "average-precision", "detectors",
     "vehicle-tracking", "camera-detectors",
 ]  # fmt: skip
 
@@ -139,7 +139,8 @@ def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkP
     from perception.sensor import HDL_64E, load_sensor
 
     needs_images = part in (
-        "all", "pipeline", "single-object", "detectors", "vehicle-tracking", "camera-detectors",
+        "all", "pipeline", "single-object", "video", "detectors", "vehicle-tracking",
+        "camera-detectors",
     )  # fmt: skip
     if drive is None:
         sensor = load_sensor(source.sensor) if source.sensor else HDL_64E

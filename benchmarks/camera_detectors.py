@@ -3,15 +3,19 @@
 import os
 from collections.abc import Mapping
 from functools import partial
+from importlib.resources import as_file
 from pathlib import Path
 
 from benchmarks.measure import Comparison, Contender, Measurement, add_peer, compare, metric
+from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import PreparedDrive
+from export.parity import Network
 from perception.detection.detectors.detector_description import DescribedFile, DetectorDescription
 from perception.detection.detectors.image_region import detection_region
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import camera_image
+from perception.detection.detectors.modalities import SHIPPED_DETECTORS, camera_image
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.onnx_model import shipped_model
 from perception.errors import ModelError
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
@@ -36,7 +40,10 @@ def compare_camera_detectors(prepared: PreparedDrive) -> Comparison:
         ImageError: the drive has no images.
     """
     camera_image(prepared.frames[0])
-    contenders = [_contender("Trifuse", ModalityDetector("rgb"), prepared)]
+    ours = ModalityDetector("rgb")
+    contenders = [_contender("Trifuse", ours, prepared)]
+    contenders.append(_whole_image("ONNX Runtime", ours, ours.model, prepared))
+    add_peer(contenders, partial(_with_openvino, ours, prepared))
     for name, (file, size) in PUBLIC_NETWORKS.items():
         add_peer(contenders, partial(_public, name, file, size, prepared))
     title = f"camera detectors on {len(prepared.frames)} frames, two threads"
@@ -76,6 +83,25 @@ def _contender(name: str, detector: ModalityDetector, prepared: PreparedDrive) -
         return detector.detect(image, region)
 
     return Contender(f"{name}, {detector.size}", run)
+
+
+def _with_openvino(detector: ModalityDetector, prepared: PreparedDrive) -> Contender:
+    shape = detector.preprocess(camera_image(prepared.frames[0])).shape[1:]
+    with as_file(shipped_model(SHIPPED_DETECTORS["rgb"])) as file:
+        network = openvino_network(file, threads=2, image_shape=shape)
+    return _whole_image("OpenVINO", detector, network, prepared)
+
+
+def _whole_image(
+    library: str, detector: ModalityDetector, network: Network, prepared: PreparedDrive
+) -> Contender:
+    """Detect in whole images, so that only the library differs."""
+
+    def run(i: int) -> Detections:
+        image = camera_image(prepared.frames[i])
+        return detector.postprocess(image, network({"images": detector.preprocess(image)}))
+
+    return Contender(f"Trifuse, whole image, {library}", run)
 
 
 def _precision_columns(prepared: PreparedDrive) -> list[Column[Measurement]]:

@@ -19,6 +19,7 @@ from benchmarks.registration import compare_registration
 from benchmarks.single_object import compare_color_filters, compare_single_object_trackers
 from benchmarks.stages import PreparedDrive, compare_voxels
 from benchmarks.vehicle_tracking import compare_vehicle_trackers
+from benchmarks.video import compare_video
 from perception.errors import MissingDependencyError
 
 COMPARISONS: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
@@ -36,6 +37,7 @@ COMPARISONS: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
     "clusters-full-scan": compare_clusters_full_scan,
     "proposals": compare_proposals,
     "depthcn": compare_depthcn,
+    "video": compare_video,
     "average-precision": lambda _: compare_average_precision(),
 }
 

@@ -8,8 +8,15 @@ from export.parity import Arrays, Network
 from perception.errors import MissingDependencyError
 
 
-def openvino_network(file: Path, threads: int) -> Network:
+def openvino_network(
+    file: Path, threads: int, image_shape: tuple[int, ...] | None = None
+) -> Network:
     """Open a detector's file for one image at a time.
+
+    Args:
+        file: ONNX file.
+        threads: Number of threads of the network.
+        image_shape: (C, H, W) of the images; None for those that the file states.
 
     Raises:
         MissingDependencyError: OpenVINO is not installed.
@@ -22,8 +29,8 @@ def openvino_network(file: Path, threads: int) -> Network:
         ) from error
     core = openvino.Core()
     model = core.read_model(file)
-    images = model.input("images")
-    model.reshape([1, *images.partial_shape.get_max_shape()[1:]])
+    shape = image_shape or model.input("images").partial_shape.get_max_shape()[1:]
+    model.reshape([1, *shape])
     settings = {
         "INFERENCE_NUM_THREADS": threads,
         "NUM_STREAMS": 1,
