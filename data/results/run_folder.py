@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 
 from data.kitti.tracking_rows import format_result_rows
 from data.results.kitti_rows import format_object_rows, track_rows, vehicle_rows
-from data.results.objects import FrameLine, FrameTracks, FrameVehicles, frame_of, numbers
+from data.results.objects import (
+    FrameLine,
+    FrameTracks,
+    FrameVehicles,
+    TrajectoryRecord,
+    frame_of,
+    numbers,
+)
 from data.results.records import append_record, read_records
+from data.results.result_writer import ResultWriter
 from perception.atomic_file import append_atomically, atomic_file, write_atomically
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
+from perception.render.scene import SelectedObject
 from perception.types import Drive, Float64, GroundModel, PointState, Result
 
 FRAMES = "frames.jsonl"
@@ -70,18 +79,43 @@ class FrameRecord(FrameLine):
         )
 
 
-def append_frame(
-    out: Path, drive: Drive, result: Result, area: LocalArea, min_vehicle_score: float
-) -> None:
-    """Write the result of one frame; every file is whole after it.
+class RunFiles(ResultWriter):
+    """Writes the files of a run; every file is whole after each frame."""
 
-    Args:
-        out: Folder of the results.
-        drive: Drive of the run.
-        result: Result of the frame.
-        area: Area in which ground heights are written.
-        min_vehicle_score: Score from which a vehicle is listed in `vehicles.jsonl`.
-    """
+    def __init__(self, out: Path, drive: Drive, area: LocalArea, min_vehicle_score: float) -> None:
+        """Write nothing yet.
+
+        Args:
+            out: Folder of the results.
+            drive: Drive of the run.
+            area: Area in which ground heights are written.
+            min_vehicle_score: Score from which a vehicle is listed in `vehicles.jsonl`.
+        """
+        self._out, self._drive, self._area = out, drive, area
+        self._min_vehicle_score = min_vehicle_score
+
+    def add(self, result: Result, selected: SelectedObject | None) -> None:
+        """Write the result of one frame."""
+        out = self._out
+        _write_obstacles(out, result, self._area)
+        pose = " ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel())
+        append_atomically(out / "poses.txt", f"{pose}\n".encode())
+        append_record(out / "tracks.jsonl", FrameTracks.of(result))
+        vehicles = FrameVehicles.of(result, self._min_vehicle_score)
+        if vehicles is not None:
+            append_record(out / "vehicles.jsonl", vehicles)
+        append_kitti_rows(out, self._drive, result)
+        append_record(out / FRAMES, FrameRecord.of(result, vehicles))
+        if selected is not None:
+            record = TrajectoryRecord.of(result, selected.tracked, selected.track_id, kind=None)
+            append_record(out / "trajectory.jsonl", record)
+
+    def close(self, *, is_complete: bool) -> None:
+        """Do nothing: the files are whole."""
+
+
+def _write_obstacles(out: Path, result: Result, area: LocalArea) -> None:
+    """Write the classes of the points, the voxels and the ground of one frame."""
     name = result.frame.name
     labels = SEMANTIC_KITTI[result.obstacles.point_states]
     write_atomically(out / "labels" / f"{name}.label", labels.tobytes())
@@ -97,14 +131,6 @@ def append_frame(
             ground_xy_m=xy_m,
             ground_height_m=heights_m,
         )
-    pose = " ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel())
-    append_atomically(out / "poses.txt", f"{pose}\n".encode())
-    append_record(out / "tracks.jsonl", FrameTracks.of(result))
-    vehicles = FrameVehicles.of(result, min_vehicle_score)
-    if vehicles is not None:
-        append_record(out / "vehicles.jsonl", vehicles)
-    append_kitti_rows(out, drive, result)
-    append_record(out / FRAMES, FrameRecord.of(result, vehicles))
 
 
 def append_kitti_rows(out: Path, drive: Drive, result: Result) -> None:

@@ -27,7 +27,8 @@ def demo(
     """
     from data.open_drive import open_drive
     from data.results.folder import ResultsFolder
-    from data.results.run_drive import RunConfig, run_drive
+    from data.results.run_config import RunConfig
+    from data.results.run_drive import run_drive
     from data.synthetic.collection import SynthConfig, write_drives
     from perception.cli.drive_results import drive_results
     from perception.cli.progress import counting_bar

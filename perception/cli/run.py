@@ -40,7 +40,8 @@ def run(
         pipeline: Pipeline configuration.
     """
     from data.open_drive import open_drive
-    from data.results.run_drive import RunConfig, run_drive
+    from data.results.run_config import RunConfig
+    from data.results.run_drive import run_drive
     from perception.cli.drive_results import drive_results
     from perception.detection.networks import enabled_modalities
 

@@ -9,7 +9,8 @@ import pytest
 
 from data.open_drive import open_drive
 from data.results.objects import TrajectoryRecord
-from data.results.run_drive import TRACKING_STAGE, RunConfig, track_selected
+from data.results.run_config import RunConfig
+from data.results.run_drive import TRACKING_STAGE, track_selected
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.errors import UsageError

@@ -1,0 +1,31 @@
+"""Exports of a run, and the packages that they need."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+
+from perception.errors import MissingDependencyError
+
+# Package and extra of each export, by its field.
+_PACKAGES: Mapping[str, tuple[str, str]] = {}
+
+
+@dataclass(frozen=True)
+class ExportConfig:
+    """Exports."""
+
+    def __post_init__(self) -> None:
+        """Validate that the package of each export is installed, before the run.
+
+        Raises:
+            MissingDependencyError: It is not.
+        """
+        for name, (package, extra) in _PACKAGES.items():
+            if not getattr(self, name):
+                continue
+            try:
+                import_module(package)
+            except ImportError as error:
+                raise MissingDependencyError(
+                    package, needed_for=f"--{name}", extra=extra, reason=error
+                ) from error

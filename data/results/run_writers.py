@@ -1,0 +1,33 @@
+"""The writers of a run, by its configuration."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from data.frames import frame_count
+from data.results.background_writer import BackgroundWriter
+from data.results.result_writer import ResultWriter
+from data.results.run_config import RunConfig
+from data.results.run_folder import RunFiles
+from data.results.run_video import RunVideo
+from perception.render.composition import Composition
+from perception.types import Drive
+
+
+def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWriter]:
+    """Make the writers that a run asks for; optional packages are imported by those that need them.
+
+    Args:
+        drive: Drive of the run.
+        out: Folder of the results.
+        config: Configuration of the run.
+    """
+    if config.video:
+        composition = Composition(
+            area=config.pipeline.area,
+            turn_s=1 / drive.sensor.rate_hz,
+            display_score=config.pipeline.detection.display_score,
+            detector_views=config.video_views,
+        )
+        video = RunVideo(out, composition, drive, frame_count(drive, config.frames))
+        yield BackgroundWriter(video, "video")
+    yield RunFiles(out, drive, config.pipeline.area, config.min_vehicle_score)
