@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from data.exports.config import ExportConfig
+from data.exports.run_exports import RunExports
 from perception.errors import UsageError
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
@@ -32,7 +32,7 @@ class RunConfig:
     tracker: TrackerName = "default"
     tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
     min_vehicle_score: float = 0.05
-    exports: ExportConfig = field(default_factory=ExportConfig)
+    exports: RunExports = field(default_factory=RunExports)
 
     def __post_init__(self) -> None:
         """Validate the score and the tracker."""

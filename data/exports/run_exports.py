@@ -11,7 +11,7 @@ _PACKAGES: Mapping[str, tuple[str, str]] = {}
 
 
 @dataclass(frozen=True)
-class ExportConfig:
+class RunExports:
     """Exports."""
 
     def __post_init__(self) -> None:
