@@ -13,7 +13,7 @@ from benchmarks.registration_peers import (
     open3d_point_to_plane,
 )
 from benchmarks.stages import PreparedDrive
-from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
 from perception.evaluation.report import Column
@@ -116,8 +116,8 @@ def true_poses(drive: Drive) -> list[Float64] | None:
     """Return the exact (4, 4) world_SE3_velo of every frame of a synthetic drive; None of a recorded one."""
     if isinstance(drive, SyntheticDrive):
         return [drive.true_world_SE3_velo(index) for index in range(len(drive))]
-    files = truth_files(drive) if isinstance(drive, KittiSequence) else None
-    if files is None or not isinstance(drive, KittiSequence):
+    files = truth_files(drive) if isinstance(drive, RecordedDrive) else None
+    if files is None or not isinstance(drive, RecordedDrive):
         return None
     return [frame.world_SE3_velo for frame in read_truth(drive, files)]
 

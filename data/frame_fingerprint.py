@@ -8,14 +8,13 @@ from types import ModuleType
 from typing import Any
 
 from data.array_store import entry_key
-from data.kitti.drive import KittiDrive
-from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from perception.types import Drive
 
 
 def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
     """Return what identifies a frame and the contents of its files."""
-    files = frame_files(drive, index)
+    files = drive.frame_files(index) if isinstance(drive, RecordedDrive) else ()
     stats = [path.stat() if path.is_file() else None for path in files]
     return {
         "files": [
@@ -25,22 +24,9 @@ def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
         "drive": (drive.name, drive.root.resolve()),
         "lidar_height_m": drive.sensor.height_m,
         "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
-        # A drive that is not on disk is known by what it shows.
+        # A frame without files of its own is known by what it shows.
         "scan": None if files else hashlib.blake2b(drive[index].points_velo.tobytes()).hexdigest(),
     }
-
-
-def frame_files(drive: Drive, index: int) -> list[Path]:
-    """Return the files of a frame and its labels; none for a drive in memory."""
-    if not isinstance(drive, KittiDrive):
-        return []
-    scan = drive.scans.paths[index]
-    image = None if drive.images is None else drive.images.paths[index]
-    if isinstance(drive, KittiSequence):
-        texts = [drive.label_file]
-    else:
-        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
-    return [path for path in (scan, *texts, image) if path is not None]
 
 
 @cache

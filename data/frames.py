@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 from data.beam_pattern import beam_anomalies
-from data.kitti.drive import KittiDrive
 from data.plausibility import describe_invalid_points
+from data.recorded_drive import RecordedDrive
 from perception.errors import PerceptionError
 from perception.types import Drive, Frame, OnBadFrame
 
@@ -20,12 +20,12 @@ def frame_count(drive: Drive, limit: int | None) -> int:
 
 def file_number(drive: Drive, index: int) -> int:
     """Return the frame number in KITTI's rows and file names; the index where names are others."""
-    return drive.scans.numbers[index] if isinstance(drive, KittiDrive) else index
+    return drive.frame_numbers[index] if isinstance(drive, RecordedDrive) else index
 
 
 def frame_name(drive: Drive, index: int) -> str:
     """Return the name of a frame in results; its number in six digits where no file has a name."""
-    return drive.scans.names[index] if isinstance(drive, KittiDrive) else f"{index:06d}"
+    return drive.frame_names[index] if isinstance(drive, RecordedDrive) else f"{index:06d}"
 
 
 def read_frames(

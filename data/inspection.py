@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from data.beam_pattern import beam_anomalies
-from data.kitti.drive import KittiDrive
-from data.kitti.sequence import KittiSequence
+from data.kitti.oxts import InsPacket
 from data.plausibility import (
     Anomaly,
     calibration_anomalies,
@@ -19,6 +19,7 @@ from data.plausibility import (
     rotation_anomalies,
     time_anomalies,
 )
+from data.recorded_drive import RecordedDrive
 from perception.errors import (
     CalibrationError,
     DriveError,
@@ -141,7 +142,7 @@ class _FindingList:
             self.add(anomaly.what, anomaly.example)
 
 
-def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
+def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveReport:
     """Read every file of a drive once; continue after a fault, so that all are found.
 
     Args:
@@ -163,9 +164,9 @@ def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
                 collected.add("points without a return", sentence, is_fault=False, count=count)
         _inspect_truth(drive, index, collected)
     distance_m = None
-    if isinstance(drive, KittiSequence):
+    if drive.is_sequence:
         collected.add_anomalies(time_anomalies(stamps_s))
-        distance_m = _inspect_ins(drive, stamps_s, collected)
+        distance_m = _inspect_poses(drive, stamps_s, collected)
     _add_notes(drive, collected)
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
@@ -180,7 +181,7 @@ def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
     return DriveReport(summary, tuple(collected.findings.values()))
 
 
-def _inspect_frame(drive: KittiDrive, index: int, collected: _FindingList) -> Frame | None:
+def _inspect_frame(drive: RecordedDrive, index: int, collected: _FindingList) -> Frame | None:
     """Read scan and image apart, so that a fault of one does not hide a fault of the other."""
     frame = image = None
     try:
@@ -188,7 +189,7 @@ def _inspect_frame(drive: KittiDrive, index: int, collected: _FindingList) -> Fr
     except PerceptionError as error:
         collected.add_error(error)
     try:
-        frame = _scans_of(drive)[index]
+        frame = drive.scan(index)
     except PerceptionError as error:
         collected.add_error(error)
     if frame is None or frame.calibration is None or image is None:
@@ -197,13 +198,7 @@ def _inspect_frame(drive: KittiDrive, index: int, collected: _FindingList) -> Fr
     return replace(frame, calibration=replace(frame.calibration, image_size_px=size_px))
 
 
-def _scans_of(drive: KittiDrive) -> KittiDrive:
-    if isinstance(drive, KittiSequence):
-        return replace(drive, images=None, ins=None)
-    return replace(drive, images=None)
-
-
-def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> None:
+def _inspect_setup(frame: Frame, drive: RecordedDrive, collected: _FindingList) -> None:
     """Check the sensor and the mounting of LiDAR and camera, for which one frame is enough."""
     try:
         check_mounting(frame.points_velo, drive.sensor, frame.source)
@@ -218,13 +213,13 @@ def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> 
         collected.add_anomalies(projection_anomalies(frame))
 
 
-def _inspect_truth(drive: KittiDrive, index: int, collected: _FindingList) -> None:
+def _inspect_truth(drive: RecordedDrive, index: int, collected: _FindingList) -> None:
     try:
         if drive.has_labels:
             size = drive.calibration.image_size_px if drive.calibration else None
-            where = f"frame {drive.scans.numbers[index]}"
+            where = f"frame {drive.frame_numbers[index]}"
             collected.add_anomalies(label_anomalies(drive.labels(index), size, where))
-        if drive.point_labels is not None:
+        if drive.has_point_truth:
             drive.point_truth(index)
     except ScanError:
         pass  # reported where the frame was read
@@ -232,25 +227,26 @@ def _inspect_truth(drive: KittiDrive, index: int, collected: _FindingList) -> No
         collected.add_error(error)
 
 
-def _inspect_ins(
-    drive: KittiSequence, stamps_s: dict[int, float], collected: _FindingList
+def _inspect_poses(
+    drive: RecordedDrive, stamps_s: dict[int, float], collected: _FindingList
 ) -> float | None:
-    """Read every packet, look for jumps, and return the distance driven."""
-    if drive.ins is None:
+    """Read every pose, and every INS packet where there are any, look for jumps, and return the distance driven."""
+    if not drive.has_poses:
         return None
     if drive.velo_SE3_imu is not None:
         collected.add_anomalies(
             rotation_anomalies(drive.velo_SE3_imu, f"{drive.name} velo_SE3_imu")
         )
-    packets = {}
+    packets: dict[int, InsPacket] = {}
     positions_m: list[Float64] = []
     for index in range(len(drive)):
         try:
-            packets[drive.scans.numbers[index]] = drive.ins_packet(index)
-            pose = drive.world_SE3_velo(index)
+            packet, pose = drive.ins_packet(index), drive.world_SE3_velo(index)
         except PoseError as error:
             collected.add_error(error)
             continue
+        if packet is not None:
+            packets[drive.frame_numbers[index]] = packet
         if pose is not None:
             positions_m.append(pose[:3, 3])
     period_s = 1 / drive.sensor.rate_hz
@@ -258,22 +254,28 @@ def _inspect_ins(
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(positions_m)))
 
 
-def _parts(drive: KittiDrive) -> Iterator[str]:
+def _parts(drive: RecordedDrive) -> Iterator[str]:
     present = {
         "images": drive.has_images,
         "INS": drive.has_poses,
         "labels": drive.has_labels,
-        "point truth": drive.point_labels is not None,
+        "point truth": drive.has_point_truth,
     }
     return (part for part, is_present in present.items() if is_present)
 
 
-def _add_notes(drive: KittiDrive, collected: _FindingList) -> None:
+def _numbering_gaps(drive: RecordedDrive) -> Iterator[str]:
+    for index, (number, following) in enumerate(pairwise(drive.frame_numbers)):
+        if following > number + 1:
+            found = Path(drive.source(index + 1)).name
+            yield f"{drive.source(index)}: expected the next number after it, found {found}"
+
+
+def _add_notes(drive: RecordedDrive, collected: _FindingList) -> None:
     """Note missing parts, gaps in the numbering, and files that are not used as they are."""
     for note in drive.notes:
         collected.add("files joined otherwise, or not used", note, is_fault=False)
-    for before, after in drive.scans.gaps if drive.is_sequence else ():
-        sentence = f"{before}: expected the next number after it, found {after.name}"
+    for sentence in _numbering_gaps(drive) if drive.is_sequence else ():
         collected.add("gaps in the numbering", sentence, is_fault=False)
     consequences = {
         "images": (drive.has_images, "stages that need a camera cannot run"),

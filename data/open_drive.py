@@ -2,71 +2,47 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
-from data.kitti.drive import KittiDrive
-from data.kitti.objects import is_object_folder, open_objects
-from data.kitti.raw import is_raw_drive, open_raw, raw_drives_in
 from data.kitti.sensor_files import no_scans
-from data.kitti.tracking import open_tracking, tracking_sequences_in
+from data.layout_registry import layouts
+from data.layouts import Layout, OpenConfig
+from data.recorded_drive import RecordedDrive
 from perception.errors import DriveError, UsageError
-from perception.sensor import HDL_64E, LidarModel, load_sensor
 
-_LAYOUTS = (
-    "a KITTI raw drive (velodyne_points/data), a folder of raw drives, tracking sequences "
-    "(velodyne/SSSS), or object frames (velodyne/NNNNNN.bin)"
-)
-
-
-@dataclass(frozen=True)
-class _DriveLocation:
-    """A recognised drive location.
-
-    Attributes:
-        folder: Raw drive, folder of raw drives, or training or testing folder.
-        layout: Layout: raw, date, tracking or object.
-        sequences: Names of the sequences in a date or tracking folder.
-    """
-
-    folder: Path
-    layout: str
-    sequences: tuple[str, ...] = ()
+_DEFAULT = OpenConfig()
 
 
 def open_drive(
-    path: Path, *, sequence: str | None = None, sensor: str | None = None, images: bool = True
-) -> KittiDrive:
+    path: Path,
+    *,
+    sequence: str | None = None,
+    sensor: str | None = None,
+    images: bool = True,
+    config: OpenConfig = _DEFAULT,
+) -> RecordedDrive:
     """Open a drive, whatever its layout.
 
     Args:
-        path: Raw drive, date folder, or tracking or object folder with or without training/.
+        path: Folder or file of any layout; of KITTI's benchmarks, the folder with or without training/.
         sequence: Sequence, where there are several: 0000, or the name or number of a raw drive.
-        sensor: Name of a LiDAR model, or a .json file; else the drive's sensor.json, else HDL-64E.
+        sensor: Name of a LiDAR model, or a file that describes one; else what the drive states, else HDL-64E.
         images: Whether frames carry images.
+        config: How the drive is read; `sensor` and `images` come before it.
 
     Raises:
         DriveError: The path holds no drive, or several and no sequence is given, or it cannot be read.
     """
+    config = replace(config, sensor=sensor or config.sensor, images=images and config.images)
     with _readable(path):
-        place = _detect_layout(path)
-        if place.layout in ("raw", "object"):
-            _reject_sequence(path, sequence)
-            chosen = ""
-        else:
-            chosen = _choose(place, sequence)
-        folder = place.folder / chosen if place.layout == "date" else place.folder
-        model = _sensor(folder, sensor)
-        if place.layout == "tracking":
-            return open_tracking(folder, chosen, model, images=images)
-        if place.layout == "object":
-            return open_objects(folder, model, images=images)
-        return open_raw(folder, model, images=images)
+        layout, sequences = _recognise(path)
+        return layout.open(path, _choose(path, sequences, sequence), config)
 
 
 def open_drives(
     paths: Sequence[Path], *, sensor: str | None = None, images: bool = True
-) -> list[KittiDrive]:
+) -> list[RecordedDrive]:
     """Open every drive of every path; arguments as of `open_drive`.
 
     Raises:
@@ -77,6 +53,16 @@ def open_drives(
         for path in paths
         for sequence in sequences_in(path)
     ]
+
+
+def sequences_in(path: Path) -> list[str | None]:
+    """Return the values of `sequence` with which `open_drive` opens each drive of a path in turn.
+
+    Raises:
+        DriveError: The path holds no drive, or cannot be read.
+    """
+    with _readable(path):
+        return list(_recognise(path)[1]) or [None]
 
 
 @contextmanager
@@ -92,60 +78,44 @@ def _readable(path: Path) -> Iterator[None]:
         ) from error
 
 
-def sequences_in(path: Path) -> list[str | None]:
-    """Return the values of `sequence` with which `open_drive` opens each drive of a path in turn.
-
-    Raises:
-        DriveError: The path holds no drive, or cannot be read.
-    """
-    with _readable(path):
-        return list(_detect_layout(path).sequences) or [None]
-
-
-def _detect_layout(path: Path) -> _DriveLocation:
-    """Return the layout of a path, looking into training/, then testing/."""
-    if path.exists() and not path.is_dir():
-        raise DriveError(
-            path, expected="a folder", found="a file", advice="name the folder of the drive"
-        )
-    if is_raw_drive(path):
-        return _DriveLocation(path, "raw")
-    for folder in (path, path / "training", path / "testing"):
-        if is_object_folder(folder):
-            return _DriveLocation(folder, "object")
-        if (folder / "velodyne").is_dir() and (sequences := tracking_sequences_in(folder)):
-            return _DriveLocation(folder, "tracking", tuple(sequences))
-    if drives := raw_drives_in(path):
-        return _DriveLocation(path, "date", tuple(drives))
-    raise no_scans(path, _LAYOUTS)
+def _recognise(path: Path) -> tuple[Layout, tuple[str, ...]]:
+    """Return the first layout that a path is of, and the names of its drives."""
+    descriptions = []
+    for layout in layouts():
+        sequences = layout.sequences(path)
+        if sequences is not None:
+            return layout, sequences
+        descriptions.append(layout.description)
+    expected = f"{', '.join(descriptions[:-1])} or {descriptions[-1]}"
+    if path.is_file():
+        advice = "name the folder of the drive"
+        raise DriveError(path, expected=expected, found="a file of another kind", advice=advice)
+    raise no_scans(path, expected)
 
 
-def _reject_sequence(path: Path, sequence: str | None) -> None:
-    if sequence is not None:
-        raise UsageError(
-            f"sequence {sequence}",
-            expected="none, as the path itself names the drive",
-            found=str(path),
-        )
-
-
-def _choose(place: _DriveLocation, sequence: str | None) -> str:
-    if sequence is None and len(place.sequences) == 1:
-        return place.sequences[0]
-    asked = (sequence or "").zfill(4)
-    names = [n for n in place.sequences if n in (sequence, asked) or f"_drive_{asked}_" in n]
+def _choose(path: Path, sequences: Sequence[str], asked: str | None) -> str | None:
+    """Return the sequence that is asked for, by its name or its number."""
+    if not sequences:
+        if asked is not None:
+            raise UsageError(
+                f"sequence {asked}",
+                expected="none, as the path itself names the drive",
+                found=str(path),
+            )
+        return None
+    if asked is None and len(sequences) == 1:
+        return sequences[0]
+    names = [name for name in sequences if asked is not None and _is_named(name, asked)]
     if len(names) != 1:
         raise DriveError(
-            place.folder,
-            expected=f"sequence {sequence}" if sequence else "one of several sequences to be named",
-            found=", ".join(place.sequences),
+            path,
+            expected=f"sequence {asked}" if asked else "one of several sequences to be named",
+            found=", ".join(sequences),
             advice="choose one with --sequence",
         )
     return names[0]
 
 
-def _sensor(folder: Path, asked: str | None) -> LidarModel:
-    if asked is not None:
-        return load_sensor(asked)
-    own = folder / "sensor.json"
-    return load_sensor(str(own)) if own.is_file() else HDL_64E
+def _is_named(name: str, asked: str) -> bool:
+    is_number = name.isdecimal() and asked.isdecimal() and int(name) == int(asked)
+    return name == asked or is_number or f"_drive_{asked.zfill(4)}_" in name

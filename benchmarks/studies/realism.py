@@ -19,7 +19,7 @@ from perception.render.curve_plots import Curve, CurvePanel
 from perception.types import Bool, Detections, Float64, Labels
 
 if TYPE_CHECKING:
-    from data.kitti.drive import KittiDrive
+    from data.recorded_drive import RecordedDrive
     from perception.detection.detectors.modality_detector import ModalityDetector
 
 RANGES_M: tuple[tuple[float, float], ...] = ((0, 15), (15, 30), (30, 50), (0, 50))
@@ -167,7 +167,7 @@ def measure_realism(
 
 
 def _detect(
-    networks: Mapping[str, "ModalityDetector"], drive: "KittiDrive"
+    networks: Mapping[str, "ModalityDetector"], drive: "RecordedDrive"
 ) -> dict[str, list[RangedFrame]]:
     """Return the frames of a drive with the detections of each network."""
     from perception.cli.progress import progress_bar

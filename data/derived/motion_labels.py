@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from perception.errors import PoseError
 from perception.evaluation.config import MotionLabelConfig, ObstacleProtocol
 from perception.evaluation.objects import MotionState
@@ -113,13 +113,18 @@ def obstacle_measure(drive: Drive, area: LocalArea, protocol: ObstacleProtocol) 
         protocol: Protocol of the evaluation.
     """
     motion = None
-    if isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses:
+    if (
+        isinstance(drive, RecordedDrive)
+        and drive.is_sequence
+        and drive.has_labels
+        and drive.has_poses
+    ):
         motion = label_drive_motion(drive, protocol.motion)
     return ObstacleMeasure(area, protocol.objects, motion)
 
 
 def label_drive_motion(
-    drive: KittiSequence, thresholds: MotionLabelConfig | None = None
+    drive: RecordedDrive, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
     """Label every box of a drive as static or moving, by the poses of its INS.
 
@@ -133,7 +138,7 @@ def label_drive_motion(
     return label_motion(gather_tracks([frame for frame in posed if frame is not None]), thresholds)
 
 
-def posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
+def posed_labels(drive: RecordedDrive, index: int) -> PosedLabels | None:
     """Read the labels of one frame and its pose, or None where there is no pose."""
     labels = drive.labels(index)
     try:

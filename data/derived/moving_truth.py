@@ -13,7 +13,7 @@ from data.derived.motion_labels import (
     label_motion,
     posed_labels,
 )
-from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
 from perception.errors import CalibrationError, DriveError
@@ -103,7 +103,8 @@ def moving_truth(
         motion = label_motion(gather_tracks(exact), thresholds)
         motion = replace(motion, velocities_m_s=_velocities(drive, motion))
         return MovingTruth(exact, motion, view)
-    if not (isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses):
+    is_posed = drive.is_sequence and drive.has_labels and drive.has_poses
+    if not (isinstance(drive, RecordedDrive) and is_posed):
         raise DriveError(
             drive.root,
             expected="labels with tracks, and INS poses",
@@ -117,7 +118,7 @@ def moving_truth(
     return MovingTruth(posed, motion, view)
 
 
-def _posed_labels(drive: KittiSequence, view: EvaluationView) -> Sequence[PosedLabels | None]:
+def _posed_labels(drive: RecordedDrive, view: EvaluationView) -> Sequence[PosedLabels | None]:
     """Read the exact truth of a drive, or else its labels and INS poses."""
     files = truth_files(drive)
     if files is not None:

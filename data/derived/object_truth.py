@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.derived.moving_truth import MovingTruth, moving_truth
-from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from data.synthetic.drive import SyntheticDrive
 from perception.evaluation.single_object.track import ObjectSequence, TrueTrack
 from perception.types import Boxes3D, Float64, Labels
@@ -34,7 +34,7 @@ class DriveObjects:
     truth: MovingTruth | None
 
     @classmethod
-    def of(cls, drive: KittiSequence | SyntheticDrive) -> "DriveObjects":
+    def of(cls, drive: RecordedDrive | SyntheticDrive) -> "DriveObjects":
         """Read the labels of a drive.
 
         Raises:

@@ -8,8 +8,8 @@ from typing import Literal
 from data.derived.object_truth import DriveObjects
 from data.derived.single_object import table_3_2, table_a_1, unique_sequences
 from data.frames import frame_count
-from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive, sequences_in
+from data.recorded_drive import RecordedDrive
 from data.synthetic.truth_files import truth_files
 from perception.errors import DriveError, UsageError
 from perception.evaluation.single_object.track import ObjectSequence, TargetObject
@@ -67,7 +67,7 @@ class DriveTargets:
         objects: Objects to track, at least one.
     """
 
-    drive: KittiSequence
+    drive: RecordedDrive
     objects: Sequence[TargetObject]
 
 
@@ -152,7 +152,7 @@ def _published(config: ObjectSetConfig) -> AvailableObjects:
 
 
 def _published_of(
-    drive: KittiSequence, requested: Sequence[ObjectSequence], frames: int | None
+    drive: RecordedDrive, requested: Sequence[ObjectSequence], frames: int | None
 ) -> AvailableObjects:
     """Find objects in the drive of their name."""
     if truth_files(drive) is not None:
@@ -171,7 +171,7 @@ def _published_of(
 
 
 def _cut(
-    requested: ObjectSequence, drive: KittiSequence, labelled: DriveObjects, frames: int | None
+    requested: ObjectSequence, drive: RecordedDrive, labelled: DriveObjects, frames: int | None
 ) -> TargetObject | None:
     """Return the object in the available frames, or None where it has fewer than two."""
     last = min(requested.last_frame, frame_count(drive, frames) - 1)
@@ -184,9 +184,9 @@ def _is_requested(one: ObjectSequence, config: ObjectSetConfig) -> bool:
     return config.track_id is None or config.track_id == one.track_id
 
 
-def _open(config: ObjectSetConfig, sequence: str | None) -> KittiSequence:
+def _open(config: ObjectSetConfig, sequence: str | None) -> RecordedDrive:
     drive = open_drive(config.root, sequence=sequence, sensor=config.sensor)
-    if not isinstance(drive, KittiSequence):
+    if not drive.is_sequence:
         raise DriveError(
             drive.root,
             expected="a sequence of frames",

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.derived.object_truth import DriveObjects
-from data.kitti.drive import KittiDrive
-from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from perception.errors import DriveError, UsageError
 from perception.evaluation.single_object.track import TrueTrack
 from perception.types import Boxes3D
@@ -62,7 +61,7 @@ class TrackStartConfig:
             raise UsageError("--start-frame", expected="0 or more", found=str(self.frame))
 
 
-def find_start(drive: KittiDrive, config: TrackStartConfig) -> TrackStart:
+def find_start(drive: RecordedDrive, config: TrackStartConfig) -> TrackStart:
     """Find the object in a drive.
 
     Args:
@@ -73,7 +72,7 @@ def find_start(drive: KittiDrive, config: TrackStartConfig) -> TrackStart:
         DriveError: the frames are no sequence, or the drive has no labels and one is named.
         UsageError: there is no such object, or no such frame.
     """
-    if not isinstance(drive, KittiSequence):
+    if not drive.is_sequence:
         raise DriveError(
             drive.root, expected="a sequence of frames to track an object in", found="object frames"
         )

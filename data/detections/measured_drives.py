@@ -9,8 +9,8 @@ from typing import Any
 from data.detections.measured_detectors import MeasuredDetector
 from data.detections.unlearned_frames import LearnedCounts, count_learned_frames
 from data.frames import file_number, frame_count, read_frames
-from data.kitti.drive import KittiDrive
 from data.open_drive import open_drive, sequences_in
+from data.recorded_drive import RecordedDrive
 from data.splits.files import read_split
 from data.splits.parts import Part
 from perception.atomic_file import write_jpeg
@@ -119,7 +119,7 @@ class DriveReader:
     part: Part | None = None
     progress: Callable[[Iterator[Frame], str, int], Any] = lambda frames, *_: frames
 
-    def drives(self, paths: Sequence[Path]) -> list[tuple[str, KittiDrive]]:
+    def drives(self, paths: Sequence[Path]) -> list[tuple[str, RecordedDrive]]:
         """Open the drives of all paths, with their names; of a split, those that have frames in the part.
 
         Raises:
@@ -136,7 +136,7 @@ class DriveReader:
     def feed(
         self,
         name: str,
-        drive: KittiDrive,
+        drive: RecordedDrive,
         detect: Callable[[Frame], Any],
         measure: Any,  # noqa: ANN401 - of its detector
         networks: Mapping[str, Mapping[str, str]],
@@ -177,7 +177,7 @@ class DriveReader:
         )
         return info, indices
 
-    def _open(self, path: Path, *, is_alone: bool) -> Iterator[tuple[str, KittiDrive]]:
+    def _open(self, path: Path, *, is_alone: bool) -> Iterator[tuple[str, RecordedDrive]]:
         names = sequences_in(path)
         if self.sequence is not None:
             names = [self.sequence] if names != [None] or is_alone else names

@@ -10,8 +10,8 @@ from data.detections.cached_detections import FingerprintedDetector, detect_driv
 from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.detected_frames import DetectedFrames
 from data.detections.unlearned_frames import without_learned_frames
-from data.kitti.drive import KittiDrive
 from data.open_drive import open_drives
+from data.recorded_drive import RecordedDrive
 from data.samples.config import TrainingDrives
 from data.samples.labelled_classes import warn_of_few
 from data.samples.labelled_parts import LabelledParts
@@ -150,6 +150,6 @@ def fused_classes(detectors: Mapping[Modality, ModalityDetector]) -> tuple[str, 
     return fused
 
 
-def _unit(config: FusionDataConfig, drives: Sequence[KittiDrive]) -> SplitBy:
+def _unit(config: FusionDataConfig, drives: Sequence[RecordedDrive]) -> SplitBy:
     """Return the unit of a draw: frames where there are not several drives."""
     return config.split_by if len(drives) > 1 else "frames"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.kitti.drive import KittiDrive
+from data.recorded_drive import RecordedDrive
 from data.splits.training_frames import TrainingFrames, scan_hashes
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
@@ -52,7 +52,7 @@ class LearnedCounts:
 
 
 def count_learned_frames(
-    networks: Mapping[str, Mapping[str, str]], drive: KittiDrive
+    networks: Mapping[str, Mapping[str, str]], drive: RecordedDrive
 ) -> LearnedCounts:
     """Count the frames of a drive that networks learned from.
 
@@ -72,8 +72,8 @@ def count_learned_frames(
 
 
 def without_learned_frames(
-    drives: Sequence[KittiDrive], detectors: Mapping[Modality, ModalityDetector]
-) -> list[KittiDrive]:
+    drives: Sequence[RecordedDrive], detectors: Mapping[Modality, ModalityDetector]
+) -> list[RecordedDrive]:
     """Return drives without the frames that detectors learned from, whose scores are too high there.
 
     Args:

@@ -20,8 +20,8 @@ from data.kitti.sensor_files import (
     list_folder,
     no_scans,
 )
+from data.layouts import OpenConfig
 from perception.errors import CalibrationError, DriveError
-from perception.sensor import LidarModel
 from perception.types import Calibration, Labels, UInt8
 
 
@@ -57,6 +57,10 @@ class ObjectFrames(KittiDrive):
         """Whether there are labelled boxes."""
         return self.label_folder is not None
 
+    def _texts(self, index: int) -> tuple[Path, ...]:
+        stem = self.scans.paths[index].stem
+        return tuple(self.root / folder / f"{stem}.txt" for folder in ("calib", "label_2"))
+
     def stamp_s(self, index: int) -> float:
         """Return a time that rises from frame to frame."""
         return range(len(self))[index] / self.sensor.rate_hz
@@ -85,7 +89,7 @@ class ObjectFrames(KittiDrive):
         return read_object_labels(path, calibration)
 
 
-def open_objects(folder: Path, sensor: LidarModel, *, images: bool = True) -> ObjectFrames:
+def open_objects(folder: Path, config: OpenConfig) -> ObjectFrames:
     """Open a training or testing folder of object frames.
 
     Raises:
@@ -100,9 +104,9 @@ def open_objects(folder: Path, sensor: LidarModel, *, images: bool = True) -> Ob
     return ObjectFrames(
         name=folder.resolve().name,
         root=folder,
-        sensor=sensor,
+        sensor=config.lidar_model(folder),
         scans=scans,
-        images=image_files.joined(scans) if images else None,
+        images=image_files.joined(scans) if config.images else None,
         label_folder=label_folder if label_folder.is_dir() else None,
         point_labels=point_labels.joined(scans),
         notes=join_notes(scans, {"images": image_files}),

@@ -27,6 +27,7 @@ from data.kitti.sensor_files import (
     no_scans,
 )
 from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from data.layouts import OpenConfig
 from perception.errors import DriveError, PoseError
 from perception.sensor import LidarModel
 
@@ -41,7 +42,7 @@ def raw_drives_in(folder: Path) -> list[str]:
     return sorted(entry.name for entry in list_folder(folder) if is_raw_drive(entry))
 
 
-def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiSequence:
+def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
     """Open a raw drive; its files are read frame by frame.
 
     Raises:
@@ -51,9 +52,10 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
     scans = FrameFiles.within(folder / "velodyne_points" / "data", SCAN_SUFFIXES)
     if not len(scans):
         raise no_scans(scans.folder)
+    sensor = config.lidar_model(folder)
     calibration = read_raw_calibration(_calibration_folder(folder))
     image_files = FrameFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
-    camera = CameraFiles.of(calibration.camera, image_files, scans, load=images)
+    camera = CameraFiles.of(calibration.camera, image_files, scans, load=config.images)
     packet_files = FrameFiles.within(folder / "oxts" / "data", (".txt",))
     packets = packet_files.joined(scans)
     label_file = folder / "label_02.txt"

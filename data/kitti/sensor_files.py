@@ -4,7 +4,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -79,15 +78,6 @@ class FrameFiles:
         if self._numbers_in_names is None:
             return tuple(path.stem for path in self.paths)
         return tuple(f"{number:06d}" for number in self._numbers_in_names)
-
-    @property
-    def gaps(self) -> list[tuple[Path, Path]]:
-        """Neighbouring files between whose numbers there are others."""
-        known = self._numbers_in_names or ()
-        numbered = pairwise(zip(known, self.paths, strict=False))
-        return [
-            (path, after) for (number, path), (second, after) in numbered if second > number + 1
-        ]
 
     @cached_property
     def unix_stamps_s(self) -> Float64 | None:

@@ -108,6 +108,9 @@ class KittiSequence(KittiDrive):
                 advice="add the drive's calibration files, or move its oxts folder away",
             )
 
+    def _texts(self, index: int) -> tuple[Path, ...]:
+        return () if self.label_file is None else (self.label_file,)
+
     @property
     def has_poses(self) -> bool:
         """Whether frames carry INS poses."""
@@ -133,7 +136,8 @@ class KittiSequence(KittiDrive):
         failure: PoseError | None = None
         for index in range(len(self)):
             try:
-                return Mercator.around(self.ins_packet(index))
+                if (packet := self.ins_packet(index)) is not None:
+                    return Mercator.around(packet)
             except PoseError as error:
                 failure = failure or error
         raise failure or PoseError(self.root, expected="an INS packet", found="none")
@@ -142,16 +146,9 @@ class KittiSequence(KittiDrive):
         """Return the time of a scan since the drive's first."""
         return self.clock.stamp_s(index)
 
-    def ins_packet(self, index: int) -> InsPacket:
-        """Read the INS packet of one frame.
-
-        Raises:
-            DriveError: The drive has no INS.
-            PoseError: The packet is missing or malformed.
-        """
-        if self.ins is None:
-            raise DriveError(self.root, expected="a drive with INS packets", found="none")
-        return self.ins.packet(index)
+    def ins_packet(self, index: int) -> InsPacket | None:
+        """Read the INS packet of one frame."""
+        return None if self.ins is None else self.ins.packet(index)
 
     def world_SE3_velo(self, index: int) -> Float64 | None:
         """Return the (4, 4) INS pose of one frame."""

@@ -23,8 +23,8 @@ from data.kitti.sensor_files import (
     no_scans,
 )
 from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from data.layouts import OpenConfig
 from perception.errors import PoseError
-from perception.sensor import LidarModel
 
 
 def tracking_sequences_in(folder: Path) -> list[str]:
@@ -32,9 +32,7 @@ def tracking_sequences_in(folder: Path) -> list[str]:
     return sorted(entry.name for entry in list_folder(folder / "velodyne") if entry.is_dir())
 
 
-def open_tracking(
-    folder: Path, sequence: str, sensor: LidarModel, *, images: bool = True
-) -> KittiSequence:
+def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSequence:
     """Open a sequence of a training or testing folder; its files are read frame by frame.
 
     Raises:
@@ -44,12 +42,13 @@ def open_tracking(
     scans = FrameFiles.within(folder / "velodyne" / sequence, SCAN_SUFFIXES)
     if not len(scans):
         raise no_scans(scans.folder)
+    sensor = config.lidar_model(folder)
     calibration_file = folder / "calib" / f"{sequence}.txt"
     calibration = DriveCalibration(None, None)
     if calibration_file.is_file():
         calibration = read_benchmark_calibration(calibration_file)
     image_files = FrameFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
-    camera = CameraFiles.of(calibration.camera, image_files, scans, load=images)
+    camera = CameraFiles.of(calibration.camera, image_files, scans, load=config.images)
     packets = folder / "oxts" / f"{sequence}.txt"
     label_file = folder / "label_02" / f"{sequence}.txt"
     point_labels = FrameFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from data.kitti.drive import KittiDrive
 from data.open_drive import open_drives
+from data.recorded_drive import RecordedDrive
 from data.samples.config import DriveDataConfig, TrainingDrives
 from data.splits.draw import draw_split
 from data.splits.files import read_split
@@ -26,13 +26,13 @@ class LabelledParts:
         split: Fingerprint of the split.
     """
 
-    train: Sequence[KittiDrive]
-    val: Sequence[KittiDrive]
-    test: Sequence[KittiDrive] = ()
+    train: Sequence[RecordedDrive]
+    val: Sequence[RecordedDrive]
+    test: Sequence[RecordedDrive] = ()
     split: str = _NO_SPLIT
 
     @classmethod
-    def of(cls, split: FrameSplit, drives: Sequence[KittiDrive]) -> "LabelledParts":
+    def of(cls, split: FrameSplit, drives: Sequence[RecordedDrive]) -> "LabelledParts":
         """Return the parts of some drives, of which train and val must have frames.
 
         Raises:
@@ -74,6 +74,6 @@ def open_parts(sources: TrainingDrives, config: DriveDataConfig, seed: int) -> L
     return LabelledParts.of(drawn, drives)
 
 
-def first_frames(drives: Sequence[KittiDrive], fraction: float) -> list[KittiDrive]:
+def first_frames(drives: Sequence[RecordedDrive], fraction: float) -> list[RecordedDrive]:
     """Return the first frames of each drive, a fraction of them."""
     return [drive.select(range(math.ceil(fraction * len(drive)))) for drive in drives]

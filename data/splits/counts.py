@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from data.kitti.drive import KittiDrive
+from data.recorded_drive import RecordedDrive
 from perception.evaluation.report import Column
 from perception.types import Progress
 
@@ -23,7 +23,7 @@ class PartCounts:
     cars: int
 
     @classmethod
-    def of(cls, drives: Sequence[KittiDrive], progress: Progress) -> "PartCounts":
+    def of(cls, drives: Sequence[RecordedDrive], progress: Progress) -> "PartCounts":
         """Count the frames and the labelled cars of drives.
 
         Args:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from data.kitti.drive import KittiDrive
+from data.recorded_drive import RecordedDrive
 from data.splits.frame_split import DriveParts, FrameSplit
 from data.splits.parts import PARTS, Part, SplitBy
 from perception.errors import DriveError, UsageError
@@ -15,7 +15,7 @@ _MIN_PARTS = 2
 
 
 def draw_split(
-    drives: Sequence[KittiDrive], shares: Sequence[float], *, by: SplitBy, seed: int
+    drives: Sequence[RecordedDrive], shares: Sequence[float], *, by: SplitBy, seed: int
 ) -> FrameSplit:
     """Draw a split; the thesis' are 60, 20, 20 (7.2.2) and 80, 20 (7.2.1, B).
 
@@ -78,7 +78,7 @@ def _counts(units: int, shares: Sequence[float], by: SplitBy) -> list[int]:
     return counts
 
 
-def _drive_parts(drive: KittiDrive, is_in: Mapping[Part, Bool]) -> DriveParts:
-    names = np.array(drive.scans.names)
+def _drive_parts(drive: RecordedDrive, is_in: Mapping[Part, Bool]) -> DriveParts:
+    names = np.array(drive.frame_names)
     frames = {part: tuple(names[mask].tolist()) for part, mask in is_in.items() if mask.any()}
     return DriveParts(drive.root.resolve(), drive.name, frames)

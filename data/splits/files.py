@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from data.kitti.drive import KittiDrive
 from data.kitti.reading import read_label_lines, read_text
+from data.recorded_drive import RecordedDrive
 from data.results.documents import write_json
 from data.splits.frame_split import DriveParts, FrameSplit
 from data.splits.parts import PARTS, Part
@@ -57,7 +57,9 @@ def read_split(file: Path) -> FrameSplit:
         raise _unreadable(file, f"other entries ({error!r})") from error
 
 
-def select_part(drives: Sequence[KittiDrive], file: Path | None, part: Part) -> list[KittiDrive]:
+def select_part(
+    drives: Sequence[RecordedDrive], file: Path | None, part: Part
+) -> list[RecordedDrive]:
     """Return the drives with the frames of one part of a split file alone, or as they are without a file.
 
     Raises:
@@ -67,7 +69,7 @@ def select_part(drives: Sequence[KittiDrive], file: Path | None, part: Part) -> 
     return list(drives) if file is None else read_split(file).require_part(drives, part)
 
 
-def split_by_lists(drives: Sequence[KittiDrive], folder: Path) -> FrameSplit:
+def split_by_lists(drives: Sequence[RecordedDrive], folder: Path) -> FrameSplit:
     """Read a split from train.txt, val.txt and test.txt, one frame a line, such as KITTI's 3712 and 3769.
 
     Args:
@@ -91,13 +93,13 @@ def split_by_lists(drives: Sequence[KittiDrive], folder: Path) -> FrameSplit:
     return FrameSplit((DriveParts(drive.root.resolve(), drive.name, frames),))
 
 
-def _read_list(file: Path, drive: KittiDrive) -> tuple[str, ...]:
+def _read_list(file: Path, drive: RecordedDrive) -> tuple[str, ...]:
     words = [line.strip() for line in read_label_lines(file, "a list of frames")]
     if not words:
         raise LabelError(file, expected="names of frames, one a line", found="none")
-    known = drive.scans.names
+    known = drive.frame_names
     names = {name: name for name in known} | {
-        str(number): name for number, name in zip(drive.scans.numbers, known, strict=True)
+        str(number): name for number, name in zip(drive.frame_numbers, known, strict=True)
     }
     found = set()
     for row, word in enumerate(words, start=1):

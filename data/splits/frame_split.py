@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from data.kitti.drive import KittiDrive
 from data.open_drive import open_drives
+from data.recorded_drive import RecordedDrive
 from data.splits.parts import PARTS, Part, SplitBy
 from perception.errors import DriveError, UsageError
 
@@ -78,7 +78,7 @@ class FrameSplit:
         content = json.dumps(sorted(frames)).encode()
         return hashlib.blake2b(content, digest_size=8).hexdigest()
 
-    def open(self, paths: Sequence[Path] = (), *, images: bool = True) -> list[KittiDrive]:
+    def open(self, paths: Sequence[Path] = (), *, images: bool = True) -> list[RecordedDrive]:
         """Open those drives of some folders of which this is a split.
 
         Args:
@@ -100,7 +100,7 @@ class FrameSplit:
             found += known
         return found
 
-    def select(self, drives: Iterable[KittiDrive], *parts: Part) -> list[KittiDrive]:
+    def select(self, drives: Iterable[RecordedDrive], *parts: Part) -> list[RecordedDrive]:
         """Return the drives with the frames of some parts alone, without those that have none.
 
         Raises:
@@ -114,7 +114,7 @@ class FrameSplit:
                 selected.append(drive.select(self._indices(drive, names)))
         return selected
 
-    def require_part(self, drives: Sequence[KittiDrive], part: Part) -> list[KittiDrive]:
+    def require_part(self, drives: Sequence[RecordedDrive], part: Part) -> list[RecordedDrive]:
         """Return what `select` does, of drives of which there must be frames in the part.
 
         Raises:
@@ -133,7 +133,7 @@ class FrameSplit:
             advice="name another part, or other drives",
         )
 
-    def _open(self, parts: DriveParts, *, images: bool) -> KittiDrive:
+    def _open(self, parts: DriveParts, *, images: bool) -> RecordedDrive:
         for drive in open_drives([parts.root], images=images):
             if drive.name == parts.name:
                 return drive
@@ -144,26 +144,26 @@ class FrameSplit:
             advice="name the folders of the drives beside the split",
         )
 
-    def _parts_of(self, drive: KittiDrive) -> DriveParts | None:
+    def _parts_of(self, drive: RecordedDrive) -> DriveParts | None:
         """Return the frames of a drive: of its name, and of its folder where several have the name."""
         found = [one for one in self.drives if one.name == drive.name]
         if len(found) > 1:
             found = [one for one in found if one.root.resolve() == drive.root.resolve()]
         return found[0] if found else None
 
-    def _indices(self, drive: KittiDrive, names: Sequence[str]) -> list[int]:
-        index_of = {name: index for index, name in enumerate(drive.scans.names)}
+    def _indices(self, drive: RecordedDrive, names: Sequence[str]) -> list[int]:
+        index_of = {name: index for index, name in enumerate(drive.frame_names)}
         missing = [name for name in names if name not in index_of]
         if missing:
             raise DriveError(
-                drive.scans.folder,
+                drive.root,
                 expected=f"{len(names)} frames that {self.source} names",
                 found=f"{len(missing)} of them missing, {missing[0]} the first",
                 advice="copy them there, or split the folder again with: trifuse split",
             )
         return sorted(index_of[name] for name in names)
 
-    def _foreign(self, drives: Sequence[KittiDrive]) -> UsageError:
+    def _foreign(self, drives: Sequence[RecordedDrive]) -> UsageError:
         return UsageError(
             self.source,
             expected=f"a split of {_names(drives)}",
@@ -172,5 +172,5 @@ class FrameSplit:
         )
 
 
-def _names(drives: Sequence[KittiDrive]) -> str:
+def _names(drives: Sequence[RecordedDrive]) -> str:
     return ", ".join(f"{drive.name} in {drive.root}" for drive in drives[:_MAX_LISTED])

@@ -1,18 +1,15 @@
 """Frames that a network learned from, known by the contents of their scans, as its model file states them."""
 
 import binascii
-import hashlib
 from base64 import b64decode, b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 
-from data.kitti.drive import KittiDrive
+from data.recorded_drive import RecordedDrive
 from perception.errors import ModelError
 from perception.types import Bool
 
@@ -32,7 +29,7 @@ class TrainingFrames:
     hashes: frozenset[bytes]
 
     @classmethod
-    def of(cls, drives: Iterable[KittiDrive]) -> Self:
+    def of(cls, drives: Iterable[RecordedDrive]) -> Self:
         """Return all frames of some drives."""
         return cls(frozenset(one for drive in drives for one in scan_hashes(drive)))
 
@@ -67,24 +64,7 @@ class TrainingFrames:
         return np.array([one in self.hashes for one in hashes], bool)
 
 
-def scan_hashes(drive: KittiDrive) -> list[bytes]:
+def scan_hashes(drive: RecordedDrive) -> list[bytes]:
     """Return the hash of the scan of each of the F frames of a drive."""
     with ThreadPoolExecutor() as readers:
-        return list(readers.map(_scan_hash, drive.scans.paths))
-
-
-def _scan_hash(path: Path) -> bytes:
-    if not path.is_file():  # it is met where it is used
-        return _hash(str(path).encode())
-    stat = path.stat()
-    return _file_hash(path, stat.st_size, stat.st_mtime_ns)
-
-
-@cache
-def _file_hash(path: Path, size: int, modified_ns: int) -> bytes:
-    """Return the hash of a file, read once as long as it has this size and time: scans are large."""
-    return _hash(path.read_bytes())
-
-
-def _hash(content: bytes) -> bytes:
-    return hashlib.blake2b(content, digest_size=_BYTES).digest()
+        return list(readers.map(drive.fingerprint, range(len(drive))))

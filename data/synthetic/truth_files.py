@@ -12,6 +12,7 @@ import numpy as np
 from data.derived.motion_labels import PosedLabels
 from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.sequence import KittiSequence
+from data.recorded_drive import RecordedDrive
 from perception.errors import PoseError
 from perception.types import Float64
 
@@ -29,9 +30,9 @@ class TruthFiles:
     poses: Path
 
 
-def truth_files(drive: KittiSequence) -> TruthFiles | None:
+def truth_files(drive: RecordedDrive) -> TruthFiles | None:
     """Return the files of the exact truth of a drive, or None for a recorded drive."""
-    if drive.label_file is None:
+    if not isinstance(drive, KittiSequence) or drive.label_file is None:
         return None
     folder, name = drive.label_file.parent, drive.label_file.name
     if name == "label_02.txt":
@@ -43,7 +44,7 @@ def truth_files(drive: KittiSequence) -> TruthFiles | None:
     return files if files.labels.is_file() and files.poses.is_file() else None
 
 
-def read_truth(drive: KittiSequence, files: TruthFiles) -> list[PosedLabels]:
+def read_truth(drive: RecordedDrive, files: TruthFiles) -> list[PosedLabels]:
     """Read the exact boxes and pose of every frame.
 
     Raises:
@@ -55,7 +56,7 @@ def read_truth(drive: KittiSequence, files: TruthFiles) -> list[PosedLabels]:
     poses = _read_poses(files.poses, len(drive))
     return [
         PosedLabels(index, drive.stamp_s(index), poses[index], labels.get(number, empty_labels()))
-        for index, number in enumerate(drive.scans.numbers)
+        for index, number in enumerate(drive.frame_numbers)
     ]
 
 

@@ -10,7 +10,7 @@ from perception.cli.flags import require_split
 from perception.errors import MissingDependencyError, UsageError
 
 if TYPE_CHECKING:
-    from data.kitti.drive import KittiDrive
+    from data.recorded_drive import RecordedDrive
 
 
 def export(
@@ -88,7 +88,7 @@ def export(
         print(f"wrote {file}")
 
 
-def _open_part(data: Path, sequence: str | None, split: Path | None, part: Part) -> "KittiDrive":
+def _open_part(data: Path, sequence: str | None, split: Path | None, part: Part) -> "RecordedDrive":
     """Open a drive with the frames of one part of a split, or with all of them."""
     from data.open_drive import open_drive
     from data.splits.files import select_part

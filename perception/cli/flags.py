@@ -12,7 +12,7 @@ from perception.errors import UsageError
 from perception.types import OnBadFrame
 
 if TYPE_CHECKING:
-    from data.kitti.drive import KittiDrive
+    from data.recorded_drive import RecordedDrive
     from data.results.folder import ResultsFolder
 
 
@@ -64,7 +64,7 @@ class LabelledDriveFlags(DriveFlags):
         super().__post_init__()
         require_split(self.part, self.split)
 
-    def select(self, drives: "Sequence[KittiDrive]") -> "list[KittiDrive]":
+    def select(self, drives: "Sequence[RecordedDrive]") -> "list[RecordedDrive]":
         """Return the drives with the frames of the part, or as they are without a split.
 
         Raises:

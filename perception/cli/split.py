@@ -9,7 +9,7 @@ from perception.cli.flags import require_drives
 from perception.errors import UsageError
 
 if TYPE_CHECKING:
-    from data.kitti.drive import KittiDrive
+    from data.recorded_drive import RecordedDrive
 
 _SHARES = (60.0, 20.0, 20.0)
 
@@ -63,7 +63,7 @@ def split(
     print(f"{Table(title, COLUMNS, counts, 'part').text()}\n\n{out}")
 
 
-def _require_labels(drives: "Sequence[KittiDrive]") -> None:
+def _require_labels(drives: "Sequence[RecordedDrive]") -> None:
     for drive in drives:
         if not drive.has_labels:
             raise UsageError(

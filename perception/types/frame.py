@@ -8,6 +8,7 @@ from perception.errors import CalibrationError, ImageError, PoseError, ScanError
 from perception.types.arrays import Float32, Float64, UInt8, require_shape
 
 _MAX_COORDINATE_M = 10_000.0  # far beyond any LiDAR; larger numbers overflow where they are squared
+_MAX_POINT_TIME_S = 1.0  # sweeps take 0.05 to 0.2 s; larger numbers are of another unit or origin
 _MAX_INVALID_SHARE = 0.5  # with more, the file is of another format rather than a scan with gaps
 
 
@@ -65,6 +66,7 @@ class Frame:
         name: Name of the frame's result files; else its number in six digits.
         number: Frame number in KITTI's rows; else the index.
         invalid_points: Number of points that were no measurement.
+        point_times_s: (N,) times of the points in seconds from `stamp_s`, or None where they are not known.
     """
 
     index: int
@@ -77,6 +79,7 @@ class Frame:
     name: str = ""
     number: int = -1
     invalid_points: int = 0
+    point_times_s: Float32 | None = None
 
     def __post_init__(self) -> None:
         """Validate the scan, the pose, and the size of the image."""
@@ -87,6 +90,8 @@ class Frame:
         require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
         self._zero_invalid_points()
         self._check_scan()
+        if self.point_times_s is not None:
+            self._check_point_times(self.point_times_s)
         if self.world_SE3_velo is not None:
             require_shape(f"{self.source} world_SE3_velo", self.world_SE3_velo, (4, 4))
             if not np.isfinite(self.world_SE3_velo).all():
@@ -129,6 +134,16 @@ class Frame:
                 expected="reflectance from 0 to 1",
                 found=f"{low:g} to {high:g}",
                 advice="divide it by the sensor's full scale, 255 for most",
+            )
+
+    def _check_point_times(self, times_s: Float32) -> None:
+        require_shape(f"{self.source} point_times_s", times_s, (len(self.points_velo),))
+        if not (np.abs(times_s) < _MAX_POINT_TIME_S).all():  # false with NaN
+            raise ScanError(
+                self.source,
+                expected=f"point times within {_MAX_POINT_TIME_S:g} s of the scan's",
+                found=f"{times_s.min():g} to {times_s.max():g} s",
+                advice="give them in seconds from the time of the scan",
             )
 
     def _check_image(self, image: UInt8) -> None:

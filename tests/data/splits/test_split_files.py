@@ -79,7 +79,7 @@ def test_a_foreign_drive_and_missing_frames_are_refused(folder: Path, file: Path
         split.require_part([make_drive(3, "0007")], "val")
     lost = split.drives[0].frames["val"][1]
     (folder / "training" / "velodyne" / f"{lost}.bin").unlink()
-    with fault(DriveError, "velodyne", "2 frames that", f"1 of them missing, {lost}"):
+    with fault(DriveError, "training", "2 frames that", f"1 of them missing, {lost}"):
         split.require_part(split.open(), "val")
 
 

@@ -1,0 +1,214 @@
+"""What every drive on disk has in common, whatever its layout: frames that are read on access."""
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from data.kitti.oxts import InsPacket
+from perception.errors import ScanError
+from perception.sensor import LidarModel
+from perception.types import Calibration, Float32, Float64, Frame, Labels, PointTruth, UInt8
+
+_HASH_BYTES = 8  # of a scan: 48 KB of text for 4489 frames in the metadata of a network
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedDrive(ABC):
+    """Frames that have a scan, in order; a layout says where the parts of a frame come from.
+
+    Attributes:
+        name: Name of the drive, the sequence or the folder.
+        root: Folder or file of the drive, or folder of all sequences.
+        sensor: LiDAR model.
+        calibration: Calibration of the camera in all frames, or None.
+        notes: Sentences on data that are not used as they are, or on what was assumed.
+    """
+
+    name: str
+    root: Path
+    sensor: LidarModel
+    calibration: Calibration | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    @abstractmethod
+    def frame_names(self) -> tuple[str, ...]:
+        """Name of each frame in results."""
+
+    @property
+    @abstractmethod
+    def frame_numbers(self) -> tuple[int, ...]:
+        """Number of each frame in KITTI's rows."""
+
+    @property
+    @abstractmethod
+    def is_sequence(self) -> bool:
+        """Whether frames follow each other in time."""
+
+    @property
+    @abstractmethod
+    def has_images(self) -> bool:
+        """Whether frames carry images."""
+
+    @property
+    @abstractmethod
+    def has_poses(self) -> bool:
+        """Whether frames carry poses of an INS or the like."""
+
+    @property
+    @abstractmethod
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes."""
+
+    @property
+    @abstractmethod
+    def has_point_truth(self) -> bool:
+        """Whether the class of every point is known."""
+
+    @property
+    def velo_SE3_imu(self) -> Float64 | None:
+        """(4, 4) transform from the IMU to the LiDAR, where the drive has INS packets."""
+        return None
+
+    def __len__(self) -> int:
+        return len(self.frame_names)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, index: int) -> Frame:
+        """Read one frame.
+
+        Raises:
+            PerceptionError: A part of the frame is missing or damaged.
+        """
+        return self._read(index, with_image=True, with_pose=True)
+
+    def scan(self, index: int) -> Frame:
+        """Read one frame without its image and its pose; raise as `__getitem__` does."""
+        return self._read(index, with_image=False, with_pose=False)
+
+    def _read(self, index: int, *, with_image: bool, with_pose: bool) -> Frame:
+        image = self.image(index) if with_image else None
+        return Frame(
+            index=range(len(self))[index],
+            points_velo=self.points_velo(index),
+            stamp_s=self.stamp_s(index),
+            image=image,
+            world_SE3_velo=self.world_SE3_velo(index) if with_pose else None,
+            calibration=self.frame_calibration(index, image),
+            source=self.source(index),
+            name=self.frame_names[index],
+            number=self.frame_numbers[index],
+            point_times_s=self.point_times_s(index),
+        )
+
+    @abstractmethod
+    def select(self, indices: Sequence[int]) -> Self:
+        """Return a drive of some frames alone, which keep their numbers and names."""
+
+    @abstractmethod
+    def source(self, index: int) -> str:
+        """Return where the scan of a frame is, for error messages: its file, or its place in a file."""
+
+    @abstractmethod
+    def points_velo(self, index: int) -> Float32:
+        """Read (N, 4) points: x, y, z in metres and reflectance 0..1; `Frame` validates them.
+
+        Raises:
+            ScanError: The scan is missing or damaged.
+        """
+
+    def point_times_s(self, index: int) -> Float32 | None:
+        """Read (N,) times of the points in seconds from the frame's stamp, or None where they are not known.
+
+        Raises:
+            ScanError: The scan is missing or damaged.
+        """
+        return None
+
+    @abstractmethod
+    def image(self, index: int) -> UInt8 | None:
+        """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
+
+        Raises:
+            ImageError: The image is missing, damaged or of another size.
+        """
+
+    @abstractmethod
+    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
+        """Return the calibration of one frame, or None without one.
+
+        Args:
+            index: Index of the frame.
+            image: (H, W, 3) image of the frame, which has the size where no file states it.
+
+        Raises:
+            CalibrationError: The calibration cannot be used.
+        """
+
+    @abstractmethod
+    def stamp_s(self, index: int) -> float:
+        """Return the time of a scan in seconds.
+
+        Raises:
+            DriveError: It is missing, or is not a time.
+        """
+
+    @abstractmethod
+    def world_SE3_velo(self, index: int) -> Float64 | None:
+        """Return the (4, 4) pose of one frame without reading its scan, or None without poses.
+
+        Raises:
+            PoseError: The pose is missing or malformed.
+        """
+
+    def ins_packet(self, index: int) -> InsPacket | None:
+        """Read the INS packet of one frame, or None where poses come from something else.
+
+        Raises:
+            PoseError: The packet is missing or malformed.
+        """
+        return None
+
+    @abstractmethod
+    def labels(self, index: int) -> Labels:
+        """Read the labels of one frame.
+
+        Raises:
+            DriveError: There are no labels.
+            CalibrationError: There is no camera calibration, which labels need.
+            LabelError: The labels are missing or cannot be read.
+        """
+
+    @abstractmethod
+    def point_truth(self, index: int) -> PointTruth | None:
+        """Read the truth of every point, or None where the drive does not know it.
+
+        Raises:
+            LabelError: The file is missing, or its length differs from that of the scan.
+        """
+
+    def frame_files(self, index: int) -> tuple[Path, ...]:
+        """Return the files that one frame and its labels are made from.
+
+        They stand for the contents of the frame in caches. A drive of which many frames lie in one file has none here:
+        its frames are known by their contents.
+        """
+        return ()
+
+    def fingerprint(self, index: int) -> bytes:
+        """Return a hash of the scan of one frame; neither its name nor its place matters."""
+        try:
+            content = self.points_velo(index).tobytes()
+        except ScanError:  # it is met where it is used
+            content = self.source(index).encode()
+        return hash_scan(content)
+
+
+def hash_scan(content: bytes) -> bytes:
+    """Return the hash by which a scan is known again."""
+    return hashlib.blake2b(content, digest_size=_HASH_BYTES).digest()
