@@ -42,6 +42,11 @@ def _load(entry: EntryPoint) -> Layout | None:
         return None
     if not isinstance(layout, Layout):
         found = type(layout).__name__
-        log.warning("layout %s (%s) is left out: it names a %s, not a Layout", entry.name, entry.value, found)
+        log.warning(
+            "layout %s (%s) is left out: it names a %s, not a Layout",
+            entry.name,
+            entry.value,
+            found,
+        )
         return None
     return layout
