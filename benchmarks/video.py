@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.measure import Comparison, Contender, compare
-from benchmarks.reference.video import PlainVideo, draw_plainly
+from benchmarks.reference.video import OpenCvVideo, draw_by_opencv
 from benchmarks.stages import PreparedDrive
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render.composition import Composition
@@ -30,18 +30,18 @@ def compare_video(prepared: PreparedDrive) -> Comparison:
     rate_hz = prepared.drive.sensor.rate_hz
     with TemporaryDirectory(prefix="trifuse-") as folder:
         ours = VideoWriter(Path(folder, "ours.mp4"), rate_hz)
-        plain = PlainVideo(Path(folder, "plain.mp4"), rate_hz, composition.size_px)
+        peer = OpenCvVideo(Path(folder, "plain.mp4"), rate_hz, composition.size_px)
         contenders = [
             Contender("Trifuse: drawing", _OnOneCanvas(composition, scenes).run),
-            Contender("plain OpenCV: drawing", lambda i: draw_plainly(scenes[i], composition)),
+            Contender("plain OpenCV: drawing", lambda i: draw_by_opencv(scenes[i], composition)),
             Contender("Trifuse: encoding (H.264)", _adding(ours.add, images)),
-            Contender("plain OpenCV: encoding (MPEG-4)", _adding(plain.add, images)),
+            Contender("plain OpenCV: encoding (MPEG-4)", _adding(peer.add, images)),
         ]
         try:
             return compare("video, 1600x900", contenders, len(scenes))
         finally:
             ours.close(is_complete=True)
-            plain.close()
+            peer.close()
 
 
 def _scenes(prepared: PreparedDrive, composition: Composition) -> list[Scene]:

@@ -23,7 +23,7 @@ _STATE_COLORS = {
 }
 
 
-class PlainVideo:
+class OpenCvVideo:
     """OpenCV's video writer."""
 
     def __init__(self, path: Path, rate_hz: float, size_px: tuple[int, int]) -> None:
@@ -46,7 +46,7 @@ class PlainVideo:
         self._writer.release()
 
 
-def draw_plainly(scene: Scene, composition: Composition) -> UInt8:
+def draw_by_opencv(scene: Scene, composition: Composition) -> UInt8:
     """Return an image with the three views of a frame: camera, from behind, from above."""
     width, height = composition.size_px
     canvas = np.full((height, width, 3), palette.BACKGROUND, np.uint8)

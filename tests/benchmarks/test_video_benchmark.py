@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import video
-from benchmarks.reference.video import PlainVideo, draw_plainly
+from benchmarks.reference.video import OpenCvVideo, draw_by_opencv
 from benchmarks.stages import PreparedDrive
 from data.synthetic.drive import SyntheticDrive
 from perception.pipeline import Pipeline, PipelineConfig
@@ -26,8 +26,8 @@ def scene():
     return SceneHistory().update(result, SceneObjects.of(result, 0.5, None))
 
 
-def test_plain_drawing_shows_ground_and_obstacles(scene):
-    image = draw_plainly(scene, Composition())
+def test_opencv_drawing_shows_ground_and_obstacles(scene):
+    image = draw_by_opencv(scene, Composition())
     assert image.shape == (900, 1600, 3)
     is_static = (image == palette.STATIC).all(axis=2)
     assert is_static.sum() > 500
@@ -35,7 +35,7 @@ def test_plain_drawing_shows_ground_and_obstacles(scene):
     assert (np.abs(image.astype(float) - ground).max(axis=2) <= 1).sum() > 20_000
 
 
-def test_drawing_and_encoding_are_measured_beside_plain_opencv(monkeypatch, scene):
+def test_drawing_and_encoding_are_measured_beside_opencv(monkeypatch, scene):
     monkeypatch.setattr(video, "_scenes", lambda *_: [scene])
     drive = SimpleNamespace(sensor=VLP_16)
     table = video.compare_video(PreparedDrive(drive, [], [], PipelineConfig())).text()
@@ -43,10 +43,10 @@ def test_drawing_and_encoding_are_measured_beside_plain_opencv(monkeypatch, scen
         assert name in table
 
 
-def test_the_plain_writer_writes_a_video_of_its_images(tmp_path):
-    plain = PlainVideo(tmp_path / "plain.mp4", 10.0, (64, 48))
-    plain.add(np.full((48, 64, 3), (200, 0, 0), np.uint8))
-    plain.close()
+def test_the_opencv_writer_writes_a_video_of_its_images(tmp_path):
+    writer = OpenCvVideo(tmp_path / "plain.mp4", 10.0, (64, 48))
+    writer.add(np.full((48, 64, 3), (200, 0, 0), np.uint8))
+    writer.close()
     is_read, image = cv2.VideoCapture(str(tmp_path / "plain.mp4")).read()
     assert is_read
     assert np.abs(image[24, 32].astype(int) - (0, 0, 200)).max() < 12
