@@ -24,8 +24,8 @@ class Lens:
         camera_matrix: (3, 3) focal lengths and principal point in pixels.
         coefficients: (K,) coefficients of the distortion in OpenCV's order; none, or all 0, for a pinhole.
         size_px: (width, height) of the images.
-        model: plumb_bob (k1 k2 p1 p2 k3), rational_polynomial (eight), thin_prism (twelve), or equidistant (fisheye, four);
-            also by other usual names.
+        model: Name of the model: plumb_bob (k1 k2 p1 p2 k3), rational_polynomial (eight), thin_prism (twelve), or
+            equidistant (fisheye, four); also by other usual names.
         rectification: (3, 3) rotation from the camera to the rectified camera, or None for none.
         target_matrix: (3, 3) camera matrix of the undistorted images, or None for one that shows no border.
         source: Calibration, for error messages.
