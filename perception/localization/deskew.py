@@ -16,8 +16,7 @@ from perception.geometry.se3 import (
     rotation_vector,
 )
 from perception.kernels.deskewing import move_by_time
-from perception.types import Float32, Float64
-from perception.types.arrays import require_shape
+from perception.types import Float32, Float64, require_shape
 
 # Poses are blended linearly between as many even times: at 2 rad/s within 0.1 s, 50 m away, 0.1 mm off the arc.
 _STEPS = 64

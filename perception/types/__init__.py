@@ -4,7 +4,16 @@ N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, 
 Other packages import all of it from here: `from perception.types import Frame`.
 """
 
-from perception.types.arrays import Bool, Complex64, Float, Float32, Float64, Int, UInt8
+from perception.types.arrays import (
+    Bool,
+    Complex64,
+    Float,
+    Float32,
+    Float64,
+    Int,
+    UInt8,
+    require_shape,
+)
 from perception.types.detections import (
     MAP_MODALITIES,
     MODALITIES,
@@ -67,4 +76,5 @@ __all__ = [
     "Vehicles",
     "Voxels",
     "relative_to_start",
+    "require_shape",
 ]
