@@ -117,6 +117,7 @@ SUMMARIES: Mapping[str, str] = {
     "train proposals": "search of the proposals' parameters",
     "export": "write a trained network as an ONNX file with a parity report",
     "study": "repeat a study of the thesis: a figure and a table; in the source tree",
+    "completion": "print a script that completes commands and flags in a shell",
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "train", "study")

@@ -64,7 +64,7 @@ def parse(
     Raises:
         UsageError: A flag is unknown, or its value is not of its type.
     """
-    types, places = flag_types(function), _positional(function)
+    types, places = flag_types(function), positional(function)
     given = read_words(prog, words, types, places)
     configs = [read_config(Path(value)) for name, value in given if name == "config"]
     flags = [(name, value) for name, value in given if name != "config"]
@@ -111,7 +111,7 @@ def build_parser(
         usage=_usage(prog, function),
         description=summary,
         formatter_class=help_formatter(
-            flag_types(function), _positional(function), summary.partition("\n")[0]
+            flag_types(function), positional(function), summary.partition("\n")[0]
         ),
         exit_on_error=False,
         allow_abbrev=False,
@@ -181,7 +181,8 @@ def _hints(function: CommandFunction) -> dict[str, Any]:
     return {name: hints[name] for name in names if hints[name] is not CommandConfig}
 
 
-def _positional(function: CommandFunction) -> list[str]:
+def positional(function: CommandFunction) -> list[str]:
+    """Return the names of the positional arguments."""
     parameters = inspect.signature(function).parameters.values()
     return [one.name for one in parameters if one.kind is not one.KEYWORD_ONLY]
 
@@ -215,5 +216,5 @@ def _summary_and_example(function: CommandFunction) -> tuple[str, str | None]:
 
 def _usage(prog: str, function: CommandFunction) -> str:
     hints = _hints(function)
-    words = (place_words(name, hints[name]) for name in _positional(function))
+    words = (place_words(name, hints[name]) for name in positional(function))
     return " ".join([prog, *words, "[flags]"])
