@@ -1,0 +1,1 @@
+"""Results as messages of ROS 2 and Foxglove, for files and for live viewers."""

@@ -1,0 +1,97 @@
+"""Camera image, its calibration, the maps, and the detected boxes in the image."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from data.messages.definitions import message
+from data.messages.geometry import CAMERA, color, header, time
+from perception.render.palette import class_color
+from perception.types import Calibration, Detections, UInt8
+
+_QUALITY = 85
+_LINE_LOOP = 2  # of foxglove_msgs/PointsAnnotation
+_TEXT_PX = 14.0
+
+
+def compressed_image(stamp_s: float, image: UInt8) -> Any:  # noqa: ANN401 - a message
+    """Return an (H, W, 3) RGB image or an (H, W) grey one as JPEG."""
+    bgr = image[:, :, ::-1] if image.ndim == 3 else image
+    _, data = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
+    return message(
+        "sensor_msgs/CompressedImage",
+        header=header(stamp_s, CAMERA),
+        format="jpeg",
+        data=data.ravel(),
+    )
+
+
+def camera_info(stamp_s: float, calibration: Calibration, size_px: tuple[int, int]) -> Any:  # noqa: ANN401
+    """Return the calibration of a rectified camera.
+
+    Args:
+        stamp_s: Time of the frame.
+        calibration: Calibration of the camera.
+        size_px: Width and height of its image.
+    """
+    intrinsics = calibration.image_P_cam[:, :3]
+    return message(
+        "sensor_msgs/CameraInfo",
+        header=header(stamp_s, CAMERA),
+        height=size_px[1],
+        width=size_px[0],
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=intrinsics.ravel(),
+        r=np.eye(3).ravel(),
+        p=np.column_stack([intrinsics, np.zeros(3)]).ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=message(
+            "sensor_msgs/RegionOfInterest",
+            x_offset=0,
+            y_offset=0,
+            height=0,
+            width=0,
+            do_rectify=False,
+        ),
+    )
+
+
+def annotations(stamp_s: float, detections: Detections) -> Any:  # noqa: ANN401 - a message
+    """Return detected boxes with class and score as annotations of the image."""
+    rows = zip(detections.boxes_px, detections.scores, detections.types, strict=True)
+    boxes, texts = [], []
+    for box_px, score, name in rows:
+        rgb = color("foxglove_msgs/Color", class_color(str(name)))
+        clear = color("foxglove_msgs/Color", (0, 0, 0), opacity=0.0)
+        corners = [_point(*box_px[list(columns)]) for columns in ((0, 1), (2, 1), (2, 3), (0, 3))]
+        boxes.append(
+            message(
+                "foxglove_msgs/PointsAnnotation",
+                timestamp=time(stamp_s),
+                type=_LINE_LOOP,
+                points=corners,
+                outline_color=rgb,
+                outline_colors=[],
+                fill_color=clear,
+                thickness=2.0,
+            )
+        )
+        texts.append(
+            message(
+                "foxglove_msgs/TextAnnotation",
+                timestamp=time(stamp_s),
+                position=corners[0],
+                text=f"{name} {score:.2f}",
+                font_size=_TEXT_PX,
+                text_color=rgb,
+                background_color=clear,
+            )
+        )
+    return message("foxglove_msgs/ImageAnnotations", circles=[], points=boxes, texts=texts)
+
+
+def _point(x: float, y: float) -> Any:  # noqa: ANN401 - a message
+    return message("foxglove_msgs/Point2", x=float(x), y=float(y))

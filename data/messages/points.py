@@ -1,0 +1,69 @@
+"""The scan with what the pipeline found out about each point."""
+
+from typing import Any
+
+import numpy as np
+
+from data.messages.definitions import message
+from data.messages.geometry import LIDAR, header
+from perception.types import Int, Result
+
+# Name, format and offset of each field of a point; offsets are multiples of the sizes, as readers in C++ want it.
+_FIELDS = (
+    ("x", "<f4", 0),
+    ("y", "<f4", 4),
+    ("z", "<f4", 8),
+    ("intensity", "<f4", 12),
+    ("id", "<i4", 16),
+    ("class", "u1", 20),
+)
+_NAMES, _FORMATS, _OFFSETS = zip(*_FIELDS, strict=True)
+_POINT = np.dtype(
+    {"names": list(_NAMES), "formats": list(_FORMATS), "offsets": list(_OFFSETS), "itemsize": 24}
+)
+# Numbers of the formats in `sensor_msgs/PointField`.
+_DATATYPES = {"u1": 2, "<i4": 5, "<f4": 7}
+
+
+def point_cloud(result: Result) -> Any:  # noqa: ANN401 - a message
+    """Return the N points in the order of the scan.
+
+    `class` is the `PointState`: 0 outside, 1 ground, 2 static, 3 moving. `id` is the track id of the detected vehicle
+    that a point belongs to, else -1.
+    """
+    points = result.frame.points_velo
+    rows = np.zeros(len(points), _POINT)
+    for column, name in enumerate(("x", "y", "z", "intensity")):
+        rows[name] = points[:, column]
+    rows["id"], rows["class"] = _vehicle_ids(result), result.obstacles.point_states
+    fields = [
+        message(
+            "sensor_msgs/PointField",
+            name=name,
+            offset=offset,
+            datatype=_DATATYPES[kind],
+            count=1,
+        )
+        for name, kind, offset in _FIELDS
+    ]
+    return message(
+        "sensor_msgs/PointCloud2",
+        header=header(result.frame.stamp_s, LIDAR),
+        height=1,
+        width=len(rows),
+        fields=fields,
+        is_bigendian=False,
+        point_step=_POINT.itemsize,
+        row_step=rows.nbytes,
+        data=rows.view(np.uint8),
+        is_dense=True,
+    )
+
+
+def _vehicle_ids(result: Result) -> Int:
+    """Return (N,) the id of the vehicle that each point belongs to, or -1."""
+    if result.vehicles is None:
+        return np.full(len(result.frame.points_velo), -1)
+    # The last entry is that of the points of no vehicle, whose owner is -1.
+    ids = np.append(result.vehicles.ids, -1)
+    return np.asarray(ids[result.vehicles.owners])
