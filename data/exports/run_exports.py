@@ -7,12 +7,18 @@ from importlib import import_module
 from perception.errors import MissingDependencyError
 
 # Package and extra of each export, by its field.
-_PACKAGES: Mapping[str, tuple[str, str]] = {}
+_PACKAGES: Mapping[str, tuple[str, str]] = {"mcap": ("foxglove", "live")}
 
 
 @dataclass(frozen=True)
 class RunExports:
-    """Exports."""
+    """Exports.
+
+    Attributes:
+        mcap: Write results.mcap for Foxglove and the tools of ROS 2.
+    """
+
+    mcap: bool = False
 
     def __post_init__(self) -> None:
         """Validate that the package of each export is installed, before the run.

@@ -38,6 +38,7 @@ _RUN = {
     "obstacles/*.npz": "static and moving voxels (centres, counts of points), ground heights on a 1 m grid",
     **_VIDEO,
     "timeline.png": "start and end of each stage in a typical frame",
+    "results.mcap": "messages of ROS 2 and Foxglove; only with `--mcap`",
     "summary.json": "the printed summary",
 }
 _DATE = "2025_06_01"  # of every synthetic drive

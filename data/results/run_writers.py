@@ -31,3 +31,7 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         video = RunVideo(out, composition, drive, frame_count(drive, config.frames))
         yield BackgroundWriter(video, "video")
     yield RunFiles(out, drive, config.pipeline.area, config.min_vehicle_score)
+    if config.exports.mcap:
+        from data.exports.mcap_writer import McapWriter
+
+        yield BackgroundWriter(McapWriter(out / "results.mcap"), "mcap")

@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 from data.messages.channels import ResultChannels, new_context
+from data.results.result_writer import ResultWriter
 from perception.atomic_file import part_of, write_error, writing
+from perception.render.scene import SelectedObject
 from perception.types import Result
 
 
-class McapWriter:
+class McapWriter(ResultWriter):
     """Writes one file; a partial one until it is closed."""
 
     def __init__(self, path: Path) -> None:
@@ -36,21 +38,23 @@ class McapWriter:
         self._writer = open_mcap(self._file, context=context, writer_options=options)
         self._channels = ResultChannels(context)
 
-    def add(self, result: Result) -> None:
+    def add(self, result: Result, selected: SelectedObject | None) -> None:
         """Write the messages of a result.
 
         Raises:
             WriteError: The disk is full.
         """
+        del selected
         self._channels.publish(result)
         self._check()
 
-    def close(self) -> None:
-        """Write the index, and put the file in its place; it holds what was added until now.
+    def close(self, *, is_complete: bool) -> None:
+        """Write the index, and put the file in its place; of a run that stopped, with the frames that are done.
 
         Raises:
             WriteError: The disk is full; no file is left.
         """
+        del is_complete
         self._writer.close()
         self._file.close()
         self._check()

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from data.exports.mcap import McapWriter
+from data.exports.mcap_writer import McapWriter
 from data.messages.definitions import typestore
 from data.results.objects import FrameTracks
 from perception.errors import MissingDependencyError, WriteError
@@ -23,8 +23,8 @@ FRAMES = 3
 def path(tmp_path: Path) -> Path:
     writer = McapWriter(tmp_path / "out" / "results.mcap")
     for index in range(FRAMES):
-        writer.add(result_at(index))
-    writer.close()
+        writer.add(result_at(index), None)
+    writer.close(is_complete=True)
     return tmp_path / "out" / "results.mcap"
 
 
@@ -86,9 +86,9 @@ def test_schemas_of_the_file_alone_decode_its_messages(path):
 
 def test_the_file_takes_its_place_when_it_is_closed(tmp_path):
     writer = McapWriter(tmp_path / "a.mcap")
-    writer.add(result_at(0))
+    writer.add(result_at(0), None)
     assert not (tmp_path / "a.mcap").exists()
-    writer.close()
+    writer.close(is_complete=True)
     assert [one.name for one in tmp_path.iterdir()] == ["a.mcap"]
 
 
@@ -102,8 +102,8 @@ def test_a_full_disk_is_one_sentence_and_leaves_no_file(tmp_path, monkeypatch, c
     writer = McapWriter(tmp_path / "a.mcap")
     with pytest.raises(WriteError, match=r"a\.mcap.*No space left"):
         for index in range(100):
-            writer.add(result_at(index))
-        writer.close()
+            writer.add(result_at(index), None)
+        writer.close(is_complete=True)
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr().err == ""
 
