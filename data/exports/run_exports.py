@@ -7,7 +7,10 @@ from importlib import import_module
 from perception.errors import MissingDependencyError
 
 # Package and extra of each export, by its field.
-_PACKAGES: Mapping[str, tuple[str, str]] = {"mcap": ("foxglove", "live")}
+_PACKAGES: Mapping[str, tuple[str, str]] = {
+    "tables": ("pyarrow", "tables"),
+    "mcap": ("foxglove", "live"),
+}
 
 
 @dataclass(frozen=True)
@@ -15,9 +18,11 @@ class RunExports:
     """Exports.
 
     Attributes:
+        tables: Write frames, poses, tracks, vehicles and timings as Parquet files, for pandas and DuckDB.
         mcap: Write results.mcap for Foxglove and the tools of ROS 2.
     """
 
+    tables: bool = False
     mcap: bool = False
 
     def __post_init__(self) -> None:

@@ -36,6 +36,7 @@ _RUN = {
     "trajectory.jsonl": "one `TrajectoryRecord` a line; only with `--track`",
     "labels/*.label": "one uint32 a point in SemanticKITTI's classes: 40 ground, 9 static, 251 moving",
     "obstacles/*.npz": "static and moving voxels (centres, counts of points), ground heights on a 1 m grid",
+    "tables/*.parquet": "frames, poses, tracks, vehicles, timings; only with `--tables`",
     **_VIDEO,
     "timeline.png": "start and end of each stage in a typical frame",
     "results.mcap": "messages of ROS 2 and Foxglove; only with `--mcap`",

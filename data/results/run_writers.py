@@ -35,3 +35,7 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         from data.exports.mcap_writer import McapWriter
 
         yield BackgroundWriter(McapWriter(out / "results.mcap"), "mcap")
+    if config.exports.tables:
+        from data.exports.table_writer import TableWriter
+
+        yield TableWriter(out, config.min_vehicle_score)

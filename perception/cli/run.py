@@ -1,9 +1,12 @@
 """`trifuse run`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
+from data.exports.run_exports import RunExports
 from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags, ResultsFlags
+from perception.cli.parser import FlagGroup
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 
@@ -11,11 +14,17 @@ _PIPELINE = PipelineConfig()
 _TRACKER_CONFIG = SingleObjectTrackerConfig()
 
 
+@dataclass(frozen=True)
+class ExportFlags(RunExports, FlagGroup):
+    """Exports."""
+
+
 def run(
     drive: Path,
     *,
     frames: DriveFlags,
     results: ResultsFlags,
+    exports: ExportFlags,
     config: CommandConfig,
     video: bool = True,
     video_views: bool = False,
@@ -57,6 +66,7 @@ def run(
         tracker=tracker,
         tracker_config=tracker_config,
         min_vehicle_score=min_vehicle_score,
+        exports=exports,
     )
     folder = results.folder(config)
     found = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)

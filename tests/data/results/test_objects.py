@@ -8,81 +8,15 @@ import pytest
 from data.results.documents import to_serializable
 from data.results.objects import FrameTracks, FrameVehicles, TrajectoryRecord
 from data.results.records import append_record, read_records
-from perception.geometry import se3
 from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import (
-    Boxes3D,
-    Calibration,
-    Detections,
-    Frame,
-    FusedDetections,
-    Obstacles,
-    Result,
-    Tracks,
-    Vehicles,
-    Voxels,
-)
-
-# A van ahead that was seen, and a walker behind, who is predicted and whom no detector has classified.
-VAN_COVARIANCE = np.diag([0.04, 0.01, 0.25, 0.16])
-TRACKS = Tracks(
-    ids=np.array([4, 9]),
-    boxes=Boxes3D(
-        np.array([[10.0, 2.0, -1.7], [-8.0, -1.0, -1.6]]),
-        np.array([[4.2, 1.8, 1.5], [0.8, 0.6, 1.75]]),
-        np.array([0.0, 3.0]),
-    ),
-    velocities_m_s=np.array([[3.0, 4.0], [0.0, -1.0]]),
-    is_observed=np.array([True, False]),
-    covariances=np.stack([VAN_COVARIANCE, np.full((4, 4), np.nan)]),
-    types=np.array(["Van", ""]),
-    scores=np.array([0.8125, np.nan]),
-)
-# A tracked car on the ground, and one of which there is nothing but a faint box in the image.
-VEHICLES = Vehicles(
-    fused=FusedDetections(
-        Detections(
-            np.array([[500.0, 150, 620.25, 240], [10, 160, 60, 200]]),
-            np.array([0.875, 0.03125]),
-            np.array(["Car", "Van"]),
-        ),
-        source_indices=np.array([[0, 0, -1], [-1, 1, -1]]),
-        dominant_modality=np.array([0, 1]),
-        existence=np.array([0.875, 0.03125]),
-    ),
-    ids=np.array([4, -1]),
-    boxes=Boxes3D(
-        np.array([[10.0, 2.0, -1.7], [np.nan] * 3]),
-        np.array([[4.2, 1.8, 1.5], [np.nan] * 3]),
-        np.array([0.0, np.nan]),
-    ),
-    distances_m=np.array([8.5, np.nan]),
-    velocities_m_s=np.array([[3.0, 4.0], [np.nan, np.nan]]),
-    covariances=TRACKS.covariances,
-    owners=np.array([0, -1, 0]),
-)
-MODALITY_DETECTIONS = {
-    "rgb": Detections(np.zeros((1, 4)), np.array([0.75]), np.array(["Car"])),
-    "dm": Detections(np.zeros((2, 4)), np.array([0.5, 0.25]), np.array(["Car", "Van"])),
-}
-EMPTY = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
+from perception.types import Tracks
+from tests.known_result import TRACKS, VAN_COVARIANCE, known_result
 
 
 @pytest.fixture
 def result():
-    # The vehicle is at (100, 50, 3) and heads along the world's y.
-    pose = se3.from_euler(0, 0, np.pi / 2, np.array([100.0, 50.0, 3.0]))
-    camera = Calibration(np.eye(3, 4), np.eye(4))
-    return Result(
-        Frame(7, 0.7, np.ones((1, 4), np.float32), calibration=camera),
-        pose,
-        None,
-        Obstacles(np.zeros(1, np.uint8), EMPTY, EMPTY),
-        TRACKS,
-        modality_detections=MODALITY_DETECTIONS,
-        vehicles=VEHICLES,
-    )
+    return known_result()
 
 
 def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):

@@ -1,0 +1,21 @@
+"""Exports whose packages are not installed are refused before the run."""
+
+import sys
+
+import pytest
+
+from data.exports.run_exports import RunExports
+from perception.errors import MissingDependencyError
+from tests.faults import command, fault
+
+
+def test_nothing_is_exported_without_being_asked_for(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    RunExports()
+
+
+@pytest.mark.parametrize(("flag", "package", "extra"), [("--tables", "pyarrow", "tables")])
+def test_a_missing_package_is_named_with_its_extra(monkeypatch, flag, package, extra):
+    monkeypatch.setitem(sys.modules, package, None)
+    with fault(MissingDependencyError, where=flag, expected=package, advice=f"[{extra}]"):
+        command("run", "nowhere", flag)
