@@ -146,4 +146,4 @@ def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkP
         sensor = load_sensor(source.sensor) if source.sensor else HDL_64E
         return SyntheticDrive(frames, sensor=sensor, images=needs_images)
     images = needs_images or part == "maps"
-    return open_drive(drive, sequence=source.sequence, sensor=source.sensor, images=images)
+    return open_drive(drive, sequence=source.sequence, config=source.reading, images=images)

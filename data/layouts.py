@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.recorded_drive import RecordedDrive
+from perception.errors import UsageError
 from perception.sensor import HDL_64E, LidarModel, load_sensor
 
 
@@ -15,10 +16,24 @@ class OpenConfig:
     Attributes:
         sensor: Name of a LiDAR model, or a file that describes one; else what the drive states.
         images: Whether frames carry images.
+        camera: Name of the camera, or topic of its images; else the first or the forward one.
+        lidar: Name of the LiDAR, or topic of its scans, several with commas; else the first or all of them.
+        deskew: Whether the points of a sweep are moved to the time of the scan, where their times are known.
+        reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
     """
 
     sensor: str | None = None
     images: bool = True
+    camera: str | None = None
+    lidar: str | None = None
+    deskew: bool = False
+    reflectance_scale: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate the full scale of reflectance."""
+        scale = self.reflectance_scale
+        if scale is not None and not 0 < scale < float("inf"):
+            raise UsageError("--reflectance-scale", expected="a number above 0", found=f"{scale:g}")
 
     def lidar_model(self, folder: Path, default: LidarModel = HDL_64E) -> LidarModel:
         """Return the model that was asked for, else that of the folder's sensor.json, else the default.

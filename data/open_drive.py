@@ -41,7 +41,7 @@ def open_drive(
 
 
 def open_drives(
-    paths: Sequence[Path], *, sensor: str | None = None, images: bool = True
+    paths: Sequence[Path], *, images: bool = True, config: OpenConfig = _DEFAULT
 ) -> list[RecordedDrive]:
     """Open every drive of every path; arguments as of `open_drive`.
 
@@ -49,7 +49,7 @@ def open_drives(
         DriveError: A path holds no drive, or it cannot be read.
     """
     return [
-        open_drive(path, sequence=sequence, sensor=sensor, images=images)
+        open_drive(path, sequence=sequence, images=images, config=config)
         for path in paths
         for sequence in sequences_in(path)
     ]

@@ -32,7 +32,7 @@ class DriveOfStudy(SourceFlags):
             return SyntheticDrive(_SYNTHETIC_FRAMES, sensor=sensor, images=images)
         from data.open_drive import open_drive
 
-        return open_drive(Path(drive), sequence=self.sequence, sensor=self.sensor, images=images)
+        return open_drive(Path(drive), sequence=self.sequence, config=self.reading, images=images)
 
 
 @dataclass(frozen=True)

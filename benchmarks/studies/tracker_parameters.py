@@ -113,7 +113,7 @@ def _drives(
     from data.derived.otd_objects import ObjectSetConfig, find_objects
 
     objects = ObjectSetConfig(
-        Path(drive), "present", source.sequence, frames=source.frames, sensor=source.sensor
+        Path(drive), "present", source.sequence, frames=source.frames, reading=source.reading
     )
     for found in find_objects(objects).drives:
         yield found.drive, found.objects

@@ -65,7 +65,7 @@ def tracking_results(
         source.sequence,
         config.track_id,
         frames=source.frames,
-        sensor=source.sensor,
+        reading=source.reading,
     )
     found = find_objects(objects)
     tracks = {

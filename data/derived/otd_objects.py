@@ -8,11 +8,14 @@ from typing import Literal
 from data.derived.object_truth import DriveObjects
 from data.derived.single_object import table_3_2, table_a_1, unique_sequences
 from data.frames import frame_count
+from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
 from data.synthetic.truth_files import truth_files
 from perception.errors import DriveError, UsageError
 from perception.evaluation.single_object.track import ObjectSequence, TargetObject
+
+_READING = OpenConfig()
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 
@@ -27,7 +30,7 @@ class ObjectSetConfig:
         sequence: Name of the only drive, or None for all.
         track_id: Track id of the only object, or None for all.
         frames: Number of frames from the start of each drive, or None for all.
-        sensor: Name of a LiDAR model or a .json file, or None for what the drive states.
+        reading: How each drive is read.
         min_frames: Number of frames in which an object of the set `present` must be labelled.
     """
 
@@ -36,7 +39,7 @@ class ObjectSetConfig:
     sequence: str | None = None
     track_id: int | None = None
     frames: int | None = None
-    sensor: str | None = None
+    reading: OpenConfig = _READING
     min_frames: int = 15
 
     def __post_init__(self) -> None:
@@ -185,7 +188,7 @@ def _is_requested(one: ObjectSequence, config: ObjectSetConfig) -> bool:
 
 
 def _open(config: ObjectSetConfig, sequence: str | None) -> RecordedDrive:
-    drive = open_drive(config.root, sequence=sequence, sensor=config.sensor)
+    drive = open_drive(config.root, sequence=sequence, config=config.reading)
     if not drive.is_sequence:
         raise DriveError(
             drive.root,

@@ -9,6 +9,7 @@ from typing import Any
 from data.detections.measured_detectors import MeasuredDetector
 from data.detections.unlearned_frames import LearnedCounts, count_learned_frames
 from data.frames import file_number, frame_count, read_frames
+from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
 from data.splits.files import read_split
@@ -20,6 +21,8 @@ from perception.evaluation.report import Report, Table
 from perception.geometry.threads import limit_blas_threads
 from perception.render.detections import draw_detection_errors
 from perception.types import Detections, Drive, Frame, OnBadFrame
+
+_READING = OpenConfig()
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class DriveReader:
 
     Attributes:
         sequence: Sequence of a tracking folder; else each of them.
-        sensor: Name or file of the LiDAR model; else what the drive states.
+        reading: How each drive is read.
         frames: Number of frames from the start of each drive; else all.
         on_bad_frame: Stop at a damaged frame, or skip it.
         split: Split file of which one part is read; else all frames.
@@ -112,7 +115,7 @@ class DriveReader:
     """
 
     sequence: str | None = None
-    sensor: str | None = None
+    reading: OpenConfig = _READING
     frames: int | None = None
     on_bad_frame: OnBadFrame = "stop"
     split: Path | None = None
@@ -182,7 +185,7 @@ class DriveReader:
         if self.sequence is not None:
             names = [self.sequence] if names != [None] or is_alone else names
         for name in names:
-            drive = open_drive(path, sequence=name, sensor=self.sensor)
+            drive = open_drive(path, sequence=name, config=self.reading)
             if not drive.has_labels:
                 raise DriveError(
                     drive.root,

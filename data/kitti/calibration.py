@@ -16,9 +16,10 @@ from perception.errors import CalibrationError
 from perception.geometry.se3 import from_rotation_translation
 from perception.types import Calibration, Float, Float64
 
-_PROJECTION_KEYS = ("P2",)
+# Sets of one camera in the layout of KITTI call it P0, or just P.
+_PROJECTION_KEYS = ("P2", "P0", "P")
 _RECTIFICATION_KEYS = ("R0_rect", "R_rect")
-_VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam")
+_VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
 _IMU_TO_VELO_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
 # Raw recordings state it; of the benchmarks, only synthetic drives do, which may have no image to ask.
 _IMAGE_SIZE_KEYS = ("S_rect_02",)
@@ -73,8 +74,8 @@ class CalibrationText:
         return cls(path, {key.rstrip(":"): "".join(row) for key, *row in parts})
 
     def has(self, keys: tuple[str, ...]) -> bool:
-        """Return whether the file has one of the spellings of a key."""
-        return any(key in self.rows for key in keys)
+        """Return whether the file has numbers for one of the spellings of a key."""
+        return any(self.rows.get(key, "").strip() for key in keys)
 
     def matrix(self, keys: tuple[str, ...], shape: tuple[int, ...]) -> Float64:
         """Return the numbers of a key by any of its spellings.
@@ -119,7 +120,9 @@ def read_benchmark_calibration(path: Path) -> DriveCalibration:
         CalibrationError: A key of the camera is missing, or a matrix cannot be used.
     """
     text = CalibrationText.read(path)
-    rectification = text.matrix(_RECTIFICATION_KEYS, (3, 3))
+    # A camera that is not rectified to another has no such row.
+    has_rectification = any(key in text.rows for key in _RECTIFICATION_KEYS)
+    rectification = text.matrix(_RECTIFICATION_KEYS, (3, 3)) if has_rectification else np.eye(3)
     camera = Calibration(
         image_P_cam=text.matrix(_PROJECTION_KEYS, (3, 4)),
         cam_SE3_velo=_rectify(rectification, _homogeneous(text.matrix(_VELO_TO_CAM_KEYS, (3, 4)))),

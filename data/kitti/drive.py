@@ -7,6 +7,8 @@ from functools import cache
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+
 from data.kitti.reading import read_bytes
 from data.kitti.sensor_files import (
     FrameFiles,
@@ -26,15 +28,17 @@ class KittiDrive(RecordedDrive, ABC):
 
     Attributes:
         scans: Scans, one per frame.
-        images: Images of the left colour camera, one per scan, or None.
+        images: (F) image of the left colour camera of each scan, None for a scan without one; None without images.
         image_size: Size that every image must have, or None.
         point_labels: Truth of the points, one file per scan, or None.
+        reflectance_scale: Full scale of the reflectance in the files, which becomes 1.
     """
 
     scans: FrameFiles
-    images: FrameFiles | None = None
+    images: tuple[Path | None, ...] | None = None
     image_size: ImageSize | None = None
     point_labels: FrameFiles | None = None
+    reflectance_scale: float = 1.0
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -58,15 +62,12 @@ class KittiDrive(RecordedDrive, ABC):
 
     def select(self, indices: Sequence[int]) -> Self:
         """Return a drive of some frames alone, which keep their numbers and names."""
-
-        def selected(files: FrameFiles | None) -> FrameFiles | None:
-            return None if files is None else files.select(indices)
-
+        images, labels = self.images, self.point_labels
         return replace(
             self,
             scans=self.scans.select(indices),
-            images=selected(self.images),
-            point_labels=selected(self.point_labels),
+            images=None if images is None else tuple(images[index] for index in indices),
+            point_labels=None if labels is None else labels.select(indices),
         )
 
     def source(self, index: int) -> str:
@@ -75,13 +76,15 @@ class KittiDrive(RecordedDrive, ABC):
 
     def points_velo(self, index: int) -> Float32:
         """Read the (N, 4) points of one frame."""
-        return read_scan(self.scans.paths[index])
+        points_velo = read_scan(self.scans.paths[index])
+        if self.reflectance_scale != 1:
+            points_velo[:, 3] /= np.float32(self.reflectance_scale)
+        return points_velo
 
     def image(self, index: int) -> UInt8 | None:
         """Read the (H, W, 3) image of one frame."""
-        if self.images is None:
-            return None
-        return read_image(self.images.paths[index], self.image_size)
+        path = None if self.images is None else self.images[index]
+        return None if path is None else read_image(path, self.image_size)
 
     def point_truth(self, index: int) -> PointTruth | None:
         """Read the truth of every point of one frame."""
@@ -92,8 +95,8 @@ class KittiDrive(RecordedDrive, ABC):
 
     def frame_files(self, index: int) -> tuple[Path, ...]:
         """Return the scan, the texts and the image of one frame."""
-        image = () if self.images is None else (self.images.paths[index],)
-        return self.scans.paths[index], *self._texts(index), *image
+        image = None if self.images is None else self.images[index]
+        return self.scans.paths[index], *self._texts(index), *(() if image is None else (image,))
 
     def _texts(self, index: int) -> tuple[Path, ...]:
         """Return the label and calibration files of one frame."""

@@ -10,13 +10,14 @@ from pathlib import Path
 
 from data.kitti.calibration import read_benchmark_calibration, with_kitti_image_size
 from data.kitti.drive import KittiDrive
+from data.kitti.image_joining import join_images
 from data.kitti.labels import read_object_labels
+from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
     SCAN_SUFFIXES,
     FrameFiles,
-    join_notes,
     list_folder,
     no_scans,
 )
@@ -101,13 +102,16 @@ def open_objects(folder: Path, config: OpenConfig) -> ObjectFrames:
     image_files = FrameFiles.within(folder / "image_2", IMAGE_SUFFIXES)
     point_labels = FrameFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
     label_folder = folder / "label_2"
+    joined = join_images(scans, image_files, scans.unix_times, image_files.unix_times)
+    reflectance = find_reflectance_scale(scans, config)
     return ObjectFrames(
         name=folder.resolve().name,
         root=folder,
         sensor=config.lidar_model(folder),
         scans=scans,
-        images=image_files.joined(scans) if config.images else None,
+        images=joined.paths if config.images else None,
         label_folder=label_folder if label_folder.is_dir() else None,
         point_labels=point_labels.joined(scans),
-        notes=join_notes(scans, {"images": image_files}),
+        reflectance_scale=reflectance.scale,
+        notes=(*joined.notes, *reflectance.notes),
     )

@@ -14,8 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.calibration import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM, read_raw_calibration
+from data.kitti.image_joining import join_images
 from data.kitti.oxts import InsPacket, parse_oxts_packet
 from data.kitti.reading import read_text
+from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
@@ -27,8 +29,15 @@ from data.kitti.sensor_files import (
     no_scans,
 )
 from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from data.kitti.timestamps import (
+    file_times,
+    first_known,
+    read_timestamps,
+    seconds_since,
+    timestamp_rows,
+)
 from data.layouts import OpenConfig
-from perception.errors import DriveError, PoseError
+from perception.errors import PoseError
 from perception.sensor import LidarModel
 
 
@@ -55,7 +64,14 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
     sensor = config.lidar_model(folder)
     calibration = read_raw_calibration(_calibration_folder(folder))
     image_files = FrameFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
-    camera = CameraFiles.of(calibration.camera, image_files, scans, load=config.images)
+    joined = join_images(
+        scans,
+        image_files,
+        file_times(folder / "velodyne_points" / "timestamps.txt", scans),
+        file_times(folder / "image_02" / "timestamps.txt", image_files),
+    )
+    camera = CameraFiles.of(calibration.camera, image_files, joined, load=config.images)
+    reflectance = find_reflectance_scale(scans, config)
     packet_files = FrameFiles.within(folder / "oxts" / "data", (".txt",))
     packets = packet_files.joined(scans)
     label_file = folder / "label_02.txt"
@@ -73,7 +89,12 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
         point_labels=point_labels.joined(scans),
-        notes=join_notes(scans, {"images": image_files, "INS packets": packet_files}),
+        reflectance_scale=reflectance.scale,
+        notes=(
+            *joined.notes,
+            *join_notes(scans, {"INS packets": packet_files}),
+            *reflectance.notes,
+        ),
     )
 
 
@@ -107,20 +128,8 @@ class OxtsFiles:
 def _clock(path: Path, scans: FrameFiles, sensor: LidarModel) -> ScanClock:
     if not path.is_file():
         return ScanClock.without_timestamps(scans, sensor.rate_hz)
-    lines = read_text(path, DriveError, "timestamps as text").splitlines()
-    timestamps = np.array([_parse_timestamp(line) for line in lines], "datetime64[ns]")
-    # A row a scan; or, where scans are missing, a row for each frame number.
-    is_row_a_scan = len(timestamps) == len(scans)
-    rows = range(len(scans)) if is_row_a_scan else scans.numbers
-    known = timestamps[~np.isnat(timestamps)]
-    origin = known[0] if len(known) else np.datetime64("1970-01-01", "ns")
-    stamps_s = (timestamps - origin) / np.timedelta64(1, "s")
+    timestamps = read_timestamps(path)
+    rows = timestamp_rows(timestamps, scans)
+    stamps_s = seconds_since(timestamps, first_known(timestamps))
     of_scans_s = [stamps_s[row] if row < len(stamps_s) else np.nan for row in rows]
-    return ScanClock(np.array(of_scans_s), tuple(rows), path)
-
-
-def _parse_timestamp(line: str) -> np.datetime64:
-    try:
-        return np.datetime64(line.strip() or "NaT", "ns")
-    except ValueError:
-        return np.datetime64("NaT", "ns")
+    return ScanClock(np.array(of_scans_s), rows, path)

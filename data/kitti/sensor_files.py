@@ -8,10 +8,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from data.kitti.reading import read_bytes
 from perception.errors import DriveError, ImageError, LabelError, ScanError
-from perception.types import Float32, Float64, PointTruth, UInt8
+from perception.types import Float32, PointTruth, UInt8
 
 SCAN_SUFFIXES = (".bin",)
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -25,6 +26,7 @@ _POINT_CLOUD_SUFFIXES = {
 _MAX_LISTED = 6  # entries of a folder in an error
 _MAX_FRAMES = 1_000_000  # KITTI's frame numbers have six digits
 _UNIX_DIGITS = {13, 16, 19}  # of today's Unix times in ms, us and ns
+_MAX_TIME_NS = 2**63  # in the year 2262
 _POINT_BYTES = 16  # x, y, z, reflectance as float32
 # SemanticKITTI numbers the moving classes apart: car, bicyclist, person, motorcyclist, on rails,
 # bus, truck, other vehicle.
@@ -80,13 +82,15 @@ class FrameFiles:
         return tuple(f"{number:06d}" for number in self._numbers_in_names)
 
     @cached_property
-    def unix_stamps_s(self) -> Float64 | None:
-        """(F,) seconds since the first file where names are Unix times in ms, us or ns; else None."""
+    def unix_times(self) -> NDArray[np.datetime64] | None:
+        """(F,) times in ns where names are Unix times in ms, us or ns; else None."""
         stems = [path.stem for path in self.paths]
         digits = {len(stem) if stem.isdecimal() else 0 for stem in stems}
         if len(digits) != 1 or not digits <= _UNIX_DIGITS:
             return None
-        return np.array([int(stem) - int(stems[0]) for stem in stems]) / 10.0 ** (digits.pop() - 10)
+        to_ns = 10 ** (19 - digits.pop())
+        times_ns = [int(stem) * to_ns for stem in stems]
+        return np.array(times_ns, "datetime64[ns]") if max(times_ns) < _MAX_TIME_NS else None
 
     def select(self, indices: Sequence[int]) -> "FrameFiles":
         """Return some of the files, which keep their numbers and names."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from data.kitti.calibration import with_kitti_image_size
 from data.kitti.drive import KittiDrive
+from data.kitti.image_joining import JoinedImages
 from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.sensor_files import (
@@ -17,6 +18,7 @@ from data.kitti.sensor_files import (
     ImageSize,
     read_image,
 )
+from data.kitti.timestamps import seconds_since
 from perception.errors import CalibrationError, DriveError, ImageError, PoseError
 from perception.geometry.se3 import inverse
 from perception.types import Calibration, Float64, Labels, UInt8
@@ -51,8 +53,8 @@ class ScanClock:
     @classmethod
     def without_timestamps(cls, scans: FrameFiles, rate_hz: float) -> "ScanClock":
         """Return the Unix times that the scans are named by, else the times of a steady rate."""
-        if scans.unix_stamps_s is not None:
-            return cls(scans.unix_stamps_s)
+        if scans.unix_times is not None:
+            return cls(seconds_since(scans.unix_times, scans.unix_times[0]))
         return cls((np.array(scans.numbers) - scans.numbers[0]) / rate_hz)
 
     def select(self, indices: Sequence[int]) -> "ScanClock":
@@ -181,23 +183,28 @@ class CameraFiles:
     Attributes:
         calibration: Calibration with the image size, where the calibration or the first image states it.
         image_size: Image size, and the file that states it.
-        images: Image of each scan, or None where there are none or they are not to be loaded.
+        images: (F) image of each scan, None where there is none; None without images or where they are not loaded.
     """
 
     calibration: Calibration | None
     image_size: ImageSize | None
-    images: FrameFiles | None
+    images: tuple[Path | None, ...] | None
 
     @classmethod
     def of(
-        cls, calibration: Calibration | None, images: FrameFiles, scans: FrameFiles, *, load: bool
+        cls,
+        calibration: Calibration | None,
+        images: FrameFiles,
+        joined: JoinedImages,
+        *,
+        load: bool,
     ) -> "CameraFiles":
         """Combine the calibration and the images of a drive.
 
         Args:
             calibration: Calibration of the camera, or None.
             images: Images of the left colour camera.
-            scans: Scans of the drive.
+            joined: Image of each scan.
             load: Whether frames carry images.
         """
         size = _find_image_size(calibration, images)
@@ -206,7 +213,7 @@ class CameraFiles:
                 calibration if size is None else replace(calibration, image_size_px=size.size_px)
             )
             calibration = with_kitti_image_size(known)
-        return cls(calibration, size, images.joined(scans) if load else None)
+        return cls(calibration, size, joined.paths if load else None)
 
 
 def _find_image_size(camera: Calibration | None, images: FrameFiles) -> ImageSize | None:

@@ -10,15 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.kitti.calibration import DriveCalibration, read_benchmark_calibration
+from data.kitti.image_joining import join_images
 from data.kitti.oxts import InsPacket, parse_oxts_packet
 from data.kitti.reading import read_text
+from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
     SCAN_SUFFIXES,
     SKIP_ADVICE,
     FrameFiles,
-    join_notes,
     list_folder,
     no_scans,
 )
@@ -48,7 +49,9 @@ def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSeque
     if calibration_file.is_file():
         calibration = read_benchmark_calibration(calibration_file)
     image_files = FrameFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
-    camera = CameraFiles.of(calibration.camera, image_files, scans, load=config.images)
+    joined = join_images(scans, image_files, scans.unix_times, image_files.unix_times)
+    reflectance = find_reflectance_scale(scans, config)
+    camera = CameraFiles.of(calibration.camera, image_files, joined, load=config.images)
     packets = folder / "oxts" / f"{sequence}.txt"
     label_file = folder / "label_02" / f"{sequence}.txt"
     point_labels = FrameFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)
@@ -65,7 +68,8 @@ def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSeque
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
         point_labels=point_labels.joined(scans),
-        notes=join_notes(scans, {"images": image_files}),
+        reflectance_scale=reflectance.scale,
+        notes=(*joined.notes, *reflectance.notes),
     )
 
 

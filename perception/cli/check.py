@@ -27,7 +27,7 @@ def check(root: Path, *, source: SourceFlags) -> None:
     faults = 0
     for name in sequences:
         try:
-            drive = open_drive(root, sequence=name, sensor=source.sensor)
+            drive = open_drive(root, sequence=name, config=source.reading)
         except PerceptionError as error:
             if len(sequences) == 1:
                 raise

@@ -57,7 +57,7 @@ def detect(
     from perception.geometry.threads import limit_blas_threads
     from perception.types import FusedDetections
 
-    opened = open_drive(root, sequence=drive.sequence, sensor=drive.sensor)
+    opened = open_drive(root, sequence=drive.sequence, config=drive.reading)
     detection = DetectionConfig(depthcn=depthcn, nms=nms, display_score=display_score)
     detector = open_depthcn(detection, opened.sensor)
     chosen, start_s = results.folder(config), time.perf_counter()

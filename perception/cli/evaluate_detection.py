@@ -65,7 +65,7 @@ def evaluate_detection(
     """
     from data.detections.compared_detectors import open_compared
     from data.detections.measured_detectors import DetectorOptions
-    from data.detections.measured_drives import DriveReader, measure_drives
+    from data.detections.measured_drives import measure_drives
     from perception.cli.progress import progress_bar
 
     require_positive("--worst-count", worst_count)
@@ -75,7 +75,7 @@ def evaluate_detection(
     options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar())
     opened = open_compared(detector, options)
     worst = None if worst_frames is None else (worst_frames, worst_count)
-    reader = DriveReader(**vars(drive), progress=progress_bar)
+    reader = drive.reader(progress_bar)
     measured = measure_drives(opened, drives, reader, worst)
     document = EvaluationDocument.of_networks(
         "detection", measured.data, protocol(metric), opened.metadata

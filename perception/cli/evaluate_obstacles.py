@@ -113,7 +113,9 @@ def _count(
         names = [flags.sequence]
         if set is not None:
             names = [one.sequence for one in find_sequences(root, set, flags.sequence)[0]]
-        drives = [open_drive(root, sequence=one, sensor=flags.sensor, images=True) for one in names]
+        drives = [
+            open_drive(root, sequence=one, config=flags.reading, images=True) for one in names
+        ]
         scans.write(
             flags.select(drives),
             results_of,

@@ -57,7 +57,7 @@ def evaluate_otd(
     from perception.evaluation.single_object.tracker_runs import named_trackers
 
     names = require_trackers(trackers)
-    set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.sensor)
+    set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.reading)
     found, measure = find_objects(set_config), SingleObjectMeasure(names)
     for one in found.drives:
         makers = named_trackers(names, one.drive.sensor, tracker)

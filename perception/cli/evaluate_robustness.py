@@ -55,14 +55,14 @@ def evaluate_robustness(
     """
     from data.corruptions import sensor_corruptions
     from data.detections.measured_detectors import open_fusions, open_modalities
-    from data.detections.measured_drives import DriveReader, DrivesReport
+    from data.detections.measured_drives import DrivesReport
     from perception.cli.progress import progress_bar
     from perception.evaluation.detection.robustness_measure import (
         RobustnessMeasure,
         corrupted_detector,
     )
 
-    reader = DriveReader(**vars(drive), progress=progress_bar)
+    reader = drive.reader(progress_bar)
     name, frames = reader.drives([root])[0]
     corruptions = sensor_corruptions(levels, has_images=frames.has_images)
     detector = open_modalities(detection)

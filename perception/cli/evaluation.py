@@ -27,7 +27,7 @@ def open_labelled_drive(root: Path, flags: LabelledDriveFlags, *, images: bool =
     """
     from data.open_drive import open_drive
 
-    drive = open_drive(root, sequence=flags.sequence, sensor=flags.sensor, images=images)
+    drive = open_drive(root, sequence=flags.sequence, config=flags.reading, images=images)
     if not drive.has_labels and drive.point_truth(0) is None:
         raise DriveError(
             drive.root,

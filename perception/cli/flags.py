@@ -1,17 +1,19 @@
 """Flags that several commands share, each declared once."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from data.results.command_config import CommandConfig
 from data.splits.parts import Part
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
-from perception.types import OnBadFrame
+from perception.types import Frame, OnBadFrame
 
 if TYPE_CHECKING:
+    from data.detections.measured_drives import DriveReader
+    from data.layouts import OpenConfig
     from data.recorded_drive import RecordedDrive
     from data.results.folder import ResultsFolder
 
@@ -24,10 +26,35 @@ class SourceFlags(FlagGroup):
         sequence: Sequence of a tracking folder, such as 0000; all of them where a command takes several.
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel; else what the
             drive states, else HDL-64E.
+        camera: Camera of the drive, or topic of a bag; else the forward one.
+        lidar: LiDAR of the drive, or topic of a bag, several with commas; else the first or all of them.
+        deskew: Move the points of a sweep to the time of the scan, where their times are known.
+        reflectance_scale: Full scale of the reflectance, such as 255; else found from some scans.
     """
 
     sequence: str | None = None
     sensor: str | None = None
+    camera: str | None = None
+    lidar: str | None = None
+    deskew: bool = False
+    reflectance_scale: float | None = None
+
+    @property
+    def reading(self) -> "OpenConfig":
+        """How the drive is read.
+
+        Raises:
+            UsageError: The full scale of the reflectance is not above 0.
+        """
+        from data.layouts import OpenConfig
+
+        return OpenConfig(
+            sensor=self.sensor,
+            camera=self.camera,
+            lidar=self.lidar,
+            deskew=self.deskew,
+            reflectance_scale=self.reflectance_scale,
+        )
 
 
 @dataclass(frozen=True)
@@ -74,6 +101,24 @@ class LabelledDriveFlags(DriveFlags):
         from data.splits.files import select_part
 
         return select_part(drives, self.split, self.part or "test")
+
+    def reader(self, progress: Callable[[Iterator[Frame], str, int], Any]) -> "DriveReader":
+        """Return what opens and reads the drives of detectors.
+
+        Args:
+            progress: Shows a progress bar over frames with a description and their number.
+        """
+        from data.detections.measured_drives import DriveReader
+
+        return DriveReader(
+            sequence=self.sequence,
+            reading=self.reading,
+            frames=self.frames,
+            on_bad_frame=self.on_bad_frame,
+            split=self.split,
+            part=self.part,
+            progress=progress,
+        )
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def maps(
     from perception.maps.projection import project_frame
     from perception.render.map_plots import plot_maps
 
-    opened = open_drive(root, sequence=drive.sequence, sensor=drive.sensor)
+    opened = open_drive(root, sequence=drive.sequence, config=drive.reading)
     chosen = results.folder(config)
     if all:
         count = frame_count(opened, drive.frames)

@@ -56,7 +56,7 @@ def run(
 
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)
-    opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor, images=images)
+    opened = open_drive(drive, sequence=frames.sequence, config=frames.reading, images=images)
     run_config = RunConfig(
         frames=frames.frames,
         video=video,

@@ -49,7 +49,7 @@ def track(
     from perception.cli.progress import progress_bar
 
     start_config = TrackStartConfig(track_id, box, start_frame)
-    opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor)
+    opened = open_drive(drive, sequence=frames.sequence, config=frames.reading)
     start = find_start(opened, start_config)
     track_config = TrackConfig(
         tracker, frames.frames, video, plots, frames.on_bad_frame, pipeline, tracker_config

@@ -133,7 +133,7 @@ class Frame:
                 self.source,
                 expected="reflectance from 0 to 1",
                 found=f"{low:g} to {high:g}",
-                advice="divide it by the sensor's full scale, 255 for most",
+                advice="give its full scale: --reflectance-scale 255 for most sensors",
             )
 
     def _check_point_times(self, times_s: Float32) -> None:

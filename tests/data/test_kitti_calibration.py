@@ -76,7 +76,11 @@ def test_what_a_raw_folder_does_not_state_is_none(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("Tr_velo_to_cam:", "Tr_else:", "the key Tr_velo_to_cam or Tr_velo_cam, found only P0"),
+        (
+            "Tr_velo_to_cam:",
+            "Tr_else:",
+            "the key Tr_velo_to_cam or Tr_velo_cam or Tr, found only P0",
+        ),
         ("P2: 7", "P2: x", "expected 12 numbers after P2, found 'x"),
         ("P2: 7", "P2: nan 7", "expected 12 finite numbers after P2, found 12"),
     ],
