@@ -104,6 +104,7 @@ class VehicleTrackerConfig:
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
         front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
+        min_travelled_m: Minimum distance after which the course alone distinguishes them, and the traffic around no more.
         small_length_m: Maximum length of people on foot and on two wheels, whose outline hardly shows a heading.
         small_course_speed_m_s: Both minimum speeds of these.
         small_course_weight: Number of observations of the outline that their course outweighs.
@@ -142,6 +143,7 @@ class VehicleTrackerConfig:
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0
     front_speed_m_s: float = 1.0
+    min_travelled_m: float = 2.0
     small_length_m: float = 2.2
     small_course_speed_m_s: float = 0.6
     small_course_weight: float = 5.0

@@ -57,7 +57,7 @@ def init_tracks(
         anchors_px=np.zeros((count, 3)),
         is_located=observations.is_located,
         last_located_s=np.full(count, frame.stamp_s),
-        top_speed_m_s=np.zeros(count),
+        travelled_m=np.zeros(count),
         riding_votes=np.zeros(count, np.int64),
         axis=_doubled(boxes.yaw_rad),
         front_votes=np.zeros(count, np.int64),
@@ -161,6 +161,9 @@ def _placed(
         sizes_m=boxes.size_m,
         size_samples=np.ones(len(tracks), np.int64),
         low_world_m=boxes.bottom_m[:, 2],
+        # It may be another object.
+        travelled_m=np.zeros(len(tracks)),
+        front_votes=np.zeros(len(tracks), np.int64),
     )
 
 
@@ -190,14 +193,9 @@ def _corrected(
         size_samples=size_samples,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
-    has_moved = tracks.top_speed_m_s >= config.front_speed_m_s
-    sure_speed_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
-    tracks = replace(
-        tracks,
-        top_speed_m_s=np.maximum(tracks.top_speed_m_s, sure_speed_m_s),
-        riding_votes=_riding_votes(tracks, config),
-    )
-    return _turned_to_course(tracks, boxes.yaw_rad, has_moved, config)
+    tracks = replace(tracks, riding_votes=_riding_votes(tracks, config))
+    elapsed_s = frame.stamp_s - tracks.last_located_s
+    return _turned_to_course(tracks, boxes.yaw_rad, elapsed_s, config)
 
 
 def _riding_votes(tracks: VehicleTable, config: VehicleTrackerConfig) -> Int:
@@ -214,13 +212,13 @@ def _riding_votes(tracks: VehicleTable, config: VehicleTrackerConfig) -> Int:
 
 
 def _turned_to_course(
-    tracks: VehicleTable, seen_rad: Float64, has_moved: Bool, config: VehicleTrackerConfig
+    tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float64, config: VehicleTrackerConfig
 ) -> VehicleTable:
     """Choose front and rear by well-known velocities and, once they are fast, correct the heading by the course.
 
     A vehicle does not turn round within a scan: most of the latest velocities determine its front, and a slow one
     keeps it. Most of the (T,) detected headings, those of the traffic there, determine the front of a vehicle that has
-    never moved.
+    not moved: a box that jumps by a part of its length, as another of its ends is taken for hidden, has a speed, too.
     """
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     is_small, slow_m_s = tracks.sizes_m[:, 0] < config.small_length_m, config.small_course_speed_m_s
@@ -234,15 +232,20 @@ def _turned_to_course(
     yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
     is_ahead = np.abs(wrap(course_rad - yaw_rad)) <= np.pi / 2
     is_moving = excess_m_s >= np.where(is_small, slow_m_s, config.front_speed_m_s)
-    is_parked = ~has_moved & ~is_moving & ~is_small
+    travelled_m = tracks.travelled_m + is_moving * tracks.speeds_m_s * elapsed_s
+    had_moved, has_moved = (
+        one >= config.min_travelled_m for one in (tracks.travelled_m, travelled_m)
+    )
+    is_parked = ~has_moved & ~is_small
     is_ahead = np.where(is_parked, np.abs(wrap(seen_rad - yaw_rad)) <= np.pi / 2, is_ahead)
     vote = np.where(is_moving | is_parked, np.where(is_ahead, 1, -1), 0)
     # The first motion outweighs all that the traffic around has suggested.
-    past_votes = np.where(is_moving & ~has_moved & ~is_small, 0, tracks.front_votes)
+    past_votes = np.where(has_moved & ~had_moved & ~is_small, 0, tracks.front_votes)
     votes = np.minimum(past_votes + vote, config.max_front_votes)
     return replace(
         tracks,
         axis=axis,
+        travelled_m=travelled_m,
         yaw_rad=wrap(np.where(votes < 0, yaw_rad + np.pi, yaw_rad)),
         front_votes=np.abs(votes),
     )

@@ -25,7 +25,7 @@ class VehicleTable(GroundPlaneTracks):
         is_located: (T,) whether it was ever located by its returns; otherwise its position is assumed from its
             height in the image, and heading and size are void.
         last_located_s: (T,) time of the last detection that was located.
-        top_speed_m_s: (T,) highest speed that it surely had, by two standard deviations.
+        travelled_m: (T,) distance that it went while it surely moved.
         riding_votes: (T,) detections at which it was surely faster than a walker, less those at which it was slower.
         axis: (T, 2) sum of the observed headings, as cosine and sine of twice the angle.
         front_votes: (T,) observations of the course that agree with the heading, less those against it.
@@ -43,7 +43,7 @@ class VehicleTable(GroundPlaneTracks):
     anchors_px: Annotated[Float64, 3]
     is_located: Bool
     last_located_s: Float64
-    top_speed_m_s: Float64
+    travelled_m: Float64
     riding_votes: Int
     axis: Annotated[Float64, 2]
     front_votes: Int

@@ -157,6 +157,24 @@ def test_a_parked_car_faces_as_the_traffic_where_it_was_mostly_seen():
     assert abs(oncoming.boxes.yaw_rad[0]) == pytest.approx(np.pi, abs=0.1)
 
 
+def test_a_parked_car_whose_box_jumps_along_its_length_faces_as_the_traffic_there():
+    drive, world = Drive(speed_m_s=0.0), cars((25.0, -4.0, 0.0))
+    for jump_m in (1.5, 1.0, 0.5):  # as a car would come
+        drive.observe(world, returns_of=driven(world, jump_m))
+    for _ in range(15):
+        parked = drive.observe(world).vehicles
+    assert parked.boxes.yaw_rad[0] == pytest.approx(0.0, abs=0.1)
+
+
+def test_what_is_located_elsewhere_has_not_moved_yet():
+    drive, world = Drive(speed_m_s=0.0), cars((30.0, -0.5, 0.0))
+    comes = _yaws(drive, world, [-0.8 * step for step in range(12)])
+    assert np.cos(comes[-1]) < -0.99
+    here, behind = driven(world, -8.8), driven(world, -3.0)
+    parked = [drive.observe(here, returns_of=behind).vehicles.boxes.yaw_rad[0] for _ in range(30)]
+    assert parked[-1] == pytest.approx(0.0, abs=0.1)
+
+
 def test_a_vehicle_that_goes_on_backwards_has_its_front_there():
     drive, world = Drive(speed_m_s=0.0), cars((15.0, 3.0, 0.0))
     _yaws(drive, world, [-0.3 * step for step in range(8)])
