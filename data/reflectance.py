@@ -17,10 +17,13 @@ def sample_indices(count: int, samples: int = _SCANS) -> Sequence[int]:
 
 
 def largest_reflectance(scans: Iterable[Float32]) -> float:
-    """Return the largest finite reflectance of (N, 4) points of some scans; 0 without any."""
+    """Return the largest finite reflectance of (N, 4) points of the usual one of some scans; 0 without any.
+
+    It is the median over the scans: one damaged point must not change a whole drive.
+    """
     columns = (points[:, 3] for points in scans)
-    largest = (float(values[np.isfinite(values)].max(initial=0.0)) for values in columns)
-    return max(largest, default=0.0)
+    largest = [float(values[np.isfinite(values)].max(initial=0.0)) for values in columns]
+    return float(np.median(largest)) if largest else 0.0
 
 
 def full_scale(largest: float) -> float:
