@@ -10,7 +10,7 @@ from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, draw_scale, view_of_area
-from perception.render.canvas import fill_canvas
+from perception.render.canvas import blank_canvas, fill_canvas
 from perception.render.detector_views import draw_detector_boxes, map_insets
 from perception.render.labels import Label, draw_labels
 from perception.render.object_figures import object_figures
@@ -20,6 +20,7 @@ from perception.render.palette import Style
 from perception.render.panels import (
     FittedImage,
     LegendEntry,
+    PanelArea,
     draw_title,
     left_column_px,
     title_area_px,
@@ -28,7 +29,7 @@ from perception.render.perspective import chase_camera, draw_perspective
 from perception.render.scene import Scene
 from perception.render.strip import draw_strip, inset_height_px
 from perception.render.tracked_object_views import draw_tracked_in_image
-from perception.types import Calibration, Int, UInt8
+from perception.types import Calibration, Int, Result, UInt8
 
 # Heights of the strip without and with maps, and largest height of the camera image, as shares.
 _STRIP_SHARES = (0.095, 0.135)
@@ -92,28 +93,50 @@ class Composition:
         """
         width, height = self.size_px
         canvas = np.empty((height, width, 3), np.uint8) if canvas is None else canvas
-        strip_px = round(_STRIP_SHARES[bool(scene.result.map_images)] * height)
-        body_px = height - strip_px
-        image, calibration = scene.result.frame.image, scene.result.frame.calibration
-        left_px, camera_px = left_column_px(
-            (width, body_px), None if calibration is None else image, _CAMERA_SHARE
-        )
+        panels, body_px = self._panels(scene.result), self._body_px(scene.result)
         views = _Views(self, scene)
         fill_canvas(canvas, palette.BACKGROUND)
-        # Left: the camera's image, and below it the scene in 3D; without a camera, 3D alone.
-        behind_px = 0
-        if image is not None and calibration is not None:
-            views.draw_camera(canvas[:camera_px, :left_px], image, calibration)
-            behind_px = camera_px + _GUTTER_PX
-        views.draw_from_behind(canvas[behind_px:body_px, :left_px])
-        # Right: the scene from above.
-        views.draw_from_above(canvas[:body_px, left_px + _GUTTER_PX :])
+        for name, panel in panels.items():
+            views.draw(name, panel.of(canvas))
         # Below: legend, maps and times of the stages.
         text_px = self.style.text_px - 1
-        largest_px = (round(_MAP_SHARE * width), inset_height_px(strip_px, text_px))
+        largest_px = (round(_MAP_SHARE * width), inset_height_px(height - body_px, text_px))
         insets = map_insets(scene, largest_px, self.display_score)
         draw_strip(canvas[body_px:], scene, self._legend(scene), insets, self.turn_s, text_px)
         return canvas
+
+    def main_panels(self, result: Result) -> dict[str, PanelArea]:
+        """Return by name where two views of a result are drawn: the camera, else the scene in 3D, and from above."""
+        panels = self._panels(result)
+        first = _CAMERA if _CAMERA in panels else _BEHIND
+        return {name: panels[name] for name in (first, _ABOVE)}
+
+    def draw_main_panels(self, scene: Scene) -> dict[str, UInt8]:
+        """Return the images of these two views alone, by name."""
+        views, images = _Views(self, scene), {}
+        for name, panel in self.main_panels(scene.result).items():
+            images[name] = blank_canvas(panel.size_px, palette.BACKGROUND)
+            views.draw(name, images[name])
+        return images
+
+    def _panels(self, result: Result) -> dict[str, PanelArea]:
+        """Return where each view is drawn, by its name."""
+        width, body_px = self.size_px[0], self._body_px(result)
+        image = None if result.frame.calibration is None else result.frame.image
+        left_px, camera_px = left_column_px((width, body_px), image, _CAMERA_SHARE)
+        # Left: the camera's image, and below it the scene in 3D; without a camera, 3D alone. Right: from above.
+        panels, behind_px = {}, 0
+        if image is not None:
+            panels[_CAMERA] = PanelArea(0, 0, left_px, camera_px)
+            behind_px = camera_px + _GUTTER_PX
+        panels[_BEHIND] = PanelArea(0, behind_px, left_px, body_px)
+        panels[_ABOVE] = PanelArea(left_px + _GUTTER_PX, 0, width, body_px)
+        return panels
+
+    def _body_px(self, result: Result) -> int:
+        """Return the height above the strip."""
+        height = self.size_px[1]
+        return height - round(_STRIP_SHARES[bool(result.map_images)] * height)
 
     @property
     def style(self) -> Style:
@@ -145,6 +168,18 @@ class _Views:
         self._layout, self._scene, self._style = layout, scene, layout.style
         self._surface = sample_surface(scene.result.ground, layout.area)
         self._figures = object_figures(scene.objects, scene.paths_velo)
+
+    def draw(self, name: str, panel: UInt8) -> None:
+        """Draw the view of a name."""
+        if name == _CAMERA:
+            frame = self._scene.result.frame
+            assert frame.image is not None  # else there is no panel of this name
+            assert frame.calibration is not None
+            self.draw_camera(panel, frame.image, frame.calibration)
+        elif name == _BEHIND:
+            self.draw_from_behind(panel)
+        else:
+            self.draw_from_above(panel)
 
     def draw_camera(self, panel: UInt8, image: UInt8, calibration: Calibration) -> None:
         """Draw the camera image with ground, obstacles and objects, centred."""

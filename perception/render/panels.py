@@ -20,6 +20,32 @@ _TITLE_MARGIN = 1.0  # in heights of the text
 
 
 @dataclass(frozen=True)
+class PanelArea:
+    """Area of a panel in an image, in pixels.
+
+    Attributes:
+        left: First column.
+        top: First row.
+        right: Column behind the last.
+        bottom: Row behind the last.
+    """
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.right - self.left, self.bottom - self.top
+
+    def of(self, image: UInt8) -> UInt8:
+        """Return the panel of an (H, W, 3) image, not a copy."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+
+@dataclass(frozen=True)
 class LegendEntry:
     """A sample and what it stands for.
 

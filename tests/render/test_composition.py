@@ -34,6 +34,21 @@ def test_a_tall_image_fits_too(scene):
     assert drawn(tall).shape == (450, 800, 3)
 
 
+def test_the_two_main_panels_are_those_of_the_image(scene):
+    whole, alone = drawn(scene), SMALL.draw_main_panels(Scene.of(scene))
+    areas = SMALL.main_panels(scene)
+    assert list(areas) == list(alone) == ["Camera", "From above"]
+    for name, area in areas.items():
+        np.testing.assert_array_equal(area.of(whole), alone[name])
+
+
+def test_without_a_camera_the_scene_in_3d_is_the_first_panel(scene):
+    blind = replace(scene, frame=replace(scene.frame, image=None, calibration=None))
+    first, above = SMALL.draw_main_panels(Scene.of(blind)).items()
+    assert (first[0], above[0]) == ("3D, from behind the vehicle", "From above")
+    np.testing.assert_array_equal(SMALL.main_panels(blind)[first[0]].of(drawn(blind)), first[1])
+
+
 def test_drawing_is_deterministic(scene):
     np.testing.assert_array_equal(drawn(scene), drawn(scene))
 
