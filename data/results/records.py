@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -28,19 +29,43 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
     Raises:
         LabelError: The file cannot be read, or a line is no record of this kind.
     """
+    lines = _text(path, "a JSON Lines file").splitlines()
+    return [_record(f"{path} line {n}", line, kind) for n, line in enumerate(lines, start=1)]
+
+
+def read_record(path: Path, kind: type[Record]) -> Record:
+    """Read a JSON document as an instance of a dataclass.
+
+    Args:
+        path: JSON file.
+        kind: Dataclass of the document.
+
+    Raises:
+        LabelError: The file cannot be read, or is no document of this kind.
+    """
+    return _record(path, _text(path, "a JSON file"), kind)
+
+
+def _text(path: Path, expected: str) -> str:
     try:
-        lines = path.read_text().splitlines()
+        return path.read_text()
     except OSError as error:
-        raise LabelError(path, expected="a JSON Lines file", found=str(error.strerror)) from error
-    records = []
-    for number, line in enumerate(lines, start=1):
-        try:
-            records.append(_parse(kind, json.loads(line)))
-        except (KeyError, TypeError, ValueError) as error:
-            raise LabelError(
-                f"{path} line {number}", expected=f"a {kind.__name__}", found=repr(line[:80])
-            ) from error
-    return records
+        raise LabelError(path, expected=expected, found=str(error.strerror)) from error
+
+
+def _record(where: Path | str, text: str, kind: type[Record]) -> Record:
+    try:
+        record: Record = _parse(kind, json.loads(text))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        found = repr(text[:80])
+        raise LabelError(where, expected=f"a {kind.__name__}", found=found) from error
+    return record
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Return the types of the fields of a dataclass, which take longer to find than a line to read."""
+    return get_type_hints(kind)
 
 
 def _parse(kind: Any, value: Any) -> Any:  # noqa: ANN401 - follows any annotation
@@ -49,8 +74,7 @@ def _parse(kind: Any, value: Any) -> Any:  # noqa: ANN401 - follows any annotati
             return None
         (kind,) = (member for member in get_args(kind) if member is not NoneType)
     if dataclasses.is_dataclass(kind):
-        hints = get_type_hints(kind)
-        return kind(**{name: _parse(hint, value[name]) for name, hint in hints.items()})  # type: ignore[operator]
+        return kind(**{name: _parse(hint, value[name]) for name, hint in _hints(kind).items()})  # type: ignore[operator, arg-type]
     if get_origin(kind) is list:
         return [_parse(get_args(kind)[0], item) for item in value]
     if get_origin(kind) is dict:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from data.results.records import append_record, read_records
+from data.results.documents import write_json
+from data.results.records import append_record, read_record, read_records
 from perception.errors import LabelError, WriteError
 from tests.faults import fault
 from tests.full_disk import file_size_limit
@@ -55,3 +56,17 @@ def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(LabelError) as caught:
         read_records(tmp_path / "lines.jsonl", Line)
     assert caught.value.found == "No such file or directory"
+
+
+def test_a_document_is_read_back(tmp_path):
+    path = tmp_path / "place.json"
+    write_json(path, Place([1.0, 2.0], float("nan")))
+    assert read_record(path, Place) == Place([1.0, 2.0], None)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}"])
+def test_a_damaged_document_is_refused(text, tmp_path):
+    path = tmp_path / "place.json"
+    path.write_text(text)
+    with fault(LabelError, where=str(path), expected="a Place"):
+        read_record(path, Place)
