@@ -20,10 +20,12 @@ class RunExports:
     Attributes:
         tables: Write frames, poses, tracks, vehicles and timings as Parquet files, for pandas and DuckDB.
         mcap: Write results.mcap for Foxglove and the tools of ROS 2.
+        report: Write report.html, a page with a player of the drive and figures, where plotly is installed.
     """
 
     tables: bool = False
     mcap: bool = False
+    report: bool = True
 
     def __post_init__(self) -> None:
         """Validate that the package of each export is installed, before the run.

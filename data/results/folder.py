@@ -41,6 +41,9 @@ _RUN = {
     "timeline.png": "start and end of each stage in a typical frame",
     "results.mcap": "messages of ROS 2 and Foxglove; only with `--mcap`",
     "summary.json": "the printed summary",
+    "report.html": "summary, player, figures; this and the next two only with the extra `report`",
+    "report.json": "versions, panels of the video, errors against labels",
+    "panels/*.jpg": "two views of up to 200 frames; only without the video",
 }
 _DATE = "2025_06_01"  # of every synthetic drive
 _SYNTH = {

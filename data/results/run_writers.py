@@ -1,6 +1,7 @@
 """The writers of a run, by its configuration."""
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 from data.frames import frame_count
@@ -21,15 +22,20 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         out: Folder of the results.
         config: Configuration of the run.
     """
+    composition = Composition(
+        area=config.pipeline.area,
+        turn_s=1 / drive.sensor.rate_hz,
+        display_score=config.pipeline.detection.display_score,
+        detector_views=config.video_views,
+    )
+    frames = frame_count(drive, config.frames)
+    if config.exports.report and find_spec("plotly") is not None:
+        from data.report.run_writer import RunReportWriter
+
+        # First, and so closed last: it reads the files of the others.
+        yield RunReportWriter(out, drive, composition, frames, has_video=config.video)
     if config.video:
-        composition = Composition(
-            area=config.pipeline.area,
-            turn_s=1 / drive.sensor.rate_hz,
-            display_score=config.pipeline.detection.display_score,
-            detector_views=config.video_views,
-        )
-        video = RunVideo(out, composition, drive, frame_count(drive, config.frames))
-        yield BackgroundWriter(video, "video")
+        yield BackgroundWriter(RunVideo(out, composition, drive, frames), "video")
     yield RunFiles(out, drive, config.pipeline.area, config.min_vehicle_score)
     if config.exports.mcap:
         from data.exports.mcap_writer import McapWriter

@@ -54,7 +54,7 @@ def test_every_file_of_a_run_is_there(results):
     names = {path.name for path in results.iterdir()}
     assert names == {
         "config.yaml", "data", "frames.jsonl", "poses.txt", "labels", "obstacles", "preview.jpg",
-        "summary.json", "timeline.png", "tracks", "tracks.jsonl", "vehicles", "vehicles.jsonl",
+        "report.html", "report.json", "summary.json", "timeline.png", "tracks", "tracks.jsonl", "vehicles", "vehicles.jsonl",
         "video.mp4",
     }  # fmt: skip
     assert frames_of(results / "video.mp4") == FRAMES

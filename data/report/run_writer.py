@@ -1,0 +1,79 @@
+"""The report of a run, written at its end."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from data.report.frame_images import MAX_FRAMES, write_panels
+from data.report.label_errors import LabelErrors
+from data.report.run_facts import RunFacts
+from data.results.result_writer import ResultWriter
+from perception.render.composition import Composition
+from perception.render.scene import SceneObjects, SelectedObject
+from perception.render.trails import SceneHistory
+from perception.types import Drive, Result
+
+# Size of the composition whose two panels are drawn where there is no video.
+_SMALL_PX = (1120, 630)
+
+
+class RunReportWriter(ResultWriter):
+    """Writes `report.html` of a run when all other results are there, and `report.json` with what they do not hold."""
+
+    def __init__(
+        self, out: Path, drive: Drive, composition: Composition, frames: int, *, has_video: bool
+    ) -> None:
+        """Start without frames.
+
+        Args:
+            out: Folder of the results.
+            drive: Drive of the run.
+            composition: Layout of an image of the video.
+            frames: Number of frames of the run.
+            has_video: Whether the run has a video; else panels of some frames are drawn for the report.
+        """
+        self._out, self._drive = out, drive
+        self._composition = composition if has_video else replace(composition, size_px=_SMALL_PX)
+        self._step = max(-(-frames // MAX_FRAMES), 1)
+        self._draws = not has_video
+        self._history = SceneHistory() if drive.is_sequence else SceneHistory(duration_s=0.0)
+        self._errors = LabelErrors(composition.area)
+        self._facts: RunFacts | None = None
+        self._skipped: dict[str, int] = {}
+        self._row = 0
+
+    def add(self, result: Result, selected: SelectedObject | None) -> None:
+        """Add one frame."""
+        if self._facts is None:
+            panels = self._composition.main_panels(result)
+            self._facts = RunFacts.of_run(self._drive.sensor.rate_hz, {} if self._draws else panels)
+        for stage in result.skipped:
+            self._skipped[stage] = self._skipped.get(stage, 0) + 1
+        if self._drive.has_labels:
+            self._errors.update(result, self._drive.labels(result.frame.index))
+        if self._draws:
+            self._draw(result, selected)
+        self._row += 1
+
+    def close(self, *, is_complete: bool) -> None:
+        """Write the report of all frames; of a run that stopped, only what `trifuse report` needs to write it."""
+        if self._facts is None:
+            return
+        facts = replace(
+            self._facts,
+            skipped=self._skipped,
+            ground=self._errors.ground,
+            precision=self._errors.precision(),
+        )
+        facts.write(self._out)
+        if is_complete:
+            from data.report.report_file import write_run_report
+
+            write_run_report(self._out)
+
+    def _draw(self, result: Result, selected: SelectedObject | None) -> None:
+        objects = SceneObjects.of(result, self._composition.display_score, selected)
+        scene = self._history.update(result, objects)
+        if self._row % self._step == 0:
+            if selected is not None:
+                scene = replace(scene, tracked=selected.tracked)
+            write_panels(self._out, self._row, self._composition.draw_main_panels(scene))
