@@ -9,7 +9,9 @@ that an object that stops stands, an object that starts moves, and one that slow
 does not flicker.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy import ndimage
@@ -123,29 +125,64 @@ def obstacle_measure(drive: Drive, area: LocalArea, protocol: ObstacleProtocol) 
     return ObstacleMeasure(area, protocol.objects, motion)
 
 
+@runtime_checkable
+class LabelledAround(Protocol):
+    """A drive in which everything around the vehicle is labelled, in the camera's view or not."""
+
+    def labels_around(self, index: int) -> Labels:
+        """Return the labels of all objects around in one frame; their boxes in the image are -1."""
+        ...
+
+    def other_labels(self) -> list[PosedLabels]:
+        """Return the labels of moments between the frames, numbered down from -1."""
+        ...
+
+
+def evaluation_labels(drive: Drive, index: int) -> Labels | None:
+    """Return all labels of one frame, also of what is beside the camera's view; None without labels."""
+    if not drive.has_labels:
+        return None
+    if isinstance(drive, LabelledAround):
+        return drive.labels_around(index)
+    return drive.labels(index)
+
+
 def label_drive_motion(
     drive: RecordedDrive, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
     """Label every box of a drive as static or moving, by the poses of its INS.
 
-    The boxes of a frame whose pose cannot be read are left out, as are those of a drive without INS.
+    The boxes of a frame whose pose cannot be read are left out, as are those of a drive without INS. Labels of moments
+    that have no frame count, too: they tell the motion at the start and the end of a short drive.
 
     Raises:
         DriveError: The drive has no labels.
         LabelError: The labels cannot be read.
     """
-    posed = [posed_labels(drive, index) for index in range(len(drive))]
-    return label_motion(gather_tracks([frame for frame in posed if frame is not None]), thresholds)
+    return label_posed_motion(
+        drive, [posed_labels(drive, index) for index in range(len(drive))], thresholds
+    )
+
+
+def label_posed_motion(
+    drive: RecordedDrive,
+    posed: Sequence[PosedLabels | None],
+    thresholds: MotionLabelConfig | None = None,
+) -> MotionLabels:
+    """Label the boxes of all frames that have a pose, by those of moments between the frames, too."""
+    known = [frame for frame in posed if frame is not None]
+    others = drive.other_labels() if isinstance(drive, LabelledAround) else []
+    return label_motion(gather_tracks([*known, *others]), thresholds)
 
 
 def posed_labels(drive: RecordedDrive, index: int) -> PosedLabels | None:
     """Read the labels of one frame and its pose, or None where there is no pose."""
-    labels = drive.labels(index)
+    labels = evaluation_labels(drive, index)
     try:
         world_SE3_velo = drive.world_SE3_velo(index)
     except PoseError:
         return None  # reading this frame raises the error
-    if world_SE3_velo is None:
+    if world_SE3_velo is None or labels is None:
         return None
     return PosedLabels(index, drive.stamp_s(index), world_SE3_velo, labels)
 

@@ -7,10 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from data.derived.motion_labels import (
+    LabelledAround,
     MotionLabels,
     PosedLabels,
     gather_tracks,
     label_motion,
+    label_posed_motion,
     posed_labels,
 )
 from data.recorded_drive import RecordedDrive
@@ -92,11 +94,11 @@ def moving_truth(
 
     Args:
         drive: Drive with labels and poses.
-        view: Evaluated region: the camera's view, or everything around, which takes exact truth.
+        view: Evaluated region: the camera's view, or everything around, which takes labels of all of it.
         thresholds: Thresholds of motion.
 
     Raises:
-        DriveError: The drive has no labels with poses, or no exact truth of everything around.
+        DriveError: The drive has no labels with poses, or none of everything around.
     """
     if isinstance(drive, SyntheticDrive):
         exact = _posed_truth(drive)
@@ -112,10 +114,7 @@ def moving_truth(
             advice="name the same drive in the tracking layout",
         )
     posed = _posed_labels(drive, view)
-    motion = label_motion(
-        gather_tracks([frame for frame in posed if frame is not None]), thresholds
-    )
-    return MovingTruth(posed, motion, view)
+    return MovingTruth(posed, label_posed_motion(drive, posed, thresholds), view)
 
 
 def _posed_labels(drive: RecordedDrive, view: EvaluationView) -> Sequence[PosedLabels | None]:
@@ -123,10 +122,10 @@ def _posed_labels(drive: RecordedDrive, view: EvaluationView) -> Sequence[PosedL
     files = truth_files(drive)
     if files is not None:
         return read_truth(drive, files)
-    if view == "all":
+    if view == "all" and not isinstance(drive, LabelledAround):
         raise DriveError(
             drive.root,
-            expected="exact truth of all objects around, as `trifuse synth` writes it",
+            expected="labels of all objects around, as Argoverse 2, nuScenes and `trifuse synth` have them",
             found="labels of what the camera sees",
             advice="evaluate with --protocol.view camera",
         )

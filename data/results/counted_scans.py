@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from data.derived.motion_labels import evaluation_labels
 from data.derived.obstacle_sequences import table_3_1
 from data.frames import frame_count
 from data.results.counting_sheet import (
@@ -100,7 +101,7 @@ class CountedScans:
         for result in results_of(drive, max(frames) + 1):
             frame = result.frame
             truth = drive.point_truth(frame.index)
-            measure.update(result, drive.labels(frame.index) if drive.has_labels else None, truth)
+            measure.update(result, evaluation_labels(drive, frame.index), truth)
             if frame.index not in frames or frame.image is None:
                 continue
             counted = measure.obstacles_of(frame.index)

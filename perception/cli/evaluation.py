@@ -28,7 +28,7 @@ def open_labelled_drive(root: Path, flags: LabelledDriveFlags, *, images: bool =
     from data.open_drive import open_drive
 
     drive = open_drive(root, sequence=flags.sequence, config=flags.reading, images=images)
-    if not drive.has_labels and drive.point_truth(0) is None:
+    if not (drive.has_labels or drive.has_point_truth):
         raise DriveError(
             drive.root,
             expected="labelled boxes or exact point truth to measure against",
@@ -55,6 +55,7 @@ def evaluate_drive(
     Raises:
         PerceptionError: A frame cannot be read or used.
     """
+    from data.derived.motion_labels import evaluation_labels
     from perception.cli.drive_results import drive_results
 
     count = 0
@@ -62,8 +63,7 @@ def evaluate_drive(
     for result in results:
         count += 1
         index = result.frame.index
-        labels = drive.labels(index) if drive.has_labels else None
-        measure.update(result, labels, drive.point_truth(index))
+        measure.update(result, evaluation_labels(drive, index), drive.point_truth(index))
     return EvaluatedDrive.of(drive, flags.frames, count)
 
 

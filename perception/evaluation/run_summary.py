@@ -76,7 +76,7 @@ class RunSummary:
             return f"{self.drive}: no frame could be read"
         blocks = [self.times.table(f"{self.drive}: {self.frames} frames").text()]
         if self.confusions:
-            title = "points against the exact truth of this synthetic drive"
+            title = "points against the truth of this drive"
             blocks.append(Table(title, Confusion.columns(), self.confusions).text())
         points = self.points / self.frames
         lines = [

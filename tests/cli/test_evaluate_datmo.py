@@ -182,7 +182,7 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
 
 
 def test_labels_of_the_camera_do_not_cover_the_whole_scan(kitti_root: Path):
-    with fault(DriveError, expected="exact truth of all objects", advice="--protocol.view camera"):
+    with fault(DriveError, expected="labels of all objects", advice="--protocol.view camera"):
         command(
             "evaluate",
             "datmo",

@@ -111,7 +111,9 @@ def test_recorded_labels_know_the_camera_s_view_only(kitti_root: Path):
     assert np.linalg.norm(scene.velocities_m_s, axis=1)[:3] == pytest.approx(
         [4.93, 3.51, 1.12], abs=0.01
     )
-    with fault(DriveError, expected="exact truth", advice="--protocol.view camera"):
+    with fault(
+        DriveError, expected="labels of all objects around", advice="--protocol.view camera"
+    ):
         moving_truth(drive, "all")
 
 
