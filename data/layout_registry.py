@@ -11,14 +11,19 @@ from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
+from data.argoverse2.log import ARGOVERSE_2
 from data.kitti.layouts import KITTI_DATE, KITTI_OBJECT, KITTI_RAW, KITTI_TRACKING
 from data.layouts import Layout
+from data.nuscenes.scene import NUSCENES
+from data.semantic_kitti.sequence import SEMANTIC_KITTI
 
 log = logging.getLogger(__name__)
 
 ENTRY_POINT_GROUP = "trifuse.layouts"
 # A layout that is a special case of another comes before it.
-LAYOUTS: tuple[Layout, ...] = (KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE)
+LAYOUTS: tuple[Layout, ...] = (
+    SEMANTIC_KITTI, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES,
+)  # fmt: skip
 
 
 def layouts() -> Iterator[Layout]:

@@ -1,0 +1,1 @@
+"""Argoverse 2 sensor logs: sweeps of two LiDARs, ring cameras, poses, annotations, scene flow."""

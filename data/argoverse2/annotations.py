@@ -1,0 +1,93 @@
+"""Annotated boxes, in the frame of the vehicle at the time of each sweep."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data.argoverse2.categories import category
+from data.argoverse2.tables import read_feather
+from data.argoverse2.trajectory import POSE_COLUMNS, rigid_transforms
+from perception.errors import LabelError
+from perception.geometry.boxes import transform_boxes
+from perception.geometry.se3 import inverse
+from perception.types import Boxes3D, Float64, Int, Labels
+
+_SIZE_COLUMNS = ("length_m", "width_m", "height_m")
+_COLUMNS = ("timestamp_ns", "track_uuid", "category", *_SIZE_COLUMNS, *POSE_COLUMNS)
+_UNKNOWN_OCCLUSION = 3
+_NO_BOX_PX = -1.0
+
+
+@dataclass(frozen=True)
+class Annotations:
+    """R boxes of a log.
+
+    Attributes:
+        stamps_ns: (R,) time of the sweep.
+        track_ids: (R,) number of the track, from 0 in the order of its names.
+        categories: (R,) category.
+        boxes_ego: (R) boxes in the frame of the vehicle.
+    """
+
+    stamps_ns: Int
+    track_ids: Int
+    categories: NDArray[Any]
+    boxes_ego: Boxes3D
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read the boxes of a log.
+
+        Raises:
+            LabelError: The table is missing or damaged, or a box is no box.
+        """
+        table = read_feather(path, _COLUMNS, LabelError, "annotated boxes")
+        poses = rigid_transforms(table, LabelError)
+        size_m = table.numbers(*_SIZE_COLUMNS)
+        if not (np.isfinite(size_m).all() and (size_m > 0).all()):
+            raise LabelError(
+                path, expected="boxes with a size", found="a length that is not above 0"
+            )
+        bottom_m = poses[:, :3, 3] - poses[:, :3, 2] * size_m[:, 2:] / 2
+        yaw_rad = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
+        ids = np.unique(table["track_uuid"], return_inverse=True)[1]
+        return cls(
+            np.asarray(table["timestamp_ns"], np.int64),
+            np.asarray(ids, np.int64).reshape(-1),
+            table["category"],
+            Boxes3D(bottom_m, size_m, yaw_rad),
+        )
+
+    @cached_property
+    def moments_ns(self) -> list[int]:
+        """Times at which there are boxes, rising."""
+        return [int(stamp) for stamp in np.unique(self.stamps_ns)]
+
+    @cached_property
+    def _rows(self) -> dict[int, Int]:
+        order = np.argsort(self.stamps_ns, kind="stable")
+        stamps, starts = np.unique(self.stamps_ns[order], return_index=True)
+        return dict(zip(stamps.tolist(), np.split(order, starts[1:]), strict=True))
+
+    def rows_at(self, stamp_ns: int) -> Int:
+        """Return the rows of a sweep."""
+        return self._rows.get(stamp_ns, np.zeros(0, np.int64))
+
+    def at(self, stamp_ns: int, ego_SE3_velo: Float64) -> Labels:
+        """Return the boxes around the vehicle at the time of a sweep; they have no boxes in the image."""
+        rows = self.rows_at(stamp_ns)
+        boxes_velo = transform_boxes(inverse(ego_SE3_velo), self.boxes_ego[rows])
+        count = len(rows)
+        return Labels(
+            boxes_velo=boxes_velo,
+            boxes_px=np.full((count, 4), _NO_BOX_PX),
+            types=np.array([category(str(name)).kind for name in self.categories[rows]], np.str_),
+            track_ids=self.track_ids[rows],
+            truncation=np.zeros(count),
+            occlusion=np.full(count, _UNKNOWN_OCCLUSION),
+            dont_care_px=np.zeros((0, 4)),
+        )

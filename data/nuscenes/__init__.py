@@ -1,0 +1,1 @@
+"""nuScenes: tables of JSON, sweeps of one LiDAR, cameras, poses, annotations of key frames, classes of points."""

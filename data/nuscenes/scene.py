@@ -1,0 +1,292 @@
+"""A scene of nuScenes as a drive: every scan of its LiDAR, key frames and sweeps between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from data.derived.motion_labels import PosedLabels
+from data.kitti.sensor_files import list_folder, read_image
+from data.labelled_objects import box_owners
+from data.labels_in_view import labels_in_view
+from data.layouts import Layout, OpenConfig
+from data.nearest_time import NONE, nearest_in_time
+from data.nuscenes.boxes import SceneBoxes
+from data.nuscenes.json_tables import read_records
+from data.nuscenes.scans import ego_SE3_velo, read_point_classes, read_points
+from data.nuscenes.scene_tables import DEFAULT_CAMERA, LIDAR, SceneTables, SensorData
+from data.recorded_drive import RecordedDrive
+from perception.errors import CalibrationError, DriveError
+from perception.geometry.se3 import inverse
+from perception.sensor import HDL_32E
+from perception.types import Bool, Calibration, Float32, Float64, Labels, PointTruth, UInt8
+
+_SCENES = "scene.json"
+_RATE_HZ = 20.0  # of the LiDAR
+_MAX_IMAGE_GAP_S = 0.05  # the camera takes 12 images a second
+_MIN_SPEED_M_S = 0.5  # of a moving box, as in the labels of scene flow
+_MOVABLE = (
+    10,
+    11,
+    13,
+    15,
+    16,
+    18,
+    20,
+    30,
+    31,
+    32,
+)  # SemanticKITTI's classes of vehicles and people
+_SPEED_WINDOW_US = 500_000  # two key frames
+
+
+@dataclass(frozen=True, kw_only=True)
+class NuScenesScene(RecordedDrive):
+    """Scans of one scene.
+
+    Attributes:
+        scans: Scans in order of time.
+        numbers: Place of each scan in the scene.
+        images: Image of each scan, None where none is near in time; None without a camera.
+        ego_SE3_velo: (4, 4) place of the LiDAR on the vehicle.
+        boxes: Annotated boxes.
+    """
+
+    scans: tuple[SensorData, ...]
+    numbers: tuple[int, ...]
+    images: tuple[Path | None, ...] | None
+    ego_SE3_velo: Float64
+    boxes: SceneBoxes
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Name of each frame in results: the time of its scan in microseconds."""
+        return tuple(str(scan.stamp_us) for scan in self.scans)
+
+    @property
+    def frame_numbers(self) -> tuple[int, ...]:
+        """Number of each frame in KITTI's rows: its place in the scene."""
+        return self.numbers
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether frames follow each other in time: yes."""
+        return True
+
+    @property
+    def has_images(self) -> bool:
+        """Whether frames carry images."""
+        return self.images is not None
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether frames carry poses: yes."""
+        return True
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes."""
+        return not self.boxes.is_empty
+
+    @property
+    def has_point_truth(self) -> bool:
+        """Whether the class of every point of a key frame is known."""
+        return bool(self.boxes.tables.point_labels)
+
+    @cached_property
+    def _origin_m(self) -> Float64:
+        """(3,) Position of the world's origin in the map, so that positions keep their precision."""
+        return self.boxes.tables.data[LIDAR][0].world_SE3_ego[:3, 3]
+
+    def select(self, indices: Sequence[int]) -> Self:
+        """Return a drive of some frames alone, which keep their numbers and names."""
+        images = None if self.images is None else tuple(self.images[index] for index in indices)
+        return replace(
+            self,
+            scans=tuple(self.scans[index] for index in indices),
+            numbers=tuple(self.numbers[index] for index in indices),
+            images=images,
+        )
+
+    def source(self, index: int) -> str:
+        """Return the file of a scan."""
+        return str(self.scans[index].path)
+
+    def frame_files(self, index: int) -> tuple[Path, ...]:
+        """Return the files of a frame and its labels."""
+        image = None if self.images is None else self.images[index]
+        labels = self.boxes.tables.folder / "sample_annotation.json"
+        return tuple(path for path in (self.scans[index].path, labels, image) if path is not None)
+
+    def points_velo(self, index: int) -> Float32:
+        """Read (N, 4) points with x forward and y left."""
+        return read_points(self.scans[index].path)
+
+    def image(self, index: int) -> UInt8 | None:
+        """Read the image that is nearest in time."""
+        path = None if self.images is None else self.images[index]
+        return None if path is None else read_image(path)
+
+    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
+        """Return the calibration of the scene."""
+        return self.calibration
+
+    def stamp_s(self, index: int) -> float:
+        """Return the time of a scan since the scene's first."""
+        return (self.scans[index].stamp_us - self.boxes.tables.data[LIDAR][0].stamp_us) / 1e6
+
+    def world_SE3_velo(self, index: int) -> Float64:
+        """Return the (4, 4) pose of the LiDAR."""
+        pose = self._map_SE3_velo(index)
+        pose[:3, 3] -= self._origin_m
+        return pose
+
+    def _map_SE3_velo(self, index: int) -> Float64:
+        return np.asarray(self.scans[index].world_SE3_ego @ self.ego_SE3_velo)
+
+    def labels(self, index: int) -> Labels:
+        """Return the labels of the objects in the view of the camera."""
+        around = self.labels_around(index)
+        return around if self.calibration is None else labels_in_view(around, self.calibration)
+
+    def labels_around(self, index: int) -> Labels:
+        """Return the labels of all objects around; between key frames on the way from one to the next."""
+        if self.boxes.is_empty:
+            raise DriveError(self.root, expected="a scene with annotated boxes", found="none")
+        return self.boxes.around(self._label_stamp_us(index), self._map_SE3_velo(index))
+
+    def other_labels(self) -> list[PosedLabels]:
+        """Return none: the key frames are among the frames."""
+        return []
+
+    def _label_stamp_us(self, index: int) -> int:
+        """Return the time of a scan; that of its sample in a key frame."""
+        scan = self.scans[index]
+        return self.boxes.tables.stamps_us[scan.sample] if scan.is_key_frame else scan.stamp_us
+
+    def point_truth(self, index: int) -> PointTruth | None:
+        """Return the truth of the points of a key frame, or None between key frames.
+
+        Points move where the box around them does; those of vehicles and people without a box have no label.
+        """
+        path = self.boxes.tables.point_labels.get(self.scans[index].token)
+        if path is None:
+            return None
+        points_velo = self.points_velo(index)
+        classes = read_point_classes(path, len(points_velo), self.boxes.tables.point_categories)
+        labels = self.labels_around(index)
+        owners = box_owners(labels.boxes_velo, points_velo)
+        ids, moves = np.append(labels.track_ids, -1), np.append(self._moves(index, labels), False)
+        classes[np.isin(classes, _MOVABLE) & (owners < 0)] = 0
+        return PointTruth(
+            classes,
+            np.asarray(np.where(np.isin(classes, _MOVABLE), ids[owners] + 1, 0)),
+            np.asarray(np.isin(classes, _MOVABLE) & moves[owners]),
+        )
+
+    def _moves(self, index: int, labels: Labels) -> Bool:
+        """Return (M,) which objects travel from one key frame to the next, or have since the one before."""
+        stamp_us = self._label_stamp_us(index)
+        pose = self._map_SE3_velo(index)
+        steps = [
+            self.boxes.around(stamp_us + shift, pose)
+            for shift in (_SPEED_WINDOW_US, -_SPEED_WINDOW_US)
+        ]
+        moves = np.zeros(len(labels), bool)
+        for row, track in enumerate(labels.track_ids.tolist()):
+            others = [step.boxes_velo.bottom_m[step.track_ids == track] for step in steps]
+            known = [one[0] for one in others if len(one)]
+            if known:
+                step_m = np.linalg.norm(known[0] - labels.boxes_velo.bottom_m[row])
+                moves[row] = step_m * 1e6 >= _MIN_SPEED_M_S * _SPEED_WINDOW_US
+        return moves
+
+
+def open_scene(path: Path, name: str | None, config: OpenConfig) -> NuScenesScene:
+    """Open a scene; its scans are read frame by frame.
+
+    Raises:
+        DriveError: A table is missing or damaged, or the scene has no scan.
+        CalibrationError: A sensor has no calibration.
+    """
+    folder = _folder_of(path, name)
+    assert name is not None
+    camera = config.camera or DEFAULT_CAMERA
+    tables = SceneTables.read(folder, name, camera)
+    scans = tables.data[LIDAR]
+    if not scans:
+        raise DriveError(folder / "sample_data.json", expected=f"scans of {name}", found="none")
+    place = tables.places[LIDAR].ego_SE3_sensor
+    velo = ego_SE3_velo(place)
+    sensor = replace(
+        HDL_32E,
+        rate_hz=_RATE_HZ,
+        azimuth_step_rad=2 * HDL_32E.azimuth_step_rad,
+        height_m=float(place[2, 3]),
+    )
+    return NuScenesScene(
+        name=name,
+        root=folder.parent,
+        sensor=config.lidar_model(folder, sensor),
+        calibration=_calibration(tables, camera, velo),
+        scans=tuple(scans),
+        numbers=tuple(range(len(scans))),
+        images=_images(tables, camera) if config.images else None,
+        ego_SE3_velo=velo,
+        boxes=SceneBoxes(tables),
+    )
+
+
+def _calibration(tables: SceneTables, camera: str, velo: Float64) -> Calibration | None:
+    place = tables.places.get(camera)
+    if place is None:
+        return None
+    source = f"{tables.folder / 'calibrated_sensor.json'} {camera}"
+    if place.camera_matrix is None:
+        raise CalibrationError(source, expected="an intrinsic matrix", found="none")
+    image_P_cam = np.hstack([place.camera_matrix, np.zeros((3, 1))])
+    return Calibration(
+        image_P_cam, inverse(place.ego_SE3_sensor) @ velo, tables.image_size_px(camera), source
+    )
+
+
+def _images(tables: SceneTables, camera: str) -> tuple[Path | None, ...] | None:
+    """Return the image that is nearest to each scan, or None where no scan has one."""
+    images = [one for one in tables.data[camera] if one.path.is_file()]
+    first_us = tables.data[LIDAR][0].stamp_us
+    scans_s, images_s = (
+        np.array([one.stamp_us - first_us for one in data], np.float64) / 1e6
+        for data in (tables.data[LIDAR], images)
+    )
+    nearest = nearest_in_time(scans_s, images_s, _MAX_IMAGE_GAP_S)
+    if (nearest == NONE).all():
+        return None
+    return tuple(None if row == NONE else images[row].path for row in nearest.tolist())
+
+
+def _table_folders(path: Path) -> list[Path]:
+    """Return the folders of tables at a path: itself, or v1.0-mini and the like within it."""
+    if (path / _SCENES).is_file():
+        return [path]
+    return sorted(one for one in list_folder(path) if (one / _SCENES).is_file())
+
+
+def _scenes_in(folder: Path) -> list[str]:
+    return [str(one["name"]) for one in read_records(folder / _SCENES, ("name",))]
+
+
+def _folder_of(path: Path, scene: str | None) -> Path:
+    """Return the folder of tables that has a scene."""
+    return next(folder for folder in _table_folders(path) if scene in _scenes_in(folder))
+
+
+def scenes_at(path: Path) -> tuple[str, ...] | None:
+    """Return the names of the scenes, or None where there are no tables of nuScenes."""
+    folders = _table_folders(path)
+    return tuple(sorted(name for folder in folders for name in _scenes_in(folder))) or None
+
+
+NUSCENES = Layout("nuScenes", "nuScenes (v1.0-*/scene.json beside samples)", scenes_at, open_scene)
