@@ -15,11 +15,12 @@ from perception.types import Result
 class McapWriter(ResultWriter):
     """Writes one file; a partial one until it is closed."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, min_score: float) -> None:
         """Open the partial file; make its folder.
 
         Args:
             path: Path of the whole file, `.mcap`.
+            min_score: Score from which detections and vehicles are shown.
 
         Raises:
             MissingDependencyError: foxglove-sdk or rosbags is not installed.
@@ -36,7 +37,7 @@ class McapWriter(ResultWriter):
         # The profile is what tools of ROS 2 look for. One thread compresses; the cores are the pipeline's.
         options = MCAPWriteOptions(profile="ros2", compression_threads=0)
         self._writer = open_mcap(self._file, context=context, writer_options=options)
-        self._channels = ResultChannels(context)
+        self._channels = ResultChannels(context, min_score)
 
     def add(self, result: Result, selected: SelectedObject | None) -> None:
         """Write the messages of a result.

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from data.messages.definitions import definition_of, encoded
 from data.messages.geometry import stamp_ns
-from data.messages.topics import TOPICS
+from data.messages.topics import topics
 from perception.errors import MissingDependencyError
 from perception.types import Result
 
@@ -33,15 +33,20 @@ def new_context(needed_for: str) -> "Context":
 class ResultChannels:
     """Publishes results on the topics of `data.messages.topics`."""
 
-    def __init__(self, context: "Context") -> None:
-        """Open no channel yet; each is opened with the first message of its topic."""
-        self._context = context
+    def __init__(self, context: "Context", min_score: float) -> None:
+        """Open no channel yet; each is opened with the first message of its topic.
+
+        Args:
+            context: Context with the sinks.
+            min_score: Score from which detections and vehicles are shown.
+        """
+        self._context, self._topics = context, topics(min_score)
         self._channels: dict[str, Channel] = {}
         self._last: Result | None = None
 
     def publish(self, result: Result) -> None:
         """Publish a result; messages that nobody takes are not made."""
-        for topic in TOPICS:
+        for topic in self._topics:
             channel = self._channels.get(topic.name)
             if channel is not None and not channel.has_sinks():
                 continue

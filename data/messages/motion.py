@@ -57,8 +57,10 @@ def odometry(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a me
 
 def _velocity(result: Result, last: Result | None) -> tuple[Float64, Float64]:
     """Return velocity and turn rate in the LiDAR frame."""
-    duration_s = 0.0 if last is None else result.frame.stamp_s - last.frame.stamp_s
-    if last is None or duration_s <= 0:
+    if last is None or result.frame.index <= last.frame.index:  # a drive that begins again
+        return np.zeros(3), np.zeros(3)
+    duration_s = result.frame.stamp_s - last.frame.stamp_s
+    if duration_s <= 0:
         return np.zeros(3), np.zeros(3)
     last_SE3_velo = inverse(last.world_SE3_velo) @ result.world_SE3_velo
     linear_last_m_s = last_SE3_velo[:3, 3] / duration_s

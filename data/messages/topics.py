@@ -49,20 +49,19 @@ def _camera_info(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - 
     return None if size_px is None else images.camera_info(frame.stamp_s, calibration, size_px)
 
 
-def _fused(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
-    del last
-    if result.vehicles is None or result.frame.calibration is None:
-        return None
-    return images.annotations(result.frame.stamp_s, result.vehicles.fused.detections)
+def _detections(modality: Modality | None, min_score: float) -> MessageFunction:
+    """Return the function of a modality's detections, or of the fused ones."""
 
-
-def _detections(modality: Modality) -> MessageFunction:
     def message_of(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
         del last
-        detections = result.modality_detections.get(modality)
+        if modality is not None:
+            detections = result.modality_detections.get(modality)
+        else:
+            detections = None if result.vehicles is None else result.vehicles.fused.detections
         if detections is None or result.frame.calibration is None:
             return None
-        return images.annotations(result.frame.stamp_s, detections)
+        rows = detections.scores >= min_score
+        return images.annotations(result.frame.stamp_s, detections[rows])
 
     return message_of
 
@@ -76,10 +75,14 @@ def _map(modality: MapModality) -> MessageFunction:
     return message_of
 
 
-def _vehicles(result: Result) -> Tracks | None:
-    if result.vehicles is None:
-        return None
-    return result.vehicles.as_tracks(np.arange(len(result.vehicles)))
+def _vehicles(min_score: float) -> Callable[[Result], Tracks | None]:
+    def tracks_of(result: Result) -> Tracks | None:
+        vehicles = result.vehicles
+        if vehicles is None:
+            return None
+        return vehicles.as_tracks(np.flatnonzero(vehicles.fused.detections.scores >= min_score))
+
+    return tracks_of
 
 
 def _object_topics(name: str, tracks_of: Callable[[Result], Tracks | None]) -> tuple[Topic, ...]:
@@ -100,26 +103,33 @@ def _object_topics(name: str, tracks_of: Callable[[Result], Tracks | None]) -> t
     )
 
 
-TOPICS: tuple[Topic, ...] = (
-    Topic("/tf", "tf2_msgs/msg/TFMessage", lambda result, _: transforms(result)),
-    Topic("/ego/odometry", "nav_msgs/msg/Odometry", odometry),
-    Topic("/lidar/points", "sensor_msgs/msg/PointCloud2", lambda result, _: point_cloud(result)),
-    *_object_topics("/tracks", lambda result: result.tracks),
-    *_object_topics("/vehicles", _vehicles),
-    Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", _camera_info),
-    Topic("/camera/image/compressed", "sensor_msgs/msg/CompressedImage", _image),
-    Topic("/camera/detections/fused", "foxglove_msgs/msg/ImageAnnotations", _fused),
-    *(
-        Topic(f"/camera/detections/{one}", "foxglove_msgs/msg/ImageAnnotations", _detections(one))
-        for one in MODALITIES
-    ),
-    *(
-        Topic(f"/maps/{one}/compressed", "sensor_msgs/msg/CompressedImage", _map(one))
-        for one in MAP_MODALITIES
-    ),
-    Topic(
-        "/diagnostics",
-        "diagnostic_msgs/msg/DiagnosticArray",
-        lambda result, _: diagnostics(result),
-    ),
-)
+def topics(min_score: float) -> tuple[Topic, ...]:
+    """Return all topics.
+
+    Args:
+        min_score: Score from which detections and vehicles are shown.
+    """
+    annotations = "foxglove_msgs/msg/ImageAnnotations"
+    image = "sensor_msgs/msg/CompressedImage"
+    return (
+        Topic("/tf", "tf2_msgs/msg/TFMessage", lambda result, _: transforms(result)),
+        Topic("/ego/odometry", "nav_msgs/msg/Odometry", odometry),
+        Topic(
+            "/lidar/points", "sensor_msgs/msg/PointCloud2", lambda result, _: point_cloud(result)
+        ),
+        *_object_topics("/tracks", lambda result: result.tracks),
+        *_object_topics("/vehicles", _vehicles(min_score)),
+        Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", _camera_info),
+        Topic("/camera/image/compressed", image, _image),
+        Topic("/camera/detections/fused", annotations, _detections(None, min_score)),
+        *(
+            Topic(f"/camera/detections/{one}", annotations, _detections(one, min_score))
+            for one in MODALITIES
+        ),
+        *(Topic(f"/maps/{one}/compressed", image, _map(one)) for one in MAP_MODALITIES),
+        Topic(
+            "/diagnostics",
+            "diagnostic_msgs/msg/DiagnosticArray",
+            lambda result, _: diagnostics(result),
+        ),
+    )

@@ -40,7 +40,8 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
     if config.exports.mcap:
         from data.exports.mcap_writer import McapWriter
 
-        yield BackgroundWriter(McapWriter(out / "results.mcap"), "mcap")
+        min_score = config.pipeline.detection.display_score
+        yield BackgroundWriter(McapWriter(out / "results.mcap", min_score), "mcap")
     if config.exports.tables:
         from data.exports.table_writer import TableWriter
 

@@ -95,6 +95,7 @@ class TrainingCommand(Command):
 SUMMARIES: Mapping[str, str] = {
     "demo": "make a short synthetic drive and run every stage on it; needs no data",
     "run": "run the pipeline on a drive; write results, a video and a summary",
+    "serve": "run the pipeline live, on a LiDAR or a drive; show results in Foxglove or the like",
     "track": "track one object: trajectory, speed, box and a video",
     "detect": "detect vehicles by DepthCN; write KITTI result files",
     "maps": "write dense depth and reflectance maps as the camera sees them",

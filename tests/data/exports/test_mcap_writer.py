@@ -21,7 +21,7 @@ FRAMES = 3
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    writer = McapWriter(tmp_path / "out" / "results.mcap")
+    writer = McapWriter(tmp_path / "out" / "results.mcap", min_score=0.0)
     for index in range(FRAMES):
         writer.add(result_at(index), None)
     writer.close(is_complete=True)
@@ -85,7 +85,7 @@ def test_schemas_of_the_file_alone_decode_its_messages(path):
 
 
 def test_the_file_takes_its_place_when_it_is_closed(tmp_path):
-    writer = McapWriter(tmp_path / "a.mcap")
+    writer = McapWriter(tmp_path / "a.mcap", min_score=0.0)
     writer.add(result_at(0), None)
     assert not (tmp_path / "a.mcap").exists()
     writer.close(is_complete=True)
@@ -99,7 +99,7 @@ class FullDisk(io.BytesIO):
 
 def test_a_full_disk_is_one_sentence_and_leaves_no_file(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(Path, "open", lambda self, mode: FullDisk())
-    writer = McapWriter(tmp_path / "a.mcap")
+    writer = McapWriter(tmp_path / "a.mcap", min_score=0.0)
     with pytest.raises(WriteError, match=r"a\.mcap.*No space left"):
         for index in range(100):
             writer.add(result_at(index), None)
@@ -111,10 +111,10 @@ def test_a_full_disk_is_one_sentence_and_leaves_no_file(tmp_path, monkeypatch, c
 def test_a_place_that_cannot_be_written_to(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(WriteError, match=r"a\.mcap"):
-        McapWriter(tmp_path / "file" / "a.mcap")
+        McapWriter(tmp_path / "file" / "a.mcap", min_score=0.0)
 
 
 def test_without_the_sdk_the_line_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(MissingDependencyError, match=r"foxglove-sdk.*pip install.*\[live\]"):
-        McapWriter(tmp_path / "a.mcap")
+        McapWriter(tmp_path / "a.mcap", min_score=0.0)

@@ -8,7 +8,7 @@ from data.messages import geometry, images, motion, objects
 from data.messages.definitions import definition_of, encoded, message, typestore
 from data.messages.diagnostics import diagnostics
 from data.messages.points import point_cloud
-from data.messages.topics import TOPICS
+from data.messages.topics import topics
 from perception.errors import MissingDependencyError
 from perception.geometry.boxes import corners
 from tests.data.message_scenes import CALIBRATION, POINTS, STATES, TRACKS, VEHICLES, result_at
@@ -23,18 +23,28 @@ def reread(value):
 
 def test_every_topic_of_a_result_has_a_message_of_its_type():
     result, last = result_at(1), result_at(0)
-    found = {topic.name: topic.message_of(result, last) for topic in TOPICS}
+    found = {topic.name: topic.message_of(result, last) for topic in topics(min_score=0.0)}
     missing = {name for name, value in found.items() if value is None}
     assert missing == {"/camera/detections/dm", "/camera/detections/rm", "/maps/rm/compressed"}
-    for topic in TOPICS:
+    for topic in topics(min_score=0.0):
         if topic.name not in missing:
             assert reread(found[topic.name]).__msgtype__ == topic.kind
             assert definition_of(topic.kind)
 
 
+def test_faint_detections_and_vehicles_are_left_out():
+    of = {topic.name: topic.message_of for topic in topics(min_score=0.8)}
+    result = result_at(0)
+    assert len(of["/camera/detections/fused"](result, None).points) == 1
+    assert of["/camera/detections/rgb"](result, None).points == []
+    assert [one.id for one in of["/vehicles"](result, None).detections] == ["4"]
+
+
 def test_without_a_camera_there_are_points_and_tracks():
     result = result_at(0, has_camera=False)
-    names = {topic.name for topic in TOPICS if topic.message_of(result, None) is not None}
+    names = {
+        topic.name for topic in topics(min_score=0.0) if topic.message_of(result, None) is not None
+    }
     tracks = {"/tracks", "/tracks/scene", "/tracks/markers"}
     assert names == {"/tf", "/ego/odometry", "/lidar/points", "/diagnostics"} | tracks
 

@@ -1,0 +1,66 @@
+"""Results for live viewers: a WebSocket server that speaks Foxglove's protocol."""
+
+import logging
+from types import TracebackType
+from typing import Self
+
+from data.messages.channels import ResultChannels, new_context
+from data.messages.definitions import typestore
+from data.messages.topics import topics
+from perception.errors import UsageError
+from perception.types import Result
+
+# Messages that wait for a slow viewer: those of two frames; the oldest are dropped, so that no viewer lags.
+_BACKLOG = 2 * len(topics(min_score=0))
+
+
+class ResultServer:
+    """Publishes results to all viewers that are connected; a context manager, which disconnects them."""
+
+    def __init__(self, name: str, host: str, port: int, *, min_score: float) -> None:
+        """Open the port.
+
+        Args:
+            name: Name that viewers show.
+            host: Address of the network interface; 127.0.0.1 for viewers on this computer alone.
+            port: Port; 0 for any that is free.
+            min_score: Score from which detections and vehicles are shown.
+
+        Raises:
+            MissingDependencyError: foxglove-sdk or rosbags is not installed.
+            UsageError: The port cannot be opened.
+        """
+        context = new_context("trifuse serve")
+        typestore()  # of a package that may be missing
+        from foxglove import start_server
+
+        # It would report each start, viewer and end.
+        logging.getLogger("foxglove").setLevel(logging.WARNING)
+        try:
+            self._server = start_server(
+                name=name, host=host, port=port, context=context, message_backlog_size=_BACKLOG
+            )
+        except (RuntimeError, OverflowError) as error:
+            raise UsageError(
+                f"port {port} of {host}",
+                expected="a port that is free",
+                found=str(error),
+                advice="choose another one with --port",
+            ) from error
+        self._channels = ResultChannels(context, min_score)
+        self.address = f"ws://{host}:{self._server.port}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._server.stop()
+
+    def publish(self, result: Result) -> None:
+        """Send a result to those who have subscribed; never wait for them."""
+        self._channels.publish(result)
