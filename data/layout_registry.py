@@ -12,6 +12,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
 from data.argoverse2.log import ARGOVERSE_2
+from data.bags.layout import BAG
 from data.kitti.layouts import KITTI_DATE, KITTI_OBJECT, KITTI_RAW, KITTI_TRACKING
 from data.layouts import Layout
 from data.nuscenes.scene import NUSCENES
@@ -22,7 +23,7 @@ log = logging.getLogger(__name__)
 ENTRY_POINT_GROUP = "trifuse.layouts"
 # A layout that is a special case of another comes before it.
 LAYOUTS: tuple[Layout, ...] = (
-    SEMANTIC_KITTI, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES,
+    SEMANTIC_KITTI, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES, BAG,
 )  # fmt: skip
 
 

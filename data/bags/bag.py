@@ -76,6 +76,7 @@ class Bag:
 
     @property
     def files(self) -> list[Path]:
+        """Files of the bag."""
         return sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
 
     @cached_property
@@ -97,7 +98,9 @@ class Bag:
         """Type of the messages of each topic."""
         return {topic.name: topic.kind for topic in self.topics}
 
-    def messages(self, topics: Collection[str], start_ns: int | None = None) -> Iterator[RawMessage]:
+    def messages(
+        self, topics: Collection[str], start_ns: int | None = None
+    ) -> Iterator[RawMessage]:
         """Yield the messages of some topics in the order of recording, from a time of recording on.
 
         Raises:

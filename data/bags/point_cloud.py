@@ -50,9 +50,7 @@ def _points(message: Any, source: str) -> NDArray[Any]:  # noqa: ANN401
             found=f"{len(message.data)} bytes, rows of {row_step} bytes, fields up to byte {max(ends, default=0)}",
         )
     if width * height > _MAX_POINTS:
-        raise ScanError(
-            source, expected=f"at most {_MAX_POINTS} points", found=str(width * height)
-        )
+        raise ScanError(source, expected=f"at most {_MAX_POINTS} points", found=str(width * height))
     record = np.dtype(
         {
             "names": [field.name for field in fields],

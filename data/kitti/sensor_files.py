@@ -212,7 +212,7 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
         ImageError: The image is missing, damaged, or of another size than expected.
     """
     data = read_bytes(path, ImageError, "an image", SKIP_ADVICE)
-    decoded = _decode(data)
+    decoded = decode_image(data)
     if decoded is None:
         raise ImageError(
             path,
@@ -230,7 +230,7 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
     return decoded
 
 
-def _decode(data: bytes) -> UInt8 | None:
+def decode_image(data: bytes) -> UInt8 | None:
     """Decode to RGB; OpenCV fills up an image that was cut off, so its end is looked for first."""
     end = next((end for start, end in _END_OF_IMAGE.items() if data.startswith(start)), b"")
     if not data or end not in data[-1024:]:

@@ -1,0 +1,263 @@
+"""Open a bag as a drive: choose topics, read the times of their messages, join them to the scans."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data.bags.bag import Bag, RawMessage
+from data.bags.camera_info import read_lens
+from data.bags.drive import BagCamera, BagDrive
+from data.bags.ins_poses import (
+    NavigationPoses,
+    OdometryPoses,
+    PoseSource,
+    has_orientation,
+    is_precise,
+)
+from data.bags.message_stream import MessageStream
+from data.bags.message_times import MessageTimes, read_times
+from data.bags.sweeps import BagLidar, SweepReader
+from data.bags.topics import BagTopics, choose_topics
+from data.bags.transforms import TransformTree
+from data.layouts import OpenConfig
+from data.nearest_time import half_period_s, nearest_in_time
+from data.reflectance import full_scale, largest_reflectance, sample_indices, scale_note
+from perception.errors import CalibrationError, DriveError
+from perception.geometry.se3 import from_rotation_translation, inverse
+from perception.sensor import LidarModel
+from perception.types import Calibration, Float64, Int
+
+# Frames of vehicles with x forward, y left, z up (REP 105), the usual names first.
+_BASES = ("base_link", "base_footprint", "base", "vehicle", "ego_vehicle", "vehicle_link", "car")
+_ON_THE_ROAD = "base_footprint"
+_MAX_TF_MESSAGES = (
+    2_000  # a minute of moving frames; fixed ones are stated in /tf_static, or again and again
+)
+_SMALL = 1e-9
+
+
+def open_bag(path: Path, config: OpenConfig) -> BagDrive:
+    """Open a bag.
+
+    Raises:
+        DriveError: It is damaged, or has no scans.
+        CalibrationError: A camera or LiDAR that was named has no transform to the others.
+        MissingDependencyError: rosbags is not installed.
+        UsageError: A topic that was named is not there.
+    """
+    return _Opening.begin(Bag(path), config).drive()
+
+
+@dataclass
+class _Opening:
+    """What is known while a bag is opened.
+
+    Attributes:
+        bag: Bag.
+        config: How it is read.
+        topics: Topics of the drive.
+        times: Times of their messages.
+        tree: Transforms.
+        notes: Sentences on what was chosen or left out.
+    """
+
+    bag: Bag
+    config: OpenConfig
+    topics: BagTopics
+    times: dict[str, MessageTimes]
+    tree: TransformTree
+    notes: list[str] = field(default_factory=list)
+
+    @classmethod
+    def begin(cls, bag: Bag, config: OpenConfig) -> "_Opening":
+        """Read the bag once."""
+        topics = choose_topics(bag, config.lidar, config.camera)
+        tree = TransformTree(str(bag.path))
+        counts = dict.fromkeys(topics.transforms, 0)
+
+        def add_transforms(message: RawMessage) -> None:
+            counts[message.topic] += 1
+            if counts[message.topic] <= _MAX_TF_MESSAGES:
+                tree.add(bag.decode(message))
+
+        times = read_times(bag, topics.timed, dict.fromkeys(topics.transforms, add_transforms))
+        lidar = times[topics.lidars[0]]
+        times = {name: one.by_clock_of(lidar) for name, one in times.items()}
+        return cls(bag, config, topics, times, tree, list(topics.notes))
+
+    def drive(self) -> BagDrive:
+        """Return the drive."""
+        streams = [self._stream(topic) for topic in self.topics.lidars]
+        stamps_ns = streams[0].times.stamps_ns
+        order = np.flatnonzero(np.append(True, np.diff(stamps_ns) > 0))
+        if len(order) < len(stamps_ns):
+            repeated = len(stamps_ns) - len(order)
+            self.notes.append(
+                f"{self.bag.path}: {repeated} scans are left out, as their stamps are those of others"
+            )
+        frames = [self._frame_of(stream) for stream in streams]
+        lidar_SE3_velo = self._lidar_SE3_velo(frames[0])
+        lidars = self._lidars(streams, frames, inverse(lidar_SE3_velo))
+        stamps_ns = stamps_ns[order]
+        rows = np.array([self._rows(stamps_ns, one.stream) for one in lidars], np.int64).T.copy()
+        rows[:, 0] = order
+        camera, calibration = self._camera(frames[0], lidar_SE3_velo, stamps_ns)
+        poses, ins_SE3_lidar = self._poses(frames[0])
+        return BagDrive(
+            name=self.bag.path.stem,
+            root=self.bag.path,
+            sensor=self._sensor(stamps_ns, frames[0]),
+            calibration=calibration,
+            notes=tuple(self.notes),
+            sweeps=SweepReader(lidars, rows),
+            stamps_ns=stamps_ns,
+            camera=camera if self.config.images else None,
+            poses=poses,
+            ins_SE3_velo=ins_SE3_lidar @ lidar_SE3_velo,
+            frames=tuple(range(len(stamps_ns))),
+        )
+
+    def _stream(self, topic: str) -> MessageStream:
+        times = self.times[topic]
+        if not len(times):
+            raise DriveError(self.bag.path, expected=f"messages of {topic}", found="none")
+        return MessageStream(self.bag, topic, times)
+
+    def _frame_of(self, stream: MessageStream) -> str:
+        return str(stream.read(0).header.frame_id)
+
+    def _rows(self, stamps_ns: Int, stream: MessageStream) -> Int:
+        """Return the message that is nearest to each scan, as far as half the slower period."""
+        stamps_s = (stamps_ns - stamps_ns[0]) / 1e9
+        others_s = (stream.times.stamps_ns - stamps_ns[0]) / 1e9
+        periods_s = [half for half in map(half_period_s, (stamps_s, others_s)) if np.isfinite(half)]
+        # A little more, as stamps jitter.
+        return nearest_in_time(stamps_s, others_s, 1.1 * max(periods_s, default=np.inf))
+
+    def _lidar_SE3_velo(self, lidar: str) -> Float64:
+        """Return the turn from the vehicle's axes to those of the LiDAR: identity where the bag does not state it."""
+        for base in _BASES:
+            base_SE3_lidar = self.tree.find(base, lidar) if base != lidar else None
+            if base_SE3_lidar is None:
+                continue
+            turn = base_SE3_lidar[:3, :3].T
+            if np.abs(turn - np.eye(3)).max() < _SMALL:
+                return np.eye(4)
+            self.notes.append(
+                f"{self.bag.path}: points of {lidar} are turned to the axes of {base}"
+            )
+            return from_rotation_translation(turn, np.zeros(3))
+        return np.eye(4)
+
+    def _lidars(
+        self, streams: list[MessageStream], frames: list[str], velo_SE3_lidar: Float64
+    ) -> list[BagLidar]:
+        lidars = []
+        for stream, frame in zip(streams, frames, strict=True):
+            pose = velo_SE3_lidar
+            if frame != frames[0]:
+                purpose = f"to merge the scans of {stream.topic}"
+                pose = velo_SE3_lidar @ self.tree.require(frames[0], frame, purpose)
+            lidar = BagLidar(stream, pose)
+            lidars.append(replace(lidar, full_scale=self._full_scale(lidar)))
+        return lidars
+
+    def _full_scale(self, lidar: BagLidar) -> float:
+        if self.config.reflectance_scale is not None:
+            return self.config.reflectance_scale
+        clouds = [lidar.cloud(index) for index in sample_indices(len(lidar.stream))]
+        values = [cloud.intensity for cloud in clouds if cloud.intensity is not None]
+        largest = largest_reflectance(np.repeat(one[:, None], 4, axis=1) for one in values)
+        scale = full_scale(largest)
+        if scale != 1:
+            self.notes.append(scale_note(f"{self.bag.path} {lidar.stream.topic}", largest, scale))
+        return scale
+
+    def _camera(
+        self, lidar: str, lidar_SE3_velo: Float64, stamps_ns: Int
+    ) -> tuple[BagCamera | None, Calibration | None]:
+        """Return the camera, and its calibration where the bag states it; None for what is not there."""
+        topic, info = self.topics.camera, self.topics.camera_info
+        if topic is None:
+            return None, None
+        stream = self._stream(topic)
+        rows = self._rows(stamps_ns, stream)
+        try:
+            if info is None:
+                raise CalibrationError(
+                    f"{self.bag.path} {topic}",
+                    expected="a topic camera_info beside it",
+                    found="none",
+                )
+            message = self._first(info)
+            lens = read_lens(message, topic, f"{self.bag.path} {info}")
+            cam_SE3_lidar = self.tree.require(
+                message.header.frame_id, lidar, f"to use the images of {topic}"
+            )
+        except CalibrationError as error:
+            if self.config.camera is not None:
+                raise
+            self.notes.append(f"images are not used: {error}")
+            return None, None
+        turn = np.eye(3) if lens.is_pinhole or lens.rectification is None else lens.rectification
+        calibration = Calibration(
+            image_P_cam=np.column_stack([lens.pinhole_matrix, np.zeros(3)]),
+            cam_SE3_velo=from_rotation_translation(turn, np.zeros(3))
+            @ cam_SE3_lidar
+            @ lidar_SE3_velo,
+            image_size_px=lens.size_px,
+            source=f"{self.bag.path} {info}",
+        )
+        return BagCamera(stream, lens, rows), calibration
+
+    def _first(self, topic: str) -> Any:  # noqa: ANN401 - see Bag.decode
+        return self.bag.decode(next(self.bag.messages((topic,))))
+
+    def _poses(self, lidar: str) -> tuple[PoseSource | None, Float64]:
+        """Return the poses, and the transform from the LiDAR to their frame; None where they cannot be used."""
+        topics = self.topics
+        if topics.odometry is not None:
+            stream = self._stream(topics.odometry)
+            frame = stream.read(0).child_frame_id
+            found: PoseSource | None = OdometryPoses(stream)
+        elif topics.fixes is not None and topics.imu is not None:
+            imu, fixes = self._stream(topics.imu), self._stream(topics.fixes)
+            frame = imu.read(0).header.frame_id
+            found = self._navigation(fixes, imu)
+        else:
+            return None, np.eye(4)
+        ins_SE3_lidar = np.eye(4) if frame == lidar else self.tree.find(frame, lidar)
+        if found is not None and ins_SE3_lidar is None:
+            self.notes.append(
+                f"{self.bag.path}: poses of {frame or 'an unnamed frame'} are not used, as no transform from {lidar} to it "
+                "is in /tf_static or /tf"
+            )
+            found = None
+        return found, np.eye(4) if ins_SE3_lidar is None else ins_SE3_lidar
+
+    def _navigation(self, fixes: MessageStream, imu: MessageStream) -> PoseSource | None:
+        first, attitude = fixes.read(0), imu.read(0)
+        reason = None
+        if not has_orientation(attitude):
+            reason = f"{imu.topic} states no orientation"
+        elif not is_precise(first):
+            reason = f"{fixes.topic} states a deviation of more than 0.5 m"
+        if reason is not None:
+            self.notes.append(f"{self.bag.path}: positions are not used for poses, as {reason}")
+            return None
+        imu_SE3_antenna = self.tree.find(attitude.header.frame_id, first.header.frame_id)
+        antenna_m = np.zeros(3) if imu_SE3_antenna is None else imu_SE3_antenna[:3, 3]
+        return NavigationPoses(fixes, imu, antenna_m)
+
+    def _sensor(self, stamps_ns: Int, lidar: str) -> LidarModel:
+        path = self.bag.path
+        model = self.config.lidar_model(path if path.is_dir() else path.parent)
+        period_s = 2 * half_period_s((stamps_ns - stamps_ns[0]) / 1e9)
+        if np.isfinite(period_s) and self.config.sensor is None:
+            model = replace(model, rate_hz=1 / period_s)
+        base_SE3_lidar = self.tree.find(_ON_THE_ROAD, lidar)
+        if base_SE3_lidar is not None and base_SE3_lidar[2, 3] > 0 and self.config.sensor is None:
+            model = replace(model, height_m=float(base_SE3_lidar[2, 3]))
+        return model
