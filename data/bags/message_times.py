@@ -39,13 +39,14 @@ class MessageTimes:
         return len(self.stamps_ns)
 
     @property
-    def delay_ns(self) -> float:
+    def delay_ns(self) -> int:
         """Median time from the stamp to the recording."""
-        return float(np.median(self.received_ns - self.stamps_ns))
+        # A mean of two would be a floating-point number, of too few digits for ns since 1970.
+        return int(np.sort(self.received_ns - self.stamps_ns)[len(self) // 2])
 
     def by_clock_of(self, other: "MessageTimes") -> "MessageTimes":
         """Return the stamps by the clock of another topic, where they are seconds apart, else as they are."""
-        shift_ns = round(self.delay_ns - other.delay_ns)
+        shift_ns = self.delay_ns - other.delay_ns
         if abs(shift_ns) < _OTHER_CLOCK_NS:
             return self
         return MessageTimes(self.stamps_ns + shift_ns, self.received_ns, self.ordinals)
