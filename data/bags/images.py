@@ -44,11 +44,13 @@ def read_image_message(message: Any, source: str) -> UInt8:  # noqa: ANN401 - se
     Raises:
         ImageError: The encoding is unknown, or the bytes are not those of an image.
     """
-    read: Callable[[Any, str], UInt8] = _plain if hasattr(message, "encoding") else _compressed
+    read: Callable[[Any, str], UInt8] = (
+        _uncompressed if hasattr(message, "encoding") else _compressed
+    )
     return read(message, source)
 
 
-def _plain(message: Any, source: str) -> UInt8:  # noqa: ANN401
+def _uncompressed(message: Any, source: str) -> UInt8:  # noqa: ANN401
     asked = message.encoding.lower()
     name = _DEEP.get(asked, asked)
     if name not in _COLOUR:

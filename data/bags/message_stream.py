@@ -27,7 +27,7 @@ class MessageStream:
         return len(self.times)
 
     def __reduce__(self) -> tuple[type["MessageStream"], tuple[Bag, str, MessageTimes]]:
-        """Search anew in another process."""
+        """Search again in another process."""
         return MessageStream, (self.bag, self.topic, self.times)
 
     def where(self, index: int) -> str:

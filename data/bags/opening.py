@@ -47,7 +47,7 @@ def open_bag(path: Path, config: OpenConfig) -> BagDrive:
         MissingDependencyError: rosbags is not installed.
         UsageError: A topic that was named is not there.
     """
-    return _Opening.begin(Bag(path), config).drive()
+    return _Opening.of(Bag(path), config).drive()
 
 
 @dataclass
@@ -71,7 +71,7 @@ class _Opening:
     notes: list[str] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, bag: Bag, config: OpenConfig) -> "_Opening":
+    def of(cls, bag: Bag, config: OpenConfig) -> "_Opening":
         """Read the bag once."""
         topics = choose_topics(bag, config.lidar, config.camera)
         tree = TransformTree(str(bag.path))

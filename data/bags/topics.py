@@ -79,14 +79,14 @@ def choose_topics(bag: Bag, lidar: str | None = None, camera: str | None = None)
     odometry = _of_kind(bag, _ODOMETRY)
     if len(odometry) > 1:
         names = ", ".join(one.name for one in odometry)
-        notes.append(f"{bag.path}: poses of {_most(odometry)} among {names}, which has most")
+        notes.append(f"{bag.path}: poses of {_longest(odometry)} among {names}, which has most")
     return BagTopics(
         lidars=lidars,
         camera=chosen,
         camera_info=camera_info_of(bag, chosen) if chosen else None,
-        odometry=_most(odometry),
-        fixes=_most(_of_kind(bag, _FIX)),
-        imu=_most(_of_kind(bag, _IMU)),
+        odometry=_longest(odometry),
+        fixes=_longest(_of_kind(bag, _FIX)),
+        imu=_longest(_of_kind(bag, _IMU)),
         transforms=tuple(name for name in bag.kinds if name.rsplit("/", 1)[-1] in _TF_NAMES),
         notes=tuple(notes),
     )
@@ -138,5 +138,5 @@ def _best_camera(bag: Bag, images: Sequence[BagTopic]) -> str | None:
     return next(iter(calibrated or names), None)
 
 
-def _most(topics: Sequence[BagTopic]) -> str | None:
+def _longest(topics: Sequence[BagTopic]) -> str | None:
     return max(topics, key=lambda one: one.count).name if topics else None

@@ -36,7 +36,7 @@ def sentence(path: Path, config: OpenConfig | None = None) -> str:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99])
-def test_a_bag_that_was_cut_off_is_told_how_to_repair(
+def test_a_truncated_bag_gives_the_command_of_its_repair(
     tmp_path: Path, kind: str, share: float
 ) -> None:
     path = write_scans(tmp_path / "bag", kind)
@@ -89,7 +89,7 @@ def test_a_bag_without_scans_lists_its_topics(tmp_path: Path) -> None:
     assert expected in sentence(bag.path)
 
 
-def test_a_topic_that_is_not_there_is_answered_with_those_that_are(tmp_path: Path) -> None:
+def test_a_topic_that_is_not_there_gives_a_list(tmp_path: Path) -> None:
     path = write_scans(tmp_path / "bag", topic="/left/points")
     expected = f"--lidar /right: expected topics of {path}: /left/points, found another one"
     assert expected in sentence(path, OpenConfig(lidar="/right"))
