@@ -41,7 +41,7 @@ class BagLidar:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class MergedScan:
     """Points of all LiDARs at the stamp of the first.
 
     Attributes:
@@ -65,13 +65,13 @@ class SweepReader:
         """
         self.lidars, self.rows = tuple(lidars), rows
         self._lock = threading.Lock()
-        self._last: tuple[int, Sweep] | None = None
+        self._last: tuple[int, MergedScan] | None = None
 
     def __reduce__(self) -> tuple[type["SweepReader"], tuple[Sequence[BagLidar], Int]]:
         """Keep no sweep for another process."""
         return SweepReader, (self.lidars, self.rows)
 
-    def read(self, index: int) -> Sweep:
+    def read(self, index: int) -> MergedScan:
         """Return a sweep.
 
         Raises:
@@ -87,7 +87,7 @@ class SweepReader:
         """Return the place of a sweep, for error messages."""
         return self.lidars[0].stream.where(int(self.rows[index, 0]))
 
-    def _merge(self, index: int) -> Sweep:
+    def _merge(self, index: int) -> MergedScan:
         stamp_ns = int(self.lidars[0].stream.times.stamps_ns[self.rows[index, 0]])
         points, times = [], []
         is_timed = False
@@ -101,7 +101,7 @@ class SweepReader:
             moved = np.zeros(len(cloud), np.float32) if own_times_s is None else own_times_s
             points.append(points_velo(cloud, lidar))
             times.append(moved + np.float32((own_ns - stamp_ns) / 1e9))
-        return Sweep(np.concatenate(points), np.concatenate(times) if is_timed else None)
+        return MergedScan(np.concatenate(points), np.concatenate(times) if is_timed else None)
 
 
 def points_velo(cloud: Cloud, lidar: BagLidar) -> Float32:
