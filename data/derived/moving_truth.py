@@ -111,7 +111,7 @@ def moving_truth(
             drive.root,
             expected="labels with tracks, and INS poses",
             found="a drive without",
-            advice="name the same drive in the tracking layout",
+            advice="name a drive with labelled boxes, such as a tracking sequence",
         )
     posed = _posed_labels(drive, view)
     return MovingTruth(posed, label_posed_motion(drive, posed, thresholds), view)

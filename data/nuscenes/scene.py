@@ -21,7 +21,7 @@ from data.nuscenes.scene_tables import DEFAULT_CAMERA, LIDAR, SceneTables, Senso
 from data.recorded_drive import RecordedDrive
 from perception.errors import CalibrationError, DriveError
 from perception.geometry.se3 import inverse
-from perception.sensor import HDL_32E
+from perception.sensor import HDL_32E, load_sensor
 from perception.types import Bool, Calibration, Float32, Float64, Labels, PointTruth, UInt8
 
 _SCENES = "scene.json"
@@ -40,7 +40,6 @@ _MOVABLE = (
     31,
     32,
 )  # SemanticKITTI's classes of vehicles and people
-_SPEED_WINDOW_US = 500_000  # two key frames
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,21 +187,21 @@ class NuScenesScene(RecordedDrive):
         )
 
     def _moves(self, index: int, labels: Labels) -> Bool:
-        """Return (M,) which objects travel from one key frame to the next, or have since the one before."""
-        stamp_us = self._label_stamp_us(index)
-        pose = self._map_SE3_velo(index)
-        steps = [
-            self.boxes.around(stamp_us + shift, pose)
-            for shift in (_SPEED_WINDOW_US, -_SPEED_WINDOW_US)
-        ]
-        moves = np.zeros(len(labels), bool)
-        for row, track in enumerate(labels.track_ids.tolist()):
-            others = [step.boxes_velo.bottom_m[step.track_ids == track] for step in steps]
-            known = [one[0] for one in others if len(one)]
-            if known:
-                step_m = np.linalg.norm(known[0] - labels.boxes_velo.bottom_m[row])
-                moves[row] = step_m * 1e6 >= _MIN_SPEED_M_S * _SPEED_WINDOW_US
-        return moves
+        """Return (M,) which objects travel until the next key frame, or have since the one before."""
+        stamp_us, pose = self._label_stamp_us(index), self._map_SE3_velo(index)
+        stamps_us = list(self.boxes.tables.stamps_us.values())
+        place = stamps_us.index(stamp_us)
+        neighbours_us = [*stamps_us[place + 1 : place + 2], *stamps_us[max(place - 1, 0) : place]]
+        speeds_m_s: dict[int, float] = {}
+        for other_us in neighbours_us:
+            others = self.boxes.around(other_us, pose)
+            for row, track in enumerate(labels.track_ids.tolist()):
+                there_m = others.boxes_velo.bottom_m[others.track_ids == track]
+                if len(there_m) and track not in speeds_m_s:
+                    step_m = np.linalg.norm(there_m[0] - labels.boxes_velo.bottom_m[row])
+                    speeds_m_s[track] = float(step_m) * 1e6 / abs(other_us - stamp_us)
+        speeds = [speeds_m_s.get(track, 0.0) for track in labels.track_ids.tolist()]
+        return np.array(speeds, np.float64) >= _MIN_SPEED_M_S
 
 
 def open_scene(path: Path, name: str | None, config: OpenConfig) -> NuScenesScene:
@@ -230,7 +229,8 @@ def open_scene(path: Path, name: str | None, config: OpenConfig) -> NuScenesScen
     return NuScenesScene(
         name=name,
         root=folder.parent,
-        sensor=config.lidar_model(folder, sensor),
+        # sensor.json is a table of the set.
+        sensor=sensor if config.sensor is None else load_sensor(config.sensor),
         calibration=_calibration(tables, camera, velo),
         scans=tuple(scans),
         numbers=tuple(range(len(scans))),

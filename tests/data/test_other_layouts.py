@@ -163,6 +163,9 @@ def test_nuscenes_states_ground_of_key_frames(exact, opened):
     truth, known = drive.point_truth(2), exact.point_truth(2)
     is_ground = np.isin(known.classes, GROUND_CLASSES)
     np.testing.assert_array_equal(np.isin(truth.classes, GROUND_CLASSES), is_ground)
+    # Points of vehicles count as moving where they are within the box of the object.
+    assert (truth.is_moving & known.is_moving).sum() > 0.9 * known.is_moving.sum() > 0
+    assert not (truth.is_moving & ~known.is_moving & (truth.classes > 0)).any()
     assert [drive.point_truth(index) is None for index in range(FRAMES)] == [
         False,
         True,
