@@ -19,6 +19,7 @@ from perception.evaluation.ground import GROUND_CLASSES
 from perception.geometry.se3 import from_rotation_translation, inverse
 from perception.sensor import VLP_16, sensor_to_json
 from perception.types import Labels, PointTruth
+from tests.tiny_drive import TinyDrive
 
 FRAMES = 4
 FIRST_NS = 315966265000000000
@@ -96,7 +97,7 @@ def _box_poses(labels: Labels) -> list[np.ndarray]:
 
 
 def write_argoverse2(
-    root: Path, drive: CachedDrive, *, images: bool = True, flow: bool = True
+    root: Path, drive: CachedDrive | TinyDrive, *, images: bool = True, flow: bool = True
 ) -> Path:
     """Write a log as Argoverse 2 has it, with coordinates in float32; return it."""
     log = root / "7fab2350-0000-3b7e-a39d-000000000000"
@@ -132,7 +133,7 @@ def write_argoverse2(
     return log
 
 
-def write_sweep(log: Path, drive: CachedDrive, index: int) -> None:
+def write_sweep(log: Path, drive: CachedDrive | TinyDrive, index: int) -> None:
     """Write one sweep."""
     points = drive.scan(index).points_velo
     ego = points[:, :3] + EGO_SE3_VELO[:3, 3].astype(np.float32)
@@ -146,7 +147,7 @@ def write_sweep(log: Path, drive: CachedDrive, index: int) -> None:
     write_table(log / f"sensors/lidar/{stamp_ns(index)}.feather", columns)
 
 
-def _write_boxes(log: Path, drive: CachedDrive) -> None:
+def _write_boxes(log: Path, drive: CachedDrive | TinyDrive) -> None:
     rows: dict[str, list[object]] = {
         name: [] for name in ("timestamp_ns", "track_uuid", "category")
     }
@@ -164,7 +165,7 @@ def _write_boxes(log: Path, drive: CachedDrive) -> None:
     write_table(log / "annotations.feather", {**rows, **size_columns, **_pose_columns(poses)})
 
 
-def _flow_columns(drive: CachedDrive, index: int) -> dict[str, object]:
+def _flow_columns(drive: CachedDrive | TinyDrive, index: int) -> dict[str, object]:
     truth, labels = drive.point_truth(index), drive.labels_around(index)
     number_of = {name: number for number, name in enumerate(CATEGORIES, start=1)}
     known = zip(labels.track_ids.tolist(), labels.types.tolist(), strict=True)
@@ -177,7 +178,7 @@ def _flow_columns(drive: CachedDrive, index: int) -> dict[str, object]:
     }
 
 
-def write_nuscenes(root: Path, drive: CachedDrive, *, images: bool = True) -> Path:
+def write_nuscenes(root: Path, drive: CachedDrive | TinyDrive, *, images: bool = True) -> Path:
     """Write a scene as nuScenes has it: every second scan is a key frame with boxes and point labels; return the root."""
     tables = _SceneWriter(root, drive)
     for index in range(len(drive)):
@@ -191,7 +192,7 @@ def write_nuscenes(root: Path, drive: CachedDrive, *, images: bool = True) -> Pa
 class _SceneWriter:
     """Collects the records of one scene."""
 
-    def __init__(self, root: Path, drive: CachedDrive) -> None:
+    def __init__(self, root: Path, drive: CachedDrive | TinyDrive) -> None:
         self.root, self.drive = root, drive
         ego_SE3_sensor = EGO_SE3_VELO.copy()
         ego_SE3_sensor[:3, :3] = SENSOR_R_VELO.T
@@ -281,7 +282,7 @@ def lidarseg_numbers(truth: PointTruth) -> np.ndarray:
     return numbers[truth.classes]
 
 
-def _last_key(drive: CachedDrive) -> int:
+def _last_key(drive: CachedDrive | TinyDrive) -> int:
     return (len(drive) - 1) // 2 * 2
 
 
@@ -299,7 +300,9 @@ def _write(path: Path, content: bytes) -> None:
     path.write_bytes(content)
 
 
-def write_semantic_kitti(root: Path, drive: CachedDrive, *, images: bool = True) -> Path:
+def write_semantic_kitti(
+    root: Path, drive: CachedDrive | TinyDrive, *, images: bool = True
+) -> Path:
     """Write a sequence as SemanticKITTI has it; return the folder of the set."""
     folder = root / "dataset" / "sequences" / "08"
     camera = drive.calibration

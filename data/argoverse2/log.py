@@ -199,7 +199,8 @@ def _sensor(first: Path, ego_SE3_velo: Float64, config: OpenConfig) -> LidarMode
     """Return the model that is asked for, else the beams of the first sweep at the height of the upper LiDAR."""
     if config.sensor is not None:
         return load_sensor(config.sensor)
-    return measure_sensor(read_sweep(first, ego_SE3_velo), ego_SE3_velo[2, 3] + AXLE_HEIGHT_M)
+    height_m = float(ego_SE3_velo[2, 3]) + AXLE_HEIGHT_M
+    return measure_sensor(read_sweep(first, ego_SE3_velo), height_m)
 
 
 def _sweeps_in(root: Path) -> list[tuple[int, Path]]:

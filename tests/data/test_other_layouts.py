@@ -13,6 +13,7 @@ from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
 from perception.evaluation.ground import GROUND_CLASSES
 from perception.pipeline import Pipeline, PipelineConfig
+from perception.sensor import VLP_16
 from perception.types import Result
 from tests.other_layouts import (
     FRAMES,
@@ -156,6 +157,13 @@ def test_semantic_kitti_states_classes_and_motion_of_points(exact, opened):
     np.testing.assert_array_equal(truth.is_moving, known.is_moving)
     np.testing.assert_array_equal(truth.classes, known.classes)
     np.testing.assert_array_equal(truth.instances > 0, known.instances > 0)
+
+
+def test_argoverse_beams_are_measured(roots):
+    sensor = open_drive(roots["Argoverse 2"], images=False).sensor
+    nearest = np.abs(sensor.elevations_rad[:, None] - VLP_16.elevations_rad).min(axis=1)
+    assert sensor.beams >= 14  # the highest of this drive meet nothing but sky
+    assert np.degrees(nearest).max() < 0.3
 
 
 def test_nuscenes_states_ground_of_key_frames(exact, opened):
