@@ -60,7 +60,7 @@ def serve(
         print(f"waiting for packets at UDP port {udp_port}", flush=True)
         live = UdpLidar(UdpAddress(udp_port), load_sensor(frames.sensor) if frames.sensor else None)
     else:
-        opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor)
+        opened = open_drive(drive, sequence=frames.sequence, config=frames.reading)
         live = PacedDrive(opened, rate=rate, is_endless=loop)
     counts = LiveCounts()
     min_score = pipeline.detection.display_score
