@@ -15,8 +15,8 @@ def describe(result: Result) -> list[str]:
     """Return what is known of one scan: its points by state, and the ground 10 m ahead."""
     states = np.bincount(result.obstacles.point_states, minlength=len(PointState))
     lines = [f"{state.name.lower()}: {states[state]} points" for state in PointState]
-    height_m = result.ground.height_m(np.array([[10.0, 0.0]]))[0]
-    return [*lines, f"ground 10 m ahead: {height_m:.2f} m below the LiDAR".replace("-", "")]
+    below_m = -result.ground.height_m(np.array([[10.0, 0.0]]))[0]
+    return [*lines, f"ground 10 m ahead: {below_m:.2f} m below the LiDAR"]
 
 
 def main(path: str) -> None:

@@ -17,15 +17,12 @@ from perception.types import Result
 def rows(result: Result, min_score: float) -> list[str]:
     """Return id, class, score and distance of each vehicle, the nearest first."""
     vehicles = result.vehicles
-    if vehicles is None:
-        return []
-    detections = vehicles.fused.detections
-    nearest = np.argsort(vehicles.distances_m)  # unknown distances, NaN, come last
+    assert vehicles is not None  # as a detector runs
+    types, scores = vehicles.fused.detections.types, vehicles.fused.detections.scores
     return [
-        f"{vehicles.ids[row]} {detections.types[row]} {detections.scores[row]:.2f} "
-        f"{vehicles.distances_m[row]:.1f} m"
-        for row in nearest
-        if detections.scores[row] >= min_score
+        f"{vehicles.ids[row]} {types[row]} {scores[row]:.2f} {vehicles.distances_m[row]:.1f} m"
+        for row in np.argsort(vehicles.distances_m)  # NaN, not known, comes last
+        if scores[row] >= min_score
     ]
 
 
