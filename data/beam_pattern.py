@@ -24,6 +24,8 @@ _RANGE_TOLERANCE_RAD = np.radians(2.5)
 _SPACING_TOLERANCE = 1.25
 _MAX_LINES_RATIO = 1.25  # firings of one beam may differ
 _MAX_SHARE_OUTSIDE = 0.1
+_VIEW_QUANTILES = (0.005, 0.995)
+_MAX_NAMED = 3  # of the sensors that fit
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,18 @@ class BeamPattern:
             and self._is_outside(sensor).mean() <= _MAX_SHARE_OUTSIDE
         )
 
+    def fitting_sensors(self) -> list[str]:
+        """Return the names of the known sensors that fit, the most similar first."""
+        fitting = [known for known in SENSORS.values() if known.has_rings and self.fits(known)]
+        return [known.name for known in sorted(fitting, key=self._difference)]
+
+    def _difference(self, sensor: LidarModel) -> float:
+        """Return how much range and number of the elevations differ from those of a sensor, as a share of them."""
+        low_rad, high_rad = np.quantile(self.elevations_rad, _VIEW_QUANTILES)
+        top_rad, bottom_rad = sensor.elevations_rad[0], sensor.elevations_rad[-1]
+        of_range = (abs(high_rad - top_rad) + abs(low_rad - bottom_rad)) / (top_rad - bottom_rad)
+        return float(of_range + abs(self.lines / sensor.beams - 1))
+
     def _is_outside(self, sensor: LidarModel) -> Bool:
         """Return (N,) which returns no beam of a sensor can have made."""
         top_rad, bottom_rad = sensor.elevations_rad[0], sensor.elevations_rad[-1]
@@ -77,23 +91,23 @@ class BeamPattern:
 
     def __str__(self) -> str:
         """Return the number, the range and the spacing in degrees."""
-        low_deg, high_deg = np.degrees(np.quantile(self.elevations_rad, (0.005, 0.995)))
+        low_deg, high_deg = np.degrees(np.quantile(self.elevations_rad, _VIEW_QUANTILES))
         spacing_deg = np.degrees(self.spacing_rad)
         return f"{self.lines} from {low_deg:.1f} to {high_deg:.1f} degrees, {spacing_deg:.2f} apart"
 
 
 def beam_anomalies(frame: Frame, sensor: LidarModel) -> Iterator[Anomaly]:
     """Find a scan whose beams are not those of the LiDAR model, and name the sensor that fits."""
-    pattern = BeamPattern.of(frame.points_velo)
+    pattern = BeamPattern.of(frame.points_velo) if sensor.has_rings else None
     if pattern is None or pattern.fits(sensor):
         return
     low_deg, high_deg = np.degrees((sensor.elevations_rad[-1], sensor.elevations_rad[0]))
     spacing_deg = np.degrees(sensor.elevation_step_rad)
-    fitting = [name for name, known in SENSORS.items() if pattern.fits(known)]
+    fitting = pattern.fitting_sensors()
     advice = (
-        f"pass --sensor {fitting[0]}, which fits"
+        f"pass --sensor {' or '.join(fitting[:_MAX_NAMED])}, which fits"
         if fitting
-        else f"describe the sensor in a .json file for --sensor, as none of {', '.join(SENSORS)} fits"
+        else "describe the sensor in a .yaml file for --sensor, as no known model fits"
     )
     yield Anomaly(
         "beams of another sensor",

@@ -70,7 +70,7 @@ def single_object(
     Example: trifuse study single-object --object-class Cyclist --trackers default,h-fus,opencv-kcf
 
     Args:
-        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
+        sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         out: Figure; a JSON file with the numbers is written beside it.
     """
     from data.synthetic import scenarios

@@ -15,6 +15,7 @@ from data.synthetic.materials import column
 from data.synthetic.raycasting import Hits, MovingObject, Rays, near_any
 from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
+from perception.errors import UsageError
 from perception.geometry import se3
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, PointTruth
@@ -43,12 +44,24 @@ def velo_poses(world: World, sensor: LidarModel, times_s: Float64) -> Float64:
 
 
 def scan(world: World, sensor: LidarModel, time_s: float, rng: np.random.Generator) -> LidarScan:
-    """Take one turn of the sensor around a time."""
+    """Take one turn of the sensor around a time.
+
+    Raises:
+        UsageError: The sensor has no rings.
+    """
+    if not sensor.has_rings:
+        raise UsageError(
+            f"sensor {sensor.name}",
+            expected="a LiDAR whose beams keep their elevations",
+            found="one without rings, whose pattern is not simulated",
+            advice="take another sensor for synthetic drives",
+        )
     rays, azimuth_rad = _fire(world, sensor, time_s)
     _, moving = world.moving_at(time_s, sensor.max_range_m + 10)
     hits = world.scene.cast(rays, moving)
     hits = _through_glass(world, rays, hits, moving, rng)
     kept, reflectance = _returns(world, sensor, rays, hits, moving, rng)
+    kept &= np.abs(azimuth_rad) <= sensor.field_of_view_rad / 2 + 1e-6
     # Beam by beam, each counter-clockwise from straight ahead.
     rays_of_beams = np.arange(len(kept)).reshape(-1, sensor.beams).T
     by_azimuth = np.argsort(np.mod(azimuth_rad[:: sensor.beams], 2 * np.pi), kind="stable")

@@ -22,7 +22,7 @@ def demo(
     Args:
         out: Folder for the drive and the results.
         frames: Number of frames, ten a second.
-        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
+        sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         seed: Seed of the street.
     """
     from data.open_drive import open_drive

@@ -35,7 +35,7 @@ def synth(
         layout: Folder layout; object frames come from many different streets.
         frames: Number of frames of each drive; of all streets together in the object layout.
         drives: Number of drives; the object layout makes as many streets as it needs.
-        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
+        sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         seed: Seed of the first drive; the same seed gives the same drive bit by bit.
         ins_noise_m: Standard deviation of the INS position along each axis, in metres.
         ins_noise_deg: Standard deviation of the INS roll, pitch and yaw, in degrees.

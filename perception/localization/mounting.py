@@ -57,10 +57,12 @@ def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "firs
         raise _swapped_axes(sample, up, source)
     below = _bounding_plane(sample, up=2, sign=1)
     error_m = abs(below.height_m - sensor.height_m)
-    if below.support >= _SEEN_SUPPORT and error_m <= _HEIGHT_TOLERANCE_M:
+    # A LiDAR that looks up rather than down has few points on the road, and many on a ceiling.
+    share_below = float(np.clip(2 * (sensor.elevations_rad <= 0).mean(), 0.01, 1.0))
+    if below.support >= _SEEN_SUPPORT * share_below and error_m <= _HEIGHT_TOLERANCE_M:
         return
     ground = _ground(sample, up=2)
-    if ground.support < _SURE_SUPPORT:
+    if ground.support < _SURE_SUPPORT / share_below:
         return
     if ground.height_m < 0:
         raise MountingError(
@@ -73,7 +75,7 @@ def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "firs
         source,
         expected=f"the ground {sensor.height_m:.2f} m below the LiDAR, as {sensor.name} says",
         found=f"the ground {ground.height_m:.2f} m below the LiDAR",
-        advice="set height_m in a sensor .json and pass it with --sensor",
+        advice="set model and height_m in a .yaml file and pass it with --sensor",
     )
 
 

@@ -19,7 +19,7 @@ def test_an_impossible_speed_is_an_error(tmp_path):
 
 
 def test_an_unknown_sensor_is_an_error(tmp_path):
-    with fault(UsageError, where="HDL-128", expected="HDL-64E, HDL-32E, VLP-16 or a .json file"):
+    with fault(UsageError, where="HDL-128", expected="HDL-64E, HDL-32E, VLP-16"):
         command("synth", tmp_path, "--sensor", "HDL-128")
 
 

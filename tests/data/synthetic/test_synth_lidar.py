@@ -8,7 +8,9 @@ import pytest
 from data.synthetic import lidar, meshes
 from data.synthetic.materials import SemanticClass, Slot, palette
 from data.synthetic.street import Part
+from perception.errors import UsageError
 from perception.sensor import HDL_64E, SENSORS
+from tests.faults import fault
 
 WALL = Part(meshes.box((10.0, -8.0, -1.0), (11.0, 8.0, 4.0), Slot.WALL), palette())
 
@@ -40,7 +42,7 @@ def test_a_wall_stays_flat_while_the_vehicle_drives(flat_world):
     assert points[face, 0] == pytest.approx(10.0, abs=0.001)
 
 
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("name", ["HDL-64E", "HDL-32E", "VLP-16", "VLP-32C", "OS0-32", "AT128"])
 def test_every_sensor_fires_its_own_beams(flat_world, name):
     sensor = replace(SENSORS[name], range_noise_m=0.0)
     scan = lidar.scan(flat_world([WALL]), sensor, 0.0, np.random.default_rng(0))
@@ -129,3 +131,16 @@ def test_a_passing_car_is_where_it_is_when_the_beam_meets_it(street_drive):
         length = labels.boxes_velo.size_m[box, 0]
         reach = np.linalg.norm(own[:, :2] - labels.boxes_velo.bottom_m[box, :2], axis=1)
         assert reach.max() < length / 2 + 1.0
+
+
+def test_a_lidar_of_120_degrees_has_no_returns_behind(flat_world):
+    sensor = SENSORS["AT128"]
+    scan = lidar.scan(flat_world([WALL]), sensor, 0.0, np.random.default_rng(0))
+    azimuth_deg = np.degrees(np.arctan2(scan.points_velo[:, 1], scan.points_velo[:, 0]))
+    assert np.abs(azimuth_deg).max() == pytest.approx(60, abs=0.2)
+    assert len(scan.truth.classes) == len(scan.points_velo)
+
+
+def test_a_lidar_without_rings_is_not_simulated(flat_world):
+    with fault(UsageError, "sensor Avia", "keep their elevations", advice="another sensor"):
+        lidar.scan(flat_world(), SENSORS["Avia"], 0.0, np.random.default_rng(0))
