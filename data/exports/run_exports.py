@@ -1,15 +1,20 @@
 """Exports of a run, and the packages that they need."""
 
+import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 
-from perception.errors import MissingDependencyError
+from perception.errors import MissingDependencyError, UsageError
 
 # Package and extra of each export, by its field.
 _PACKAGES: Mapping[str, tuple[str, str]] = {
     "tables": ("pyarrow", "tables"),
     "mcap": ("foxglove", "live"),
+    "rerun": ("rerun", "view"),
+    "view": ("rerun", "view"),
 }
 
 
@@ -21,17 +26,22 @@ class RunExports:
         tables: Write frames, poses, tracks, vehicles and timings as Parquet files, for pandas and DuckDB.
         mcap: Write results.mcap for Foxglove and the tools of ROS 2.
         report: Write report.html, a page with a player of the drive and figures, where plotly is installed.
+        rerun: Recording for the Rerun viewer, a file that ends in .rrd.
+        view: Show the run live in the Rerun viewer.
     """
 
     tables: bool = False
     mcap: bool = False
     report: bool = True
+    rerun: Path | None = None
+    view: bool = False
 
     def __post_init__(self) -> None:
-        """Validate that the package of each export is installed, before the run.
+        """Validate before the run that the package of each export is installed, and that a viewer can open.
 
         Raises:
-            MissingDependencyError: It is not.
+            MissingDependencyError: A package is not installed.
+            UsageError: There is no display for the viewer, or the recording has another suffix.
         """
         for name, (package, extra) in _PACKAGES.items():
             if not getattr(self, name):
@@ -42,3 +52,20 @@ class RunExports:
                 raise MissingDependencyError(
                     package, needed_for=f"--{name}", extra=extra, reason=error
                 ) from error
+        if self.view:
+            _require_display()
+        if self.rerun is not None and self.rerun.suffix != ".rrd":
+            raise UsageError(
+                f"--rerun {self.rerun}", expected="a file that ends in .rrd", found=self.rerun.name
+            )
+
+
+def _require_display() -> None:
+    if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
+        raise UsageError(
+            "--view",
+            expected="a display for the viewer",
+            found="none",
+            advice="write a recording with --rerun FILE.rrd, and open it where there is a display: "
+            "rerun FILE.rrd",
+        )

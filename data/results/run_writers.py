@@ -46,3 +46,10 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         from data.exports.table_writer import TableWriter
 
         yield TableWriter(out, config.min_vehicle_score)
+    if config.exports.rerun is not None or config.exports.view:
+        from data.exports.rerun_writer import RerunWriter
+
+        score = config.pipeline.detection.display_score
+        view, path = config.exports.view, config.exports.rerun
+        writer = RerunWriter(drive.name, path, view=view, display_score=score)
+        yield BackgroundWriter(writer, "rerun")

@@ -25,10 +25,11 @@ from perception.cli.words import flag_words, read_words, usage_error
 
 CommandFunction = Callable[..., None]
 
-_OUTPUT_FILES = {"json", "plot", "reliability_plot"}
+_OUTPUT_FILES = {"json", "plot", "reliability_plot", "rerun"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
 _OUTPUTS = {
-    *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "worst_frames",
+    *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "view",
+    "worst_frames",
 }  # fmt: skip
 _PRINT_CONFIG = {"--print-config", "--print_config"}
 

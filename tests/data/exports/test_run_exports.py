@@ -14,7 +14,9 @@ def test_nothing_is_exported_without_being_asked_for(monkeypatch):
     RunExports()
 
 
-@pytest.mark.parametrize(("flag", "package", "extra"), [("--tables", "pyarrow", "tables")])
+@pytest.mark.parametrize(
+    ("flag", "package", "extra"), [("--tables", "pyarrow", "tables"), ("--view", "rerun", "view")]
+)
 def test_a_missing_package_is_named_with_its_extra(monkeypatch, flag, package, extra):
     monkeypatch.setitem(sys.modules, package, None)
     with fault(MissingDependencyError, where=flag, expected=package, advice=f"[{extra}]"):

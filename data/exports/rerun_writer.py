@@ -1,0 +1,150 @@
+"""Results as a Rerun recording: a file, a viewer that is shown the run live, or both."""
+
+import uuid
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from data.results.result_writer import ResultWriter
+from perception.atomic_file import part_of, writing
+from perception.errors import UsageError, WriteError
+from perception.render.scene import SelectedObject
+from perception.types import Float64, Result
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+# Memory of the viewer, which drops the oldest frames beyond it.
+_VIEWER_MEMORY = "2GiB"
+_VIEWER_PORT = 9876
+
+
+class RerunWriter(ResultWriter):
+    """Logs each result to Rerun."""
+
+    def __init__(self, drive: str, path: Path | None, *, view: bool, display_score: float) -> None:
+        """Open the file and the viewer.
+
+        Args:
+            drive: Name of the drive.
+            path: Recording, `.rrd`, which is whole at the end; None for no file.
+            view: Whether a viewer is opened.
+            display_score: Score from which a detection is shown.
+
+        Raises:
+            UsageError: There is no viewer.
+            WriteError: The file cannot be written.
+        """
+        import rerun as rr
+
+        self._path, self._display_score = path, display_score
+        self._origin: tuple[Float64, float] | None = None
+        self._recording = rr.RecordingStream("trifuse", recording_id=uuid.uuid4())
+        sinks: list[rr.GrpcSink | rr.FileSink] = []
+        if view:
+            _spawn_viewer()
+            sinks.append(rr.GrpcSink(f"rerun+http://127.0.0.1:{_VIEWER_PORT}/proxy"))
+        if path is not None:
+            sinks.append(_file_sink(path))
+        self._recording.set_sinks(*sinks)
+        self._recording.send_recording_name(drive)
+
+    def add(self, result: Result, selected: SelectedObject | None) -> None:
+        """Log the entities of one frame."""
+        from data.exports.rerun_entities import (
+            camera_entities,
+            object_entities,
+            point_entities,
+            pose_entities,
+            series_entities,
+        )
+
+        if self._origin is None:
+            self._origin = (result.world_SE3_velo[:3, 3].copy(), result.frame.stamp_s)
+            self._log_static(result)
+        origin_m, start_s = self._origin
+        self._recording.set_time("frame", sequence=result.frame.index)
+        self._recording.set_time("time", duration=result.frame.stamp_s - start_s)
+        entities = {
+            **pose_entities(result, origin_m),
+            **point_entities(result),
+            **object_entities(result, origin_m, self._display_score),
+            **camera_entities(result, self._display_score),
+            **series_entities(result),
+        }
+        for path, entity in entities.items():
+            parts = entity if isinstance(entity, list) else [entity]
+            self._recording.log([*path.split("/")], *parts)
+
+    def close(self, *, is_complete: bool) -> None:
+        """Put the file in its place, with the frames that were added.
+
+        Raises:
+            WriteError: It could not be written; no file is left.
+        """
+        self._recording.disconnect()
+        if self._path is None:
+            return
+        part = part_of(self._path)
+        with writing(self._path):
+            if not _is_whole(part):
+                part.unlink(missing_ok=True)
+                raise WriteError(self._path, expected="room for the recording", found="a full disk")
+            part.replace(self._path)
+
+    def _log_static(self, result: Result) -> None:
+        """Log what holds for the whole drive, and the layout of the viewer."""
+        import rerun as rr
+
+        from data.exports.rerun_blueprint import blueprint_of
+
+        self._recording.send_blueprint(blueprint_of(result))
+        self._recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        origin_m = rr.AnyValues(origin_m=np.asarray(result.world_SE3_velo[:3, 3]))
+        self._recording.log("world", origin_m, static=True)
+        self._recording.log("world/ego", rr.TransformAxes3D(axis_length=2.0), static=True)
+
+
+def _spawn_viewer() -> None:
+    import rerun as rr
+
+    try:
+        rr.spawn(
+            port=_VIEWER_PORT,
+            connect=False,
+            memory_limit=_VIEWER_MEMORY,
+            server_memory_limit=_VIEWER_MEMORY,
+            hide_welcome_screen=True,
+        )
+    except RuntimeError as error:
+        raise UsageError(
+            "--view",
+            expected="the Rerun viewer",
+            found=str(error).partition("\n")[0].rstrip("."),
+            advice="write a recording with --rerun FILE.rrd",
+        ) from error
+
+
+def _file_sink(path: Path) -> "rr.FileSink":
+    """Return the sink of a partial file; make its folder."""
+    import rerun as rr
+
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part_of(path).touch()
+    return rr.FileSink(part_of(path))
+
+
+def _is_whole(path: Path) -> bool:
+    """Return whether a recording has its end: Rerun tells no error of a file but in its log."""
+    from rerun.chunk import RrdReader
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a recording without its end
+        try:
+            RrdReader(path).store()
+        except (RuntimeError, ValueError, OSError):
+            return False
+    return True
