@@ -37,7 +37,8 @@ def open_drive(
     config = replace(config, sensor=sensor or config.sensor, images=images and config.images)
     with _readable(path):
         layout, sequences = _recognise(path)
-        return layout.open(path, _choose(path, sequences, sequence), config)
+        drive = layout.open(path, _choose(path, sequences, sequence), config)
+        return replace(drive, deskew=True) if config.deskew else drive
 
 
 def open_drives(

@@ -3,12 +3,14 @@
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
 from data.kitti.oxts import InsPacket
-from perception.errors import ScanError
+from data.sweep_motion import SweepMotions
+from perception.errors import ScanError, UsageError
+from perception.localization.deskew import deskew
 from perception.sensor import LidarModel
 from perception.types import Calibration, Float32, Float64, Frame, Labels, PointTruth, UInt8
 
@@ -25,6 +27,7 @@ class RecordedDrive(ABC):
         sensor: LiDAR model.
         calibration: Calibration of the camera in all frames, or None.
         notes: Sentences on data that are not used as they are, or on what was assumed.
+        deskew: Whether the points of a sweep are moved to its stamp, by their times and the motion of the LiDAR.
     """
 
     name: str
@@ -32,6 +35,10 @@ class RecordedDrive(ABC):
     sensor: LidarModel
     calibration: Calibration | None = None
     notes: tuple[str, ...] = ()
+    deskew: bool = False
+    _motions: SweepMotions = field(
+        default_factory=SweepMotions, init=False, repr=False, compare=False
+    )
 
     @property
     @abstractmethod
@@ -95,7 +102,7 @@ class RecordedDrive(ABC):
         image = self.image(index) if with_image else None
         return Frame(
             index=range(len(self))[index],
-            points_velo=self.points_velo(index),
+            points_velo=self._deskewed(index) if self.deskew else self.points_velo(index),
             stamp_s=self.stamp_s(index),
             image=image,
             world_SE3_velo=self.world_SE3_velo(index) if with_pose else None,
@@ -105,6 +112,17 @@ class RecordedDrive(ABC):
             number=self.frame_numbers[index],
             point_times_s=self.point_times_s(index),
         )
+
+    def _deskewed(self, index: int) -> Float32:
+        """Return the points of a sweep at its stamp; as measured where the motion is not known."""
+        points_velo, times_s = self.points_velo(index), self.point_times_s(index)
+        if times_s is None:
+            raise UsageError(
+                "--deskew", expected="a time for each point", found=f"none in {self.source(index)}"
+            )
+        span_s = float(times_s.min(initial=0.0)), float(times_s.max(initial=0.0))
+        motion = self._motions.motion(self, index, span_s)
+        return points_velo if motion is None else deskew(points_velo, times_s, motion)
 
     @abstractmethod
     def select(self, indices: Sequence[int]) -> Self:
