@@ -9,6 +9,7 @@ from typing import Any
 from data.detections.measured_detectors import MeasuredDetector
 from data.detections.unlearned_frames import LearnedCounts, count_learned_frames
 from data.frames import file_number, frame_count, read_frames
+from data.kitti.drive import KittiDrive
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
@@ -25,13 +26,23 @@ from perception.types import Detections, Drive, Frame, OnBadFrame
 _READING = OpenConfig()
 
 
+def drive_kind(drive: Drive) -> str:
+    """Return `synthetic` for a drive of `trifuse synth`, else `real`.
+
+    In KITTI's layouts with boxes, only synthetic drives know the class of every point.
+    """
+    if isinstance(drive, KittiDrive) and drive.has_labels and drive.has_point_truth:
+        return "synthetic"
+    return "real"
+
+
 @dataclass(frozen=True)
 class DriveInfo:
     """Labelled frames that the metrics of one drive rest on.
 
     Attributes:
         name: Path and sequence as given.
-        kind: `synthetic` where the exact truth of every point is known, else `real`.
+        kind: Kind of the drive: real or synthetic.
         root: Folder of the drive.
         sensor: Name of the LiDAR model.
         frames: Number of frames of the drive, or of its part.
@@ -165,12 +176,11 @@ class DriveReader:
             indices.append(frame.index)
         if not indices:
             raise DriveError(drive.root, expected="a frame that can be read", found="none")
-        kind = "real" if drive.point_truth(indices[0]) is None else "synthetic"
         learned = count_learned_frames(networks, drive.select(indices))
         learned.warn(name)
         info = DriveInfo(
             name,
-            kind,
+            drive_kind(drive),
             drive.root.resolve(),
             drive.sensor.name,
             len(drive),

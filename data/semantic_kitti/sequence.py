@@ -31,10 +31,14 @@ from data.kitti.sensor_files import (
 )
 from data.kitti.sequence import CameraFiles, ScanClock
 from data.layouts import Layout, OpenConfig
-from perception.errors import DriveError, PerceptionError, PoseError
+from perception.errors import DriveError, LabelError, PerceptionError, PoseError
 from perception.geometry.se3 import from_rotation_translation
 from perception.types import Calibration, Float64, Labels, PointTruth, UInt8
 
+# All classes that semantic-kitti.yaml names; those that move are read as the same class and a motion.
+_CLASSES = (
+    0, 1, 10, 11, 13, 15, 16, 18, 20, 30, 31, 32, 40, 44, 48, 49, 50, 51, 52, 60, 70, 71, 72, 80, 81, 99,
+)  # fmt: skip
 _POSES, _TIMES, _CALIBRATION = "poses.txt", "times.txt", "calib.txt"
 _CAMERA_KEYS, _VELO_TO_CAM_KEYS = ("P2",), ("Tr", "Tr_velo_to_cam")
 
@@ -92,10 +96,21 @@ class SemanticKittiSequence(KittiDrive):
         return np.asarray(self.poses[number])
 
     def point_truth(self, index: int) -> PointTruth | None:
-        """Read the truth of every point; objects are numbered within their class, and get numbers of their own."""
+        """Read the truth of every point; objects are numbered within their class, and get numbers of their own.
+
+        Raises:
+            LabelError: The file is missing, its length differs from that of the scan, or a class is not known.
+        """
         truth = super().point_truth(index)
-        if truth is None:
+        if truth is None or self.point_labels is None:
             return None
+        unknown = np.setdiff1d(truth.classes, _CLASSES)
+        if len(unknown):
+            raise LabelError(
+                self.point_labels.paths[index],
+                expected="classes of SemanticKITTI, such as 40 for road and 252 for a moving car",
+                found=", ".join(map(str, unknown[:3])),
+            )
         own = np.where(truth.instances > 0, truth.instances << 8 | truth.classes, 0)
         return replace(truth, instances=own)
 

@@ -42,11 +42,12 @@ def evaluate_datmo(
     Example: trifuse evaluate datmo kitti/tracking --sequence 0000 --methods default,thesis
 
     Args:
-        root: Tracking sequences, or a synthetic drive in raw or tracking layout.
+        root: Drive with poses and labelled boxes that have tracks.
         set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
         methods: Methods that are compared; all of them get the segmented scans of one pipeline.
         pipeline: Configuration of the pipeline up to the segmented scan.
-        protocol: Protocol of the evaluation; `view: all` takes the exact truth of synthetic drives.
+        protocol: Protocol of the evaluation; `view: all` takes labels of everything around:
+            synthetic drives, Argoverse 2, nuScenes.
     """
     from perception.evaluation.datmo_measure import PROTOCOL_WORDS, DatmoSetReport
 

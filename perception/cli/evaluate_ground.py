@@ -29,12 +29,13 @@ def evaluate_ground(
 ) -> None:
     """Measure how far the estimated ground is from the bottom centres of labelled objects, in metres.
 
-    Where every point has an exact class, as in synthetic drives, the points classified as ground are counted too.
+    Where every point has a class, as in synthetic drives, SemanticKITTI, nuScenes-lidarseg and Argoverse 2, the points
+    classified as ground are counted too: precision, recall, F1 and IoU, by range. Points without a label are left out.
 
     Example: trifuse evaluate ground kitti/tracking --sequence 0000 --json ground.json
 
     Args:
-        root: Tracking sequences, object frames, or a synthetic drive of any layout.
+        root: Drive of any layout with labelled boxes or classes of points.
         set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
         pipeline: Pipeline configuration.
     """

@@ -56,13 +56,14 @@ def evaluate_obstacles(
 ) -> None:
     """Count labelled objects that are found, missed and misclassified as static or moving, and false moving clusters.
 
-    What moves follows from label boxes and INS poses. Where every point has exact truth, as in synthetic
-    drives, every post, tree, wall and object is counted, and the points classified as moving and static too.
+    What moves follows from label boxes and INS poses. Where every point has a class, as in synthetic drives,
+    SemanticKITTI, nuScenes-lidarseg and Argoverse 2, every post, tree, wall and object is counted, and the points
+    classified as moving and static too: precision, recall, F1 and IoU. Points without a label are left out.
 
     Example: trifuse evaluate obstacles kitti/tracking --sequence 0000 --json obstacles.json
 
     Args:
-        root: Tracking sequences, object frames, or a synthetic drive of any layout.
+        root: Drive of any layout with labelled boxes or classes of points.
         set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
         pipeline: Pipeline configuration.
         protocol: Protocol of the evaluation.

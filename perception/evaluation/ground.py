@@ -31,11 +31,11 @@ from perception.types import (
     UInt8,
 )
 
-# SemanticKITTI's classes that lie on the ground: road, parking, sidewalk, other ground, lane marking,
-# terrain. Their class decides, not their slope: the face of a kerb is sidewalk, so a kerb called an
+# SemanticKITTI's classes that lie on the ground (semantic-kitti.yaml): road 40, parking 44, sidewalk 48, other ground
+# 49, lane marking 60, which its official map for learning joins to road, and terrain 72, grass and soil. Their class decides, not their slope: the face of a kerb is sidewalk, so a kerb called an
 # obstacle costs recall. Vegetation is no ground, however low.
 GROUND_CLASSES = (40, 44, 48, 49, 60, 72)
-UNLABELLED_CLASSES = (0, 1)  # unlabelled, outlier: neither right nor wrong
+UNLABELLED_CLASSES = (0, 1)  # unlabelled, outlier: the official map ignores both
 
 RANGE_EDGES_M = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 
@@ -49,8 +49,9 @@ PROTOCOL = {
     "range": "horizontal distance from the LiDAR",
     "slices": "intervals of x between the edges of (5.2) with the thesis' eta",
     "points": (
-        "points classified as ground against points of the classes of the ground, over the local area, "
-        "summed over frames; unlabelled points do not count, the faces of kerbs are ground"
+        "points classified as ground against points of the classes of the ground (road, parking, sidewalk, "
+        "other ground, lane marking, terrain), over the local area, summed over frames; unlabelled points "
+        "and outliers do not count, the faces of kerbs are ground"
     ),
     "ground_classes": GROUND_CLASSES,
 }

@@ -42,6 +42,11 @@ PROTOCOL_WORDS = {
     "objects": obstacles.__doc__,
     "false_obstacles": false_obstacles.__doc__,
     "exact_truth": exact_obstacles.__doc__,
+    "points": (
+        "points classified as moving against those that move (SemanticKITTI: classes 252 to 259), and those "
+        "classified as static against all others off the ground, within the local area and below its height, "
+        "summed over frames; unlabelled points and outliers do not count"
+    ),
     "counts": (
         "the columns of Table 7.2 over the scans evaluated: by exact truth of points where there is any, else of "
         "labelled objects; false obstacles are shadows of moving objects, with exact truth also "

@@ -105,13 +105,13 @@ class Drive(Protocol):
         ...
 
     def point_truth(self, index: int) -> "PointTruth | None":
-        """Read the exact truth of every point, which only synthetic drives have."""
+        """Read the truth of every point, or None where it is not known: exact in synthetic drives, else labelled."""
         ...
 
 
 @dataclass(frozen=True)
 class PointTruth:
-    """Exact truth of the N points of a synthetic scan.
+    """Truth of the N points of a scan: exact where it is synthetic, else by labels of points or of boxes.
 
     Attributes:
         classes: (N,) SemanticKITTI class numbers, moving classes (252-259) mapped to their still ones.

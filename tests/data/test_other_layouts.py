@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from data.derived.moving_truth import moving_truth
+from data.detections.measured_drives import drive_kind
 from data.inspection import inspect_drive
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
@@ -223,3 +224,8 @@ def test_sequences_of_each_layout(roots):
     assert sequences_in(roots["SemanticKITTI"] / "dataset/sequences/08") == [None]
     (log,) = sequences_in(roots["Argoverse 2"])
     assert sequences_in(roots["Argoverse 2"] / log) == [None]
+
+
+def test_real_drives_with_classes_of_points_are_not_called_synthetic(exact, opened):
+    kinds = {name: drive_kind(opened(name, images=False)) for name in ("KITTI", *WRITERS)}
+    assert kinds == {"KITTI": "synthetic", **dict.fromkeys(WRITERS, "real")}

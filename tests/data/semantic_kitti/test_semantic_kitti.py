@@ -89,6 +89,13 @@ def test_a_time_that_is_missing(sequence):
         open_drive(sequence)[1]
 
 
+def test_labels_of_other_classes(sequence):
+    words = np.full(len(EXACT.scan(0).points_velo), 7, np.uint32)
+    (sequence / "labels/000000.label").write_bytes(words.tobytes())
+    with fault(LabelError, "000000.label", "classes of SemanticKITTI", "7"):
+        open_drive(sequence).point_truth(0)
+
+
 def test_labels_of_another_scan(sequence):
     (sequence / "labels/000001.label").write_bytes(b"1234")
     with fault(LabelError, "000001.label", "a label for each of", "4 bytes"):
