@@ -17,8 +17,8 @@ from perception.types import Result
 if TYPE_CHECKING:
     import pyarrow
 
-# Rows that wait in memory; a row group holds as many, or those of one frame if it has more.
-_MAX_WAITING_ROWS = 20_000
+# Frames whose rows wait in memory, some 20 MB; a row group holds them.
+_GROUP_FRAMES = 500
 
 
 class TableWriter(ResultWriter):
@@ -62,7 +62,6 @@ class ParquetTable:
         self._path, self._columns = path, TABLES[name]
         self._schema = arrow_schema(name)
         self._waiting: list[Rows] = []
-        self._count = 0
 
     def __enter__(self) -> Self:
         """Open the partial file."""
@@ -82,20 +81,19 @@ class ParquetTable:
             self._write_waiting()
 
     def add(self, rows: Rows) -> None:
-        """Add rows; a row group is written when enough of them wait.
+        """Add the rows of a frame; a row group is written when those of enough frames wait.
 
         Raises:
             WriteError: The file cannot be written.
         """
         self._waiting.append(rows)
-        self._count += len(rows["frame"])
-        if self._count >= _MAX_WAITING_ROWS:
+        if len(self._waiting) >= _GROUP_FRAMES:
             self._write_waiting()
 
     def _write_waiting(self) -> None:
         import pyarrow
 
-        if not self._count:
+        if not self._waiting:
             return
         arrays = [
             _arrow_array(np.concatenate([rows[name] for rows in self._waiting]), column)
@@ -103,7 +101,7 @@ class ParquetTable:
         ]
         with writing(self._path):
             self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema))
-        self._waiting, self._count = [], 0
+        self._waiting = []
 
 
 def arrow_schema(name: str) -> "pyarrow.Schema":

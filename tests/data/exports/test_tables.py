@@ -130,7 +130,7 @@ def test_duckdb_joins_the_tables(tables):
 
 
 def test_rows_leave_memory_in_groups(tmp_path, monkeypatch):
-    monkeypatch.setattr(table_writer, "_MAX_WAITING_ROWS", 4)
+    monkeypatch.setattr(table_writer, "_GROUP_FRAMES", 2)
     write(tmp_path, [known_result(index) for index in range(5)])
     file = parquet.ParquetFile(tmp_path / "tables/tracks.parquet")
     groups = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
