@@ -15,6 +15,7 @@ from data.plausibility import (
     describe_invalid_points,
     label_anomalies,
     motion_anomalies,
+    pose_anomalies,
     projection_anomalies,
     rotation_anomalies,
     time_anomalies,
@@ -238,19 +239,24 @@ def _inspect_poses(
             rotation_anomalies(drive.velo_SE3_imu, f"{drive.name} velo_SE3_imu")
         )
     packets: dict[int, InsPacket] = {}
-    positions_m: list[Float64] = []
+    poses: dict[int, Float64] = {}
     for index in range(len(drive)):
         try:
             packet, pose = drive.ins_packet(index), drive.world_SE3_velo(index)
         except PoseError as error:
             collected.add_error(error)
             continue
+        number = drive.frame_numbers[index]
         if packet is not None:
-            packets[drive.frame_numbers[index]] = packet
+            packets[number] = packet
         if pose is not None:
-            positions_m.append(pose[:3, 3])
+            poses[number] = pose
     period_s = 1 / drive.sensor.rate_hz
-    collected.add_anomalies(motion_anomalies(packets, stamps_s, period_s))
+    if packets:
+        collected.add_anomalies(motion_anomalies(packets, stamps_s, period_s))
+    else:
+        collected.add_anomalies(pose_anomalies(poses, stamps_s, period_s))
+    positions_m = [pose[:3, 3] for pose in poses.values()]
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(positions_m)))
 
 

@@ -1,6 +1,6 @@
 """Plausibility checks: times, INS motion, calibration, labels."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -68,13 +68,37 @@ def motion_anomalies(
     if not packets:
         return
     world = Mercator.around(next(iter(packets.values())))
-    for before, after in pairwise(packets):
+    for before, after, step_s in _steps(packets, stamps_s, period_s):
+        yield from _step_anomalies(world, packets[before], packets[after], step_s, f"frame {after}")
+
+
+def pose_anomalies(
+    poses: Mapping[int, Float64], stamps_s: Mapping[int, float], period_s: float
+) -> Iterator[Anomaly]:
+    """Find steps from one pose to the next that exceed what a vehicle can do."""
+    for before, after, step_s in _steps(poses, stamps_s, period_s):
+        motion = inverse(poses[before]) @ poses[after]
+        limits = (
+            ("speed", float(np.linalg.norm(motion[:3, 3])) / step_s, _MAX_SPEED_M_S, "m/s"),
+            ("turning", rotation_angle_rad(motion) / step_s, _MAX_TURN_RATE_RAD_S, "rad/s"),
+        )
+        for what, value, limit, unit in limits:
+            if value > limit:
+                yield Anomaly(
+                    f"{what} between poses implausible",
+                    f"frame {after}: expected at most {limit:g} {unit}, found {value:.1f}",
+                )
+
+
+def _steps(
+    numbers: Iterable[int], stamps_s: Mapping[int, float], period_s: float
+) -> Iterator[tuple[int, int, float]]:
+    """Yield the numbers of neighbouring frames and the time between them, where it advances."""
+    for before, after in pairwise(numbers):
         known = before in stamps_s and after in stamps_s
         step_s = stamps_s[after] - stamps_s[before] if known else (after - before) * period_s
         if step_s > 0:
-            yield from _step_anomalies(
-                world, packets[before], packets[after], step_s, f"frame {after}"
-            )
+            yield before, after, step_s
 
 
 def _step_anomalies(

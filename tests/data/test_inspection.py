@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from data.inspection import inspect_drive
+from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.geometry.se3 import from_euler
 from tests.damaged_scans import DAMAGES, REFUSED, road_scan
@@ -154,4 +155,22 @@ def test_object_frames_are_checked_one_by_one(object_root):
         in _findings(object_root)[
             "LiDAR mounting that contradicts its axes or its model"
         ].first_example
+    )
+
+
+def test_poses_without_packets_are_checked_too(raw_drive, monkeypatch):
+    monkeypatch.setattr(KittiSequence, "ins_packet", lambda drive, index: None)
+    monkeypatch.setattr(
+        KittiSequence,
+        "world_SE3_velo",
+        lambda drive, index: from_euler(
+            0, 0, 0.5 * (index > 3), np.array([20.0 * (index > 1), 0, 0])
+        ),
+    )
+    found = _findings(raw_drive)
+    assert found["speed between poses implausible"].first_example == (
+        "frame 2: expected at most 70 m/s, found 200.0"
+    )
+    assert found["turning between poses implausible"].first_example == (
+        "frame 4: expected at most 3 rad/s, found 5.0"
     )
