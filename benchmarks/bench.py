@@ -57,7 +57,7 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
         detection: Detectors of the pipeline.
     """
     from benchmarks import comparisons, pipeline, stages
-    from data.results.documents import describe_machine, write_json
+    from data.results.documents import describe_machine
     from perception.geometry.threads import limit_blas_threads
 
     if compare is not None:
@@ -95,8 +95,8 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
             continue
         _print(comparison.text())
         document[name] = comparison.to_json()
-    if report.json is not None:
-        write_json(report.json, document)
+    if report.has_files:
+        report.write(document)
 
 
 def _compare_with_revision(
@@ -104,14 +104,14 @@ def _compare_with_revision(
 ) -> None:
     """Print the processor time of each stage in this source tree and in another revision."""
     from benchmarks.revisions import compare_with_revision
-    from data.results.documents import describe_machine, write_json
+    from data.results.documents import describe_machine
 
     with _on_disk(drive, source, frames) as path:
         table = compare_with_revision(revision, path, frames, source.sequence, source.sensor)
     machine = describe_machine()
     _print(f"{table.text()}\non {machine}")
-    if report.json is not None:
-        write_json(report.json, {"machine": machine, "stages": table.to_json()})
+    if report.has_files:
+        report.write({"machine": machine, "stages": table.to_json()})
 
 
 @contextmanager

@@ -105,10 +105,8 @@ def table_markup(title: str, header: Sequence[str], rows: Sequence[Sequence[str]
 
 def report_table_markup(table: Table[Any]) -> str:
     """Return a table of a report with its notes."""
-    header = [table.heading, *(column.name for column in table.columns)]
-    rows = [[name, *(c.cell(row) for c in table.columns)] for name, row in table.rows.items()]
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes if note)
-    return table_markup(table.title, header, rows) + notes
+    return table_markup(table.title, table.header, table.cells) + notes
 
 
 def text_markup(title: str, text: str, *, is_open: bool = False) -> str:

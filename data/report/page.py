@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from importlib.util import find_spec
 from pathlib import Path
 
 from data.report.markup import Plots, Section, json_markup
@@ -71,11 +72,21 @@ class Page:
         )
 
 
-def _plotly_script() -> str:
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError as error:
+def require_plotly() -> None:
+    """Validate that the package of the figures is installed; it is imported with the first page.
+
+    Raises:
+        MissingDependencyError: It is not.
+    """
+    if find_spec("plotly") is None:
+        reason = ImportError("No module named 'plotly'")
         raise MissingDependencyError(
-            "plotly", needed_for="the report", extra="report", reason=error
-        ) from error
+            "plotly", needed_for="the report", extra="report", reason=reason
+        )
+
+
+def _plotly_script() -> str:
+    require_plotly()
+    from plotly.offline import get_plotlyjs
+
     return str(get_plotlyjs())

@@ -36,12 +36,14 @@ class Player:
         frames: Frames; those without images are not played.
         columns: Headings of the objects; none for no table.
         rate_hz: Frames per second where the times of the frames do not tell.
+        is_paired: Whether views stand in pairs, as of two runs.
     """
 
     images: FrameImages
     frames: Sequence[PlayerFrame]
     columns: Sequence[str] = ()
     rate_hz: float = 10.0
+    is_paired: bool = False
 
     @property
     def played(self) -> list[PlayerFrame]:
@@ -51,14 +53,15 @@ class Player:
     def markup(self) -> str:
         """Return the HTML of the player."""
         places = list(zip(self.images.views, self.images.sizes_px, strict=True))
-        shares = " ".join(f"minmax(0, {size[0]}fr)" for _, size in places)
+        row = places[:2] if self.is_paired else places
+        shares = " ".join(f"minmax(0, {size[0]}fr)" for _, size in row)
         views = [_view_markup(name, size) for name, size in places]
         if views and self.columns:
             views[0] = f'<div class="side">{views[0]}{self._objects_markup()}</div>'
-        count = len(self.played)
+        count, paired = len(self.played), " paired" if self.is_paired else ""
         return (
             '<div data-player role="group" aria-label="Player">'
-            f'<div class="views" style="grid-template-columns:{shares}">{"".join(views)}</div>'
+            f'<div class="views{paired}" style="grid-template-columns:{shares}">{"".join(views)}</div>'
             f'<div class="controls">{_controls_markup(count)}</div></div>'
             '<p class="note">Keys: <kbd>←</kbd> <kbd>→</kbd> one frame, with <kbd>Shift</kbd> ten, '
             "<kbd>Home</kbd>, <kbd>End</kbd>, <kbd>Space</kbd> plays. A click on a curve shows its "
@@ -89,7 +92,8 @@ class Player:
         count, total = len(self.played), len(self.frames)
         if count == total:
             return ""
-        return f" The player holds {count} of {total} frames, so that this file stays small."
+        reason = "those of both runs" if self.is_paired else "so that this file stays small"
+        return f" The player holds {count} of {total} frames, {reason}."
 
 
 def _view_markup(name: str, size_px: tuple[int, int]) -> str:

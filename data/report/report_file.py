@@ -3,9 +3,11 @@
 from pathlib import Path
 
 from data.report.page import Page
+from data.results.run_folder import FRAMES
 from perception.atomic_file import write_atomically
+from perception.errors import DriveError
 
-REPORT = "report.html"
+REPORT, COMPARISON = "report.html", "comparison.html"
 
 
 def write_page(page: Page, path: Path) -> Path:
@@ -19,13 +21,39 @@ def write_page(page: Page, path: Path) -> Path:
     return path
 
 
-def write_run_report(folder: Path) -> Path:
-    """Write `report.html` into the folder of a run; return its path.
+def write_report(results: Path, other: Path | None = None, out: Path | None = None) -> Path:
+    """Write the report of results, or of two runs beside each other; return its path.
+
+    Args:
+        results: Folder of a run or a training, or the JSON report of an evaluation or a benchmark.
+        other: Folder of the run that is compared; None for one report.
+        out: HTML file; else report.html in the folder, comparison.html in that of the second run, or the name of the
+            JSON file with .html.
 
     Raises:
-        PerceptionError: The folder holds no results of a run, or a file is damaged.
+        PerceptionError: There are no such results, or a file is damaged.
     """
     from data.report.run_data import RunData
-    from data.report.run_report import run_page
 
-    return write_page(run_page(RunData.read(folder)), folder / REPORT)
+    if other is not None:
+        from data.report.comparison import comparison_page
+
+        page = comparison_page(RunData.read(results), RunData.read(other))
+        return write_page(page, out or other / COMPARISON)
+    if (results / FRAMES).is_file():
+        from data.report.run_report import run_page
+
+        return write_page(run_page(RunData.read(results)), out or results / REPORT)
+    if results.is_dir():
+        from data.report.training_report import is_training, training_page
+
+        if is_training(results):
+            return write_page(training_page(results), out or results / REPORT)
+        raise DriveError(
+            results,
+            expected="a folder that `trifuse run` or `trifuse train` wrote",
+            found="another",
+        )
+    from data.report.document_report import document_page, read_document
+
+    return write_page(document_page(read_document(results)), out or results.with_suffix(".html"))

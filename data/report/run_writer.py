@@ -66,9 +66,9 @@ class RunReportWriter(ResultWriter):
         )
         facts.write(self._out)
         if is_complete:
-            from data.report.report_file import write_run_report
+            from data.report.report_file import write_report
 
-            write_run_report(self._out)
+            write_report(self._out)
 
     def _draw(self, result: Result, selected: SelectedObject | None) -> None:
         objects = SceneObjects.of(result, self._composition.display_score, selected)

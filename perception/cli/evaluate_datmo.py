@@ -67,7 +67,7 @@ def evaluate_datmo(
     )
     document = EvaluationDocument("datmo", data, {**PROTOCOL_WORDS, "values": protocol})
     heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"
-    publish_report(heading, metrics, document, config, report.json)
+    publish_report(heading, metrics, document, config, report)
 
 
 def compare_methods(

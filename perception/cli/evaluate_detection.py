@@ -81,7 +81,7 @@ def evaluate_detection(
         "detection", measured.data, protocol(metric), opened.metadata
     )
     heading = f"{opened.title}\n{measured.seen_in_training}"
-    publish_report(heading, measured, document, config, report.json)
+    publish_report(heading, measured, document, config, report)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 

@@ -56,4 +56,4 @@ def evaluate_ground(
         root, set, drive, evaluate, lambda reports: GroundSetReport(reports, PRINTED_MDE_M)
     )
     document = EvaluationDocument("ground", data, PROTOCOL)
-    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report.json)
+    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report)

@@ -76,7 +76,7 @@ def evaluate_obstacles(
     if counting.counting_sheet is not None:
         counted = _count(root, set, counting, drive, pipeline, protocol)
         document = EvaluationDocument("obstacles", {"root": root, "counting": counting}, words)
-        publish_report(str(counted), counted, document, config, report.json)
+        publish_report(str(counted), counted, document, config, report)
         return
 
     def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, ObstacleReport]":
@@ -88,7 +88,7 @@ def evaluate_obstacles(
         root, set, drive, evaluate, lambda reports: ObstacleSetReport(reports, table_3_1())
     )
     document = EvaluationDocument("obstacles", data, words)
-    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report.json)
+    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report)
 
 
 def _count(

@@ -80,7 +80,7 @@ def evaluate_otd(
     heading = "\n".join([f"{heading}; absent:", *absent]) if absent else heading
     if "h-fus" in names:
         heading = f"{heading}\n\n{fusion_parameters(tracker).text()}"
-    publish_report(heading, metrics, document, config, report.json)
+    publish_report(heading, metrics, document, config, report)
     if plots is not None:
         for path in write_plots(plots, f"{root.name}, set {set}", metrics):
             print(path)

@@ -83,13 +83,13 @@ def evaluate_results(
     if published is not None:
         require_published(classes, metric.iou, are_tracks=is_of_tracks)
     if is_of_tracks:
-        publish_report(*_measure_tracks(results, labels, classes, seqmap), config, report.json)
+        publish_report(*_measure_tracks(results, labels, classes, seqmap), config, report)
         return
     chosen = [class_of_name(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
     heading, precision, document = _measure_detections(
         results, labels, chosen, metric, frame_list, published
     )
-    publish_report(heading, precision, document, config, report.json)
+    publish_report(heading, precision, document, config, report)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 

@@ -79,9 +79,7 @@ def evaluate_robustness(
         "robustness", measured.data, protocol(metric, levels=levels), metadata
     )
     heading = f"{class_name}, IoU over {metric.iou[0]:g}"
-    publish_report(
-        f"{heading}\n{measured.seen_in_training}", measured, document, config, report.json
-    )
+    publish_report(f"{heading}\n{measured.seen_in_training}", measured, document, config, report)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 

@@ -65,4 +65,4 @@ def evaluate_vehicles(
     heading = f"{data}, detector {detector}, scores from {display_score:g}"
     if opened.metadata:
         heading = f"{heading}\n{learned}"
-    publish_report(heading, metrics, document, config, report.json)
+    publish_report(heading, metrics, document, config, report)

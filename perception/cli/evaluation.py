@@ -6,7 +6,7 @@ from typing import Any
 from data.results.command_config import SECTION, CommandConfig
 from data.results.evaluated import EvaluatedDrive, EvaluationDocument
 from perception import __version__
-from perception.cli.flags import DriveFlags, LabelledDriveFlags
+from perception.cli.flags import DriveFlags, LabelledDriveFlags, ReportFlags
 from perception.errors import DriveError, UsageError
 from perception.evaluation.report import Measure, Report
 from perception.pipeline import PipelineConfig
@@ -72,15 +72,15 @@ def publish_report(
     report: Report,
     document: EvaluationDocument,
     config: CommandConfig,
-    json: Path | None,
+    output: ReportFlags,
 ) -> None:
-    """Print the tables of a report below a heading; write its metrics where a JSON file is asked for.
+    """Print the tables of a report below a heading; write its metrics into the files that are asked for.
 
     `--config` reads the configuration of the JSON file back.
     """
-    from data.results.documents import write_json
-
-    print("\n\n".join([heading, *(table.text() for table in report.tables())]))
-    if json is not None:
+    tables = report.tables()
+    print("\n\n".join([heading, *(table.text() for table in tables)]))
+    if output.has_files:
         stated = {**vars(document), SECTION: config.values, "program": f"trifuse {__version__}"}
-        write_json(json, {**stated, "results": report.to_json()})
+        printed = [table.printed() for table in tables]
+        output.write({**stated, "tables": printed, "results": report.to_json()})

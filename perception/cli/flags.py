@@ -150,9 +150,43 @@ class ReportFlags(FlagGroup):
 
     Attributes:
         json: JSON file for the metrics, with protocol, data and configuration.
+        html: HTML file for the same with figures, which needs no network.
     """
 
     json: Path | None = None
+    html: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Validate that an HTML file can be written, before the work.
+
+        Raises:
+            MissingDependencyError: Plotly is not installed.
+        """
+        if self.html is not None:
+            from data.report.page import require_plotly
+
+            require_plotly()
+
+    @property
+    def has_files(self) -> bool:
+        """Whether a file is asked for."""
+        return self.json is not None or self.html is not None
+
+    def write(self, document: object) -> None:
+        """Write a document into the files that are asked for.
+
+        Raises:
+            WriteError: A file cannot be written.
+        """
+        from data.results.documents import to_serializable, write_json
+
+        if self.json is not None:
+            write_json(self.json, document)
+        if self.html is not None:
+            from data.report.document_report import document_page
+            from data.report.report_file import write_page
+
+            write_page(document_page(to_serializable(document)), self.html)
 
 
 def require_positive(flag: str, count: int | None) -> None:

@@ -101,6 +101,7 @@ SUMMARIES: Mapping[str, str] = {
     "maps": "write dense depth and reflectance maps as the camera sees them",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "split": "split labelled frames into training, validation and test",
+    "report": "write the HTML report of results, or compare two runs",
     "check": "read a drive; report what is missing, damaged or implausible",
     "evaluate": "measure a stage against labels or exact truth",
     "evaluate ground": "error of the estimated ground at labelled objects",

@@ -25,7 +25,7 @@ from perception.cli.words import flag_words, read_words, usage_error
 
 CommandFunction = Callable[..., None]
 
-_OUTPUT_FILES = {"json", "plot", "reliability_plot", "rerun"}
+_OUTPUT_FILES = {"json", "html", "plot", "reliability_plot", "rerun"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
 _OUTPUTS = {
     *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "view",

@@ -75,11 +75,28 @@ class Table(Generic[Row]):
     heading: str = ""
     notes: Sequence[str] = ()
 
+    @property
+    def header(self) -> list[str]:
+        """Headings of all columns."""
+        return [self.heading, *(column.name for column in self.columns)]
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """Cells of each row as text."""
+        return [[name, *(c.cell(row) for c in self.columns)] for name, row in self.rows.items()]
+
     def text(self) -> str:
         """Return the table as text, the first column to the left, all others to the right."""
-        header = [self.heading, *(column.name for column in self.columns)]
-        cells = [[name, *(c.cell(row) for c in self.columns)] for name, row in self.rows.items()]
-        return "\n".join([format_table(self.title, header, cells), *self.notes])
+        return "\n".join([format_table(self.title, self.header, self.cells), *self.notes])
+
+    def printed(self) -> dict[str, object]:
+        """Return the table as it is printed, for a document."""
+        return {
+            "title": self.title,
+            "header": self.header,
+            "rows": self.cells,
+            "notes": list(self.notes),
+        }
 
     def to_json(self) -> dict[str, dict[str, Value]]:
         """Return the values of the columns that have a key, by row."""

@@ -11,10 +11,12 @@ import pytest
 from data.derived.motion_labels import label_drive_motion
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
+from data.results.command_config import CommandConfig
 from data.results.documents import to_serializable
 from data.results.evaluated import EvaluationDocument
 from perception.cli import drive_results
 from perception.cli.evaluation import publish_report
+from perception.cli.flags import ReportFlags
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
 from perception.evaluation.config import ObjectMatchConfig
@@ -264,5 +266,6 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     path.write_text("old")
     document = EvaluationDocument("ground", {}, {"unwritable": object()}, None)
     with pytest.raises(TypeError):
-        publish_report("0000", GroundReport(), document, path)
+        config = CommandConfig("evaluate ground", {})
+        publish_report("0000", GroundReport(), document, config, ReportFlags(json=path))
     assert path.read_text() == "old"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from data.report.report_file import write_run_report
+from data.report.report_file import write_report
 from tests.data.report.chromium import CONTRAST, DESKTOP, PHONE, OpenPage, started_chromium
 from tests.data.report.conftest import write_run, write_video
 
@@ -19,7 +19,7 @@ def browser():
 def report(tmp_path_factory):
     folder = write_run(tmp_path_factory.mktemp("report") / "run")
     write_video(folder)
-    return write_run_report(folder)
+    return write_report(folder)
 
 
 @pytest.fixture(scope="module", params=[DESKTOP, PHONE], ids=["desktop", "phone"])

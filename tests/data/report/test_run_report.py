@@ -5,7 +5,7 @@ import base64
 import plotly.graph_objects
 import pytest
 
-from data.report.report_file import write_run_report
+from data.report.report_file import write_report
 from data.report.run_data import RunData
 from data.report.run_facts import RunFacts
 from data.report.run_report import player_frames, run_page, summary_tiles
@@ -33,7 +33,7 @@ def figure_titles(page):
 
 
 def test_the_page_has_all_parts_and_needs_no_network(run_folder):
-    path = write_run_report(run_folder)
+    path = write_report(run_folder)
     page = read_page(path)
     assert page.texts["h1"] == ["Run of <street>"]
     assert page.texts["h2"] == [
@@ -48,7 +48,7 @@ def test_the_page_has_all_parts_and_needs_no_network(run_folder):
 
 
 def test_the_player_holds_images_and_objects_of_each_frame(run_folder):
-    frames = read_page(write_run_report(run_folder)).data["frames"]
+    frames = read_page(write_report(run_folder)).data["frames"]
     assert [one["frame"] for one in frames["frames"]] == [0, 1, 3]
     assert frames["rate_hz"] == 10
     first = frames["frames"][0]
@@ -110,7 +110,7 @@ def test_a_run_without_the_facts_of_a_report_has_one(run_folder):
 
 def test_a_run_without_images_has_a_report(run_folder):
     (run_folder / "video.mp4").unlink()
-    page = read_page(write_run_report(run_folder))
+    page = read_page(write_report(run_folder))
     assert "frames" not in page.data
     assert "No images" in page.words
 
