@@ -39,7 +39,7 @@ def document_markup(title: str, document: Document, plots: Plots) -> str:
     shown = own + "".join(tables[:_MAX_TABLES])
     if len(tables) > _MAX_TABLES:
         shown += note_markup(f"{len(tables) - _MAX_TABLES} more tables are in the JSON document.")
-    return shown + figures_markup(title, document, plots)
+    return figures_markup(title, document, plots) + shown
 
 
 def figures_markup(title: str, document: Document, plots: Plots) -> str:

@@ -67,7 +67,7 @@ def _results_markup(measure: str, document: Document, plots: Plots) -> str:
         + "".join(note_markup(note) for note in one["notes"] if note)
         for one in tables
     ]
-    return "".join(shown) + figures_markup(measure, results, plots)
+    return figures_markup(measure, results, plots) + "".join(shown)
 
 
 def _text(value: object) -> str:
