@@ -330,3 +330,12 @@ def write_semantic_kitti(
         if images:
             write_image(folder / f"image_2/{index:06d}.png")
     return root
+
+
+def write_all(root: Path) -> None:
+    """Write one drive in every layout, in a folder each."""
+    drive = grid_drive()
+    write_kitti(root / "KITTI", drive)
+    write_argoverse2(root / "Argoverse 2", drive)
+    write_nuscenes(root / "nuScenes", drive)
+    write_semantic_kitti(root / "SemanticKITTI", drive)

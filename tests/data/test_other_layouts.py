@@ -16,21 +16,9 @@ from perception.evaluation.ground import GROUND_CLASSES
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import VLP_16
 from perception.types import Result
-from tests.other_layouts import (
-    FRAMES,
-    GridDrive,
-    grid_drive,
-    write_argoverse2,
-    write_kitti,
-    write_nuscenes,
-    write_semantic_kitti,
-)
+from tests.other_layouts import FRAMES, GridDrive, grid_drive, write_all
 
-WRITERS = {
-    "Argoverse 2": write_argoverse2,
-    "nuScenes": write_nuscenes,
-    "SemanticKITTI": write_semantic_kitti,
-}
+NAMES = ("Argoverse 2", "nuScenes", "SemanticKITTI")
 SEQUENCES = {"nuScenes": "scene-0061"}
 
 
@@ -40,14 +28,10 @@ def exact() -> GridDrive:
 
 
 @pytest.fixture(scope="module")
-def roots(exact: GridDrive, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def roots(make_once: Callable[[str, Callable[[Path], object]], Path]) -> dict[str, Path]:
     """Return the folder of each layout."""
-    base = tmp_path_factory.mktemp("layouts")
-    found = {"KITTI": write_kitti(base / "kitti", exact)}
-    for name, write in WRITERS.items():
-        write(base / name, exact)
-        found[name] = base / name
-    return found
+    base = make_once("other_layouts", write_all)
+    return {name: base / name for name in ("KITTI", *NAMES)}
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +56,7 @@ def results_of(drive: RecordedDrive) -> list[Result]:
         return [pipeline.step(replace(frame, image=None, calibration=None)) for frame in drive]
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", NAMES)
 def test_points_and_poses_are_those_of_kitti(name, exact, opened):
     drive, kitti = opened(name), opened("KITTI")
     assert (len(drive), drive.is_sequence, drive.has_poses) == (FRAMES, True, True)
@@ -88,7 +72,7 @@ def test_points_and_poses_are_those_of_kitti(name, exact, opened):
         )
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", NAMES)
 def test_results_are_those_of_kitti(name, opened, kitti_results):
     """Points, ground and motion are the same; poses of other formats differ by their last digits."""
     for result, expected in zip(results_of(opened(name, images=False)), kitti_results, strict=True):
@@ -105,7 +89,7 @@ def test_results_are_those_of_kitti(name, opened, kitti_results):
         )
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_camera_is_that_of_kitti(name, exact, opened):
     drive = opened(name)
     assert drive.has_images
@@ -198,13 +182,13 @@ def test_nuscenes_tells_the_motion_between_key_frames(opened):
     assert [len(posed.labels) > 0 for posed in truth.posed] == [True, True, True, False]
 
 
-@pytest.mark.parametrize("name", ["KITTI", *WRITERS])
+@pytest.mark.parametrize("name", ["KITTI", *NAMES])
 def test_check_finds_no_fault(name, opened):
     report = inspect_drive(opened(name))
     assert [one.first_example for one in report.findings if one.is_fault] == []
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_part_of_a_drive_keeps_numbers_names_and_contents(name, opened):
     drive = opened(name)
     part = drive.select([1, 3])
@@ -227,5 +211,5 @@ def test_sequences_of_each_layout(roots):
 
 
 def test_real_drives_with_classes_of_points_are_not_called_synthetic(exact, opened):
-    kinds = {name: drive_kind(opened(name, images=False)) for name in ("KITTI", *WRITERS)}
-    assert kinds == {"KITTI": "synthetic", **dict.fromkeys(WRITERS, "real")}
+    kinds = {name: drive_kind(opened(name, images=False)) for name in ("KITTI", *NAMES)}
+    assert kinds == {"KITTI": "synthetic", **dict.fromkeys(NAMES, "real")}

@@ -1,0 +1,107 @@
+"""The same drive in other layouts gives the same tables, by every command that measures."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from perception.errors import DriveError
+from tests.faults import command, fault
+from tests.other_layouts import write_all
+
+LAYOUTS = {
+    "Argoverse 2": (),
+    "nuScenes": ("--sequence", "scene-0061"),
+    "SemanticKITTI": (),
+}
+
+
+@pytest.fixture(scope="module")
+def root(make_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    return make_once("other_layouts", write_all)
+
+
+@pytest.fixture
+def evaluate(root: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Return a function that evaluates the drive in a layout, with the sensor that took it."""
+    sensor = root / "KITTI/training/sensor.json"
+
+    def run(what: str, name: str, *flags: str) -> dict[str, Any]:
+        report = tmp_path / f"{name}.json"
+        words = (*LAYOUTS.get(name, ()), "--sensor", sensor, "--json", report, *flags)
+        command("evaluate", what, root / name, *words)
+        return json.loads(report.read_text())["results"]
+
+    return run
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_check(name, root, capsys):
+    command("check", root / name, *LAYOUTS[name], "--sensor", root / "KITTI/training/sensor.json")
+    assert "no faults" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_run(name, root, tmp_path, capsys):
+    out = tmp_path / "out"
+    command("run", root / name, *LAYOUTS[name], "--out", out, "--frames", 2, "--no-video")
+    printed = capsys.readouterr().out
+    assert "points against the truth of this drive" in printed
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["frames"] == 2
+
+
+def test_ground(evaluate, capsys):
+    kitti = evaluate("ground", "KITTI")
+    for name in ("Argoverse 2", "SemanticKITTI"):
+        points = evaluate("ground", name)["points"]
+        # A point of an object near the ground has no label in Argoverse 2.
+        assert points["recall"] == pytest.approx(kitti["points"]["recall"], abs=1e-3)
+        assert points["iou"] == pytest.approx(kitti["points"]["iou"], abs=1e-3)
+    assert evaluate("ground", "SemanticKITTI")["points"] == kitti["points"]
+    # Key frames alone have classes.
+    scene = evaluate("ground", "nuScenes")["points"]
+    assert 0 < scene["true_points"] < kitti["points"]["true_points"]
+    assert "Ground points against exact truth" in capsys.readouterr().out
+
+
+def test_labels_around_count_for_the_ground(evaluate):
+    kitti, log = evaluate("ground", "KITTI")["mde"], evaluate("ground", "Argoverse 2")["mde"]
+    assert log["objects"] > kitti["objects"]
+    assert log["mde_m"] < 0.1
+
+
+def test_obstacles(evaluate):
+    kitti = evaluate("obstacles", "KITTI")
+    for name in ("Argoverse 2", "SemanticKITTI"):
+        moving = evaluate("obstacles", name)["points_moving"]
+        assert moving["true_points"] > 0
+        assert moving == kitti["points_moving"]
+    scene = evaluate("obstacles", "nuScenes")
+    assert scene["points_moving"]["precision"] > 0.9
+    assert scene["objects"]["objects"] > 0
+
+
+def test_datmo(evaluate):
+    flags = ("--protocol.view", "all", "--methods", "default")
+    kitti, log = (evaluate("datmo", one, *flags)["default"] for one in ("KITTI", "Argoverse 2"))
+    assert log["frames"] == kitti["frames"] == 4
+    # Its tracks have other numbers.
+    lengths = [
+        sorted(one["length_m"] for one in found["objects"].values()) for found in (log, kitti)
+    ]
+    assert lengths[0] == pytest.approx(lengths[1])
+    # To the digits of the poses in KITTI's text.
+    found, known = (
+        {key: value for key, value in one["by_distance"].items() if key != "per_alpha"}
+        for one in (log, kitti)
+    )
+    assert found == pytest.approx(known, abs=1e-6)
+    assert evaluate("datmo", "nuScenes", *flags)["default"]["frames"] == 4
+
+
+def test_datmo_takes_boxes(evaluate):
+    with fault(DriveError, "08", "labels with tracks", advice="labelled boxes"):
+        evaluate("datmo", "SemanticKITTI")
