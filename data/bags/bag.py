@@ -59,6 +59,7 @@ class Bag:
         """Remember the path: a .bag, .mcap or .db3 file, or a folder with metadata.yaml."""
         self.path = path
         self.lock = threading.RLock()
+        self._readers: dict[frozenset[str], AnyReader] = {}
 
     def __reduce__(self) -> tuple[type["Bag"], tuple[Path]]:
         """Open the bag again in another process."""
@@ -69,9 +70,9 @@ class Bag:
         """Whether messages are encoded as ROS 1 does."""
         return self.path.suffix == ".bag"
 
-    @property
-    def shares_position(self) -> bool:
-        """Whether two readers of this bag would disturb each other; so do those of an MCAP file without chunks."""
+    @cached_property
+    def _shares_position(self) -> bool:
+        """Whether two topics that are read in turn would disturb each other, as in an MCAP file without chunks."""
         return any(path.suffix == ".mcap" for path in self.files)
 
     @property
@@ -106,7 +107,7 @@ class Bag:
         Raises:
             DriveError: The bag is damaged.
         """
-        reader = self._open() if self.shares_position else self._reader
+        reader = self._reader_of(frozenset(topics)) if self._shares_position else self._reader
         with self.errors():
             chosen = [one for one in reader.connections if one.topic in topics]
             if not chosen:  # none would mean all
@@ -128,6 +129,12 @@ class Bag:
     @cached_property
     def _reader(self) -> "AnyReader":
         return self._open()
+
+    def _reader_of(self, topics: frozenset[str]) -> "AnyReader":
+        """Return the reader of some topics alone, which is opened once."""
+        if topics not in self._readers:
+            self._readers[topics] = self._open()
+        return self._readers[topics]
 
     def _open(self) -> "AnyReader":
         try:

@@ -1,11 +1,14 @@
 """Messages of one topic by their number in time."""
 
 from collections.abc import Iterator
+from itertools import islice
 from typing import Any
 
 from data.bags.bag import Bag, RawMessage
 from data.bags.message_times import MessageTimes
 from perception.errors import DriveError
+
+_MAX_SKIPPED = 100  # messages that are read in less time than a search takes
 
 
 class MessageStream:
@@ -46,8 +49,8 @@ class MessageStream:
 
     def _find(self, index: int) -> RawMessage:
         received_ns, ordinal = int(self.times.received_ns[index]), int(self.times.ordinals[index])
-        message = next(self._messages, None) if self._may_follow(received_ns, ordinal) else None
-        if message is None or message.received_ns != received_ns:
+        message = self._ahead(received_ns, ordinal)
+        if message is None:
             self._messages = self.bag.messages((self.topic,), received_ns)
             for _ in range(ordinal):
                 next(self._messages, None)
@@ -63,11 +66,16 @@ class MessageStream:
         self._last = received_ns, ordinal
         return message
 
-    def _may_follow(self, received_ns: int, ordinal: int) -> bool:
-        """Return whether a message can be the next in the bag after the one read last."""
+    def _ahead(self, received_ns: int, ordinal: int) -> RawMessage | None:
+        """Return a message that comes soon after the one read last, without a search; else None."""
         if self._last is None:
-            return False
+            return None
         last_ns, last_ordinal = self._last
-        if received_ns == last_ns:
-            return ordinal == last_ordinal + 1
-        return received_ns > last_ns and ordinal == 0
+        if received_ns == last_ns and ordinal == last_ordinal + 1:
+            return next(self._messages, None)
+        if received_ns <= last_ns or ordinal:
+            return None
+        for message in islice(self._messages, _MAX_SKIPPED):
+            if message.received_ns >= received_ns:
+                return message if message.received_ns == received_ns else None
+        return None
