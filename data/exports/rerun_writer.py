@@ -1,8 +1,11 @@
 """Results as a Rerun recording: a file, a viewer that is shown the run live, or both."""
 
+import os
+import sys
 import uuid
 import warnings
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +47,7 @@ class RerunWriter(ResultWriter):
         self._recording = rr.RecordingStream("trifuse", recording_id=uuid.uuid4())
         sinks: list[rr.GrpcSink | rr.FileSink] = []
         if view:
-            _spawn_viewer()
+            _spawn_viewer(self._recording)
             sinks.append(rr.GrpcSink(f"rerun+http://127.0.0.1:{_VIEWER_PORT}/proxy"))
         if path is not None:
             sinks.append(_file_sink(path))
@@ -107,24 +110,32 @@ class RerunWriter(ResultWriter):
         self._recording.log("world/ego", rr.TransformAxes3D(axis_length=2.0), static=True)
 
 
-def _spawn_viewer() -> None:
+def _spawn_viewer(recording: "rr.RecordingStream") -> None:
     import rerun as rr
 
-    try:
-        rr.spawn(
-            port=_VIEWER_PORT,
-            connect=False,
-            memory_limit=_VIEWER_MEMORY,
-            server_memory_limit=_VIEWER_MEMORY,
-            hide_welcome_screen=True,
-        )
-    except RuntimeError as error:
-        raise UsageError(
-            "--view",
-            expected="the Rerun viewer",
-            found=str(error).partition("\n")[0].rstrip("."),
-            advice="write a recording with --rerun FILE.rrd",
-        ) from error
+    os.environ.setdefault("RUST_LOG", "error")  # the viewer's log shares our terminal
+    folders = [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
+    viewer, fault = which("rerun", path=os.pathsep.join(folders)), "no program rerun"
+    if viewer is not None:
+        try:
+            rr.spawn(
+                port=_VIEWER_PORT,
+                connect=False,
+                memory_limit=_VIEWER_MEMORY,
+                server_memory_limit=_VIEWER_MEMORY,
+                hide_welcome_screen=True,
+                executable_path=viewer,
+                recording=recording,  # Rerun ignores the call without one
+            )
+            return
+        except RuntimeError as error:
+            fault = str(error).partition("\n")[0].rstrip(".")
+    raise UsageError(
+        "--view",
+        expected="the Rerun viewer",
+        found=fault,
+        advice="write a recording with --rerun FILE.rrd",
+    )
 
 
 def _file_sink(path: Path) -> "rr.FileSink":

@@ -8,8 +8,10 @@ from operator import itemgetter
 
 import numpy as np
 import pytest
+import rerun
 from rerun.chunk import RrdReader
 
+from data.exports import rerun_writer
 from data.exports.rerun_blueprint import blueprint_of
 from data.exports.rerun_entities import pinhole_of
 from data.exports.rerun_writer import RerunWriter
@@ -181,14 +183,28 @@ def test_a_viewer_needs_a_display(monkeypatch):
         command("run", "nowhere", "--view")
 
 
-def test_a_missing_viewer_is_named(monkeypatch):
-    import rerun
+def test_a_viewer_has_limits_of_memory(monkeypatch):
+    asked = {}
+    monkeypatch.setattr(rerun, "spawn", lambda **words: asked.update(words))
+    monkeypatch.setattr(rerun.RecordingStream, "set_sinks", lambda *_: None)
+    RerunWriter("street", None, view=True, display_score=0.5)
+    assert (asked["memory_limit"], asked["server_memory_limit"]) == ("2GiB", "2GiB")
+    # Rerun ignores the call without a recording.
+    assert isinstance(asked["recording"], rerun.RecordingStream)
 
+
+def test_a_missing_viewer_is_named(monkeypatch):
+    monkeypatch.setattr(rerun_writer, "which", lambda *_, **__: None)
+    with fault(UsageError, where="--view", found="no program rerun", advice="--rerun"):
+        RerunWriter("street", None, view=True, display_score=0.5)
+
+
+def test_a_viewer_that_does_not_start_is_named(monkeypatch):
     def spawn(**_):
-        raise RuntimeError("Failed to find Rerun Viewer executable in PATH.\nPATH: ...")
+        raise RuntimeError("Failed to spawn the viewer.\nmore")
 
     monkeypatch.setattr(rerun, "spawn", spawn)
-    with fault(UsageError, where="--view", found="executable in PATH", advice="--rerun"):
+    with fault(UsageError, where="--view", found="Failed to spawn the viewer", advice="--rerun"):
         RerunWriter("street", None, view=True, display_score=0.5)
 
 
