@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 
 from data.argoverse2.log import ARGOVERSE_2
 from data.bags.layout import BAG
+from data.folder.layout import FOLDER, LOOSE_SCANS
 from data.kitti.layouts import KITTI_DATE, KITTI_OBJECT, KITTI_RAW, KITTI_TRACKING
 from data.layouts import Layout
 from data.nuscenes.scene import NUSCENES
@@ -23,7 +24,7 @@ log = logging.getLogger(__name__)
 ENTRY_POINT_GROUP = "trifuse.layouts"
 # A layout that is a special case of another comes before it.
 LAYOUTS: tuple[Layout, ...] = (
-    SEMANTIC_KITTI, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES, BAG,
+    FOLDER, SEMANTIC_KITTI, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES, BAG,
 )  # fmt: skip
 
 
@@ -31,6 +32,7 @@ def layouts() -> Iterator[Layout]:
     """Yield all layouts; packages are asked for theirs only where none of ours was taken."""
     yield from LAYOUTS
     yield from _installed_layouts()
+    yield LOOSE_SCANS  # which a folder of most other layouts holds, too
 
 
 @cache

@@ -1,0 +1,242 @@
+"""Open a folder of scans by its drive.yaml, or by what can be seen where it has none."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
+from data.folder.discovery import cloud_files, find_scans, image_files
+from data.folder.drive import FolderDrive, ImageFiles, velo_to_body
+from data.folder.observation import observe_folder
+from data.folder.pose_track import PoseTrack, read_pose_track
+from data.folder.stamps import read_stamps, stamps_in_names
+from data.folder.typed_document import read_document
+from data.kitti.sensor_files import FrameFiles, no_scans, read_image
+from data.layouts import OpenConfig
+from data.nearest_time import half_period_s, nearest_in_time
+from perception.errors import DriveError, ImageError, UsageError
+from perception.geometry.se3 import inverse
+from perception.geometry.undistortion import Lens
+from perception.sensor import HDL_64E, SENSORS, LidarModel, load_sensor
+from perception.types import Calibration, Float64, Int
+
+_MIN_RANGE_M, _MAX_RANGE_M, _RANGE_NOISE_M = (
+    0.5,
+    120.0,
+    0.02,
+)  # usual ones, of a sensor that is no known model
+
+
+def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
+    """Open a folder; scans are read frame by frame.
+
+    Raises:
+        DriveError: There is no scan, or drive.yaml or a file that it names cannot be used.
+        PoseError: The poses cannot be used.
+    """
+    described, notes = _description(root)
+    files = _scan_files(root, described.lidar)
+    sensor = _sensor(root, described.lidar, config.sensor)
+    stamps_ns = _stamps_ns(root, described.lidar, files, sensor)
+    velo_SE3_lidar = described.lidar.velo_SE3_lidar()
+    lens = calibration = images = None
+    if described.camera is not None:
+        camera_files = _image_files(root, described.camera)
+        lens = _lens(root, described.camera, camera_files)
+        calibration = _calibration(described.camera, lens, velo_SE3_lidar, root)
+        images = _join_images(root, described.camera, camera_files, files, stamps_ns)
+    poses, body_SE3_velo = _poses(root, described, len(files), velo_SE3_lidar)
+    labels = described.lidar.point_labels
+    label_file = _existing(root, described.labels, "labels")
+    if label_file is not None and calibration is None:
+        notes += (f"{label_file}: labels are not used, as they need the calibration of a camera",)
+        label_file = None
+    return FolderDrive(
+        name=root.resolve().name,
+        root=root,
+        sensor=sensor,
+        calibration=calibration,
+        notes=notes,
+        deskew=config.deskew,
+        scans=files,
+        columns=described.lidar.columns,
+        velo_SE3_lidar=velo_SE3_lidar,
+        reflectance_scale=config.reflectance_scale or described.lidar.reflectance_scale,
+        stamps_ns=stamps_ns,
+        origin_ns=int(stamps_ns[0]),
+        rows=tuple(range(len(files))),
+        images=ImageFiles(images, lens) if images is not None and config.images else None,
+        poses=poses,
+        body_SE3_velo=body_SE3_velo,
+        label_file=label_file,
+        point_labels=None
+        if labels is None
+        else FrameFiles.within(root / labels, (".label",)).joined(files),
+    )
+
+
+def _description(root: Path) -> tuple[FolderConfig, tuple[str, ...]]:
+    """Return what drive.yaml states, or what can be seen with a note on each guess."""
+    path = root / FILE_NAME
+    if path.is_file():
+        stated = read_document(FolderConfig, path)
+        if stated.lidar.sensor is not None or stated.lidar.elevations_deg is not None:
+            return stated, ()
+        seen = observe_folder(root, stated.lidar.columns).config.lidar
+        beams = {
+            name: getattr(seen, name) for name in ("sensor", "elevations_deg", "azimuth_step_deg")
+        }
+        return replace(stated, lidar=replace(stated.lidar, **beams)), ()
+    observed = observe_folder(root)
+    notes = [
+        f"{root}: no {FILE_NAME}, the sensors are as they were seen; trifuse adopt {root} writes it"
+    ]
+    notes += [
+        f"{root}: {one.what} {one.value} is a guess: {one.reason}" for one in observed.guesses
+    ]
+    if observed.images is not None:
+        notes.append(
+            f"{root / observed.images}: images are not used, as no {FILE_NAME} has a camera"
+        )
+    return observed.config, tuple(notes)
+
+
+def _existing(root: Path, name: str | None, key: str) -> Path | None:
+    """Return the path of a file that drive.yaml names.
+
+    Raises:
+        DriveError: It does not exist.
+    """
+    if name is None or (root / name).exists():
+        return None if name is None else root / name
+    raise DriveError(f"{root / FILE_NAME}: {key}", expected="a file or folder below it", found=name)
+
+
+def _scan_files(root: Path, lidar: LidarConfig) -> FrameFiles:
+    folder = _existing(root, lidar.scans, "scans") or find_scans(root)
+    if folder is None or not len(files := cloud_files(folder)):
+        raise no_scans(folder or root, "scans in any format")
+    return files
+
+
+def _sensor(root: Path, lidar: LidarConfig, asked: str | None) -> LidarModel:
+    """Return the model that was asked for, else that which drive.yaml states, at its height and rate."""
+    name = asked or lidar.sensor
+    if asked is None and lidar.elevations_deg is not None:
+        model = _own_model(lidar)
+    elif name is None:
+        model = HDL_64E
+    else:
+        own = root / name
+        model = load_sensor(str(own) if asked is None and own.is_file() else name)
+        if name not in SENSORS and asked is not None:
+            return model  # a file has its own height
+    height_m, rate_hz = lidar.height_m or model.height_m, lidar.rate_hz or model.rate_hz
+    return replace(model, height_m=height_m, rate_hz=rate_hz)
+
+
+def _own_model(lidar: LidarConfig) -> LidarModel:
+    try:
+        return LidarModel(
+            name=lidar.sensor or "LiDAR",
+            elevations_rad=np.radians(lidar.elevations_deg or ()),
+            azimuth_step_rad=float(np.radians(lidar.azimuth_step_deg)),
+            rate_hz=lidar.rate_hz or HDL_64E.rate_hz,
+            height_m=lidar.height_m or HDL_64E.height_m,
+            min_range_m=_MIN_RANGE_M,
+            max_range_m=_MAX_RANGE_M,
+            range_noise_m=_RANGE_NOISE_M,
+        )
+    except UsageError as error:
+        raise DriveError(
+            f"{FILE_NAME}: elevations_deg", expected=error.expected, found=error.found
+        ) from error
+
+
+def _stamps_ns(root: Path, lidar: LidarConfig, files: FrameFiles, sensor: LidarModel) -> Int:
+    path = _existing(root, lidar.timestamps, "timestamps")
+    stamps = stamps_in_names(files.paths) if path is None else read_stamps(path, len(files))
+    if stamps is None:
+        numbers = np.array(files.numbers) - files.numbers[0]
+        stamps = np.round(numbers * (1e9 / sensor.rate_hz)).astype(np.int64)
+    return np.asarray(stamps + round(lidar.time_offset_s * 1e9), np.int64)
+
+
+def _image_files(root: Path, camera: CameraConfig) -> FrameFiles:
+    folder = _existing(root, camera.images, "images")
+    files = image_files(folder or root)
+    if not len(files):
+        raise DriveError(files.folder, expected="images", found="none")
+    return files
+
+
+def _lens(root: Path, camera: CameraConfig, images: FrameFiles) -> Lens:
+    size = camera.size_px or _first_size(images)
+    is_distorted = any(camera.distortion)
+    return Lens(
+        camera.camera_matrix,
+        np.array(camera.distortion, np.float64),
+        (size[0], size[1]),
+        "equidistant" if camera.model == "fisheye" and is_distorted else "rational_polynomial",
+        source=str(root / FILE_NAME),
+    )
+
+
+def _first_size(images: FrameFiles) -> tuple[int, int]:
+    failure: ImageError | None = None
+    for path in images.paths:
+        try:
+            height, width = read_image(path).shape[:2]
+        except ImageError as error:
+            failure = failure or error
+        else:
+            return width, height
+    raise failure or ImageError(images.folder, expected="an image", found="none")
+
+
+def _calibration(
+    camera: CameraConfig, lens: Lens, velo_SE3_lidar: Float64, root: Path
+) -> Calibration:
+    return Calibration(
+        image_P_cam=np.column_stack([lens.pinhole_matrix, np.zeros(3)]),
+        cam_SE3_velo=camera.lidar_to_camera.dst_SE3_src() @ inverse(velo_SE3_lidar),
+        image_size_px=lens.size_px,
+        source=str(root / FILE_NAME),
+    )
+
+
+def _join_images(
+    root: Path, camera: CameraConfig, images: FrameFiles, scans: FrameFiles, stamps_ns: Int
+) -> tuple[Path | None, ...]:
+    """Return the image of each scan: the nearest in time where both have times, else that of its name or place."""
+    path = _existing(root, camera.timestamps, "timestamps")
+    stamps = stamps_in_names(images.paths) if path is None else read_stamps(path, len(images))
+    if stamps is None:
+        joined = images.joined(scans)
+        if joined is None:
+            raise DriveError(
+                images.folder,
+                expected=f"images named as the scans are, such as {scans.paths[0].stem}, or as many of them",
+                found=f"{len(images)} images such as {images.paths[0].name}, {len(scans)} scans",
+                advice="state the times of both, with timestamps in the sections lidar and camera",
+            )
+        return joined.paths
+    origin = int(stamps_ns[0])
+    scans_s = (stamps_ns - origin) / 1e9
+    images_s = (stamps - origin) / 1e9 + camera.time_offset_s
+    gap_s = max(half_period_s(scans_s), half_period_s(images_s))
+    nearest = nearest_in_time(scans_s, images_s, gap_s if np.isfinite(gap_s) else None)
+    return tuple(None if place < 0 else images.paths[place] for place in nearest)
+
+
+def _poses(
+    root: Path, config: FolderConfig, scans: int, velo_SE3_lidar: Float64
+) -> tuple[PoseTrack | None, Float64 | None]:
+    if config.poses is None:
+        return None, None
+    path = _existing(root, config.poses.file, "file") or root
+    extrinsics = config.poses.body_to_lidar
+    body_SE3_lidar = None if extrinsics is None else inverse(extrinsics.dst_SE3_src())
+    track = read_pose_track(path, config.poses.format, scans)
+    return track, velo_to_body(body_SE3_lidar, velo_SE3_lidar)

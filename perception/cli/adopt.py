@@ -1,0 +1,73 @@
+"""`trifuse adopt`."""
+
+import sys
+from pathlib import Path
+
+
+def adopt(
+    folder: Path,
+    *,
+    overwrite: bool = False,
+    columns: tuple[str, ...] = (),
+    sensor: str | None = None,
+    height: float | None = None,
+    axes: tuple[str, ...] = (),
+    rate: float | None = None,
+    reflectance_scale: float | None = None,
+    intrinsics: tuple[float, ...] = (),
+    distortion: tuple[float, ...] = (),
+    fisheye: bool = False,
+    lidar_to_camera: tuple[float, ...] = (),
+    body_to_lidar: tuple[float, ...] = (),
+) -> None:
+    """Describe a folder of scans of any format: look at it, print what was seen, write its drive.yaml.
+
+    What cannot be seen is asked on a terminal; without one it is a question in a comment of drive.yaml.
+
+    Example: trifuse adopt my_drive --intrinsics 721.5,721.5,609.6,172.9 --lidar-to-camera 0,-0.08,-0.27,90,-90,0
+
+    Args:
+        folder: Folder with scans as .bin, .npy, .npz, .pcd, .ply or .csv, and images, poses or timestamps beside them.
+        overwrite: Replace the drive.yaml that is there.
+        columns: Names of the columns in order, where the files have none: x,y,z,intensity,ring,t; _ for others.
+        sensor: LiDAR model by name, or a file that describes one.
+        height: Height of the LiDAR above the road in metres.
+        axes: Directions in which x, y and z of the files point, such as right,forward,up.
+        rate: Scans per second.
+        reflectance_scale: Value in the files of a reflectance of 1, such as 255.
+        intrinsics: Focal lengths and principal point of the camera in pixels, fx,fy,cx,cy.
+        distortion: Distortion coefficients of the camera as OpenCV has them; none for rectified images.
+        fisheye: The coefficients are those of OpenCV's fisheye model.
+        lidar_to_camera: Transform of points to the camera (x right, y down, z forward): 12 numbers of a matrix,
+            x,y,z,qx,qy,qz,qw, or x,y,z,roll,pitch,yaw in degrees.
+        body_to_lidar: Transform from the body of the poses (IMU, camera) to the LiDAR in the same forms; none where
+            poses are of the LiDAR.
+    """
+    from data.clouds.cloud import require_column_names
+    from data.folder.adoption import (
+        StatedConfig,
+        ask,
+        open_questions,
+        other_layout_of,
+        write_description,
+    )
+    from data.folder.description import observation_table
+    from data.folder.observation import observe_folder
+
+    if (layout := other_layout_of(folder)) is not None:
+        print(f"{folder}: {layout}, which needs no drive.yaml")
+        return
+    if columns:
+        require_column_names(columns, "--columns")
+    stated = StatedConfig(
+        sensor, height, axes, rate, reflectance_scale, intrinsics, distortion, fisheye, lidar_to_camera, body_to_lidar
+    )  # fmt: skip
+    observed = observe_folder(folder, columns or None)
+    print(observation_table(observed.observations))
+    if sys.stdin.isatty():
+        stated = ask(open_questions(observed, stated), stated, input)
+    path, left = write_description(folder, observed, stated, overwrite=overwrite)
+    print(f"\nwrote {path}")
+    if left:
+        print(f"could not be seen, and is a question in that file: {', '.join(left)}")
+    print(f"next: trifuse check {folder}")
