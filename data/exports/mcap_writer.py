@@ -30,14 +30,13 @@ class McapWriter(ResultWriter):
         from foxglove import open_mcap
         from foxglove.mcap import MCAPWriteOptions
 
-        self._path = path
+        self._path, self._channels = path, ResultChannels(context, min_score)
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = _CheckedFile(part_of(path).open("wb"))
         # The profile is what tools of ROS 2 look for. One thread compresses; the cores are the pipeline's.
-        options = MCAPWriteOptions(profile="ros2", compression_threads=0)
+        options = MCAPWriteOptions(profile="ros2", compression_level=1, compression_threads=0)
         self._writer = open_mcap(self._file, context=context, writer_options=options)
-        self._channels = ResultChannels(context, min_score)
 
     def add(self, result: Result, selected: SelectedObject | None) -> None:
         """Write the messages of a result.

@@ -5,7 +5,6 @@ from types import TracebackType
 from typing import Self
 
 from data.messages.channels import ResultChannels, new_context
-from data.messages.definitions import typestore
 from data.messages.topics import topics
 from perception.errors import UsageError
 from perception.types import Result
@@ -31,7 +30,7 @@ class ResultServer:
             UsageError: The port cannot be opened.
         """
         context = new_context("trifuse serve")
-        typestore()  # of a package that may be missing
+        self._channels = ResultChannels(context, min_score)
         from foxglove import start_server
 
         # It would report each start, viewer and end.
@@ -47,7 +46,6 @@ class ResultServer:
                 found=str(error),
                 advice="choose another one with --port",
             ) from error
-        self._channels = ResultChannels(context, min_score)
         self.address = f"ws://{host}:{self._server.port}"
 
     def __enter__(self) -> Self:

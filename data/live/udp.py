@@ -4,6 +4,7 @@ import logging
 import socket
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ _BUFFER_BYTES = 1 << 22  # of the socket: a second of packets, while a scan is d
 _WAIT_S = 0.2  # between two looks at whether the source is closed
 _HOUR_S = 3600.0
 _MAX_STEP_S = 60.0  # between two scans; a longer one means that the sensor's clock was set
+_MAX_TURN_S = 0.5  # the slowest turn is 0.2 s
 _MAX_PACKETS = 2000  # of one turn: a LiDAR that stands still must not fill the memory
 
 
@@ -87,6 +89,7 @@ class UdpLidar(LiveSource):
 
     def laps(self) -> Iterator[Iterator[Frame]]:
         """Yield the frames until the source is closed."""
+        self._drop_old_packets()
         yield self._frames()
 
     def close(self) -> None:
@@ -127,6 +130,12 @@ class UdpLidar(LiveSource):
         if len(returns.times_s) == 0:
             raise ScanError(self.name, expected="at least one return", found="an empty scan")
         since_hour_s = returns.times_s
+        if since_hour_s[-1] - since_hour_s[0] > _MAX_TURN_S:
+            raise ScanError(
+                self.name,
+                expected=f"the packets of one turn within {_MAX_TURN_S:g} s",
+                found=f"{since_hour_s[-1] - since_hour_s[0]:.1f} s, as others were lost",
+            )
         # The stamp is the moment at which the LiDAR looks ahead, as KITTI's.
         middle_s = float(since_hour_s[0] + since_hour_s[-1]) / 2
         return Frame(
@@ -162,6 +171,14 @@ class UdpLidar(LiveSource):
                     continue
                 if is_data_packet(packet):
                     yield packet
+
+    def _drop_old_packets(self) -> None:
+        """Drop what came while the pipeline was made."""
+        self._socket.setblocking(False)
+        with suppress(BlockingIOError):
+            while not self._is_closed:
+                self._socket.recv(1 << 16)
+        self._socket.settimeout(_WAIT_S)
 
 
 def _open(address: UdpAddress) -> socket.socket:

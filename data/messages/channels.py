@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from data.messages.definitions import definition_of, encoded
 from data.messages.geometry import stamp_ns
-from data.messages.topics import topics
+from data.messages.topics import Topic, topics
 from perception.errors import MissingDependencyError
 from perception.types import Result
 
@@ -34,33 +34,29 @@ class ResultChannels:
     """Publishes results on the topics of `data.messages.topics`."""
 
     def __init__(self, context: "Context", min_score: float) -> None:
-        """Open no channel yet; each is opened with the first message of its topic.
+        """Open the channels of all topics, so that viewers know them before the first result.
 
         Args:
-            context: Context with the sinks.
+            context: Context, best without sinks yet: a viewer that is connected when a channel is opened may subscribe
+                before the server is ready for it.
             min_score: Score from which detections and vehicles are shown.
         """
-        self._context, self._topics = context, topics(min_score)
-        self._channels: dict[str, Channel] = {}
+        self._context = context  # its channels are closed when it is gone
+        self._channels = [(topic, _open(context, topic)) for topic in topics(min_score)]
         self._last: Result | None = None
 
     def publish(self, result: Result) -> None:
         """Publish a result; messages that nobody takes are not made."""
-        for topic in self._topics:
-            channel = self._channels.get(topic.name)
-            if channel is not None and not channel.has_sinks():
-                continue
-            message = topic.message_of(result, self._last)
+        for topic, channel in self._channels:
+            message = topic.message_of(result, self._last) if channel.has_sinks() else None
             if message is not None:
-                channel = channel or self._open(topic.name, topic.kind)
                 channel.log(encoded(message), log_time=stamp_ns(result.frame.stamp_s))
         self._last = result
 
-    def _open(self, name: str, kind: str) -> "Channel":
-        from foxglove import Channel, Schema
 
-        schema = Schema(name=kind, encoding="ros2msg", data=definition_of(kind).encode())
-        self._channels[name] = channel = Channel(
-            name, schema=schema, message_encoding="cdr", context=self._context
-        )
-        return channel
+def _open(context: "Context", topic: Topic) -> "Channel":
+    from foxglove import Channel, Schema
+
+    definition = definition_of(topic.kind).encode()
+    schema = Schema(name=topic.kind, encoding="ros2msg", data=definition)
+    return Channel(topic.name, schema=schema, message_encoding="cdr", context=context)

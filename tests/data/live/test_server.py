@@ -15,17 +15,18 @@ from tests.data.message_scenes import result_at
 
 
 def test_a_viewer_receives_what_it_subscribes_to():
-    with ResultServer("a drive", "127.0.0.1", 0, min_score=0.0) as server:
-        server.publish(result_at(0))  # opens the channels
-        with Viewer(server.address, "/tracks", "/ego/odometry") as viewer:
-            viewer.take_texts(0.5)
-            assert viewer.server_info["name"] == "a drive"
-            schemas = {one["topic"]: one for one in viewer.channels.values()}
-            assert schemas["/tracks"]["encoding"] == "cdr"
-            assert schemas["/tracks"]["schemaEncoding"] == "ros2msg"
-            assert schemas["/tracks"]["schema"] == definition_of("vision_msgs/msg/Detection3DArray")
-            server.publish(result_at(1))
-            received = [viewer.receive(), viewer.receive()]
+    with (
+        ResultServer("a drive", "127.0.0.1", 0, min_score=0.0) as server,
+        Viewer(server.address, "/tracks", "/ego/odometry") as viewer,
+    ):
+        viewer.take_texts(0.5)
+        assert viewer.server_info["name"] == "a drive"
+        schemas = {one["topic"]: one for one in viewer.channels.values()}
+        assert schemas["/tracks"]["encoding"] == "cdr"
+        assert schemas["/tracks"]["schemaEncoding"] == "ros2msg"
+        assert schemas["/tracks"]["schema"] == definition_of("vision_msgs/msg/Detection3DArray")
+        server.publish(result_at(1))
+        received = [viewer.receive(), viewer.receive()]
     found = {topic: (stamp_ns, value) for topic, stamp_ns, value in received}
     stamp_ns, odometry = found["/ego/odometry"]
     assert stamp_ns == 1_700_000_000_600_000_000
@@ -39,27 +40,27 @@ def test_a_viewer_receives_what_it_subscribes_to():
 
 def test_messages_that_nobody_takes_are_not_made(monkeypatch):
     with ResultServer("a drive", "127.0.0.1", 0, min_score=0.0) as server:
-        server.publish(result_at(0))
         monkeypatch.setattr("data.messages.channels.encoded", lambda message: pytest.fail("made"))
         server.publish(result_at(1))
 
 
 def test_a_slow_viewer_drops_frames_and_does_not_hold_up_the_others():
     frames = 400
-    with ResultServer("a drive", "127.0.0.1", 0, min_score=0.0) as server:
-        server.publish(result_at(0))
-        with Viewer(server.address, "/lidar/points", "/camera/image/compressed") as viewer:
-            viewer.take_texts(0.5)
-            big = result_at(0)
-            object.__setattr__(big.frame, "image", noise())
-            for index in range(frames):
-                object.__setattr__(big.frame, "stamp_s", float(index))
-                server.publish(big)
-            stamps = []
-            while not stamps or stamps[-1] < frames - 1:
-                topic, stamp_ns, _ = viewer.receive()
-                if topic == "/camera/image/compressed":
-                    stamps.append(stamp_ns / 1e9)
+    with (
+        ResultServer("a drive", "127.0.0.1", 0, min_score=0.0) as server,
+        Viewer(server.address, "/lidar/points", "/camera/image/compressed") as viewer,
+    ):
+        viewer.take_texts(0.5)
+        big = result_at(0)
+        object.__setattr__(big.frame, "image", noise())
+        for index in range(frames):
+            object.__setattr__(big.frame, "stamp_s", float(index))
+            server.publish(big)
+        stamps = []
+        while not stamps or stamps[-1] < frames - 1:
+            topic, stamp_ns, _ = viewer.receive()
+            if topic == "/camera/image/compressed":
+                stamps.append(stamp_ns / 1e9)
     assert stamps == sorted(stamps)
     assert stamps[-1] == frames - 1  # the latest arrives
     assert len(stamps) < frames / 2

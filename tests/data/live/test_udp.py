@@ -1,6 +1,7 @@
 """A LiDAR on the loopback interface."""
 
 import socket
+import struct
 import threading
 import time
 
@@ -47,7 +48,8 @@ def free_port() -> int:
         return one.getsockname()[1]
 
 
-def lidar_that_receives(packets: list[bytes], **options) -> tuple[UdpLidar, threading.Thread]:
+def lidar_that_receives(packets: list[bytes], **options):
+    """Return a LiDAR, its frames, and the thread that sends."""
     port, opened = free_port(), []
     # The first packet is repeated until the port is open.
     stop = threading.Event()
@@ -64,13 +66,14 @@ def lidar_that_receives(packets: list[bytes], **options) -> tuple[UdpLidar, thre
     finally:
         stop.set()
         knocking.join()
-    return opened[0], send(port, packets[1:])
+    (lidar,) = opened
+    frames = next(lidar.laps())
+    return lidar, frames, send(port, packets[1:])
 
 
 def test_a_turn_is_a_frame_that_begins_behind_the_vehicle():
-    lidar, sending = lidar_that_receives(turns(3.0))
+    lidar, frames, sending = lidar_that_receives(turns(3.0))
     assert (lidar.sensor, lidar.is_sequence) == (VLP_16, True)
-    (frames,) = lidar.laps()
     first, second = next(frames), next(frames)
     sending.join()
     lidar.close()
@@ -91,18 +94,30 @@ def test_other_packets_on_the_port_are_left_out():
     packets = turns(3.0)
     mixed = [packets[0], *(one for pair in zip(packets, [b"x" * 512] * len(packets), strict=True)
                            for one in pair)]  # fmt: skip
-    lidar, sending = lidar_that_receives(mixed)
-    (frames,) = lidar.laps()
+    lidar, frames, sending = lidar_that_receives(mixed)
     assert len(next(frames).points_velo) == 75 * 12 * 32
     sending.join()
     lidar.close()
+
+
+def test_a_turn_with_a_gap_is_left_out(caplog):
+    packets = turns(4.0)
+    # Half a minute is lost in the second whole turn.
+    late = [one[:1200] + struct.pack("<I", 30_000_000 + struct.unpack_from("<I", one, 1200)[0])
+            + one[1204:] for one in packets]  # fmt: skip
+    lidar, frames, sending = lidar_that_receives([*packets[:150], *late[150:]])
+    first, second = next(frames), next(frames)
+    sending.join()
+    lidar.close()
+    assert second.stamp_s - first.stamp_s > 30
+    assert "within 0.5 s, found 30.1 s, as others were lost" in caplog.text
 
 
 def test_another_sensor_may_be_named():
     from dataclasses import replace
 
     roof = replace(VLP_16, height_m=2.1)
-    lidar, sending = lidar_that_receives(turns(0.1), sensor=roof)
+    lidar, _, sending = lidar_that_receives(turns(0.1), sensor=roof)
     sending.join()
     assert lidar.sensor.height_m == 2.1
     lidar.close()
