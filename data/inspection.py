@@ -211,7 +211,7 @@ def _inspect_setup(frame: Frame, drive: RecordedDrive, collected: _FindingList) 
         collected.add("images without calibration", sentence, is_fault=False)
     if frame.calibration is not None:
         collected.add_anomalies(calibration_anomalies(frame.calibration))
-        collected.add_anomalies(projection_anomalies(frame))
+        collected.add_anomalies(projection_anomalies(frame, is_forward=drive.has_forward_camera))
 
 
 def _inspect_truth(drive: RecordedDrive, index: int, collected: _FindingList) -> None:

@@ -156,12 +156,20 @@ def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
         )
 
 
-def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
-    """Find a LiDAR whose points ahead are not projected into the image."""
+def projection_anomalies(frame: Frame, *, is_forward: bool = True) -> Iterator[Anomaly]:
+    """Find a LiDAR whose points ahead are not projected into the image.
+
+    Args:
+        frame: Frame with a calibration.
+        is_forward: Whether ahead is ahead of the vehicle; False for ahead of the camera, as its calibration has it.
+    """
     calibration = frame.calibration
     if calibration is None or calibration.image_size_px is None:
         return
-    ahead = frame.points_velo[frame.points_velo[:, 0] > _AHEAD_M]
+    # Distance ahead of the LiDAR, or of the camera.
+    row = np.eye(4)[0] if is_forward else calibration.cam_SE3_velo[2]
+    ahead_m = frame.points_velo[:, :3] @ row[:3] + row[3]
+    ahead = frame.points_velo[ahead_m > _AHEAD_M]
     if len(ahead) == 0:
         return
     share = float(is_in_view(calibration, ahead, calibration.image_size_px).mean())

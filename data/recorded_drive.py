@@ -80,6 +80,11 @@ class RecordedDrive(ABC):
         """(4, 4) transform from the IMU to the LiDAR, where the drive has INS packets."""
         return None
 
+    @property
+    def has_forward_camera(self) -> bool:
+        """Whether the camera is known to face forward, rather than by its calibration alone."""
+        return True
+
     def __len__(self) -> int:
         return len(self.frame_names)
 

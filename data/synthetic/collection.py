@@ -15,7 +15,7 @@ from data.synthetic.world_kinds import STREETS, draw_config
 from perception.errors import UsageError
 from perception.geometry.threads import limit_blas_threads
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Layout
+from perception.types import KittiLayout
 
 _FRAMES_A_WORLD = 5  # of the object layout
 _FRAMES_APART = 18  # so that the scenery is another
@@ -39,7 +39,7 @@ class SynthConfig:
         ego_m_s: Desired speed of the ego vehicle in m/s; else that of the street.
     """
 
-    layout: Layout = "raw"
+    layout: KittiLayout = "raw"
     frames: int = 80
     drives: int = 1
     sensor: LidarModel = HDL_64E

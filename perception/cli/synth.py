@@ -4,7 +4,7 @@ from pathlib import Path
 
 from data.results.command_config import CommandConfig
 from data.synthetic.street_kind import StreetKind
-from perception.types import Layout
+from perception.types import KittiLayout
 
 
 def synth(
@@ -12,7 +12,7 @@ def synth(
     *,
     config: CommandConfig,
     overwrite: bool = False,
-    layout: Layout = "raw",
+    layout: KittiLayout = "raw",
     frames: int = 80,
     drives: int = 1,
     sensor: str = "HDL-64E",

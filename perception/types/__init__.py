@@ -29,7 +29,7 @@ from perception.types.objects import Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
 from perception.types.stages import (
-    Layout,
+    KittiLayout,
     MapMethod,
     Method,
     OnBadFrame,
@@ -57,8 +57,8 @@ __all__ = [
     "FusedDetections",
     "GroundModel",
     "Int",
+    "KittiLayout",
     "Labels",
-    "Layout",
     "MapMethod",
     "MapModality",
     "Method",

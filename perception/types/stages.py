@@ -11,7 +11,7 @@ MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
 # Treatment of a frame that cannot be read.
 OnBadFrame = Literal["stop", "skip"]
 # Folder layouts of KITTI.
-Layout = Literal["raw", "tracking", "object"]
+KittiLayout = Literal["raw", "tracking", "object"]
 # Iterates over numbers, such as those of frames, and may show a progress bar.
 Progress = Callable[[Iterable[int]], Iterable[int]]
 

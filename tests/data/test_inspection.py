@@ -174,3 +174,12 @@ def test_poses_without_packets_are_checked_too(raw_drive, monkeypatch):
     assert found["turning between poses implausible"].first_example == (
         "frame 4: expected at most 3 rad/s, found 5.0"
     )
+
+
+def test_a_camera_that_faces_back_may_be_known(raw_drive, monkeypatch):
+    path = raw_drive.parent / "calib_velo_to_cam.txt"
+    path.write_text("R: 0 1 0 0 0 -1 -1 0 0\nT: 0 0 0\n")
+    what = "LiDAR and camera calibration that contradict each other"
+    assert what in _findings(raw_drive)
+    monkeypatch.setattr(KittiSequence, "has_forward_camera", False)
+    assert what not in _findings(raw_drive)
