@@ -9,6 +9,7 @@ last.ckpt                checkpoint of the last whole epoch, to resume from
 config.yaml              configuration, for --config
 metrics.json             metrics of the best epoch; those of the subcommand test in metrics_test.json
 events.out.tfevents...   TensorBoard events
+report.html              curves, metrics and configuration; only with the extra report
 """
 
 import inspect
@@ -16,6 +17,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, get_type_hints
 
@@ -30,6 +32,7 @@ from lightning.pytorch.cli import (
     OptimizerCallable,
 )
 
+from data.report.report_file import write_report
 from data.results.command_config import CommandConfig, read_config
 from data.results.documents import to_serializable, write_json
 from perception.errors import UsageError, WriteError
@@ -202,6 +205,8 @@ class TrainingCLI(LightningCLI):
         evaluated = self.folder.best if stage == "fit" or path is None else path
         result = self.kind.report(self.model, self.datamodule, stage, evaluated)
         write_json(self.folder.out / METRICS[stage], result)
+        if find_spec("plotly") is not None:
+            write_report(self.folder.out)
         return result
 
     def instantiate_trainer(self, **settings: Any) -> Trainer:  # noqa: ANN401 - of Lightning's Trainer

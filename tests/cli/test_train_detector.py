@@ -8,6 +8,7 @@ import yaml
 from perception.cli.main import main
 from perception.errors import LabelError, ModelError, PerceptionError, UsageError
 from tests.car_frames import write_car_frames
+from tests.data.report.pages import read_page
 from tests.faults import command, fault
 from train.checkpoints import read_checkpoint
 from train.detector.networks import load_detector
@@ -69,6 +70,9 @@ def test_a_detector_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     metrics = json.loads((out / "metrics.json").read_text())
     assert set(metrics["precision"]) == {"Car 0.7", "Car 0.5"}
     assert metrics["counts"]["training_frames"] == 5
+    page = read_page(out / "report.html")
+    assert page.texts["h2"] == ["Training", "Best epoch", "Configuration"]
+    assert "loss" in page.texts["figcaption"]
     _, metadata = load_detector(out / "best.ckpt")
     assert (metadata["input_height"], metadata["input_width"]) == ("64", "224")
     assert metadata["training_data"] == str(drive)
