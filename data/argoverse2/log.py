@@ -20,7 +20,7 @@ from data.labels_in_view import labels_in_view
 from data.layouts import Layout, OpenConfig
 from data.nearest_time import NONE, nearest_in_time
 from data.recorded_drive import RecordedDrive
-from perception.errors import DriveError
+from perception.errors import DriveError, UsageError
 from perception.sensor import LidarModel, load_sensor
 from perception.types import Calibration, Float32, Float64, Labels, PointTruth, UInt8
 
@@ -167,8 +167,16 @@ def open_log(folder: Path, name: str | None, config: OpenConfig) -> Argoverse2Lo
 
     Raises:
         DriveError: The log holds no sweep.
+        UsageError: The sweeps are to be deskewed, or there is no such camera.
         PerceptionError: The calibration, the poses, the boxes or the map cannot be read.
     """
+    if config.deskew:
+        raise UsageError(
+            "--deskew",
+            expected="sweeps whose points are not moved to one time",
+            found="those of Argoverse 2, which are",
+            advice="leave it out",
+        )
     root = folder / name if name else folder
     sweeps = _sweeps_in(root)
     sensors = Sensors.read(root / _CALIBRATION)

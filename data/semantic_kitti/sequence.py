@@ -1,7 +1,7 @@
 """A sequence of SemanticKITTI or of KITTI's odometry benchmark as a drive.
 
 dataset/sequences/08/velodyne/000000.bin   labels/000000.label   image_2/000000.png
-dataset/sequences/08/calib.txt  poses.txt  times.txt
+dataset/sequences/08/calib.txt  times.txt  poses.txt (or dataset/poses/08.txt)
 
 The poses are those of the rectified camera, in the frame of its first; in the LiDAR's frame they become the world's.
 Classes of points are SemanticKITTI's own, of which those from 252 to 259 move. Its official map of classes for learning
@@ -147,7 +147,7 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
         calibration=camera.calibration,
         scans=scans,
         clock=_read_clock(root / _TIMES, scans, sensor.rate_hz),
-        poses=_read_poses(root / _POSES, calibration),
+        poses=_read_poses(_poses_file(root), calibration),
         images=camera.images,
         image_size=camera.image_size,
         point_labels=point_labels.joined(scans),
@@ -168,6 +168,15 @@ def _read_calibration(path: Path) -> Calibration | None:
     cam_velo = text.matrix(_VELO_TO_CAM_KEYS, (3, 4))
     cam_SE3_velo = from_rotation_translation(cam_velo[:, :3], cam_velo[:, 3])
     return with_kitti_image_size(Calibration(image_P_cam, cam_SE3_velo, source=str(path)))
+
+
+def _poses_file(root: Path) -> Path:
+    """Return the poses in the sequence's folder, else those of KITTI's odometry benchmark beside all sequences."""
+    own, of_benchmark = (
+        root / _POSES,
+        root.resolve().parents[1] / "poses" / f"{root.resolve().name}.txt",
+    )
+    return of_benchmark if of_benchmark.is_file() and not own.is_file() else own
 
 
 def _read_poses(path: Path, calibration: Calibration | None) -> Float64 | None:

@@ -84,6 +84,11 @@ def test_another_camera(log):
         open_drive(log, config=OpenConfig(camera="ring_rear_left"))
 
 
+def test_sweeps_are_deskewed_already(log):
+    with fault(UsageError, "--deskew", "not moved to one time", "Argoverse 2", "leave it out"):
+        open_drive(log, config=OpenConfig(deskew=True))
+
+
 def test_a_log_without_images_and_boxes(log):
     shutil.rmtree(log / "sensors/cameras")
     shutil.rmtree(log / "flow_labels")

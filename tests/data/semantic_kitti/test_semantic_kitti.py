@@ -53,6 +53,14 @@ def test_scans_alone_beside_a_calibration(sequence):
     assert drive.stamp_s(1) == pytest.approx(0.1)
 
 
+def test_poses_of_the_odometry_benchmark(sequence):
+    folder = sequence.parents[1] / "poses"
+    folder.mkdir()
+    expected = open_drive(sequence).world_SE3_velo(1)
+    (sequence / "poses.txt").rename(folder / "08.txt")
+    np.testing.assert_array_equal(open_drive(sequence).world_SE3_velo(1), expected)
+
+
 def test_poses_need_the_calibration(sequence):
     (sequence / "calib.txt").unlink()
     drive = open_drive(sequence)
