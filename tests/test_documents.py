@@ -16,6 +16,7 @@ DOCUMENTS = (
     "docs/architecture.md",
     "docs/benchmark.md",
     "docs/install.md",
+    "docs/tables.md",
     "docs/kitti_object.md",
     "perception/detection/weights/README.md",
     "Makefile",

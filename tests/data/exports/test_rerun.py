@@ -211,3 +211,12 @@ def test_a_viewer_that_does_not_start_is_named(monkeypatch):
 def test_a_recording_has_the_suffix_that_rerun_opens(tmp_path):
     with fault(UsageError, where="--rerun", expected=".rrd", found="x.bag"):
         RunExports(rerun=tmp_path / "x.bag")
+
+
+def test_without_a_camera_there_are_scan_and_objects(tmp_path):
+    result = known_result()
+    frame = replace(result.frame, calibration=None)
+    write(tmp_path / "x.rrd", [replace(result, frame=frame, vehicles=None, modality_detections={})])
+    found = read(tmp_path / "x.rrd")
+    assert [path for path in found if path.startswith(CAMERA_PATH)] == []
+    assert len(found["/world/tracks"]["Boxes3D:centers"][0]) == 2
