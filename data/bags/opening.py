@@ -18,6 +18,7 @@ from data.bags.ins_poses import (
 )
 from data.bags.message_stream import MessageStream
 from data.bags.message_times import MessageTimes, read_times
+from data.bags.sensor import find_sensor
 from data.bags.sweeps import BagLidar, SweepReader
 from data.bags.topics import BagTopics, choose_topics
 from data.bags.transforms import TransformTree
@@ -105,10 +106,11 @@ class _Opening:
         rows[:, 0] = order
         camera, calibration = self._camera(frames[0], lidar_SE3_velo, stamps_ns)
         poses, ins_SE3_lidar = self._poses(frames[0])
+        sensor = self._sensor(lidars[0], frames[0], stamps_ns)
         return BagDrive(
             name=self.bag.path.stem,
             root=self.bag.path,
-            sensor=self._sensor(stamps_ns, frames[0]),
+            sensor=sensor,
             calibration=calibration,
             notes=tuple(self.notes),
             sweeps=SweepReader(lidars, rows),
@@ -251,13 +253,13 @@ class _Opening:
         antenna_m = np.zeros(3) if imu_SE3_antenna is None else imu_SE3_antenna[:3, 3]
         return NavigationPoses(fixes, imu, antenna_m)
 
-    def _sensor(self, stamps_ns: Int, lidar: str) -> LidarModel:
-        path = self.bag.path
-        model = self.config.lidar_model(path if path.is_dir() else path.parent)
+    def _sensor(self, lidar: BagLidar, frame: str, stamps_ns: Int) -> LidarModel:
         period_s = 2 * half_period_s((stamps_ns - stamps_ns[0]) / 1e9)
-        if np.isfinite(period_s) and self.config.sensor is None:
-            model = replace(model, rate_hz=1 / period_s)
-        base_SE3_lidar = self.tree.find(_ON_THE_ROAD, lidar)
-        if base_SE3_lidar is not None and base_SE3_lidar[2, 3] > 0 and self.config.sensor is None:
-            model = replace(model, height_m=float(base_SE3_lidar[2, 3]))
-        return model
+        rate_hz = 1 / period_s if np.isfinite(period_s) else None
+        base_SE3_lidar = self.tree.find(_ON_THE_ROAD, frame)
+        height_m = None if base_SE3_lidar is None else float(base_SE3_lidar[2, 3])
+        if height_m is not None and height_m <= 0:
+            height_m = None
+        found = find_sensor(self.bag.path, lidar, self.config, rate_hz, height_m)
+        self.notes.extend(found.notes)
+        return found.model

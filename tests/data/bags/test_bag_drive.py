@@ -1,5 +1,6 @@
 """Drives in bags: the same as in KITTI's layout, and what robots record beside it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ from data.bags.drive import BagDrive
 from data.inspection import inspect_drive
 from data.layouts import OpenConfig
 from data.open_drive import open_drive
+from data.synthetic.drive import SyntheticDrive
 from perception.errors import CalibrationError, DriveError, UsageError
 from perception.geometry.se3 import from_euler, inverse, transform_points
+from perception.sensor import VLP_16, sensor_to_json
 from tests.bag_writer import FIRST_NS, KINDS, BagWriter, columns_of, write_bag
 
 SCAN = np.random.default_rng(1).uniform([-20, -20, -1.8, 0], [20, 20, 1, 1], (600, 4)).astype("f4")
@@ -36,7 +39,7 @@ def test_a_bag_gives_the_frames_of_the_drive_it_was_made_from(
     tmp_path: Path, raw_drive: Path, kind: str
 ) -> None:
     kitti = open_drive(raw_drive)
-    drive = open_drive(write_bag(kitti, tmp_path / "bag", kind))
+    drive = open_drive(write_bag(kitti, tmp_path / "bag", kind), sensor="HDL-64E")
     assert isinstance(drive, BagDrive)
     assert len(drive) == len(kitti)
     for expected, found in zip(kitti, drive, strict=True):
@@ -118,7 +121,7 @@ def test_a_camera_that_cannot_be_used_is_noted_or_refused_where_it_is_named(
     drive = opened(bag)
     assert not drive.has_images
     missing = "expected a transform from velodyne to camera in /tf_static or /tf"
-    assert missing in drive.notes[-1]
+    assert missing in " ".join(drive.notes)
     with pytest.raises(CalibrationError, match=missing):
         opened(bag, camera="/cam/image_raw")
     with pytest.raises(CalibrationError, match="/bare/image: expected a topic camera_info"):
@@ -167,7 +170,7 @@ def test_points_are_turned_to_the_axes_of_the_vehicle(tmp_path: Path) -> None:
     expected[:, :3] -= mounting[:3, 3].astype(np.float32)
     assert np.allclose(drive[0].points_velo, expected, atol=1e-5)
     assert drive.sensor.height_m == pytest.approx(1.9)
-    assert "points of velodyne are turned to the axes of base_link" in drive.notes[0]
+    assert "points of velodyne are turned to the axes of base_link" in " ".join(drive.notes)
     # The pose is that of the turned axes at the LiDAR.
     expected_pose = np.eye(4)
     expected_pose[:3, 3] = mounting[:3, 3]
@@ -180,7 +183,7 @@ def test_repeated_stamps_are_left_out(tmp_path: Path) -> None:
         bag.cloud("/points", FIRST_NS + PERIOD_NS, columns_of(SCAN))
     drive = opened(bag)
     assert len(drive) == 4
-    assert "1 scans are left out, as their stamps are those of others" in drive.notes[0]
+    assert "1 scans are left out, as their stamps are those of others" in " ".join(drive.notes)
 
 
 def test_intensities_are_scaled_for_the_whole_drive(tmp_path: Path) -> None:
@@ -190,10 +193,36 @@ def test_intensities_are_scaled_for_the_whole_drive(tmp_path: Path) -> None:
             bag.cloud("/points", FIRST_NS + index * PERIOD_NS, columns_of(bright))
     drive = opened(bag)
     assert np.allclose(drive[0].points_velo[:, 3], bright[:, 3] / 255)
-    assert "divided by 255" in drive.notes[0]
+    assert "divided by 255" in " ".join(drive.notes)
     assert np.allclose(
         opened(bag, reflectance_scale=400.0)[0].points_velo[:, 3], bright[:, 3] / 400
     )
+
+
+def test_the_lidar_is_estimated_by_its_beams_and_its_ground(tmp_path: Path) -> None:
+    drive = SyntheticDrive(2, seed=3, sensor=replace(VLP_16, height_m=2.1), images=False)
+    with BagWriter(tmp_path / "bag") as bag:
+        for index in range(2):
+            points = drive[index].points_velo
+            bag.cloud("/points", FIRST_NS + index * PERIOD_NS // 2, columns_of(points))
+    found = opened(bag)
+    assert found.sensor.name == "VLP-16"
+    assert found.sensor.height_m == pytest.approx(2.1, abs=0.1)
+    assert found.sensor.rate_hz == pytest.approx(20)
+    assert "the beams are those of VLP-16; name another with --sensor" in found.notes[0]
+    named = opened(bag, sensor="hdl-32e")
+    assert named.sensor.name == "HDL-32E"
+    assert named.sensor.height_m == found.sensor.height_m
+
+
+def test_scans_of_an_unknown_lidar_are_noted(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.cloud("/points", FIRST_NS, columns_of(SCAN[:300]))
+    drive = opened(bag)
+    assert drive.sensor.name == "HDL-64E"
+    assert "too few returns to tell the LiDAR; it is taken as HDL-64E" in " ".join(drive.notes)
+    (tmp_path / "bag" / "sensor.json").write_text(sensor_to_json(replace(VLP_16, height_m=3.0)))
+    assert opened(bag).sensor.height_m == 3.0
 
 
 def room(pose: np.ndarray) -> np.ndarray:
