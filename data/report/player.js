@@ -16,7 +16,7 @@
     values.forEach((value, column) => {
       const cell = document.createElement(column ? "td" : "th");
       if (!column) cell.scope = "row";
-      cell.textContent = value === null ? "–" : value;
+      cell.textContent = value === null ? "-" : value;
       row.append(cell);
     });
     return row;

@@ -1,5 +1,6 @@
 """The report of a run, written at its end."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,10 +8,13 @@ from data.report.frame_images import MAX_FRAMES, write_panels
 from data.report.label_errors import LabelErrors
 from data.report.run_facts import RunFacts
 from data.results.result_writer import ResultWriter
+from perception.errors import PerceptionError
 from perception.render.composition import Composition
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
 from perception.types import Drive, Result
+
+log = logging.getLogger(__name__)
 
 # Size of the composition whose two panels are drawn where there is no video.
 _SMALL_PX = (1120, 630)
@@ -34,7 +38,7 @@ class RunReportWriter(ResultWriter):
         self._out, self._drive = out, drive
         self._composition = composition if has_video else replace(composition, size_px=_SMALL_PX)
         self._step = max(-(-frames // MAX_FRAMES), 1)
-        self._draws = not has_video
+        self._draws, self._has_labels = not has_video, drive.has_labels
         self._history = SceneHistory() if drive.is_sequence else SceneHistory(duration_s=0.0)
         self._errors = LabelErrors(composition.area)
         self._facts: RunFacts | None = None
@@ -48,8 +52,8 @@ class RunReportWriter(ResultWriter):
             self._facts = RunFacts.of_run(self._drive.sensor.rate_hz, {} if self._draws else panels)
         for stage in result.skipped:
             self._skipped[stage] = self._skipped.get(stage, 0) + 1
-        if self._drive.has_labels:
-            self._errors.update(result, self._drive.labels(result.frame.index))
+        if self._has_labels:
+            self._measure(result)
         if self._draws:
             self._draw(result, selected)
         self._row += 1
@@ -69,6 +73,14 @@ class RunReportWriter(ResultWriter):
             from data.report.report_file import write_report
 
             write_report(self._out)
+
+    def _measure(self, result: Result) -> None:
+        """Add the errors of a frame; damaged labels end that and not the run, which needs none."""
+        try:
+            self._errors.update(result, self._drive.labels(result.frame.index))
+        except PerceptionError as error:
+            log.warning("no errors against labels in the report from here on: %s", error)
+            self._has_labels = False
 
     def _draw(self, result: Result, selected: SelectedObject | None) -> None:
         objects = SceneObjects.of(result, self._composition.display_score, selected)

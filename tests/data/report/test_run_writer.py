@@ -11,6 +11,7 @@ from data.report.run_facts import RunFacts
 from data.report.run_writer import RunReportWriter
 from data.results.run_config import RunConfig
 from data.results.run_writers import run_writers
+from perception.errors import LabelError
 from perception.geometry.grids import LocalArea
 from perception.render.composition import Composition
 from perception.types import Boxes3D, Detections, FusedDetections, Labels, Vehicles
@@ -119,6 +120,22 @@ def test_a_run_with_a_video_states_its_panels(scene, drive, tmp_path):  # noqa: 
     writer.close(is_complete=False)
     assert list(RunFacts.read(tmp_path).panels) == ["Camera", "From above"]
     assert not (tmp_path / "panels").exists()
+
+
+def test_damaged_labels_do_not_end_a_run(scene, drive, tmp_path, caplog):  # noqa: F811 - fixture
+    def labels(index):
+        if index == 1:
+            raise LabelError("label_02.txt", expected="numbers", found="words")
+        return labels_at(0.1)
+
+    drive.labels = labels
+    writer = RunReportWriter(tmp_path, drive, Composition(), 2, has_video=True)
+    for index in range(3):
+        writer.add(replace(scene, frame=replace(scene.frame, index=index)), None)
+    writer.close(is_complete=False)
+    assert [one.frame for one in RunFacts.read(tmp_path).ground] == [0]
+    (record,) = caplog.records
+    assert record.getMessage().endswith("label_02.txt: expected numbers, found words")
 
 
 def test_a_run_without_frames_leaves_nothing(drive, tmp_path):
