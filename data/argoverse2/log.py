@@ -71,6 +71,11 @@ class Argoverse2Log(RecordedDrive):
         return True
 
     @property
+    def has_forward_camera(self) -> bool:
+        """Whether the camera is known to face forward: any camera may be chosen."""
+        return False
+
+    @property
     def has_images(self) -> bool:
         """Whether frames carry images."""
         return self.images is not None

@@ -67,6 +67,11 @@ class BagDrive(RecordedDrive):
         return True
 
     @property
+    def has_forward_camera(self) -> bool:
+        """Whether the camera is known to face forward: any camera may be chosen."""
+        return False
+
+    @property
     def has_images(self) -> bool:
         """Whether frames carry images."""
         return self.camera is not None
