@@ -18,6 +18,7 @@ DOCUMENTS = (
     "docs/install.md",
     "docs/tables.md",
     "docs/kitti_object.md",
+    "docs/live.md",
     "perception/detection/weights/README.md",
     "Makefile",
 )

@@ -1,5 +1,7 @@
 """Messages, written and read again."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -30,6 +32,15 @@ def test_every_topic_of_a_result_has_a_message_of_its_type():
         if topic.name not in missing:
             assert reread(found[topic.name]).__msgtype__ == topic.kind
             assert definition_of(topic.kind)
+
+
+def test_the_document_lists_all_topics():
+    document = (Path(__file__).parents[3] / "docs" / "live.md").read_text()
+    rows = [line.split("|")[1:3] for line in document.splitlines() if line.startswith("| `/")]
+    names = [name.strip("` ") for row in rows for name in row[0].split(",")]
+    assert sorted(names) == sorted(topic.name for topic in topics(min_score=0.0))
+    kinds = {kind.strip("` ").rpartition("/")[2] for row in rows for kind in row[1].split(",")}
+    assert kinds == {topic.kind.rpartition("/")[2] for topic in topics(min_score=0.0)}
 
 
 def test_faint_detections_and_vehicles_are_left_out():
