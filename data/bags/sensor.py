@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from data.bags.sweeps import BagLidar, points_velo
+from data.beam_pattern import BeamPattern
 from data.clouds.cloud import Cloud
 from data.clouds.lidar_estimate import LidarEstimate, estimate_lidar
 from data.clouds.mounting_estimate import fit_ground
@@ -77,12 +78,24 @@ def _estimated(clouds: Sequence[Cloud]) -> tuple[LidarModel, str]:
         return HDL_64E, f"too few returns to tell the LiDAR; it is taken as {HDL_64E.name}"
     if estimate.model is not None:
         return estimate.model, f"the beams are those of {estimate.model.name}"
+    similar = None if estimate.has_rings else _similar(scans)
+    if similar is not None:
+        return similar, f"the beams are like those of {similar.name}"
     model = _own_model(estimate)
     low, high = np.degrees(model.elevations_rad[[-1, 0]])
     return (
         model,
         f"the LiDAR is of no known model: {model.beams} beams from {low:.1f} to {high:.1f} degrees",
     )
+
+
+def _similar(scans: Sequence[Float32]) -> LidarModel | None:
+    """Return the known model whose range and spacing of beams all scans have; calibrated beams are off the data sheet's."""
+    patterns = [BeamPattern.of(scan) for scan in scans]
+    names = [set() if one is None else set(one.fitting_sensors()) for one in patterns]
+    first = patterns[0].fitting_sensors() if patterns[0] is not None else []
+    common = set.intersection(*names)
+    return next((SENSORS[name] for name in first if name in common), None)
 
 
 def _own_model(estimate: LidarEstimate) -> LidarModel:
