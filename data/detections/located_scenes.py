@@ -36,7 +36,9 @@ class SceneLocator:
         fused = self.fusion.fuse(scene)
         vehicles = locate(fused, frame, self._ground(frame), self.config.vehicles)
         camera, _ = camera_of(frame)
-        return LocatedScene(scene, LocatedDetections(fused.detections, vehicles.boxes, camera))
+        return LocatedScene(
+            scene, LocatedDetections(vehicles.fused.detections, vehicles.boxes, camera)
+        )
 
     def _ground(self, frame: Frame) -> GroundModel:
         """Return the ground of a drive that starts with this frame."""

@@ -139,6 +139,8 @@ class VehicleConfig:
         lane_width_m: Width of the own lane.
         min_existence: Minimum existence of a detection that is located. A lower one than the tracker's, since a box
             that fits too badly to count may still hold returns that are not another object's.
+        class_height_deviation_m: Standard deviation of the height in one scan, which tells classes of vehicles apart.
+        class_score_weight: Weight of the logarithm of scores beside that of the likelihood of a height.
         tracker: Tracker of vehicles.
     """
 
@@ -151,4 +153,6 @@ class VehicleConfig:
     traffic_side: Literal["right", "left"] = "right"
     lane_width_m: float = 3.5
     min_existence: float = 0.05
+    class_height_deviation_m: float = 0.1
+    class_score_weight: float = 0.5
     tracker: VehicleTrackerConfig = field(default_factory=VehicleTrackerConfig)

@@ -8,6 +8,7 @@ import numpy as np
 from perception.detection.vehicles.body_fit import fit_bodies
 from perception.detection.vehicles.box_heights import fit_heights
 from perception.detection.vehicles.config import VehicleConfig
+from perception.detection.vehicles.height_classes import classes_by_height
 from perception.detection.vehicles.l_shape_fit import ImageSpans, Rectangles, fit_rectangles
 from perception.detection.vehicles.vehicle_points import (
     ImageObjects,
@@ -40,6 +41,7 @@ def locate(
     """Locate each detection in the scan.
 
     Headings are known except for their sign, which is that of the traffic there; a tracker adds ids and velocities.
+    Heights tell the classes of vehicles apart.
     Detections below the minimum score are not located: a detector may report a hundred of them a frame, and their
     time would be lost for the others.
 
@@ -65,10 +67,21 @@ def locate(
     np.minimum.at(distances_m, found.owners, np.sqrt(x_m**2 + y_m**2 + z_m**2))
     observed = _Observed.of(found, detections, sizes, config)
     unknown = Boxes3D(*(np.full((count, *row), np.nan) for row in ((3,), (3,), ())))
+    boxes = unknown.replaced(observed.rows, _fit_boxes(observed, camera, config))
+    places = np.arange(count)
+    places[likely] = likely[leaders]
+    evidence = replace(
+        config.tracker.evidence,
+        height_deviation_m=config.class_height_deviation_m,
+        class_score_weight=config.class_score_weight,
+    )
+    types = classes_by_height(detections, boxes.size_m[:, 2], places, evidence)
+    other = observed[np.flatnonzero(types[observed.rows] != detections.types[observed.rows])]
+    other = replace(other, sizes=SizePriors.of(types[other.rows]))
     return Vehicles(
-        fused=fused,
+        fused=replace(fused, detections=replace(detections, types=types)),
         ids=np.full(count, -1),
-        boxes=unknown.replaced(observed.rows, _fit_boxes(observed, camera, config)),
+        boxes=boxes.replaced(other.rows, _fit_boxes(other, camera, config)),
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
         covariances=np.full((count, 4, 4), np.nan),

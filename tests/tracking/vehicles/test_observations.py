@@ -86,7 +86,8 @@ def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, expected):
     shown = detected(boxes, 0.9)
     shown = replace(shown, detections=replace(shown.detections, types=np.array([name])))
     vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, np.array([name]), VehicleTrackerConfig())
+    classes = vehicles.fused.detections.types  # the van's by its height
+    seen = VehicleObservations.of(vehicles, _GEOMETRY, classes, VehicleTrackerConfig())
     assert seen.is_located.all()
     np.testing.assert_allclose(seen.existence, [expected], atol=0.03)
 
