@@ -22,6 +22,7 @@ _MIN_POINTS = 2_000
 _MATCH_SHARE = 0.3  # of the distance of neighbouring beams
 _MIN_MATCH_RAD = np.radians(0.06)
 _MIN_SCORE = 0.85
+_MAX_SCATTER_RAD = np.radians(1.5)
 _MAX_SHIFT_RAD = np.radians(0.6)
 _MIN_RING_POINTS = 20
 _MAX_BEAMS = 256
@@ -36,12 +37,20 @@ class LidarEstimate:
         azimuth_step_rad: Angle between two firings of one beam, or None where it is not clear.
         fitting: Names of known models, the best first, with the share of beams that agree, 0 to 1.
         has_rings: Whether the beams are those that the files number.
+        scatter_rad: Range of the elevations of most returns of one numbered beam; much where points are not given about
+            the origin of the LiDAR, or are of several LiDARs.
     """
 
     elevations_rad: Float64
     azimuth_step_rad: float | None
     fitting: tuple[tuple[str, float], ...]
     has_rings: bool
+    scatter_rad: float = 0.0
+
+    @property
+    def is_about_lidar(self) -> bool:
+        """Whether returns of one beam have one elevation, as they have about the origin of the LiDAR."""
+        return bool(self.scatter_rad <= _MAX_SCATTER_RAD)
 
     @property
     def model(self) -> LidarModel | None:
@@ -80,7 +89,8 @@ def estimate_lidar(
     if len(beams) < 2:
         return None
     step = _azimuth_step(elevation, azimuth, beams)
-    return LidarEstimate(beams, step, fitting_models(beams), has_rings)
+    scatter_rad = _ring_scatter(elevation, ring) if has_rings else 0.0
+    return LidarEstimate(beams, step, fitting_models(beams), has_rings, scatter_rad)
 
 
 def _across(vertical: Float64) -> tuple[Float64, Float64]:
@@ -88,6 +98,14 @@ def _across(vertical: Float64) -> tuple[Float64, Float64]:
     first = first - (first @ vertical) * vertical
     first /= np.linalg.norm(first)
     return first, np.cross(vertical, first)
+
+
+def _ring_scatter(elevations_rad: Float64, ring: Int) -> float:
+    """Return the median over the beams of the range that holds 80 % of their elevations."""
+    ranges = [
+        np.ptp(np.quantile(elevations_rad[ring == one], (0.1, 0.9))) for one in np.unique(ring)
+    ]
+    return float(np.median(ranges))
 
 
 def _seen_elevations(elevations_rad: Float64, azimuths_rad: Float64) -> Float64:
@@ -167,7 +185,8 @@ def fitting_models(beams_rad: Float64) -> tuple[tuple[str, float], ...]:
     """Return the known models whose beams agree with those that were seen, the best first."""
     scores = {name: _agreement(beams_rad, model.elevations_rad) for name, model in SENSORS.items()}
     fitting = [(name, score) for name, score in scores.items() if score >= _MIN_SCORE]
-    return tuple(sorted(fitting, key=lambda one: -one[1]))
+    # Of two models that fit, one with every second beam of the other, that with fewer beams unseen.
+    return tuple(sorted(fitting, key=lambda one: (-round(one[1], 2), SENSORS[one[0]].beams)))
 
 
 def _agreement(seen_rad: Float64, model_rad: Float64) -> float:

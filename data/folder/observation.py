@@ -236,6 +236,9 @@ def _sensor_observations(lidar: LidarEstimate | None) -> list[Observation]:
     low_deg, high_deg = np.degrees(lidar.elevations_rad[[-1, 0]])
     beams = f"{len(lidar.elevations_rad)} beams from {low_deg:.1f} to {high_deg:.1f} degrees"
     source = "rings of the files" if lidar.has_rings else "elevations of the returns"
+    if not lidar.is_about_lidar:
+        reason = f"beams scatter by {np.degrees(lidar.scatter_rad):.1f} degrees: points are not about the origin of one LiDAR"
+        return [Observation("sensor", beams, "guess", reason, "sensor")]
     if lidar.model is None:
         certainty: Certainty = "sure" if lidar.has_rings else "likely"
         return [Observation("sensor", f"no known model: {beams}", certainty, source, "sensor")]

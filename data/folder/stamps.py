@@ -13,8 +13,8 @@ from perception.types import Int
 
 # Seconds since 1970 with a fraction behind them: 1317036272.123456 or 1317036272_123456789.
 _SECONDS = re.compile(r"(?:.*[^0-9])?([0-9]{9,10})[._-]([0-9]{3,9})")
-_WHOLE = re.compile(r"(?:.*[^0-9])?([0-9]{13}|[0-9]{16}|[0-9]{19})")
-_UNIT_NS = {13: 1_000_000, 16: 1_000, 19: 1}
+_WHOLE = re.compile(r"(?:.*[^0-9])?([0-9]{13}|[0-9]{16}|[0-9]{18,19})")
+_UNIT_NS = {13: 1_000_000, 16: 1_000, 18: 1, 19: 1}  # 18 where nanoseconds are from 1980 on
 _NUMBER = re.compile(r"-?([0-9]+)(?:\.([0-9]*))?(?:[eE][+-]?[0-9]+)?")
 
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from data.clouds.lidar_estimate import fitting_models
 from data.folder.observation import observe_folder
 from perception.errors import DriveError, ScanError
-from perception.sensor import HDL_32E, VLP_16, LidarModel
+from perception.sensor import HDL_32E, SENSORS, VLP_16, LidarModel
 from tests.data.folder.conftest import road_scan
 from tests.faults import fault
 
@@ -59,6 +60,21 @@ def test_rings_of_the_files_are_the_beams(write_folder):
     (sensor,) = (one for one in found.observations if one.what == "sensor")
     assert sensor.value == "HDL-32E"
     assert "rings of the files" in sensor.reason
+
+
+def test_rings_of_points_about_another_origin_are_a_guess(write_folder):
+    scan = road_scan(0)
+    rays = np.arctan2(scan[:, 2], np.hypot(scan[:, 0], scan[:, 1]))
+    ring = np.abs(rays[:, None] - HDL_32E.elevations_rad).argmin(axis=1)
+    scan[:, :3] += [1.5, 0, 1.5]
+    found = observe_folder(write_folder([np.column_stack([scan, ring])]))
+    (sensor,) = (one for one in found.guesses if one.what == "sensor")
+    assert "not about the origin of one LiDAR" in sensor.reason
+
+
+def test_a_model_is_told_from_one_of_twice_its_beams():
+    assert fitting_models(SENSORS["OS1-32"].elevations_rad)[0][0] == "OS1-32"
+    assert fitting_models(SENSORS["OS0-64"].elevations_rad)[0][0] == "OS0-64"
 
 
 def test_standing_shows_no_forward(write_folder):
