@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import find_peaks
 
+from data.beam_pattern import BeamPattern
 from perception.sensor import SENSORS, LidarModel
 from perception.types import Float32, Float64, Int
 
@@ -22,6 +23,7 @@ _MIN_POINTS = 2_000
 _MATCH_SHARE = 0.3  # of the distance of neighbouring beams
 _MIN_MATCH_RAD = np.radians(0.06)
 _MIN_SCORE = 0.85
+_MIN_PATTERN_SHARE = 0.93  # of the number of beams, where their elevations do not agree
 _MAX_SCATTER_RAD = np.radians(1.5)
 _MAX_SHIFT_RAD = np.radians(0.6)
 _MIN_RING_POINTS = 20
@@ -90,7 +92,12 @@ def estimate_lidar(
         return None
     step = _azimuth_step(elevation, azimuth, beams)
     scatter_rad = _ring_scatter(elevation, ring) if has_rings else 0.0
-    return LidarEstimate(beams, step, fitting_models(beams), has_rings, scatter_rad)
+    fitting = fitting_models(beams)
+    if not fitting and not has_rings:
+        first, second = _across(vertical)
+        turn = np.stack([first, second, vertical]).astype(np.float32)
+        fitting = _models_by_pattern(scans[0] @ turn.T, len(beams))
+    return LidarEstimate(beams, step, fitting, has_rings, scatter_rad)
 
 
 def _across(vertical: Float64) -> tuple[Float64, Float64]:
@@ -187,6 +194,20 @@ def fitting_models(beams_rad: Float64) -> tuple[tuple[str, float], ...]:
     fitting = [(name, score) for name, score in scores.items() if score >= _MIN_SCORE]
     # Of two models that fit, one with every second beam of the other, that with fewer beams unseen.
     return tuple(sorted(fitting, key=lambda one: (-round(one[1], 2), SENSORS[one[0]].beams)))
+
+
+def _models_by_pattern(points: Float32, seen: int) -> tuple[tuple[str, float], ...]:
+    """Return the models with the range, the spacing and the number of the beams, which calibration moves off the data sheet."""
+    pattern = BeamPattern.of(points)
+    if pattern is None:
+        return ()
+    shares = {
+        name: min(seen, model.beams) / max(seen, model.beams)
+        for name, model in SENSORS.items()
+        if pattern.fits(model)
+    }
+    fitting = [(name, share) for name, share in shares.items() if share >= _MIN_PATTERN_SHARE]
+    return tuple(sorted(fitting, key=lambda one: -one[1]))
 
 
 def _agreement(seen_rad: Float64, model_rad: Float64) -> float:

@@ -249,7 +249,7 @@ def _sensor_observations(lidar: LidarEstimate | None) -> list[Observation]:
         Observation(
             "sensor",
             lidar.model.name,
-            "likely" if others or share < 0.95 else "sure",
+            "likely" if others or share < 0.97 else "sure",
             reason,
             "sensor",
         )
