@@ -72,7 +72,7 @@ def test_rings_of_points_about_another_origin_are_a_guess(write_folder):
     assert "not about the origin of one LiDAR" in sensor.reason
 
 
-def test_a_model_is_told_from_one_of_twice_its_beams():
+def test_the_model_with_fewer_unseen_beams_comes_first():
     assert fitting_models(SENSORS["OS1-32"].elevations_rad)[0][0] == "OS1-32"
     assert fitting_models(SENSORS["OS0-64"].elevations_rad)[0][0] == "OS0-64"
 
