@@ -29,7 +29,15 @@ def files_in(folder: Path) -> set[str]:
 
 
 def test_a_run_ends_at_the_first_file_without_room(frames, tmp_path):
-    words = ["run", str(frames), "--out", str(tmp_path), "--no-video", "--pipeline.no-parallel"]
+    words = [
+        "run",
+        str(frames),
+        "--out",
+        str(tmp_path),
+        "--no-video",
+        "--no-report",
+        "--pipeline.no-parallel",
+    ]
     fill_disk(words, 16_500, tmp_path / "labels/000000.label")
     assert files_in(tmp_path) == {"config.yaml", "summary.json"}
     assert json.loads((tmp_path / "summary.json").read_text())["frames"] == 0
