@@ -14,7 +14,7 @@ def check(root: Path, *, source: SourceFlags) -> None:
     Example: trifuse check kitti/tracking --sequence 0000
 
     Args:
-        root: KITTI raw drive, folder of raw drives, tracking folder, object folder, or synthetic drive.
+        root: Folder or file of a drive in any layout; of several, all are checked.
 
     Raises:
         DriveError: There is a fault.

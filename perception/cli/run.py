@@ -39,7 +39,7 @@ def run(
     Example: trifuse run 2011_09_26/2011_09_26_drive_0005_sync --out results/0005
 
     Args:
-        drive: KITTI raw drive, tracking folder, object folder, or synthetic drive.
+        drive: Folder or file of a drive in any layout.
         video: Draw the video.
         video_views: Draw the boxes of each modality's detector in the video, too.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
