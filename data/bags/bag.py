@@ -14,7 +14,6 @@ from perception.errors import DriveError, MissingDependencyError, PerceptionErro
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
 
-BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 _REPAIRS = {
     ".bag": "rosbag reindex FILE repairs a bag that was cut off",
     ".mcap": "mcap recover FILE -o REPAIRED.mcap repairs a file that was cut off",

@@ -11,7 +11,6 @@ from perception.geometry.se3 import from_rotation_translation, inverse
 from perception.types import Float64
 
 TF_TOPICS = ("/tf_static", "/tf")
-TF_KINDS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 
 class TransformTree:
