@@ -53,9 +53,11 @@ def legend_below(axes: "Axes", columns: int = 1, title: str | None = None) -> No
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure as PNG, all of it or nothing, and make its folder."""
+    """Write a figure in the format that the path ends with, else as PNG; all of it or nothing, and make its folder."""
+    ending = path.suffix[1:].lower()
+    kind = ending if ending in figure.canvas.get_supported_filetypes() else "png"
     with atomic_file(path) as part:
-        figure.savefig(part, dpi=_DOTS_PER_INCH)
+        figure.savefig(part, dpi=_DOTS_PER_INCH, format=kind)
 
 
 def rgb(color: Color) -> tuple[float, float, float]:
