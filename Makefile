@@ -3,13 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick lint bench bench-compare weights thesis format clean help
+.PHONY: demo test quick lint docs wheel bench bench-compare weights thesis format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
 	@echo "make test   install with the developers' tools, lint, and run all tests on all cores"
 	@echo "make quick  the tests that take less than five seconds, read no KITTI frames and train nothing"
 	@echo "make lint   ruff and mypy"
+	@echo "make docs   build the site into docs/_build, without a warning"
+	@echo "make wheel  build the wheel and the source archive into dist, and check them"
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
 	@echo "make thesis train and measure all of the thesis' section 7.2, as long as STEPS says"
 	@echo "make bench  every stage beside its reference implementation and the best library"
@@ -28,6 +30,14 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build
+
+wheel: $(VENV)/.installed-dev
+	rm -rf dist
+	$(BIN)/python -m build
+	$(BIN)/twine check --strict dist/*
 
 # What the shipped networks have learned from: other worlds than they are judged by, none of them real. The camera
 # view starts from public weights of photographs: fetched, or PUBLIC_WEIGHTS=PATH.

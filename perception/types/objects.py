@@ -13,13 +13,13 @@ from perception.types.table import ArrayTable
 
 @dataclass(frozen=True)
 class Boxes3D(ArrayTable):
-    """M upright boxes in one frame, the LiDAR frame unless the variable's name states another.
+    """M upright boxes in one frame, the LiDAR frame unless the variable's name states another::
 
-             front
-          +---^---+
-          |   |   |
-    left  |   o   |
-          +-------+
+                 front
+              +---^---+
+              |   |   |
+        left  |   o   |
+              +-------+
 
     Attributes:
         bottom_m: (M, 3) centre of the bottom face.
