@@ -13,12 +13,7 @@ from perception.errors import PerceptionError, UsageError
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = (
     "README.md",
-    "docs/architecture.md",
-    "docs/benchmark.md",
-    "docs/install.md",
-    "docs/tables.md",
-    "docs/kitti_object.md",
-    "docs/live.md",
+    *(f"docs/{page.relative_to(ROOT / 'docs')}" for page in sorted((ROOT / "docs").rglob("*.md"))),
     "perception/detection/weights/README.md",
     "Makefile",
 )
