@@ -9,7 +9,7 @@ sys.path.insert(0, str(ROOT))
 from perception import __version__  # noqa: E402 - of this source tree
 
 project = "Trifuse"
-copyright = "2026, the Trifuse developers"  # noqa: A001 - Sphinx's name
+copyright = "2026, the Trifuse developers"
 release = version = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]

@@ -9,9 +9,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 OURS = ("perception", "data", "train", "export", "benchmarks", "tests")
-# Declared and not imported: programs and plugins that the Makefile calls, and what torch.onnx loads by itself.
-CALLED = {"ruff": "/ruff check", "mypy": "/mypy", "pytest-xdist": "pytest -n auto"}
-LOADED_BY_OTHERS = {"onnxscript"}
+# Declared and not imported: programs and plugins that the Makefile calls, and what torch.onnx, Sphinx and build load.
+CALLED = {
+    "ruff": "/ruff check",
+    "mypy": "/mypy",
+    "pytest-xdist": "pytest -n auto",
+    "sphinx": "-m sphinx",
+    "build": "-m build",
+    "twine": "/twine check",
+}
+LOADED_BY_OTHERS = {"onnxscript", "myst-parser", "furo", "hatchling"}
 # Imported under another name; those that are installed say so themselves.
 DISTRIBUTIONS = {"cv2": "opencv-python-headless", "sklearn": "scikit-learn", "yaml": "pyyaml"}
 

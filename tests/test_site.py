@@ -75,7 +75,9 @@ def test_each_method_page_has_both_methods_figures_and_a_picture_with_its_comman
         text = page.read_text()
         assert "**Thesis" in text, page.name
         assert "**Trifuse.**" in text, page.name
-        assert re.search(r"^!\[.+\]\(images/[\w-]+\.jpg\)\n\n`trifuse ", text, re.MULTILINE), page.name
+        assert re.search(r"^!\[.+\]\(images/[\w-]+\.jpg\)\n\n`trifuse ", text, re.MULTILINE), (
+            page.name
+        )
         assert "\n|---" in text, page.name
 
 

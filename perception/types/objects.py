@@ -13,7 +13,9 @@ from perception.types.table import ArrayTable
 
 @dataclass(frozen=True)
 class Boxes3D(ArrayTable):
-    """M upright boxes in one frame, the LiDAR frame unless the variable's name states another::
+    """M upright boxes in one frame, the LiDAR frame unless the variable's name states another.
+
+    ::
 
                  front
               +---^---+
