@@ -35,7 +35,7 @@ def test_every_topic_of_a_result_has_a_message_of_its_type():
 
 
 def test_the_document_lists_all_topics():
-    document = (Path(__file__).parents[3] / "docs" / "live.md").read_text()
+    document = (Path(__file__).parents[3] / "docs" / "own_data" / "live.md").read_text()
     rows = [line.split("|")[1:3] for line in document.splitlines() if line.startswith("| `/")]
     names = [name.strip("` ") for row in rows for name in row[0].split(",")]
     assert sorted(names) == sorted(topic.name for topic in topics(min_score=0.0))
