@@ -68,7 +68,7 @@ def test_python_of_the_tour_runs(tmp_path, monkeypatch, capsys):
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["0", "1", "2"]
 
 
-def test_each_method_page_has_both_methods_figures_and_a_picture_with_its_command():
+def test_each_method_page_has_both_methods_metrics_and_an_image_with_its_command():
     pages = [page for page in (DOCS / "method").glob("*.md") if page.name != "index.md"]
     assert len(pages) == 10
     for page in pages:

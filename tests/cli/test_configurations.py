@@ -16,7 +16,7 @@ INPUTS = {
     "evaluate results": "x --labels y",
     **dict.fromkeys(("study reflectance-maps", "study detector-losses"), "x --validation y"),
     "study sim-to-real": "x --validation y",
-    **dict.fromkeys(("demo", "synth", "bench"), ""),
+    **dict.fromkeys(("demo", "synth", "bench", "completion"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
     **dict.fromkeys(("study growth", "study thesis"), ""),
 }

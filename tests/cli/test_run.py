@@ -226,6 +226,6 @@ def test_demo_leaves_a_video_and_a_table(tmp_path, capsys):
     assert main(["demo", "--out", str(tmp_path / "demo"), "--frames", "3"]) == 0
     printed = capsys.readouterr().out
     assert "all stages" in printed
-    assert "exact truth" in printed
+    assert "points against the truth of this drive" in printed
     assert "tracks: " in printed
     assert frames_of(tmp_path / "demo/video.mp4") == 3
