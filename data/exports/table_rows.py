@@ -64,8 +64,12 @@ def _frame_rows(result: Result, tables: Mapping[str, Rows]) -> Rows:
 def _pose_rows(result: Result) -> Rows:
     world_SE3_velo = result.world_SE3_velo
     x, y, z, w = Rotation.from_matrix(world_SE3_velo[:3, :3]).as_quat(canonical=True)
-    names = ("tx_m", "ty_m", "tz_m", "qw", "qx", "qy", "qz")
-    values = (*world_SE3_velo[:3, 3], w, x, y, z)
+    names = (
+        "tx_m", "ty_m", "tz_m", "qw", "qx", "qy", "qz",
+        "std_x_m", "std_y_m", "std_z_m", "std_rx_rad", "std_ry_rad", "std_rz_rad",
+    )  # fmt: skip
+    deviations = np.sqrt(np.diagonal(result.pose_covariance))
+    values = (*world_SE3_velo[:3, 3], w, x, y, z, *deviations)
     return {name: np.array([value]) for name, value in zip(names, values, strict=True)}
 
 

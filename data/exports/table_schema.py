@@ -92,6 +92,14 @@ TABLES: Final[Mapping[str, Columns]] = {
         "qx": TableColumn("double", "x"),
         "qy": TableColumn("double", "y"),
         "qz": TableColumn("double", "z"),
+        "std_x_m": TableColumn("double", "standard deviation of x since the first scan"),
+        "std_y_m": TableColumn("double", "standard deviation of y"),
+        "std_z_m": TableColumn("double", "standard deviation of z"),
+        "std_rx_rad": TableColumn(
+            "double", "standard deviation of the rotation about the world's x axis"
+        ),
+        "std_ry_rad": TableColumn("double", "about y"),
+        "std_rz_rad": TableColumn("double", "about z"),
     },
     "tracks": {
         **_OBJECT,

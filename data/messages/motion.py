@@ -46,11 +46,13 @@ def odometry(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a me
     linear_m_s, angular_rad_s = _velocity(result, last)
     twist = message("geometry_msgs/Twist", linear=vector(linear_m_s), angular=vector(angular_rad_s))
     unknown = np.zeros(36)  # as REP 105's tools write a covariance that is not known
+    covariance = result.pose_covariance.ravel()
+    covariance = covariance if np.isfinite(covariance).all() else unknown
     return message(
         "nav_msgs/Odometry",
         header=header(result.frame.stamp_s, WORLD),
         child_frame_id=LIDAR,
-        pose=message("geometry_msgs/PoseWithCovariance", pose=pose, covariance=unknown),
+        pose=message("geometry_msgs/PoseWithCovariance", pose=pose, covariance=covariance),
         twist=message("geometry_msgs/TwistWithCovariance", twist=twist, covariance=unknown),
     )
 

@@ -48,6 +48,8 @@ class FrameRecord(FrameLine):
         vehicles: Number of vehicles in `vehicles.jsonl`; null without detectors.
         latency_s: Time from the start of the first stage to the end of the last.
         seconds: Time of each stage.
+        pose_deviations: Standard deviations of the pose since the first scan, x, y, z in metres and rotations about the
+            world's axes in rad; null where the method gives none.
     """
 
     name: str
@@ -59,6 +61,7 @@ class FrameRecord(FrameLine):
     vehicles: int | None
     latency_s: float | None
     seconds: dict[str, float]
+    pose_deviations: list[float | None] | None = None
 
     @classmethod
     def of(cls, result: Result, vehicles: FrameVehicles | None) -> Self:
@@ -76,6 +79,7 @@ class FrameRecord(FrameLine):
             vehicles=None if vehicles is None else len(vehicles.vehicles),
             latency_s=round(result.latency_s, 6) if result.spans else None,
             seconds={stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
+            pose_deviations=numbers(np.sqrt(np.diagonal(result.pose_covariance)), digits=5),
         )
 
 

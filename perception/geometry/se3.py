@@ -40,14 +40,19 @@ def rotation_vector(rotation: Float) -> Float64:
 
 def from_rotation_vector(vector: Float) -> Float64:
     """Return the (3, 3) rotation about a (3,) axis by its length in radians (Rodrigues' formula)."""
-    x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = cross_matrix(vector)
     angle_rad = np.linalg.norm(vector)
     # np.sinc(t) is sin(pi t) / (pi t), and 1 at 0.
     half_chord = np.sinc(angle_rad / (2 * np.pi))
     return np.asarray(
         np.eye(3) + np.sinc(angle_rad / np.pi) * cross + 0.5 * half_chord**2 * (cross @ cross)
     )
+
+
+def cross_matrix(vector: Float) -> Float64:
+    """Return the (3, 3) matrix that multiplies as the cross product with a vector does."""
+    x, y, z = np.asarray(vector, np.float64).tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def inverse(dst_SE3_src: Float64) -> Float64:

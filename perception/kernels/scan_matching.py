@@ -19,6 +19,13 @@ _SIDE, _BORDER = 512, 16
 _UP, _DOWN = 38, 24  # voxels of a bar above and below the origin
 _MAX_BARS = 2**16 - 1
 _MIN_VOXELS = 5  # fewer do not determine a surface
+_RINGS = (1, 2, 4, 8)  # of voxels around one
+# Ratio of the variances across and along a surface: the beams of a sparse LiDAR lie far apart on the ground, and points of
+# one beam make a line. On synthetic streets, without INS, VLP-16, errors over a second: 71 mm and 0.94 degrees at 0, 23 and 0.34
+# at 0.2, 12 and 0.21 at 0.35; HDL-64E 5.6, 6.5, 5.5 mm.
+_MIN_BREADTH = 0.35
+# Ratio of the variances through and across a surface of more than two rings, which may hold more than one.
+_MAX_THICKNESS, _WIDE = 0.05, 2
 # Squared noise along the normal of a surface, relative to that along the surface (GICP, Segal et al. 2009).
 _FLATNESS = 1e-3
 _LOOSER = 3.0  # steps so much larger than the last one still keep their matches, and end the alignment of a quarter
@@ -99,9 +106,16 @@ def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
     return moments, (bar_of_cell, bars[: found + 1].copy())
 
 
-@compiled((_ROWS,))
-def _flattest_direction(covariance: Float64) -> tuple[float, float, float]:
-    """Return the unit eigenvector of the smallest eigenvalue of a symmetric 3 x 3 matrix."""
+@compiled((_ROWS, NUMBER))
+def _flattest_direction(covariance: Float64, max_thickness: float) -> tuple[float, float, float]:
+    """Return the unit eigenvector of the smallest eigenvalue of a symmetric 3 x 3 matrix; 0 where there is no surface.
+
+    Of points along a line any direction across it is as flat.
+
+    Args:
+        covariance: (3, 3) covariance of points; its upper triangle is read.
+        max_thickness: Largest ratio of the variances through and across a surface.
+    """
     a, b, c = covariance[0, 0], covariance[0, 1], covariance[0, 2]
     d, e, f = covariance[1, 1], covariance[1, 2], covariance[2, 2]
     mean = (a + d + f) / 3
@@ -114,6 +128,10 @@ def _flattest_direction(covariance: Float64) -> tuple[float, float, float]:
     half_determinant = (p * (q * r - w * w) - u * (u * r - w * v) + v * (u * w - q * v)) / 2
     angle = np.arccos(min(max(half_determinant, -1.0), 1.0)) / 3
     smallest = mean + 2 * spread * np.cos(angle + 2 * np.pi / 3)
+    largest = mean + 2 * spread * np.cos(angle)
+    middle = 3 * mean - smallest - largest
+    if middle < _MIN_BREADTH * largest or smallest > max_thickness * middle:
+        return 0.0, 0.0, 0.0
     # Rows of the matrix minus the eigenvalue are at right angles to the eigenvector: their longest cross product.
     a, d, f = a - smallest, d - smallest, f - smallest
     x1, y1, z1 = b * e - c * d, c * b - a * e, a * d - b * b
@@ -154,37 +172,40 @@ def _add_around(
     return voxels
 
 
+@compiled((array_of(np.float64), written(np.float64, 2)))
+def _covariance(moments: Float64, covariance: Float64) -> None:
+    """Write the upper triangle of the (3, 3) covariance by (10,) moments."""
+    x, y, z = moments[1] / moments[0], moments[2] / moments[0], moments[3] / moments[0]
+    covariance[0, 0] = moments[4] / moments[0] - x * x
+    covariance[0, 1] = moments[5] / moments[0] - x * y
+    covariance[0, 2] = moments[6] / moments[0] - x * z
+    covariance[1, 1] = moments[7] / moments[0] - y * y
+    covariance[1, 2] = moments[8] / moments[0] - y * z
+    covariance[2, 2] = moments[9] / moments[0] - z * z
+
+
 @compiled((_ROWS, _TABLE, NUMBER))
 def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
     """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
 
-    Where too few voxels are occupied, those farther around are taken, too; the normal is 0 where these are too few.
+    Where too few voxels are occupied, or they lie along a line, those farther around are taken, too; the normal is 0 where
+    these do not determine it either.
     """
     surfaces = np.empty((len(moments), 6))
     total, covariance = np.empty(10), np.empty((3, 3))
     for row in range(len(moments)):
         for axis in range(3):
             surfaces[row, axis] = moments[row, 1 + axis] / moments[row, 0]
-        voxels = _add_around(moments, table, edge_m, surfaces[row, :3], 1, total)
-        if voxels < _MIN_VOXELS:
-            voxels = _add_around(moments, table, edge_m, surfaces[row, :3], 2, total)
-        if voxels < _MIN_VOXELS:
-            surfaces[row, 3:] = 0
-            continue
-        x, y, z = total[1] / total[0], total[2] / total[0], total[3] / total[0]
-        covariance[0, 0], covariance[0, 1] = (
-            total[4] / total[0] - x * x,
-            total[5] / total[0] - x * y,
-        )
-        covariance[0, 2], covariance[1, 1] = (
-            total[6] / total[0] - x * z,
-            total[7] / total[0] - y * y,
-        )
-        covariance[1, 2], covariance[2, 2] = (
-            total[8] / total[0] - y * z,
-            total[9] / total[0] - z * z,
-        )
-        surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = _flattest_direction(covariance)
+        surfaces[row, 3:] = 0
+        for rings in _RINGS:
+            voxels = _add_around(moments, table, edge_m, surfaces[row, :3], rings, total)
+            if voxels < _MIN_VOXELS:
+                continue
+            _covariance(total, covariance)
+            normal = _flattest_direction(covariance, _MAX_THICKNESS if rings > _WIDE else 1.0)
+            surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
+            if normal != (0.0, 0.0, 0.0):
+                break
     return surfaces
 
 
@@ -492,7 +513,7 @@ def align_surfaces(
     steps: tuple[float, float],
     iterations: int,
     prior_share: float,
-) -> tuple[Float64, int, float, bool]:
+) -> tuple[Float64, int, float, bool, Float64]:
     """Align the source with the target by Gauss-Newton steps (GICP): with a quarter of its points, then with all.
 
     Args:
@@ -508,10 +529,12 @@ def align_surfaces(
             the initial guess does, 0 to 1; 0 for no prior.
 
     Returns:
-        (4, 4) `target_SE3_source`, the number of matches, the sum of half their squared errors, and whether the last
-        step was small enough.
+        (4, 4) `target_SE3_source`, the number of matches, the sum of half their squared errors, whether the last
+        step was small enough, and the upper triangle of the (6, 6) information of a small motion, a rotation vector and
+        a translation in the frame of the target, in the unit of the errors.
     """
     pose, matches, error, is_converged = initial_guess.copy(), 0, 0.0, False
+    determined = np.zeros((6, 6))
     nearest = np.empty(len(source), np.int64)
     for stride in (4, 1):
         is_small = False
@@ -528,8 +551,9 @@ def align_surfaces(
             if prior_share > 0:
                 information = matches * prior_share / (2 * _FLATNESS)
                 _add_prior(pose, initial_guess, information, hessian, motion)
+            determined[:] = hessian
             if not _solve(hessian, motion):
-                return initial_guess.copy(), 0, 0.0, False
+                return initial_guess.copy(), 0, 0.0, False, determined
             pose = _moved(motion, pose)
             turn = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
             way = np.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
@@ -537,7 +561,7 @@ def align_surfaces(
             is_converged = is_small and (stride > 1 or (turn < steps[0] and way < steps[1]))
             if is_converged:
                 break
-    return pose, matches, error, is_converged
+    return pose, matches, error, is_converged, determined
 
 
 @compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER))
@@ -557,7 +581,7 @@ def distances_to_surfaces(
         edge_m: Edge of its voxels in metres.
         source: (N, 6) points and normals of the source.
         target_SE3_source: (4, 4) pose of the source.
-        reach_m: Distance in metres within which the nearest point is; infinite where there is none.
+        reach_m: Distance in metres within which the nearest point is; infinite where there is none. At a point without a surface the distance is 0.
     """
     nearest, away_m = np.empty(len(source), np.int64), np.full(len(source), np.inf)
     _match(target, table, edge_m, source, 1, target_SE3_source, reach_m, nearest)

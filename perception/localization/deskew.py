@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from perception.geometry.se3 import (
+    cross_matrix,
     from_rotation_translation,
     from_rotation_vector,
     inverse,
@@ -103,8 +104,7 @@ def _moved(turn: Float64, along: Float64) -> Float64:
 def _arc(turn: Float64) -> Float64:
     """Return the (3, 3) mean of the rotations on the way to a rotation vector."""
     angle_rad = float(np.linalg.norm(turn))
-    x, y, z = turn
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = cross_matrix(turn)
     if angle_rad < _SMALL_RAD:
         return np.asarray(np.eye(3) + cross / 2)
     first = (1 - np.cos(angle_rad)) / angle_rad**2

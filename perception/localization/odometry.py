@@ -8,7 +8,7 @@ to the INS would break that agreement, so they are left to drift.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -32,6 +32,7 @@ from perception.localization.alignment import (
     share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
+from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
 from perception.types import Bool, Float32, Float64
 
 
@@ -54,12 +55,15 @@ class Localization:
         origin: Source of the pose.
         inlier_ratio: Share of the scan that matched; 0 where nothing was registered.
         is_reset: Whether poses of earlier scans no longer fit to this one.
+        covariance: (6, 6) covariance of the pose since the first scan, position in m and rotation vector in rad along
+            the axes of the world frame.
     """
 
     world_SE3_velo: Float64
     origin: PoseOrigin
     inlier_ratio: float = 0.0
     is_reset: bool = False
+    covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 class _ScanPoints:
@@ -196,7 +200,7 @@ class LidarOdometry:
                 advice="put the frames in the order of their stamps",
             )
         if gap_s == 0:
-            return Localization(last.localization.world_SE3_velo, PoseOrigin.REPEATED)
+            return replace(last.localization, origin=PoseOrigin.REPEATED, is_reset=False)
         step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
         if step_ins is not None:
             # Where the INS itself gave the last pose, its error is part of the velocity.
@@ -279,11 +283,19 @@ class LidarOdometry:
             if best is not None:
                 pose = _rounded(world_SE3_keyframe @ best.target_SE3_source)
                 return Localization(
-                    pose, PoseOrigin.REGISTERED, best.inlier_ratio, is_reset=other is not None
+                    pose,
+                    PoseOrigin.REGISTERED,
+                    best.inlier_ratio,
+                    is_reset=other is not None,
+                    covariance=registered_covariance(
+                        world_SE3_keyframe, self._keyframe.localization.covariance, best, pose
+                    ),
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
-        return Localization(last_pose @ step, origin, is_reset=not is_near)
+        pose = last_pose @ step
+        covariance = unregistered_covariance(last_pose, last.localization.covariance, pose, gap_s)
+        return Localization(pose, origin, is_reset=not is_near, covariance=covariance)
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""

@@ -1,6 +1,6 @@
 """Registration: the stage that gives every scan its pose, by LiDAR odometry or by the thesis' ICP."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig, WindowIcpConfig
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.types import Bool, Frame, Int, Method
+from perception.types import Bool, Float64, Frame, Int, Method
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,13 @@ class RegisteredScans:
         window: Scans and poses, the newest last.
         rows: Indices of the newest scan's points in its frame.
         is_reset: Whether poses of earlier scans no longer fit to the newest.
+        covariance: (6, 6) covariance of the newest pose, as of `Localization`; NaN by the thesis' method.
     """
 
     window: ScanWindow
     rows: Int
     is_reset: bool
+    covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
 
 
 class Registration:
@@ -70,7 +72,7 @@ class Registration:
         if pose.origin is PoseOrigin.REPEATED:
             self._window.pop()
         self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
-        return RegisteredScans(self._window, rows, pose.is_reset)
+        return RegisteredScans(self._window, rows, pose.is_reset, pose.covariance)
 
     def mark_moving(self, is_moving: Bool) -> None:
         """Remember which (N,) points of the newest scan move: later scans are not aligned with them."""

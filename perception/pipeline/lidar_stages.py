@@ -38,6 +38,7 @@ class LidarResult:
         is_reset: Whether poses of earlier scans no longer fit to this one.
         spans: Start and end of each stage.
         scan: Input of DATMO.
+        pose_covariance: (6, 6) covariance of the pose.
     """
 
     world_SE3_velo: Float64
@@ -47,12 +48,15 @@ class LidarResult:
     is_reset: bool
     spans: tuple[StageSpan, ...]
     scan: SegmentedScan
+    pose_covariance: Float64
 
     def of_frame(self, frame: Frame) -> Result:
         """Return it as the result of a frame without detectors."""
         timings_s = {span.stage: span.stop_s - span.start_s for span in self.spans}
         result = Result(frame, self.world_SE3_velo, self.ground, self.obstacles, self.tracks)
-        return replace(result, timings_s=timings_s, spans=self.spans)
+        return replace(
+            result, timings_s=timings_s, spans=self.spans, pose_covariance=self.pose_covariance
+        )
 
 
 class LidarStages:
@@ -103,7 +107,8 @@ class LidarStages:
             tracks = clock.run("moving objects", self._datmo.update, scan)
         obstacles = _of_whole_scan(frame, scans, obstacles)
         pose, is_reset = scan.world_SE3_velo, scans.is_reset
-        return LidarResult(pose, ground, obstacles, tracks, is_reset, clock.spans, scan)
+        spans, covariance = clock.spans, scans.covariance
+        return LidarResult(pose, ground, obstacles, tracks, is_reset, spans, scan, covariance)
 
     def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
         """Run the stages before moving objects, to compare methods of DATMO on the same scans.

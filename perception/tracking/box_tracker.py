@@ -204,5 +204,8 @@ class BoxTracker:
             tracks.boxes_velo(np.column_stack([sizes_m, tracks.heights_m]), world_SE3_velo),
             tracks.velocities_velo(world_SE3_velo),
             np.asarray(tracks.last_seen_s == stamp_s),
-            covariances_velo(tracks.covariance, world_SE3_velo),
+            covariances_velo(
+                motion_model.reported_covariances(tracks.states, self._config.motion),
+                world_SE3_velo,
+            ),
         )

@@ -24,6 +24,10 @@ class MotionModelConfig:
         max_swing_rad: Maximum standard deviation of the heading that shifts the centre of a partly hidden box.
         gate: Maximum squared Mahalanobis distance of a detection; 9.21 holds 99 % of true pairs (chi-squared,
             2 degrees of freedom).
+        position_inflation: Ratio of the reported variance of a position to that of the filter, which takes the errors
+            of successive observations for independent.
+        box_error_m: Standard deviation of a centre that no number of observations removes: a hidden end, a sparse side.
+        velocity_inflation: The same ratio of a velocity: most objects keep theirs, which the filter does not know.
     """
 
     velocity_noise_m_s: float = 0.9
@@ -35,6 +39,9 @@ class MotionModelConfig:
     slack_share: float = 0.3
     max_swing_rad: float = 0.3
     gate: float = 9.21
+    position_inflation: float = 3.0
+    box_error_m: float = 0.1
+    velocity_inflation: float = 0.4
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,13 @@ def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
     return kalman.update(states, centers_m, _OBSERVATION, noise)
 
 
+def reported_covariances(states: Gaussians, model: MotionModelConfig) -> Float64:
+    """Return (T, 4, 4) covariances whose intervals hold as many of the true positions and velocities as they say."""
+    ratios = np.repeat([model.position_inflation, model.velocity_inflation], 2)
+    inflated = states.covariance * np.sqrt(np.outer(ratios, ratios))
+    return np.asarray(inflated + np.diag([model.box_error_m**2] * 2 + [0.0] * 2))
+
+
 def moves_alike(states: Gaussians, first: int, second: int, model: MotionModelConfig) -> bool:
     """Return whether two of T states have one velocity, within their uncertainty."""
     apart_m_s = states.mean[first, 2:] - states.mean[second, 2:]

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from perception.types.arrays import Float64, UInt8
 from perception.types.detections import Detections, Modality, ModalityDetections
 from perception.types.frame import Frame
@@ -28,6 +30,8 @@ class Result:
         timings_s: Duration of each stage in seconds; stages that overlap count more than once.
         spans: Start and end of each stage, stages of one worker in their order.
         skipped: Stages that were left out to keep the time budget.
+        pose_covariance: (6, 6) covariance of the pose since the first scan, position in m and rotation vector in rad
+            along the axes of the world frame; NaN where the method gives none.
     """
 
     frame: Frame
@@ -42,6 +46,7 @@ class Result:
     timings_s: dict[str, float] = field(default_factory=dict)
     spans: tuple[StageSpan, ...] = ()
     skipped: tuple[str, ...] = ()
+    pose_covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
 
     @property
     def latency_s(self) -> float:

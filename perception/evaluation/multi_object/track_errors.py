@@ -5,6 +5,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
+from perception.evaluation.intervals import interval_coverage, squared_mahalanobis
 from perception.evaluation.multi_object.track_assignment import FrameAssignment, MovingScene
 from perception.evaluation.report import Metric, Metrics
 from perception.types import ArrayTable, Bool, Float64, Int, Tracks
@@ -26,6 +27,8 @@ class TargetErrors(ArrayTable):
         heading_errors_rad: (K,) Absolute difference of the headings, 0 to pi.
         length_errors_m: (K,) Length of the track's box less that of the object's.
         width_errors_m: (K,) Width of the track's box less that of the object's.
+        center_spread: (K,) Squared Mahalanobis distance of the centres by the track's covariance; NaN without one.
+        velocity_spread: (K,) The same of the velocities.
         object_lengths_m: (K,) Length of the object's box.
         object_speeds_m_s: (K,) Speed of the object by the labels.
         track_speeds_m_s: (K,) Speed of the track.
@@ -39,6 +42,8 @@ class TargetErrors(ArrayTable):
     heading_errors_rad: Float64
     length_errors_m: Float64
     width_errors_m: Float64
+    center_spread: Float64
+    velocity_spread: Float64
     object_lengths_m: Float64
     object_speeds_m_s: Float64
     track_speeds_m_s: Float64
@@ -63,6 +68,8 @@ class TargetErrors(ArrayTable):
             heading_rad=_median(matched.heading_errors_rad[is_fast]),
             length_m=_mean(np.abs(matched.length_errors_m)),
             width_m=_mean(np.abs(matched.width_errors_m)),
+            center_coverage=interval_coverage(matched.center_spread, 2),
+            velocity_coverage=interval_coverage(matched.velocity_spread, 2),
         )
 
     def of_object(self, kind: str | None) -> "TrackedShare":
@@ -94,6 +101,8 @@ class MatchedErrors(Metrics):
         heading_rad: Absolute heading error of tracks faster than 1 m/s.
         length_m: Absolute error of the length.
         width_m: Absolute error of the width.
+        center_coverage: Share of the centres within the ellipse that should hold 90 % of them.
+        velocity_coverage: The same of the velocities.
     """
 
     center_m: Annotated[float, Metric("centre [m]", ".3f")]
@@ -102,6 +111,8 @@ class MatchedErrors(Metrics):
     heading_rad: Annotated[float, Metric("heading [rad]", ".3f")]
     length_m: Annotated[float, Metric("length [m]", ".3f")]
     width_m: Annotated[float, Metric("width [m]", ".3f")]
+    center_coverage: Annotated[float, Metric("centres in 90 %", ".3f")]
+    velocity_coverage: Annotated[float, Metric("velocities in 90 %", ".3f")]
 
 
 @dataclass(frozen=True)
@@ -156,6 +167,7 @@ def target_errors(
     turn_rad = tracks.boxes.yaw_rad - objects.yaw_rad[tracked]
     larger = tracks.boxes.size_m - objects.size_m[tracked]
     faster = tracks.velocities_m_s - true_velocities[tracked]
+    centers, velocities = tracks.covariances[:, :2, :2], tracks.covariances[:, 2:, 2:]
     ids = np.full(len(targets), NO_TRACK)
     ids[tracked] = tracks.ids
     return TargetErrors(
@@ -167,6 +179,8 @@ def target_errors(
         heading_errors_rad=where_tracked(np.abs(np.arctan2(np.sin(turn_rad), np.cos(turn_rad)))),
         length_errors_m=where_tracked(larger[:, 0]),
         width_errors_m=where_tracked(larger[:, 1]),
+        center_spread=where_tracked(squared_mahalanobis(apart[:, :2], centers)),
+        velocity_spread=where_tracked(squared_mahalanobis(faster, velocities)),
         object_lengths_m=objects.size_m[:, 0],
         object_speeds_m_s=np.linalg.norm(true_velocities, axis=1),
         track_speeds_m_s=where_tracked(np.linalg.norm(tracks.velocities_m_s, axis=1)),

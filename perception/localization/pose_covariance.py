@@ -1,0 +1,55 @@
+"""Covariances of poses: x, y, z in metres, then a rotation vector in rad, along the axes of the world frame.
+
+What a pose is registered with is uncertain itself, and its rotation moves the pose along an arc around it.
+"""
+
+import numpy as np
+
+from perception.geometry.se3 import cross_matrix
+from perception.localization.alignment import Alignment
+from perception.types import Float64
+
+# Standard deviations of a second without registration, in metres and rad.
+_UNREGISTERED = (1.0, 0.02)
+_SHORTEST_S = 0.1
+
+
+def registered_covariance(
+    world_SE3_keyframe: Float64, covariance: Float64, found: Alignment, world_SE3_velo: Float64
+) -> Float64:
+    """Return the (6, 6) covariance of a pose that was registered with a keyframe.
+
+    Args:
+        world_SE3_keyframe: (4, 4) pose of the keyframe.
+        covariance: (6, 6) covariance of the same.
+        found: Alignment of the scan with the keyframe.
+        world_SE3_velo: (4, 4) pose of the scan.
+    """
+    away_m = world_SE3_velo[:3, 3] - world_SE3_keyframe[:3, 3]
+    turn = np.kron(np.eye(2), world_SE3_keyframe[:3, :3])
+    of_motion = turn @ found.covariance @ turn.T
+    # From rotation and translation in the frame of the keyframe to position and rotation of the scan.
+    lever = np.block([[-cross_matrix(away_m), np.eye(3)], [np.eye(3), np.zeros((3, 3))]])
+    return _carried(covariance, away_m) + np.asarray(lever @ of_motion @ lever.T)
+
+
+def unregistered_covariance(
+    world_SE3_last: Float64, covariance: Float64, world_SE3_velo: Float64, gap_s: float
+) -> Float64:
+    """Return the (6, 6) covariance of a pose that the INS or the velocity carried on.
+
+    Args:
+        world_SE3_last: (4, 4) last pose.
+        covariance: (6, 6) covariance of the same.
+        world_SE3_velo: (4, 4) pose.
+        gap_s: Time between the two in seconds.
+    """
+    deviations = np.repeat(_UNREGISTERED, 3) * max(gap_s, _SHORTEST_S)
+    away_m = world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]
+    return _carried(covariance, away_m) + np.diag(deviations**2)
+
+
+def _carried(covariance: Float64, away_m: Float64) -> Float64:
+    """Return what the covariance of a pose makes of one at a distance from it."""
+    lever = np.block([[np.eye(3), -cross_matrix(away_m)], [np.zeros((3, 3)), np.eye(3)]])
+    return np.asarray(lever @ covariance @ lever.T)

@@ -1,0 +1,58 @@
+"""Covariances of poses: what a keyframe's rotation does to a pose ahead of it, and how they grow."""
+
+import numpy as np
+
+from perception.geometry.se3 import from_euler
+from perception.localization.alignment import Alignment
+from perception.localization.odometry import LidarOdometry, PoseOrigin
+from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
+from tests.localization.test_odometry import STEP_S, observed_from, path
+
+EXACT = np.zeros((6, 6))
+
+
+def alignment(covariance):
+    return Alignment(np.eye(4), 1.0, 0.0, is_converged=True, covariance=covariance)
+
+
+def test_a_turn_of_the_keyframe_moves_what_lies_ahead_sideways():
+    turn = np.diag([0, 0, 0, 0, 0, 0.01**2])
+    ahead = from_euler(0, 0, 0, np.array([10.0, 0, 0]))
+    found = registered_covariance(np.eye(4), turn, alignment(EXACT), ahead)
+    np.testing.assert_allclose(np.diagonal(found), [0, 0.1**2, 0, 0, 0, 0.01**2], atol=1e-12)
+    assert np.isclose(found[1, 5], 0.1 * 0.01)
+
+
+def test_the_axes_are_those_of_the_world():
+    left = from_euler(0, 0, np.pi / 2)
+    along = alignment(np.diag([0, 0, 0, 0.2**2, 0, 0]))
+    found = registered_covariance(left, EXACT, along, left)
+    np.testing.assert_allclose(np.diagonal(found), [0, 0.2**2, 0, 0, 0, 0], atol=1e-12)
+
+
+def test_a_registered_turn_acts_about_the_keyframe():
+    pitch = alignment(np.diag([0, 0.01**2, 0, 0, 0, 0]))
+    ahead = from_euler(0, 0, 0, np.array([5.0, 0, 0]))
+    found = registered_covariance(np.eye(4), EXACT, pitch, ahead)
+    np.testing.assert_allclose(np.diagonal(found), [0, 0, 0.05**2, 0, 0.01**2, 0], atol=1e-12)
+
+
+def test_without_registration_a_pose_is_soon_uncertain():
+    pose = from_euler(0, 0, 0, np.array([1.0, 0, 0]))
+    found = unregistered_covariance(np.eye(4), EXACT, pose, 0.5)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(found)), [0.5] * 3 + [0.01] * 3)
+
+
+def test_poses_become_less_certain_from_keyframe_to_keyframe():
+    odometry = LidarOdometry()
+    found = [
+        odometry.update(observed_from(pose, index), index * STEP_S)
+        for index, pose in enumerate(path(12, speed_m_s=10.0, turn_rad_s=0.0))
+    ]
+    assert found[-1].origin is PoseOrigin.REGISTERED
+    np.testing.assert_array_equal(found[0].covariance, 0)
+    deviations = [np.sqrt(np.diagonal(one.covariance)) for one in found]
+    assert (deviations[-1] > deviations[2]).all()
+    assert (deviations[-1][:3] < 0.1).all()
+    for one in found:
+        assert (np.linalg.eigvalsh(one.covariance) > -1e-12).all()
