@@ -30,7 +30,7 @@ def registered_covariance(
     of_motion = turn @ found.covariance @ turn.T
     # From rotation and translation in the frame of the keyframe to position and rotation of the scan.
     lever = np.block([[-cross_matrix(away_m), np.eye(3)], [np.eye(3), np.zeros((3, 3))]])
-    return _carried(covariance, away_m) + np.asarray(lever @ of_motion @ lever.T)
+    return np.asarray(_carried(covariance, away_m) + lever @ of_motion @ lever.T)
 
 
 def unregistered_covariance(
@@ -46,7 +46,7 @@ def unregistered_covariance(
     """
     deviations = np.repeat(_UNREGISTERED, 3) * max(gap_s, _SHORTEST_S)
     away_m = world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]
-    return _carried(covariance, away_m) + np.diag(deviations**2)
+    return np.asarray(_carried(covariance, away_m) + np.diag(deviations**2))
 
 
 def _carried(covariance: Float64, away_m: Float64) -> Float64:
