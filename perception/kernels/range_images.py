@@ -1,6 +1,7 @@
 """Range images: where points fall in them, and what the beams around a place tell of it.
 
-A projection is its (S,) row of each step of slope, and (lowest_slope, steps_per_slope, columns_per_rad, columns).
+A projection is its (2, S) rows of each step of slope, the nearest and the one on the other side of the step, and
+(lowest_slope, steps_per_slope, columns_per_rad, columns).
 """
 
 import numpy as np
@@ -13,7 +14,8 @@ ProjectionNumbers = tuple[float, float, float, int]
 _F32, _BOOL = np.float32, np.bool_
 _LINE, _LINE_OUT = array_of(_F32), written(_F32)
 _BLOCK = 512
-_POINTS, _SLOPES = array_of(_F32, 2), array_of(np.int32)
+_POINTS, _SLOPES = array_of(_F32, 2), array_of(np.int32, 2)
+_IMAGE = array_of(_F32, 2)
 _PROJECTION = (_F32, _F32, _F32, np.int64)
 # Polynomial of the arcus tangent from 0 to 1 in odd powers (Abramowitz and Stegun, 4.4.47): good to 1e-5 rad.
 _A1, _A3, _A5, _A7, _A9 = (
@@ -55,30 +57,35 @@ def _directions(
 
 @compiled((_POINTS, _SLOPES, _PROJECTION))
 def pixels_of(
-    points: Float32, row_of_slope: Int, projection: ProjectionNumbers
-) -> tuple[Int, Int, Float32, Bool]:
-    """Return (P,) rows, columns and ranges of (P, 3+) points, and whether a beam points there."""
-    count, last = len(points), np.float32(len(row_of_slope) - 1)
+    points: Float32, rows_of_slope: Int, projection: ProjectionNumbers
+) -> tuple[Int, Int, Int, Float32, Bool]:
+    """Return (P,) nearest and next rows, columns and ranges of (P, 3+) points, and whether a beam points there."""
+    count, last = len(points), np.float32(rows_of_slope.shape[1] - 1)
     # Coordinates side by side: the directions take vector instructions.
     x, y, z = np.empty(count, _F32), np.empty(count, _F32), np.empty(count, _F32)
     for k in range(count):
         x[k], y[k], z[k] = points[k, 0], points[k, 1], points[k, 2]
     steps, ranges_m = np.empty(count, _F32), np.empty(count, _F32)
-    rows, columns = np.empty(count, np.int32), np.empty(count, np.int32)
+    rows, next_rows, columns = (
+        np.empty(count, np.int32),
+        np.empty(count, np.int32),
+        np.empty(count, np.int32),
+    )
     _directions(x, y, z, projection, steps, columns, ranges_m)
     is_in_view = (steps >= 0) & (steps <= last)
     for k in range(count):
-        rows[k] = row_of_slope[int(min(max(steps[k], np.float32(0)), last))]
-    return rows, columns, ranges_m, is_in_view
+        step = int(min(max(steps[k], np.float32(0)), last))
+        rows[k], next_rows[k] = rows_of_slope[0, step], rows_of_slope[1, step]
+    return rows, next_rows, columns, ranges_m, is_in_view
 
 
 @compiled((_POINTS, _SLOPES, _PROJECTION, WHOLE))
 def nearest_returns(
-    points: Float32, row_of_slope: Int, projection: ProjectionNumbers, rows: int
+    points: Float32, rows_of_slope: Int, projection: ProjectionNumbers, rows: int
 ) -> Float32:
     """Return the (rows, columns) range of the nearest of (N, 3+) points in each pixel, infinite without one."""
     nearest_m = np.full((rows, projection[3]), np.float32(np.inf))
-    last = len(row_of_slope) - 1
+    last = rows_of_slope.shape[1] - 1
     # Some hundred points at a time, which stay in the cache.
     x, y, z = (
         np.zeros(_BLOCK, np.float32),
@@ -94,31 +101,77 @@ def nearest_returns(
         _directions(x, y, z, projection, steps, columns, ranges_m)
         for k in range(count):
             if steps[k] >= 0 and steps[k] <= last:
-                row, column = row_of_slope[int(steps[k])], columns[k]
+                row, column = rows_of_slope[0, int(steps[k])], columns[k]
                 nearest_m[row, column] = min(ranges_m[k], nearest_m[row, column])
     return nearest_m
 
 
-@compiled((array_of(_F32, 2), WHOLE, _F32, _F32, _F32))
-def _is_passed(
-    block_minima: Float32, pixel: int, range_m: float, level_0_from_m: float, margin_m: float
+@compiled((_IMAGE, _LINE, WHOLE, WHOLE, WHOLE, WHOLE, _F32))
+def _has_return(
+    framed_m: Float32,
+    elevations_rad: Float32,
+    row: int,
+    step: int,
+    column: int,
+    reach: int,
+    reach_rad: float,
 ) -> bool:
-    """Return whether every beam of the block around a pixel, which spans the tolerance there, ended farther away."""
-    level = (
+    """Return whether a beam of a row, or of the next ones within reach on that side, has a return within reach."""
+    beams, width = framed_m.shape[0] - 2, framed_m.shape[1] - 2
+    i = row
+    while True:
+        for j in range(column - reach, column + reach + 1):
+            if framed_m[i + 1, j % width + 1] < np.inf:
+                return True
+        i += step
+        if i < 0 or i >= beams or abs(elevations_rad[i] - elevations_rad[row]) > reach_rad:
+            return False
+
+
+@compiled((_F32, _F32))
+def _level(range_m: float, level_0_from_m: float) -> int:
+    """Return the level whose blocks span the tolerance at a range."""
+    return (
         int(level_0_from_m > range_m)
         + int(level_0_from_m > 2 * range_m)
         + int(level_0_from_m > 4 * range_m)
     )
-    around = float(block_minima[level, pixel])
+
+
+@compiled((_IMAGE, _LINE, WHOLE, WHOLE, WHOLE, WHOLE))
+def _is_bounded(
+    framed_m: Float32, elevations_rad: Float32, row: int, next_row: int, column: int, level: int
+) -> bool:
+    """Return whether a beam above a place and one below it have a return, where the sensor has both.
+
+    Glass and dark paint give none: beams that passed above do not tell that those below did.
+    """
+    if max(framed_m[row + 1, column + 1], framed_m[next_row + 1, column + 1]) < np.inf:
+        return True  # as almost always
+    side, reach = next_row - row if next_row != row else 1, 1 << level
+    reach_rad = reach * np.float32(2) * _PI / (framed_m.shape[1] - 2)
+    return _has_return(
+        framed_m, elevations_rad, row, -side, column, reach, reach_rad
+    ) and _has_return(framed_m, elevations_rad, next_row, side, column, reach, reach_rad)
+
+
+@compiled((_IMAGE, WHOLE, _F32, _F32, _F32))
+def _is_passed(
+    block_minima: Float32, pixel: int, range_m: float, level_0_from_m: float, margin_m: float
+) -> bool:
+    """Return whether every beam of the block around a pixel, which spans the tolerance there, ended farther away."""
+    around = float(block_minima[_level(range_m, level_0_from_m), pixel])
     return around > range_m + margin_m and around < np.inf
 
 
-@compiled((_POINTS, _SLOPES, _PROJECTION, array_of(_F32, 2), _F32, _F32))
+@compiled((_POINTS, _SLOPES, _PROJECTION, _IMAGE, _IMAGE, _LINE, _F32, _F32))
 def are_free(
     points: Float32,
-    row_of_slope: Int,
+    rows_of_slope: Int,
     projection: ProjectionNumbers,
     block_minima: Float32,
+    framed_m: Float32,
+    elevations_rad: Float32,
     level_0_from_m: float,
     margin_m: float,
 ) -> Bool:
@@ -126,28 +179,38 @@ def are_free(
 
     Args:
         points: (P, 3+) places in the frame of the scan.
-        row_of_slope: Rows of the projection.
+        rows_of_slope: Rows of the projection.
         projection: Numbers of the projection.
         block_minima: (levels, pixels) nearest return in the block around each pixel; level l spans 2^l columns.
+        framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
+        elevations_rad: (rows,) elevation of each beam, highest first.
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
         margin_m: Distance in metres by which a beam must go farther to have passed.
     """
-    rows, columns, ranges_m, is_in_view = pixels_of(points, row_of_slope, projection)
+    rows, next_rows, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)
     is_free = np.empty(len(points), np.bool_)
     for k in range(len(points)):
         pixel = rows[k] * projection[3] + columns[k]
         passed = _is_passed(block_minima, pixel, ranges_m[k], level_0_from_m, margin_m)
         is_free[k] = is_in_view[k] & passed
+    # Apart from the first loop, which takes vector instructions.
+    for k in range(len(points)):
+        if is_free[k]:
+            level = _level(ranges_m[k], level_0_from_m)
+            is_free[k] = _is_bounded(
+                framed_m, elevations_rad, rows[k], next_rows[k], columns[k], level
+            )
     return is_free
 
 
-@compiled((_POINTS, _SLOPES, _PROJECTION, array_of(_F32, 2), array_of(_F32, 2), _F32, _F32))
+@compiled((_POINTS, _SLOPES, _PROJECTION, _IMAGE, _IMAGE, _LINE, _F32, _F32))
 def visibility_of(
     points: Float32,
-    row_of_slope: Int,
+    rows_of_slope: Int,
     projection: ProjectionNumbers,
     block_minima: Float32,
     framed_m: Float32,
+    elevations_rad: Float32,
     level_0_from_m: float,
     margin_m: float,
 ) -> tuple[UInt8, Float32]:
@@ -155,14 +218,15 @@ def visibility_of(
 
     Args:
         points: (P, 3+) places in the frame of the scan.
-        row_of_slope: Rows of the projection.
+        rows_of_slope: Rows of the projection.
         projection: Numbers of the projection.
         block_minima: (levels, pixels) nearest return in the block around each pixel.
         framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
+        elevations_rad: (rows,) elevation of each beam, highest first.
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
         margin_m: Distance in metres of a passing beam beyond, and of an ending one from a place.
     """
-    rows, columns, ranges_m, is_in_view = pixels_of(points, row_of_slope, projection)
+    rows, next_rows, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)
     states, gaps_m = np.zeros(len(points), np.uint8), np.zeros(len(points), np.float32)
     for k in range(len(points)):
         if not is_in_view[k]:
@@ -172,11 +236,13 @@ def visibility_of(
         for i in range(row, row + 3):
             for j in range(column, column + 3):
                 is_hit |= abs(framed_m[i, j] - range_m) < margin_m
-        pixel = row * projection[3] + column
         if is_hit:
             states[k] = 2
-        elif _is_passed(block_minima, pixel, range_m, level_0_from_m, margin_m):
-            states[k] = 1
+        elif _is_passed(
+            block_minima, row * projection[3] + column, range_m, level_0_from_m, margin_m
+        ):
+            level = _level(range_m, level_0_from_m)
+            states[k] = _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
         elif framed_m[row + 1, column + 1] < range_m - margin_m:
             states[k] = 3
             gaps_m[k] = range_m - framed_m[row + 1, column + 1]
@@ -186,7 +252,7 @@ def visibility_of(
 @compiled((_POINTS, _SLOPES, _PROJECTION, array_of(_F32, 2), array_of(_BOOL, 2), _F32))
 def single_beams(
     points: Float32,
-    row_of_slope: Int,
+    rows_of_slope: Int,
     projection: ProjectionNumbers,
     framed_m: Float32,
     is_moving: Bool,
@@ -196,14 +262,14 @@ def single_beams(
 
     Args:
         points: (P, 3+) places in the frame of the scan.
-        row_of_slope: Rows of the projection.
+        rows_of_slope: Rows of the projection.
         projection: Numbers of the projection.
         framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
         is_moving: Pixels of the same image whose return is of what moved: it does not count as an end.
         margin_m: Distance in metres of a passing beam beyond, and of an ending one from a place.
     """
     ended, passed = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
-    rows, columns, ranges_m, is_in_view = pixels_of(points, row_of_slope, projection)
+    rows, _, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)
     for k in range(len(points)):
         if not is_in_view[k]:
             continue

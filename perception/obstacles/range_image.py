@@ -33,7 +33,7 @@ class Visibility(IntEnum):
     """Visibility of a place in a scan."""
 
     UNKNOWN = 0  # no beam is near, or the beams disagree
-    FREE = 1  # every beam around passed and ended farther away
+    FREE = 1  # every beam around passed, and above and below one of them ended farther away
     HIT = 2  # a beam ended here
     OCCLUDED = 3  # a beam ended before it
 
@@ -57,12 +57,14 @@ class RangeImagePixels:
 
     Attributes:
         rows: (P,) nearest beam, the highest is 0.
+        next_rows: (P,) beam on the other side of the point; the nearest itself beyond the first and the last.
         columns: (P,) direction around the vertical.
         ranges_m: (P,) distance from the sensor.
         is_in_view: (P,) whether a beam of the sensor points in that direction.
     """
 
     rows: Int
+    next_rows: Int
     columns: Int
     ranges_m: Float32
     is_in_view: Bool
@@ -84,6 +86,7 @@ class SphericalProjection:
             tolerance_m: Largest error of a position across the beam in metres, from pose and beam.
         """
         self.rows = sensor.beams
+        self.elevations_rad = sensor.elevations_rad.astype(np.float32)
         self.columns = max(sensor.columns // _FIRINGS_A_COLUMN, 1)
         self.column_step_rad = 2 * np.pi / self.columns
         step_rad = sensor.elevation_step_rad
@@ -91,10 +94,12 @@ class SphericalProjection:
             sensor.elevations_rad[-1] - step_rad, sensor.elevations_rad[0] + step_rad, _SLOPE_STEPS
         )
         slopes = np.linspace(np.tan(rising[0]), np.tan(rising[-1]), _SLOPE_STEPS)
-        nearest = np.interp(-np.arctan(slopes), -sensor.elevations_rad, np.arange(self.rows))
+        between = np.interp(-np.arctan(slopes), -sensor.elevations_rad, np.arange(self.rows))
+        nearest = np.rint(between)
+        following = nearest + np.sign(between - nearest)
         # The projection as compiled functions take it.
         self.numbers: tuple[Int, ProjectionNumbers] = (
-            np.rint(nearest).astype(np.int32),
+            np.stack([nearest, following]).astype(np.int32),
             (slopes[0], 1 / (slopes[1] - slopes[0]), 1 / self.column_step_rad, self.columns),
         )
         self.blocks = [
@@ -140,6 +145,7 @@ class RangeImage:
             *projection.numbers,
             self._nearest,
             self._framed,
+            projection.elevations_rad,
             projection.level_0_from_m,
             margin_m,
         )
@@ -152,6 +158,8 @@ class RangeImage:
             _contiguous(points_velo),
             *projection.numbers,
             self._nearest,
+            self._framed,
+            projection.elevations_rad,
             projection.level_0_from_m,
             margin_m,
         )

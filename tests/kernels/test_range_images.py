@@ -3,10 +3,20 @@
 import numpy as np
 import pytest
 
-from perception.kernels.range_images import nearest_returns, pixels_of, single_beams, visibility_of
+from perception.kernels.range_images import (
+    are_free,
+    nearest_returns,
+    pixels_of,
+    single_beams,
+    visibility_of,
+)
 
 COLUMNS, ROWS = 90, 6
-SLOPES = np.repeat(np.arange(ROWS, dtype=np.int32)[::-1], 4)
+NEAREST = np.repeat(np.arange(ROWS, dtype=np.int32)[::-1], 4)
+# The lower half of the directions of a row has the next one on its other side, where there is one.
+NEXT = np.clip(NEAREST + np.tile(np.array([1, 1, -1, -1], np.int32), ROWS), 0, ROWS - 1)
+SLOPES = np.stack([NEAREST, NEXT])
+ELEVATIONS_RAD = np.radians([12, 6, 3, 0, -6, -15]).astype(np.float32)
 PROJECTION = (-0.6, 20.0, COLUMNS / (2 * np.pi), COLUMNS)
 
 
@@ -18,38 +28,40 @@ def reference_pixels(points: np.ndarray) -> tuple[np.ndarray, ...]:
     x, y, z = points.T.astype(np.float64)
     across = np.hypot(x, y)
     step = (z / np.maximum(across, 1e-3) + 0.6) * 20.0
-    rows = SLOPES[np.clip(step, 0, len(SLOPES) - 1).astype(int)]
+    rows, next_rows = SLOPES[:, np.clip(step, 0, len(NEAREST) - 1).astype(int)]
     columns = np.minimum((np.arctan2(y, x) % (2 * np.pi)) * PROJECTION[2], COLUMNS - 1).astype(int)
-    return rows, columns, np.hypot(across, z), (step >= 0) & (step <= len(SLOPES) - 1)
+    is_in_view = (step >= 0) & (step <= len(NEAREST) - 1)
+    return rows, next_rows, columns, np.hypot(across, z), is_in_view
 
 
 def test_pixels_equal_the_reference() -> None:
     points = scattered(5000)
-    rows, columns, ranges_m, is_in_view = pixels_of(points, SLOPES, PROJECTION)
+    rows, next_rows, columns, ranges_m, is_in_view = pixels_of(points, SLOPES, PROJECTION)
     expected = reference_pixels(points)
     # In single precision a point at the border of two pixels may fall into either.
     assert (rows != expected[0]).mean() < 1e-3
-    assert (columns != expected[1]).mean() < 1e-3
-    np.testing.assert_allclose(ranges_m, expected[2], rtol=1e-6)
-    assert (is_in_view != expected[3]).mean() < 1e-3
+    assert (next_rows != expected[1]).mean() < 1e-3
+    assert (columns != expected[2]).mean() < 1e-3
+    np.testing.assert_allclose(ranges_m, expected[3], rtol=1e-6)
+    assert (is_in_view != expected[4]).mean() < 1e-3
 
 
 @pytest.mark.parametrize("angle_rad", np.linspace(0.01, 6.27, 40))
 def test_columns_go_once_around(angle_rad: float) -> None:
     point = 9 * np.array([[np.cos(angle_rad), np.sin(angle_rad), 0]], np.float32)
-    _, columns, _, _ = pixels_of(point, SLOPES, (-0.6, 20.0, 1e3, 10_000))
+    _, _, columns, _, _ = pixels_of(point, SLOPES, (-0.6, 20.0, 1e3, 10_000))
     assert abs(columns[0] - 1e3 * angle_rad) < 1.1
 
 
 def test_a_point_at_the_origin_has_a_pixel() -> None:
-    rows, columns, ranges_m, _ = pixels_of(np.zeros((1, 3), np.float32), SLOPES, PROJECTION)
+    rows, _, columns, ranges_m, _ = pixels_of(np.zeros((1, 3), np.float32), SLOPES, PROJECTION)
     assert (columns[0], ranges_m[0]) == (0, 0)
     assert 0 <= rows[0] < ROWS
 
 
 def test_the_nearest_return_of_each_pixel_is_kept() -> None:
     points = scattered(3000)
-    rows, columns, ranges_m, is_in_view = pixels_of(points, SLOPES, PROJECTION)
+    rows, _, columns, ranges_m, is_in_view = pixels_of(points, SLOPES, PROJECTION)
     expected = np.full((ROWS, COLUMNS), np.inf, np.float32)
     np.minimum.at(expected, (rows[is_in_view], columns[is_in_view]), ranges_m[is_in_view])
     np.testing.assert_array_equal(nearest_returns(points, SLOPES, PROJECTION, ROWS), expected)
@@ -64,7 +76,7 @@ def test_single_beams_and_hits_equal_the_reference() -> None:
     is_moving = framed(np.random.default_rng(1).random((ROWS, COLUMNS)) < 0.3)
     places = scattered(500, seed=2)
     ended, passed = single_beams(places, SLOPES, PROJECTION, beams_m, is_moving, 0.3)
-    rows, columns, ranges_m, is_in_view = pixels_of(places, SLOPES, PROJECTION)
+    rows, _, columns, ranges_m, is_in_view = pixels_of(places, SLOPES, PROJECTION)
     around = [(i, j) for i in range(3) for j in range(3)]
     beyond_m = np.stack([beams_m[rows + i, columns + j] - ranges_m for i, j in around])
     moves = np.stack([is_moving[rows + i, columns + j] for i, j in around])
@@ -75,9 +87,40 @@ def test_single_beams_and_hits_equal_the_reference() -> None:
     np.testing.assert_array_equal(passed, is_beyond.any(axis=0) & is_in_view)
 
     minima = np.full((4, ROWS * COLUMNS), -1, np.float32)  # nothing is free
-    states, gaps_m = visibility_of(places, SLOPES, PROJECTION, minima, beams_m, 30.0, 0.3)
+    states, gaps_m = visibility_of(
+        places, SLOPES, PROJECTION, minima, beams_m, ELEVATIONS_RAD, 30.0, 0.3
+    )
     is_hit = is_near.any(axis=0) & is_in_view
     np.testing.assert_array_equal(states == 2, is_hit)
     is_occluded = (beyond_m[4] < -np.float32(0.3)) & is_in_view & ~is_hit
     np.testing.assert_array_equal(states == 3, is_occluded)
     np.testing.assert_allclose(gaps_m, np.where(is_occluded, -beyond_m[4], 0))
+
+
+def test_free_places_equal_the_reference() -> None:
+    """All returns of the block go farther, and a beam on either side of the place has one."""
+    scan = scattered(500, seed=3) * 2
+    beams_m = nearest_returns(scan, SLOPES, PROJECTION, ROWS)
+    places = scattered(500, seed=4)
+    rows, next_rows, columns, ranges_m, is_in_view = pixels_of(places, SLOPES, PROJECTION)
+    minima = np.full((4, ROWS * COLUMNS), 9, np.float32)
+    args = (framed(beams_m), ELEVATIONS_RAD, 6.0, 0.3)
+    free = are_free(places, SLOPES, PROJECTION, minima, *args)
+    for place in np.flatnonzero(is_in_view):
+        row, following, range_m = rows[place], next_rows[place], ranges_m[place]
+        reach = 2 ** int(np.sum(range_m * np.array([1, 2, 4], np.float32) < 6.0))
+        near = np.arange(columns[place] - reach, columns[place] + reach + 1) % COLUMNS
+        returned = np.flatnonzero(np.isfinite(beams_m[:, near]).any(axis=1))
+        side = following - row or 1
+        is_bounded = [
+            any(
+                (other - first) * step >= 0
+                and abs(ELEVATIONS_RAD[other] - ELEVATIONS_RAD[first])
+                <= reach * 2 * np.pi / COLUMNS
+                for other in returned
+            )
+            for first, step in ((row, -side), (following, side))
+        ]
+        assert free[place] == (range_m + 0.3 < 9 and all(is_bounded))
+    assert 0.1 < free[is_in_view].mean() < 0.9
+    assert not free[~is_in_view].any()

@@ -87,6 +87,21 @@ def test_what_stands_between_two_beams_of_a_coarse_sensor_is_not_seen_through():
     assert not image.is_free(between, MARGIN_M).any()
 
 
+@pytest.mark.parametrize("sensor", [VLP_16, SENSORS["VLP-32C"]], ids=lambda sensor: sensor.name)
+def test_what_is_beside_beams_without_a_return_is_not_seen_through(sensor):
+    """So is the far edge of a roof: the beams above pass over it, those below end in the windows."""
+    points, lowest = sphere(60.0, sensor), sensor.beams // 2 + 1
+    columns = len(points) // sensor.beams
+    image = RangeImage(
+        points[: (lowest + 1) * columns], SphericalProjection(sensor, tolerance_m=0.1)
+    )
+    above, here, below = sensor.elevations_rad[lowest - 1 : lowest + 2]
+    elevations = np.array([0.7 * here + 0.3 * above, 0.7 * here + 0.3 * below])
+    places = 20 * np.stack([np.cos(elevations), 0 * elevations, np.sin(elevations)], axis=1)
+    visibility = image.visibility(places.astype(np.float32), MARGIN_M)
+    assert visibility.states.tolist() == [Visibility.FREE, Visibility.UNKNOWN]
+
+
 def test_is_free_is_what_visibility_calls_free():
     rng = np.random.default_rng(2)
     image = RangeImage(rng.normal(0, 8, (20000, 3)).astype(np.float32), PROJECTION)
@@ -94,6 +109,19 @@ def test_is_free_is_what_visibility_calls_free():
     free = image.visibility(places, MARGIN_M).states == Visibility.FREE
     assert free.any()
     assert (image.is_free(places, MARGIN_M) == free).all()
+
+
+def is_bounded(target, place, returned, reach_rad):
+    """Whether rows with a return are on both sides of a place, next to it or within reach of the row next to it."""
+    row, following = target.rows[place], target.next_rows[place]
+    side = following - row or 1
+
+    def has_return(first, step):
+        is_outward = (returned - first) * step >= 0
+        away_rad = np.abs(HDL_64E.elevations_rad[returned] - HDL_64E.elevations_rad[first])
+        return (is_outward & (away_rad <= reach_rad)).any()
+
+    return has_return(row, -side) and has_return(following, side)
 
 
 def test_the_nearest_return_of_a_block_is_the_one_a_loop_finds():
@@ -108,9 +136,11 @@ def test_the_nearest_return_of_a_block_is_the_one_a_loop_finds():
         rows, columns = PROJECTION.blocks[levels[place]]
         turn = np.abs(at.columns - target.columns[place])
         near = (np.abs(at.rows - target.rows[place]) <= rows) & at.is_in_view
-        near &= np.minimum(turn, PROJECTION.columns - turn) <= columns
-        nearest = at.ranges_m[near].min(initial=np.inf)
+        is_beside = np.minimum(turn, PROJECTION.columns - turn) <= columns
+        nearest = at.ranges_m[near & is_beside].min(initial=np.inf)
         expected = np.isfinite(nearest) and nearest > target.ranges_m[place] + MARGIN_M
+        returned = np.unique(at.rows[at.is_in_view & is_beside])
+        expected &= is_bounded(target, place, returned, columns * PROJECTION.column_step_rad)
         seen = image.is_free(places[place : place + 1], MARGIN_M)[0]
         assert seen == (expected and target.is_in_view[place])
 
