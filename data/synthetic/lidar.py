@@ -17,11 +17,13 @@ from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
 from perception.errors import UsageError
 from perception.geometry import se3
+from perception.geometry.grids import EgoVehicle
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, PointTruth
 
 _ECHOES = EchoModel()
 _BEYOND_GLASS_M = 0.02
+_EGO_VEHICLE = EgoVehicle()
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,9 @@ def scan(world: World, sensor: LidarModel, time_s: float, rng: np.random.Generat
     world_SE3_velo = velo_poses(world, sensor, np.array([time_s]))[0]
     rotation = world_SE3_velo[:3, :3].astype(np.float32)
     local = (points - world_SE3_velo[:3, 3].astype(np.float32)) @ rotation
+    # The vehicle itself hides the road below; it is not drawn.
+    is_seen = ~_EGO_VEHICLE.contains_xy(local)
+    local, order = local[is_seen], order[is_seen]
     points_velo = np.concatenate([local, reflectance[order, None]], axis=1)
     moves = np.array([np.linalg.norm(m.velocity_m_s) > MOVING_M_S for m in moving] + [False])
     tables, object_row = world.scene.tables, hits.object_row[order]

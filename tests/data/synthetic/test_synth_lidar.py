@@ -9,6 +9,7 @@ from data.synthetic import lidar, meshes
 from data.synthetic.materials import SemanticClass, Slot, palette
 from data.synthetic.street import Part
 from perception.errors import UsageError
+from perception.geometry.grids import EgoVehicle
 from perception.sensor import HDL_64E, SENSORS
 from tests.faults import fault
 
@@ -29,6 +30,17 @@ def test_range_noise_is_the_sensors(flat_world):
     assert len(error) > 5000
     assert error.std() == pytest.approx(0.02, rel=0.05)
     assert abs(error.mean()) < 0.001
+
+
+def test_the_vehicle_hides_the_road_below_it(flat_world):
+    sensor = SENSORS["OS0-32"]
+    scan = lidar.scan(flat_world([WALL]), sensor, 0.0, np.random.default_rng(0))
+    assert not EgoVehicle().contains_xy(scan.points_velo).any()
+    # Beside it, the lowest beam meets the road.
+    lowest_m = sensor.height_m / np.tan(-sensor.elevations_rad[-1])
+    nearest_m = np.linalg.norm(scan.points_velo[:, :2], axis=1).min()
+    assert nearest_m == pytest.approx(lowest_m, abs=0.2)
+    assert len(scan.truth.classes) == len(scan.points_velo)
 
 
 def test_a_wall_stays_flat_while_the_vehicle_drives(flat_world):
