@@ -203,5 +203,5 @@ def test_methods_are_named_once(kitti_root: Path, methods):
 
 
 def test_object_frames_have_no_tracks(kitti_root: Path):
-    with fault(DriveError, advice="tracking layout"):
+    with fault(DriveError, advice="such as a tracking sequence"):
         command("evaluate", "datmo", kitti_root / "object")

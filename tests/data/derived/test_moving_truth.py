@@ -119,5 +119,5 @@ def test_recorded_labels_know_the_camera_s_view_only(kitti_root: Path):
 
 def test_a_drive_without_labels_cannot_say_what_moves(kitti_root: Path):
     drive = open_drive(kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync")
-    with fault(DriveError, expected="INS poses", advice="tracking layout"):
+    with fault(DriveError, expected="INS poses", advice="such as a tracking sequence"):
         moving_truth(drive)
