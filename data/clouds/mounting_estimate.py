@@ -28,6 +28,7 @@ _MIN_SUPPORT = (
     0.1  # of the near points on the ground; a plane that is not the ground holds 0.08 at most
 )
 _MIN_MOTION_M = 0.15  # between two scans; less may be the error of the alignment
+_EXACT_M = 1e-9
 _MIN_SHARE = 0.3  # of the points that lie on surfaces of the scan before
 _SURFACE_M = 0.1
 _VOXEL_M = 0.5
@@ -194,7 +195,11 @@ def _motion(before: Float32, after: Float32) -> Float64:
     for start in starts:
         guess = from_rotation_translation(np.eye(3), start)
         motion = align(target, source, guess, _MATCH_M).target_SE3_source
-        share = share_on_surfaces(source, target, motion, _SURFACE_M)
+        # Points without a surface have no distance, and speak for any motion.
+        share, vague = (
+            share_on_surfaces(source, target, motion, reach_m) for reach_m in (_SURFACE_M, _EXACT_M)
+        )
+        share -= vague
         if share > best_share:
             best, best_share = motion[:3, 3], share
     return best if np.linalg.norm(best) > _MIN_MOTION_M else np.zeros(3)

@@ -74,7 +74,9 @@ def _parse(kind: Any, value: Any) -> Any:  # noqa: ANN401 - follows any annotati
             return None
         (kind,) = (member for member in get_args(kind) if member is not NoneType)
     if dataclasses.is_dataclass(kind):
-        return kind(**{name: _parse(hint, value[name]) for name, hint in _hints(kind).items()})  # type: ignore[operator, arg-type]
+        # What an earlier version did not write has its default; a field without one is missed by the class.
+        known = {name: hint for name, hint in _hints(kind).items() if name in value.keys()}  # type: ignore[arg-type]  # noqa: SIM118 - a list has none
+        return kind(**{name: _parse(hint, value[name]) for name, hint in known.items()})  # type: ignore[operator]
     if get_origin(kind) is list:
         return [_parse(get_args(kind)[0], item) for item in value]
     if get_origin(kind) is dict:

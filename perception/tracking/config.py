@@ -39,8 +39,8 @@ class MotionModelConfig:
     slack_share: float = 0.3
     max_swing_rad: float = 0.3
     gate: float = 9.21
-    position_inflation: float = 3.0
-    box_error_m: float = 0.1
+    position_inflation: float = 1.5
+    box_error_m: float = 0.07
     velocity_inflation: float = 0.4
 
 
