@@ -11,10 +11,10 @@ import numpy as np
 from data.clouds.cloud import Cloud
 from data.clouds.read_cloud import read_cloud
 from data.folder.pose_track import PoseTrack
-from data.kitti.labels import empty_labels, read_tracking_labels
+from data.kitti.labels import empty_labels, require_tracking_labels
 from data.kitti.sensor_files import SKIP_ADVICE, FrameFiles, read_image, read_point_truth
 from data.recorded_drive import RecordedDrive
-from perception.errors import CalibrationError, DriveError, ImageError
+from perception.errors import ImageError
 from perception.geometry.se3 import inverse, transform_points
 from perception.geometry.undistortion import Lens
 from perception.types import Calibration, Float32, Float64, Int, Labels, PointTruth, UInt8
@@ -190,16 +190,8 @@ class FolderDrive(RecordedDrive):
 
     @cached_property
     def _labels_by_number(self) -> Mapping[int, Labels]:
-        if self.label_file is None:
-            raise DriveError(self.root, expected="a drive with labels", found="none")
-        if self.calibration is None:
-            raise CalibrationError(
-                self.root,
-                expected=f"a camera calibration, to place the labels of {self.label_file}",
-                found="none",
-                advice="add a section camera to drive.yaml",
-            )
-        return read_tracking_labels(self.label_file, self.calibration)
+        advice = "add a section camera to drive.yaml"
+        return require_tracking_labels(self.root, self.label_file, self.calibration, advice)
 
     def point_truth(self, index: int) -> PointTruth | None:
         """Read the classes of the points, or None without them."""

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.rows import ObjectRows, read_object_rows
+from perception.errors import CalibrationError, DriveError
 from perception.geometry.observation_angle import observation_angles_rad
 from perception.geometry.se3 import wrap
 from perception.types import Boxes3D, Calibration, Float64, Labels
@@ -115,3 +116,31 @@ def _format_rows(labels: Labels, calibration: Calibration, *, is_tracking: bool)
     nowhere = "-1000 -1000 -1000 -10 -1 -1 -1" if is_tracking else "-1 -1 -1 -1000 -1000 -1000 -10"
     regions = [" ".join(f"{edge:.6f}" for edge in region) for region in labels.dont_care_px]
     return rows + [f"{DONT_CARE} -1 -1 -10 {region} {nowhere}" for region in regions]
+
+
+def require_tracking_labels(
+    root: Path, file: Path | None, calibration: Calibration | None, advice: str
+) -> dict[int, Labels]:
+    """Read the labels of a drive that must have some, and a camera to place them, by frame number.
+
+    Args:
+        root: Folder of the drive, for error messages.
+        file: Labels in tracking format, or None.
+        calibration: Calibration of the camera, or None.
+        advice: What to do without a calibration.
+
+    Raises:
+        DriveError: There are no labels.
+        CalibrationError: There is no camera calibration.
+        LabelError: The labels cannot be read.
+    """
+    if file is None:
+        raise DriveError(root, expected="a drive with labels", found="none")
+    if calibration is None:
+        raise CalibrationError(
+            root,
+            expected=f"a camera calibration, to place the labels of {file}",
+            found="none",
+            advice=advice,
+        )
+    return read_tracking_labels(file, calibration)

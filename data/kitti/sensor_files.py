@@ -27,7 +27,6 @@ _MAX_LISTED = 6  # entries of a folder in an error
 _MAX_FRAMES = 1_000_000  # KITTI's frame numbers have six digits
 _UNIX_DIGITS = {13, 16, 19}  # of today's Unix times in ms, us and ns
 _MAX_TIME_NS = 2**63  # in the year 2262
-_POINT_BYTES = 16  # x, y, z, reflectance as float32
 # SemanticKITTI numbers the moving classes apart: car, bicyclist, person, motorcyclist, on rails,
 # bus, truck, other vehicle.
 _STATIC_CLASS = {252: 10, 253: 31, 254: 30, 255: 32, 256: 16, 257: 13, 258: 18, 259: 20}
@@ -194,15 +193,28 @@ def read_scan(path: Path) -> Float32:
     Raises:
         ScanError: The file is missing, or does not hold a whole number of points.
     """
-    data = read_bytes(path, ScanError, "a scan", SKIP_ADVICE)
-    if len(data) % _POINT_BYTES:
+    return read_float32_rows(path, ("x", "y", "z", "reflectance"))
+
+
+def read_float32_rows(path: Path, columns: Sequence[str]) -> Float32:
+    """Read the (N, C) points of a file of float32 numbers.
+
+    Args:
+        path: Scan.
+        columns: Names of the C columns, for error messages.
+
+    Raises:
+        ScanError: The file is missing, or does not hold a whole number of points.
+    """
+    data, point_bytes = read_bytes(path, ScanError, "a scan", SKIP_ADVICE), 4 * len(columns)
+    if len(data) % point_bytes:
         raise ScanError(
             path,
-            expected=f"{_POINT_BYTES} bytes a point: x, y, z, reflectance as float32",
-            found=f"{len(data)} bytes, {len(data) % _POINT_BYTES} too many for a whole number",
+            expected=f"{point_bytes} bytes a point: {', '.join(columns)} as float32",
+            found=f"{len(data)} bytes, {len(data) % point_bytes} too many for a whole number",
             advice=f"copy the file again, it may be cut off; or {SKIP_ADVICE}",
         )
-    return np.frombuffer(bytearray(data), np.float32).reshape(-1, 4)
+    return np.frombuffer(bytearray(data), np.float32).reshape(-1, len(columns))
 
 
 def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:

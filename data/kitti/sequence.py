@@ -11,7 +11,7 @@ import numpy as np
 from data.kitti.calibration import with_kitti_image_size
 from data.kitti.drive import KittiDrive
 from data.kitti.image_joining import JoinedImages
-from data.kitti.labels import empty_labels, read_tracking_labels
+from data.kitti.labels import empty_labels, require_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.sensor_files import (
     FrameFiles,
@@ -164,16 +164,8 @@ class KittiSequence(KittiDrive):
 
     @cached_property
     def _labels_by_number(self) -> Mapping[int, Labels]:
-        if self.label_file is None:
-            raise DriveError(self.root, expected="a drive with labels", found="none")
-        if self.calibration is None:
-            raise CalibrationError(
-                self.root,
-                expected=f"a camera calibration, to place the labels of {self.label_file}",
-                found="none",
-                advice="add the drive's calibration files",
-            )
-        return read_tracking_labels(self.label_file, self.calibration)
+        advice = "add the drive's calibration files"
+        return require_tracking_labels(self.root, self.label_file, self.calibration, advice)
 
 
 @dataclass(frozen=True)

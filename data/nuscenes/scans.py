@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.reading import read_bytes
-from data.kitti.sensor_files import SKIP_ADVICE
+from data.kitti.sensor_files import read_float32_rows
 from data.nuscenes.categories import LIDARSEG_NAMES, category
-from perception.errors import LabelError, ScanError
+from perception.errors import LabelError
 from perception.types import Float32, Float64, Int
 
-_POINT_BYTES = 20  # x, y, z, intensity and ring as float32
+_COLUMNS = ("x", "y", "z", "intensity", "ring")
 _FULL_SCALE = np.float32(255)
 # The sensor has x to the right and y forward.
 SENSOR_R_VELO = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -23,15 +23,7 @@ def read_points(path: Path) -> Float32:
     Raises:
         ScanError: The file is missing, or does not hold a whole number of points.
     """
-    data = read_bytes(path, ScanError, "a scan", SKIP_ADVICE)
-    if len(data) % _POINT_BYTES:
-        raise ScanError(
-            path,
-            expected=f"{_POINT_BYTES} bytes a point: x, y, z, intensity, ring as float32",
-            found=f"{len(data)} bytes, {len(data) % _POINT_BYTES} too many for a whole number",
-            advice=f"copy the file again, it may be cut off; or {SKIP_ADVICE}",
-        )
-    right, forward, up, intensity, _ = np.frombuffer(data, np.float32).reshape(-1, 5).T
+    right, forward, up, intensity, _ = read_float32_rows(path, _COLUMNS).T
     return np.stack([forward, -right, up, intensity / _FULL_SCALE], axis=1)
 
 

@@ -128,13 +128,13 @@ class SceneTables:
             raise UsageError(
                 f"--camera {camera}", expected=f"one of {', '.join(cameras)}", found=camera
             )
-        wanted = {token: name for token, name in channels.items() if name in (LIDAR, camera)}
-        records = tables.sensor_data(samples, wanted)
+        required = {token: name for token, name in channels.items() if name in (LIDAR, camera)}
+        records = tables.sensor_data(samples, required)
         by_channel: dict[str, list[SensorData]] = {LIDAR: [], camera: []}
         poses = tables.poses({record["ego_pose_token"] for record in records})
         for record in records:
             one = tables.parse_data(record, poses)
-            by_channel[wanted[record["calibrated_sensor_token"]]].append(one)
+            by_channel[required[record["calibrated_sensor_token"]]].append(one)
         used = {record["calibrated_sensor_token"] for record in records}
         return cls(
             folder=folder,
@@ -143,7 +143,7 @@ class SceneTables:
                 name: sorted(ones, key=lambda one: one.stamp_us)
                 for name, ones in by_channel.items()
             },
-            places={wanted[token]: place for token, place in tables.places(used).items()},
+            places={required[token]: place for token, place in tables.places(used).items()},
             annotations=tables.annotations(samples),
             point_labels=tables.point_labels({one.token for one in by_channel[LIDAR]}),
             point_categories=tables.point_categories(),
@@ -190,11 +190,13 @@ class _Tables:
         records = self.read("calibrated_sensor", ("token", "sensor_token"))
         return {one["token"]: sensors.get(one["sensor_token"], "") for one in records}
 
-    def sensor_data(self, samples: Mapping[str, int], wanted: Mapping[str, str]) -> list[Record]:
+    def sensor_data(self, samples: Mapping[str, int], required: Mapping[str, str]) -> list[Record]:
         return self.read(
             "sample_data",
             _DATA_FIELDS,
-            lambda one: one["sample_token"] in samples and one["calibrated_sensor_token"] in wanted,
+            lambda one: (
+                one["sample_token"] in samples and one["calibrated_sensor_token"] in required
+            ),
         )
 
     def poses(self, tokens: Iterable[str]) -> dict[str, Float64]:
