@@ -15,6 +15,7 @@ LAYERS = [
     {"perception.localization"},
     {"perception.obstacles", "perception.datmo", "perception.maps", "perception.tracking"},
     {"perception.detection"},
+    {"perception.health"},
     {"perception.pipeline", "perception.evaluation", "perception.render"},
     {"data"},
     {"train"},

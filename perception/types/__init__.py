@@ -25,6 +25,16 @@ from perception.types.detections import (
 )
 from perception.types.drive import Drive, Labels, PointTruth
 from perception.types.frame import Calibration, Frame
+from perception.types.health import (
+    CALIBRATION,
+    CAMERA,
+    INS,
+    LIDAR,
+    SENSOR_PARTS,
+    Health,
+    HealthFinding,
+    HealthLevel,
+)
 from perception.types.objects import Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
@@ -40,8 +50,13 @@ from perception.types.stages import (
 from perception.types.table import SHARED, ArrayTable
 
 __all__ = [
+    "CALIBRATION",
+    "CAMERA",
+    "INS",
+    "LIDAR",
     "MAP_MODALITIES",
     "MODALITIES",
+    "SENSOR_PARTS",
     "SHARED",
     "ArrayTable",
     "Bool",
@@ -56,6 +71,9 @@ __all__ = [
     "Frame",
     "FusedDetections",
     "GroundModel",
+    "Health",
+    "HealthFinding",
+    "HealthLevel",
     "Int",
     "KittiLayout",
     "Labels",

@@ -8,6 +8,7 @@ import numpy as np
 from perception.types.arrays import Float64, UInt8
 from perception.types.detections import Detections, Modality, ModalityDetections
 from perception.types.frame import Frame
+from perception.types.health import Health
 from perception.types.objects import Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles
 from perception.types.stages import StageSpan
@@ -32,6 +33,7 @@ class Result:
         skipped: Stages that were left out to keep the time budget.
         pose_covariance: (6, 6) covariance of the pose since the first scan, position in m and rotation vector in rad
             along the axes of the world frame; NaN where the method gives none.
+        health: Findings on sensors and stages.
     """
 
     frame: Frame
@@ -47,6 +49,7 @@ class Result:
     spans: tuple[StageSpan, ...] = ()
     skipped: tuple[str, ...] = ()
     pose_covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
+    health: Health = field(default_factory=Health)
 
     @property
     def latency_s(self) -> float:
