@@ -3,13 +3,15 @@
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
+from data.drive_images import DriveImages
 from data.kitti.oxts import InsPacket
+from data.per_frame import PerFrame
 from data.sweep_motion import SweepMotions
-from perception.errors import ScanError, UsageError
+from perception.errors import DriveError, ScanError, UsageError
 from perception.localization.deskew import deskew
 from perception.sensor import LidarModel
 from perception.types import Calibration, Float32, Float64, Frame, Labels, PointTruth, UInt8
@@ -21,11 +23,15 @@ _HASH_BYTES = 8  # of a scan: 48 KB of text for 4489 frames in the metadata of a
 class RecordedDrive(ABC):
     """Frames that have a scan, in order; a layout says where the parts of a frame come from.
 
+    What a layout does not state otherwise, its drives do not have: poses, labels, truth of points. Frames follow each
+    other in time. A field with one entry for each frame is a `PerFrame`, so that `select` cuts it.
+
     Attributes:
         name: Name of the drive, the sequence or the folder.
         root: Folder or file of the drive, or folder of all sequences.
         sensor: LiDAR model.
         calibration: Calibration of the camera in all frames, or None.
+        images: Images of the camera, or None where there are none or they are not loaded.
         notes: Sentences on data that are not used as they are, or on what was assumed.
         deskew: Whether the points of a sweep are moved to its stamp, by their times and the motion of the LiDAR.
     """
@@ -34,6 +40,7 @@ class RecordedDrive(ABC):
     root: Path
     sensor: LidarModel
     calibration: Calibration | None = None
+    images: DriveImages | None = None
     notes: tuple[str, ...] = ()
     deskew: bool = False
     _motions: SweepMotions = field(
@@ -51,29 +58,29 @@ class RecordedDrive(ABC):
         """Number of each frame in KITTI's rows."""
 
     @property
-    @abstractmethod
     def is_sequence(self) -> bool:
         """Whether frames follow each other in time."""
+        return True
 
     @property
-    @abstractmethod
     def has_images(self) -> bool:
         """Whether frames carry images."""
+        return self.images is not None
 
     @property
-    @abstractmethod
     def has_poses(self) -> bool:
         """Whether frames carry poses of an INS or the like."""
+        return False
 
     @property
-    @abstractmethod
     def has_labels(self) -> bool:
         """Whether there are labelled boxes."""
+        return False
 
     @property
-    @abstractmethod
     def has_point_truth(self) -> bool:
         """Whether the class of every point is known."""
+        return False
 
     @property
     def velo_SE3_imu(self) -> Float64 | None:
@@ -83,7 +90,7 @@ class RecordedDrive(ABC):
     @property
     def has_forward_camera(self) -> bool:
         """Whether the camera is known to face forward, rather than by its calibration alone."""
-        return True
+        return False
 
     def __len__(self) -> int:
         return len(self.frame_names)
@@ -129,9 +136,13 @@ class RecordedDrive(ABC):
         motion = self._motions.motion(self, index, span_s)
         return points_velo if motion is None else deskew(points_velo, times_s, motion)
 
-    @abstractmethod
     def select(self, indices: Sequence[int]) -> Self:
-        """Return a drive of some frames alone, which keep their numbers and names."""
+        """Return a drive of some frames alone, which keep their numbers, names, times and poses."""
+        parts = ((part.name, getattr(self, part.name)) for part in fields(self))
+        cut: dict[str, Any] = {
+            name: part.select(indices) for name, part in parts if isinstance(part, PerFrame)
+        }
+        return replace(self, **cut)
 
     @abstractmethod
     def source(self, index: int) -> str:
@@ -153,15 +164,14 @@ class RecordedDrive(ABC):
         """
         return None
 
-    @abstractmethod
     def image(self, index: int) -> UInt8 | None:
-        """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
+        """Read the (H, W, 3) image of one frame without its scan, or None where it has none.
 
         Raises:
             ImageError: The image is missing, damaged or of another size.
         """
+        return None if self.images is None else self.images.read(index)
 
-    @abstractmethod
     def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
         """Return the calibration of one frame, or None without one.
 
@@ -172,6 +182,7 @@ class RecordedDrive(ABC):
         Raises:
             CalibrationError: The calibration cannot be used.
         """
+        return self.calibration
 
     @abstractmethod
     def stamp_s(self, index: int) -> float:
@@ -181,13 +192,13 @@ class RecordedDrive(ABC):
             DriveError: It is missing, or is not a time.
         """
 
-    @abstractmethod
     def world_SE3_velo(self, index: int) -> Float64 | None:
         """Return the (4, 4) pose of one frame without reading its scan, or None without poses.
 
         Raises:
             PoseError: The pose is missing or malformed.
         """
+        return None
 
     def ins_packet(self, index: int) -> InsPacket | None:
         """Read the INS packet of one frame, or None where poses come from something else.
@@ -197,7 +208,6 @@ class RecordedDrive(ABC):
         """
         return None
 
-    @abstractmethod
     def labels(self, index: int) -> Labels:
         """Read the labels of one frame.
 
@@ -206,14 +216,16 @@ class RecordedDrive(ABC):
             CalibrationError: There is no camera calibration, which labels need.
             LabelError: The labels are missing or cannot be read.
         """
+        found = "labels of points" if self.has_point_truth else "none"
+        raise DriveError(self.root, expected="a drive with labelled boxes", found=found)
 
-    @abstractmethod
     def point_truth(self, index: int) -> PointTruth | None:
         """Read the truth of every point, or None where the drive does not know it.
 
         Raises:
             LabelError: The file is missing, or its length differs from that of the scan.
         """
+        return None
 
     def frame_files(self, index: int) -> tuple[Path, ...]:
         """Return the files that one frame and its labels are made from.

@@ -1,10 +1,8 @@
 """A log of the Argoverse 2 sensor dataset as a drive."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -15,14 +13,15 @@ from data.argoverse2.point_truth import FLOW_FILE, FLOW_FOLDER, TruthSources
 from data.argoverse2.sweeps import measure_sensor, read_sweep
 from data.argoverse2.trajectory import Trajectory
 from data.derived.motion_labels import PosedLabels
-from data.kitti.sensor_files import list_folder, read_image
+from data.drive_images import ImageFiles
+from data.file_drive import FileDrive
+from data.kitti.sensor_files import FrameFiles, list_folder
 from data.labels_in_view import labels_in_view
 from data.layouts import Layout, OpenConfig
 from data.nearest_time import NONE, nearest_in_time
-from data.recorded_drive import RecordedDrive
 from perception.errors import DriveError, UsageError
 from perception.sensor import LidarModel, load_sensor
-from perception.types import Calibration, Float32, Float64, Labels, PointTruth, UInt8
+from perception.types import Float32, Float64, Labels, PointTruth
 
 _SWEEPS, _CAMERAS = Path("sensors/lidar"), Path("sensors/cameras")
 _ANNOTATIONS, _POSES, _CALIBRATION = (
@@ -32,53 +31,22 @@ _MAX_IMAGE_GAP_NS = 50_000_000  # half a turn of the LiDAR
 
 
 @dataclass(frozen=True, kw_only=True)
-class Argoverse2Log(RecordedDrive):
+class Argoverse2Log(FileDrive):
     """Sweeps of one log, all of the same two LiDARs.
 
+    A sweep is named by its time in nanoseconds.
+
     Attributes:
-        sweeps: Sweep of each frame by its time in nanoseconds.
-        images: Image of each sweep, None where none is near in time; None without a camera.
         ego_SE3_velo: (4, 4) place of the LiDAR on the vehicle.
         trajectory: Poses of the vehicle.
         annotations: Boxes, or None.
         truth: Truth of points.
     """
 
-    sweeps: tuple[tuple[int, Path], ...]
-    images: tuple[Path | None, ...] | None
     ego_SE3_velo: Float64
     trajectory: Trajectory
     annotations: Annotations | None
     truth: TruthSources
-
-    @property
-    def frame_names(self) -> tuple[str, ...]:
-        """Name of each frame in results: the time of its sweep."""
-        return tuple(path.stem for _, path in self.sweeps)
-
-    @cached_property
-    def frame_numbers(self) -> tuple[int, ...]:
-        """Number of each frame in KITTI's rows: its place in the log."""
-        return tuple(self._numbers[stamp] for stamp, _ in self.sweeps)
-
-    @cached_property
-    def _numbers(self) -> dict[int, int]:
-        return {stamp: number for number, (stamp, _) in enumerate(_sweeps_in(self.root))}
-
-    @property
-    def is_sequence(self) -> bool:
-        """Whether frames follow each other in time: yes."""
-        return True
-
-    @property
-    def has_forward_camera(self) -> bool:
-        """Whether the camera is known to face forward: any camera may be chosen."""
-        return False
-
-    @property
-    def has_images(self) -> bool:
-        """Whether frames carry images."""
-        return self.images is not None
 
     @property
     def has_poses(self) -> bool:
@@ -95,41 +63,23 @@ class Argoverse2Log(RecordedDrive):
         """Whether the class of every point is known."""
         return not self.truth.is_empty
 
-    def select(self, indices: Sequence[int]) -> Self:
-        """Return a drive of some frames alone, which keep their numbers and names."""
-        images = None if self.images is None else tuple(self.images[index] for index in indices)
-        return replace(self, sweeps=tuple(self.sweeps[index] for index in indices), images=images)
+    def _stamp_ns(self, index: int) -> int:
+        return int(self.scans.paths[index].stem)
 
-    def source(self, index: int) -> str:
-        """Return the file of a sweep."""
-        return str(self.sweeps[index][1])
-
-    def frame_files(self, index: int) -> tuple[Path, ...]:
-        """Return the files of a frame and its labels."""
-        image = None if self.images is None else self.images[index]
-        files = (self.sweeps[index][1], self.root / _ANNOTATIONS, image)
-        return tuple(path for path in files if path is not None)
+    def _texts(self, index: int) -> tuple[Path | None, ...]:
+        return (self.root / _ANNOTATIONS,)
 
     def points_velo(self, index: int) -> Float32:
         """Read (N, 4) points at the place of the upper LiDAR, moved to the time of the sweep."""
-        return read_sweep(self.sweeps[index][1], self.ego_SE3_velo).points_velo
-
-    def image(self, index: int) -> UInt8 | None:
-        """Read the image that is nearest in time."""
-        path = None if self.images is None else self.images[index]
-        return None if path is None else read_image(path)
-
-    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
-        """Return the calibration of the log."""
-        return self.calibration
+        return read_sweep(self.scans.paths[index], self.ego_SE3_velo).points_velo
 
     def stamp_s(self, index: int) -> float:
         """Return the time of a sweep since the log's first pose."""
-        return (self.sweeps[index][0] - self.trajectory.first_ns) / 1e9
+        return (self._stamp_ns(index) - self.trajectory.first_ns) / 1e9
 
     def world_SE3_velo(self, index: int) -> Float64:
         """Return the (4, 4) pose of the LiDAR."""
-        return self.trajectory.world_SE3_ego(self.sweeps[index][0]) @ self.ego_SE3_velo
+        return self.trajectory.world_SE3_ego(self._stamp_ns(index)) @ self.ego_SE3_velo
 
     def labels(self, index: int) -> Labels:
         """Return the labels of the objects in the view of the camera."""
@@ -140,13 +90,13 @@ class Argoverse2Log(RecordedDrive):
         """Return the labels of all objects around."""
         if self.annotations is None:
             raise DriveError(self.root, expected=f"a log with {_ANNOTATIONS}", found="none")
-        return self.annotations.at(self.sweeps[index][0], self.ego_SE3_velo)
+        return self.annotations.at(self._stamp_ns(index), self.ego_SE3_velo)
 
     def other_labels(self) -> list[PosedLabels]:
         """Return the labels of the moments that have no sweep here, numbered down from -1."""
         if self.annotations is None:
             return []
-        known = {stamp for stamp, _ in self.sweeps}
+        known = set(map(self._stamp_ns, range(len(self))))
         others = [
             stamp
             for stamp in self.annotations.moments_ns
@@ -164,7 +114,7 @@ class Argoverse2Log(RecordedDrive):
 
     def point_truth(self, index: int) -> PointTruth | None:
         """Return the truth of the points of a sweep, or None where the log has none of it."""
-        return self.truth.of(self.sweeps[index][0], self.points_velo(index))
+        return self.truth.of(self._stamp_ns(index), self.points_velo(index))
 
 
 def open_log(folder: Path, name: str | None, config: OpenConfig) -> Argoverse2Log:
@@ -194,15 +144,19 @@ def open_log(folder: Path, name: str | None, config: OpenConfig) -> Argoverse2Lo
     return Argoverse2Log(
         name=root.resolve().name,
         root=root,
-        sensor=_sensor(sweeps[0][1], sensors.ego_SE3_velo, config),
+        sensor=_sensor(sweeps.paths[0], sensors.ego_SE3_velo, config),
         calibration=sensors.camera(camera),
-        sweeps=tuple(sweeps),
+        scans=sweeps,
         images=images,
         ego_SE3_velo=sensors.ego_SE3_velo,
         trajectory=trajectory,
         annotations=annotations,
         truth=TruthSources(
-            _flow_files(root, sweeps), annotations, trajectory, ground, sensors.ego_SE3_velo
+            _flow_files(root, sweeps.paths[0]),
+            annotations,
+            trajectory,
+            ground,
+            sensors.ego_SE3_velo,
         ),
         notes=tuple(_notes(root / _CAMERAS / camera, images)) if config.images else (),
     )
@@ -216,20 +170,21 @@ def _sensor(first: Path, ego_SE3_velo: Float64, config: OpenConfig) -> LidarMode
     return measure_sensor(read_sweep(first, ego_SE3_velo), height_m)
 
 
-def _sweeps_in(root: Path) -> list[tuple[int, Path]]:
+def _sweeps_in(root: Path) -> FrameFiles:
     """Return the sweeps of a log in order of time.
 
     Raises:
         DriveError: There is none, or a name is no time.
     """
-    stamped = _by_time(root / _SWEEPS, ".feather")
+    folder = root / _SWEEPS
+    stamped = _by_time(folder, ".feather")
     if not stamped:
         raise DriveError(
-            root / _SWEEPS,
+            folder,
             expected="sweeps named by nanoseconds, such as 315966265259836000.feather",
             found="none",
         )
-    return stamped
+    return FrameFiles(folder, tuple(path for _, path in stamped))
 
 
 def _by_time(folder: Path, suffix: str) -> list[tuple[int, Path]]:
@@ -240,38 +195,38 @@ def _by_time(folder: Path, suffix: str) -> list[tuple[int, Path]]:
     )
 
 
-def _images_in(folder: Path, sweeps: Sequence[tuple[int, Path]]) -> tuple[Path | None, ...] | None:
+def _images_in(folder: Path, sweeps: FrameFiles) -> ImageFiles | None:
     """Return the image that is nearest to each sweep, or None where no sweep has one."""
     images = _by_time(folder, ".jpg") + _by_time(folder, ".png")
-    first_ns = sweeps[0][0]
+    stamps_ns = [int(path.stem) for path in sweeps.paths]
     nearest = nearest_in_time(
-        _seconds([stamp for stamp, _ in sweeps], first_ns),
-        _seconds([stamp for stamp, _ in images], first_ns),
+        _seconds(stamps_ns, stamps_ns[0]),
+        _seconds([stamp for stamp, _ in images], stamps_ns[0]),
         _MAX_IMAGE_GAP_NS / 1e9,
     )
     if (nearest == NONE).all():
         return None
-    return tuple(None if row == NONE else images[row][1] for row in nearest.tolist())
+    return ImageFiles(tuple(None if row == NONE else images[row][1] for row in nearest.tolist()))
 
 
 def _seconds(stamps_ns: Sequence[int], first_ns: int) -> Float64:
     return np.array([stamp - first_ns for stamp in stamps_ns], np.float64) / 1e9
 
 
-def _flow_files(root: Path, sweeps: Sequence[tuple[int, Path]]) -> dict[int, Path]:
+def _flow_files(root: Path, first: Path) -> dict[int, Path]:
     """Return the labels of scene flow by the time of their sweep: one file a sweep, or one of the first alone."""
     files = dict(_by_time(root / FLOW_FOLDER, ".feather"))
     if (root / FLOW_FILE).is_file():
-        files.setdefault(sweeps[0][0], root / FLOW_FILE)
+        files.setdefault(int(first.stem), root / FLOW_FILE)
     return files
 
 
-def _notes(folder: Path, images: tuple[Path | None, ...] | None) -> list[str]:
+def _notes(folder: Path, images: ImageFiles | None) -> list[str]:
     if images is None:
         return [f"{folder}: no image is near a sweep in time"] if folder.is_dir() else []
-    missing = sum(path is None for path in images)
+    missing = images.paths.count(None)
     return (
-        [f"{folder}: {missing} of {len(images)} sweeps have no image within 50 ms"]
+        [f"{folder}: {missing} of {len(images.paths)} sweeps have no image within 50 ms"]
         if missing
         else []
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from data.bags.bag import Bag, RawMessage
 from data.bags.camera_info import read_lens
-from data.bags.drive import BagCamera, BagDrive
+from data.bags.drive import BagDrive, BagImages
 from data.bags.ins_poses import (
     NavigationPoses,
     OdometryPoses,
@@ -24,6 +24,7 @@ from data.bags.topics import BagTopics, choose_topics
 from data.bags.transforms import TransformTree
 from data.layouts import OpenConfig
 from data.nearest_time import half_period_s, nearest_in_time
+from data.per_frame import FrameTuple
 from data.reflectance import full_scale, largest_reflectance, sample_indices, scale_note
 from perception.errors import CalibrationError, DriveError
 from perception.geometry.se3 import from_rotation_translation, inverse
@@ -104,7 +105,7 @@ class _Opening:
         stamps_ns = stamps_ns[order]
         rows = np.array([self._rows(stamps_ns, one.stream) for one in lidars], np.int64).T.copy()
         rows[:, 0] = order
-        camera, calibration = self._camera(frames[0], lidar_SE3_velo, stamps_ns)
+        images, calibration = self._camera(frames[0], lidar_SE3_velo, stamps_ns)
         poses, ins_SE3_lidar = self._poses(frames[0])
         sensor = self._sensor(lidars[0], frames[0], stamps_ns)
         return BagDrive(
@@ -115,10 +116,10 @@ class _Opening:
             notes=tuple(self.notes),
             sweeps=SweepReader(lidars, rows),
             stamps_ns=stamps_ns,
-            camera=camera if self.config.images else None,
+            images=images if self.config.images else None,
             poses=poses,
             ins_SE3_velo=ins_SE3_lidar @ lidar_SE3_velo,
-            frames=tuple(range(len(stamps_ns))),
+            frames=FrameTuple(range(len(stamps_ns))),
         )
 
     def _stream(self, topic: str) -> MessageStream:
@@ -179,13 +180,13 @@ class _Opening:
 
     def _camera(
         self, lidar: str, lidar_SE3_velo: Float64, stamps_ns: Int
-    ) -> tuple[BagCamera | None, Calibration | None]:
+    ) -> tuple[BagImages | None, Calibration | None]:
         """Return the camera, and its calibration where the bag states it; None for what is not there."""
         topic, info = self.topics.camera, self.topics.camera_info
         if topic is None:
             return None, None
         stream = self._stream(topic)
-        rows = self._rows(stamps_ns, stream)
+        rows = FrameTuple(self._rows(stamps_ns, stream).tolist())
         try:
             if info is None:
                 raise CalibrationError(
@@ -212,7 +213,7 @@ class _Opening:
             image_size_px=lens.size_px,
             source=f"{self.bag.path} {info}",
         )
-        return BagCamera(stream, lens, rows), calibration
+        return BagImages(stream, lens, rows), calibration
 
     def _first(self, topic: str) -> Any:  # noqa: ANN401 - see Bag.decode
         return self.bag.decode(next(self.bag.messages((topic,))))

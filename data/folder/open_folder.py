@@ -5,16 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
+from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
-from data.folder.drive import FolderDrive, ImageFiles, velo_to_body
+from data.folder.drive import FolderDrive, velo_to_body
 from data.folder.observation import observe_folder
 from data.folder.pose_track import PoseTrack, read_pose_track
 from data.folder.stamps import read_stamps, stamps_in_names
 from data.folder.typed_document import read_document
-from data.kitti.sensor_files import FrameFiles, no_scans, read_image
+from data.kitti.sensor_files import FrameFiles, ImageSize, no_scans, read_image
 from data.layouts import OpenConfig
 from data.nearest_time import half_period_s, nearest_in_time
+from data.per_frame import FrameTuple
 from perception.errors import DriveError, ImageError, UsageError
 from perception.geometry.se3 import inverse
 from perception.geometry.undistortion import Lens
@@ -40,12 +42,14 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     sensor = _sensor(root, described.lidar, config.sensor)
     stamps_ns = _stamps_ns(root, described.lidar, files, sensor)
     velo_SE3_lidar = described.lidar.velo_SE3_lidar()
-    lens = calibration = images = None
+    calibration = images = None
     if described.camera is not None:
         camera_files = _image_files(root, described.camera)
         lens = _lens(root, described.camera, camera_files)
         calibration = _calibration(described.camera, lens, velo_SE3_lidar, root)
-        images = _join_images(root, described.camera, camera_files, files, stamps_ns)
+        paths = _join_images(root, described.camera, camera_files, files, stamps_ns)
+        images = ImageFiles(paths, ImageSize(lens.size_px, lens.source), lens)
+        notes += _image_notes(camera_files.folder, paths)
     poses, body_SE3_velo = _poses(root, described, len(files), velo_SE3_lidar)
     labels = described.lidar.point_labels
     label_file = _existing(root, described.labels, "labels")
@@ -63,10 +67,10 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
         columns=described.lidar.columns,
         velo_SE3_lidar=velo_SE3_lidar,
         reflectance_scale=config.reflectance_scale or described.lidar.reflectance_scale,
-        stamps_ns=stamps_ns,
+        stamps_ns=FrameTuple(stamps_ns.tolist()),
         origin_ns=int(stamps_ns[0]),
-        rows=tuple(range(len(files))),
-        images=ImageFiles(images, lens) if images is not None and config.images else None,
+        rows=FrameTuple(range(len(files))),
+        images=images if config.images else None,
         poses=poses,
         body_SE3_velo=body_SE3_velo,
         label_file=label_file,
@@ -228,6 +232,14 @@ def _join_images(
     gap_s = max(half_period_s(scans_s), half_period_s(images_s))
     nearest = nearest_in_time(scans_s, images_s, gap_s if np.isfinite(gap_s) else None)
     return tuple(None if place < 0 else images.paths[place] for place in nearest)
+
+
+def _image_notes(folder: Path, paths: tuple[Path | None, ...]) -> tuple[str, ...]:
+    missing = paths.count(None)
+    if not missing:
+        return ()
+    advice = "correct the time_offset_s of the camera if this is not so"
+    return (f"{folder}: {missing} of {len(paths)} scans have no image near in time; {advice}",)
 
 
 def _poses(

@@ -8,6 +8,7 @@ training/labels/000000.label   training/sensor.json          (synthetic drives)
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from data.drive_images import ImageFiles
 from data.kitti.calibration import read_benchmark_calibration, with_kitti_image_size
 from data.kitti.drive import KittiDrive
 from data.kitti.image_joining import join_images
@@ -22,7 +23,7 @@ from data.kitti.sensor_files import (
     no_scans,
 )
 from data.layouts import OpenConfig
-from perception.errors import CalibrationError, DriveError
+from perception.errors import CalibrationError
 from perception.types import Calibration, Labels, UInt8
 
 
@@ -49,11 +50,6 @@ class ObjectFrames(KittiDrive):
         return False
 
     @property
-    def has_poses(self) -> bool:
-        """Whether frames carry INS poses: no."""
-        return False
-
-    @property
     def has_labels(self) -> bool:
         """Whether there are labelled boxes."""
         return self.label_folder is not None
@@ -65,9 +61,6 @@ class ObjectFrames(KittiDrive):
     def stamp_s(self, index: int) -> float:
         """Return a time that rises from frame to frame."""
         return range(len(self))[index] / self.sensor.rate_hz
-
-    def world_SE3_velo(self, index: int) -> None:
-        """Return None: there is no INS."""
 
     def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
         """Read the calibration of one frame."""
@@ -82,7 +75,7 @@ class ObjectFrames(KittiDrive):
     def labels(self, index: int) -> Labels:
         """Read the labels of one frame."""
         if self.label_folder is None:
-            raise DriveError(self.root, expected="object frames with labels", found="none")
+            return super().labels(index)
         calibration = self.frame_calibration(index)
         path = self.label_folder / f"{self.scans.paths[index].stem}.txt"
         if calibration is None:
@@ -109,7 +102,7 @@ def open_objects(folder: Path, config: OpenConfig) -> ObjectFrames:
         root=folder,
         sensor=config.lidar_model(folder),
         scans=scans,
-        images=joined.paths if config.images else None,
+        images=ImageFiles(joined.paths) if joined.paths and config.images else None,
         label_folder=label_folder if label_folder.is_dir() else None,
         point_labels=point_labels.joined(scans),
         reflectance_scale=reflectance.scale,

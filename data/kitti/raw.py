@@ -28,7 +28,7 @@ from data.kitti.sensor_files import (
     list_folder,
     no_scans,
 )
-from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from data.kitti.sequence import CameraFiles, InsSource, KittiSequence, ScanClock
 from data.kitti.timestamps import (
     file_times,
     first_known,
@@ -84,7 +84,6 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
         scans=scans,
         clock=_clock(folder / "velodyne_points" / "timestamps.txt", scans, sensor),
         images=camera.images,
-        image_size=camera.image_size,
         ins=None if packets is None else OxtsFiles(packets),
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
@@ -105,7 +104,7 @@ def _calibration_folder(folder: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class OxtsFiles:
+class OxtsFiles(InsSource):
     """INS packets, one file for each scan."""
 
     files: FrameFiles

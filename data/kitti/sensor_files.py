@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.kitti.reading import read_bytes
+from data.per_frame import PerFrame
 from perception.errors import DriveError, ImageError, LabelError, ScanError
 from perception.types import Float32, PointTruth, UInt8
 
@@ -34,7 +35,7 @@ _END_OF_IMAGE = {b"\x89PNG": b"IEND", b"\xff\xd8\xff": b"\xff\xd9"}  # by how th
 
 
 @dataclass(frozen=True)
-class FrameFiles:
+class FrameFiles(PerFrame):
     """Files of one folder, one a frame, in the natural order of their names.
 
     KITTI names a file by the number of its frame. Where the names are others, such as stamps in nanoseconds, frames

@@ -1,13 +1,14 @@
 """Frames of one recording in order of time: the common part of the raw and the tracking layout."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol, Self
 
 import numpy as np
 
+from data.drive_images import ImageFiles
 from data.kitti.calibration import with_kitti_image_size
 from data.kitti.drive import KittiDrive
 from data.kitti.image_joining import JoinedImages
@@ -19,25 +20,22 @@ from data.kitti.sensor_files import (
     read_image,
 )
 from data.kitti.timestamps import seconds_since
+from data.per_frame import PerFrame
 from perception.errors import CalibrationError, DriveError, ImageError, PoseError
 from perception.geometry.se3 import inverse
-from perception.types import Calibration, Float64, Labels, UInt8
+from perception.types import Calibration, Float64, Labels
 
 
-class InsSource(Protocol):
+class InsSource(PerFrame, ABC):
     """Source of the INS packets of a drive."""
 
+    @abstractmethod
     def packet(self, index: int) -> InsPacket:
         """Read the packet of a frame; raise PoseError where it is missing or malformed."""
-        ...
-
-    def select(self, indices: Sequence[int]) -> "InsSource":
-        """Return the packets of some frames."""
-        ...
 
 
 @dataclass(frozen=True)
-class ScanClock:
+class ScanClock(PerFrame):
     """Times of the scans of a drive.
 
     Attributes:
@@ -95,11 +93,6 @@ class KittiSequence(KittiDrive):
     velo_SE3_imu: Float64 | None = None
     label_file: Path | None = None
 
-    @property
-    def is_sequence(self) -> bool:
-        """Whether frames follow each other in time: yes."""
-        return True
-
     def __post_init__(self) -> None:
         """Validate that an INS has a calibration, without which its poses cannot be used."""
         if self.ins is not None and self.velo_SE3_imu is None:
@@ -122,15 +115,6 @@ class KittiSequence(KittiDrive):
     def has_labels(self) -> bool:
         """Whether there are labelled boxes."""
         return self.label_file is not None
-
-    def select(self, indices: Sequence[int]) -> Self:
-        """Return a drive of some frames alone, at their own times and poses."""
-        ins = None if self.ins is None else self.ins.select(indices)
-        return replace(super().select(indices), clock=self.clock.select(indices), ins=ins)
-
-    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
-        """Return the calibration of the drive."""
-        return self.calibration
 
     @cached_property
     def _world(self) -> Mercator:
@@ -174,13 +158,11 @@ class CameraFiles:
 
     Attributes:
         calibration: Calibration with the image size, where the calibration or the first image states it.
-        image_size: Image size, and the file that states it.
-        images: (F) image of each scan, None where there is none; None without images or where they are not loaded.
+        images: Image of each scan; None without images or where they are not loaded.
     """
 
     calibration: Calibration | None
-    image_size: ImageSize | None
-    images: tuple[Path | None, ...] | None
+    images: ImageFiles | None
 
     @classmethod
     def of(
@@ -205,7 +187,9 @@ class CameraFiles:
                 calibration if size is None else replace(calibration, image_size_px=size.size_px)
             )
             calibration = with_kitti_image_size(known)
-        return cls(calibration, size, joined.paths if load else None)
+        if joined.paths is None or not load:
+            return cls(calibration, None)
+        return cls(calibration, ImageFiles(joined.paths, size))
 
 
 def _find_image_size(camera: Calibration | None, images: FrameFiles) -> ImageSize | None:

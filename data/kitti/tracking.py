@@ -23,7 +23,7 @@ from data.kitti.sensor_files import (
     list_folder,
     no_scans,
 )
-from data.kitti.sequence import CameraFiles, KittiSequence, ScanClock
+from data.kitti.sequence import CameraFiles, InsSource, KittiSequence, ScanClock
 from data.layouts import OpenConfig
 from perception.errors import PoseError
 
@@ -63,7 +63,6 @@ def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSeque
         scans=scans,
         clock=ScanClock.without_timestamps(scans, sensor.rate_hz),
         images=camera.images,
-        image_size=camera.image_size,
         ins=OxtsFile.read(packets, scans.numbers) if packets.is_file() else None,
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
@@ -74,7 +73,7 @@ def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSeque
 
 
 @dataclass(frozen=True)
-class OxtsFile:
+class OxtsFile(InsSource):
     """INS packets, one row for each frame number.
 
     Attributes:

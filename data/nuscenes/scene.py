@@ -1,15 +1,14 @@
 """A scene of nuScenes as a drive: every scan of its LiDAR, key frames and sweeps between them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
 from data.derived.motion_labels import PosedLabels
-from data.kitti.sensor_files import list_folder, read_image
+from data.drive_images import ImageFiles
+from data.kitti.sensor_files import list_folder
 from data.labelled_objects import box_owners
 from data.labels_in_view import labels_in_view
 from data.layouts import Layout, OpenConfig
@@ -18,11 +17,12 @@ from data.nuscenes.boxes import SceneBoxes
 from data.nuscenes.json_tables import read_records
 from data.nuscenes.scans import ego_SE3_velo, read_point_classes, read_points
 from data.nuscenes.scene_tables import DEFAULT_CAMERA, LIDAR, SceneTables, SensorData
+from data.per_frame import FrameTuple
 from data.recorded_drive import RecordedDrive
 from perception.errors import CalibrationError, DriveError
 from perception.geometry.se3 import inverse
 from perception.sensor import HDL_32E, load_sensor
-from perception.types import Bool, Calibration, Float32, Float64, Labels, PointTruth, UInt8
+from perception.types import Bool, Calibration, Float32, Float64, Labels, PointTruth
 
 _SCENES = "scene.json"
 _RATE_HZ = 20.0  # of the LiDAR
@@ -49,14 +49,12 @@ class NuScenesScene(RecordedDrive):
     Attributes:
         scans: Scans in order of time.
         numbers: Place of each scan in the scene.
-        images: Image of each scan, None where none is near in time; None without a camera.
         ego_SE3_velo: (4, 4) place of the LiDAR on the vehicle.
         boxes: Annotated boxes.
     """
 
-    scans: tuple[SensorData, ...]
-    numbers: tuple[int, ...]
-    images: tuple[Path | None, ...] | None
+    scans: FrameTuple[SensorData]
+    numbers: FrameTuple[int]
     ego_SE3_velo: Float64
     boxes: SceneBoxes
 
@@ -69,21 +67,6 @@ class NuScenesScene(RecordedDrive):
     def frame_numbers(self) -> tuple[int, ...]:
         """Number of each frame in KITTI's rows: its place in the scene."""
         return self.numbers
-
-    @property
-    def is_sequence(self) -> bool:
-        """Whether frames follow each other in time: yes."""
-        return True
-
-    @property
-    def has_forward_camera(self) -> bool:
-        """Whether the camera is known to face forward: any camera may be chosen."""
-        return False
-
-    @property
-    def has_images(self) -> bool:
-        """Whether frames carry images."""
-        return self.images is not None
 
     @property
     def has_poses(self) -> bool:
@@ -105,38 +88,19 @@ class NuScenesScene(RecordedDrive):
         """(3,) Position of the world's origin in the map, so that positions keep their precision."""
         return self.boxes.tables.data[LIDAR][0].world_SE3_ego[:3, 3]
 
-    def select(self, indices: Sequence[int]) -> Self:
-        """Return a drive of some frames alone, which keep their numbers and names."""
-        images = None if self.images is None else tuple(self.images[index] for index in indices)
-        return replace(
-            self,
-            scans=tuple(self.scans[index] for index in indices),
-            numbers=tuple(self.numbers[index] for index in indices),
-            images=images,
-        )
-
     def source(self, index: int) -> str:
         """Return the file of a scan."""
         return str(self.scans[index].path)
 
     def frame_files(self, index: int) -> tuple[Path, ...]:
         """Return the files of a frame and its labels."""
-        image = None if self.images is None else self.images[index]
+        image = None if self.images is None else self.images.file(index)
         labels = self.boxes.tables.folder / "sample_annotation.json"
         return tuple(path for path in (self.scans[index].path, labels, image) if path is not None)
 
     def points_velo(self, index: int) -> Float32:
         """Read (N, 4) points with x forward and y left."""
         return read_points(self.scans[index].path)
-
-    def image(self, index: int) -> UInt8 | None:
-        """Read the image that is nearest in time."""
-        path = None if self.images is None else self.images[index]
-        return None if path is None else read_image(path)
-
-    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
-        """Return the calibration of the scene."""
-        return self.calibration
 
     def stamp_s(self, index: int) -> float:
         """Return the time of a scan since the scene's first."""
@@ -159,7 +123,7 @@ class NuScenesScene(RecordedDrive):
     def labels_around(self, index: int) -> Labels:
         """Return the labels of all objects around; between key frames on the way from one to the next."""
         if self.boxes.is_empty:
-            raise DriveError(self.root, expected="a scene with annotated boxes", found="none")
+            return super().labels(index)
         return self.boxes.around(self._label_stamp_us(index), self._map_SE3_velo(index))
 
     def other_labels(self) -> list[PosedLabels]:
@@ -237,8 +201,8 @@ def open_scene(path: Path, name: str | None, config: OpenConfig) -> NuScenesScen
         # sensor.json is a table of the set.
         sensor=sensor if config.sensor is None else load_sensor(config.sensor),
         calibration=_calibration(tables, camera, velo),
-        scans=tuple(scans),
-        numbers=tuple(range(len(scans))),
+        scans=FrameTuple(scans),
+        numbers=FrameTuple(range(len(scans))),
         images=_images(tables, camera) if config.images else None,
         ego_SE3_velo=velo,
         boxes=SceneBoxes(tables),
@@ -258,7 +222,7 @@ def _calibration(tables: SceneTables, camera: str, velo: Float64) -> Calibration
     )
 
 
-def _images(tables: SceneTables, camera: str) -> tuple[Path | None, ...] | None:
+def _images(tables: SceneTables, camera: str) -> ImageFiles | None:
     """Return the image that is nearest to each scan, or None where no scan has one."""
     images = [one for one in tables.data[camera] if one.path.is_file()]
     first_us = tables.data[LIDAR][0].stamp_us
@@ -269,7 +233,7 @@ def _images(tables: SceneTables, camera: str) -> tuple[Path | None, ...] | None:
     nearest = nearest_in_time(scans_s, images_s, _MAX_IMAGE_GAP_S)
     if (nearest == NONE).all():
         return None
-    return tuple(None if row == NONE else images[row].path for row in nearest.tolist())
+    return ImageFiles(tuple(None if row == NONE else images[row].path for row in nearest.tolist()))
 
 
 def _table_folders(path: Path) -> list[Path]:

@@ -8,10 +8,8 @@ Classes of points are SemanticKITTI's own, of which those from 252 to 259 move. 
 leaves out 0 (unlabelled) and 1 (outlier); its benchmark of moving objects calls 252 to 259 moving and all others static.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -33,7 +31,7 @@ from data.kitti.sequence import CameraFiles, ScanClock
 from data.layouts import Layout, OpenConfig
 from perception.errors import DriveError, LabelError, PerceptionError, PoseError
 from perception.geometry.se3 import from_rotation_translation
-from perception.types import Calibration, Float64, Labels, PointTruth, UInt8
+from perception.types import Calibration, Float64, PointTruth
 
 # All classes that semantic-kitti.yaml names; those that move are read as the same class and a motion.
 _CLASSES = (
@@ -56,27 +54,9 @@ class SemanticKittiSequence(KittiDrive):
     poses: Float64 | None
 
     @property
-    def is_sequence(self) -> bool:
-        """Whether frames follow each other in time: yes."""
-        return True
-
-    @property
     def has_poses(self) -> bool:
         """Whether frames carry poses."""
         return self.poses is not None
-
-    @property
-    def has_labels(self) -> bool:
-        """Whether there are labelled boxes: no, the labels are those of points."""
-        return False
-
-    def select(self, indices: Sequence[int]) -> Self:
-        """Return a drive of some frames alone, at their own times and poses."""
-        return replace(super().select(indices), clock=self.clock.select(indices))
-
-    def frame_calibration(self, index: int, image: UInt8 | None = None) -> Calibration | None:
-        """Return the calibration of the sequence."""
-        return self.calibration
 
     def stamp_s(self, index: int) -> float:
         """Return the time of a scan since the sequence's first."""
@@ -114,12 +94,6 @@ class SemanticKittiSequence(KittiDrive):
         own = np.where(truth.instances > 0, truth.instances << 8 | truth.classes, 0)
         return replace(truth, instances=own)
 
-    def labels(self, index: int) -> Labels:
-        """Raise DriveError: there are no boxes."""
-        raise DriveError(
-            self.root, expected="a drive with labelled boxes", found="labels of points"
-        )
-
 
 def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> SemanticKittiSequence:
     """Open a sequence; its files are read frame by frame.
@@ -149,7 +123,6 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
         clock=_read_clock(root / _TIMES, scans, sensor.rate_hz),
         poses=_read_poses(_poses_file(root), calibration),
         images=camera.images,
-        image_size=camera.image_size,
         point_labels=point_labels.joined(scans),
         reflectance_scale=reflectance.scale,
         notes=(

@@ -86,7 +86,7 @@ def test_images_of_other_names_are_joined_in_order(stamped_drive):
     (stamped_drive.parent / "image_02").rename(stamped_drive / "image_02")
     _rename(images, lambda index: f"image-{index}")
     drive = open_drive(stamped_drive)
-    assert drive.images[4].stem == "image-4"
+    assert drive.images.paths[4].stem == "image-4"
     (note,) = drive.notes
     assert note.startswith(f"{images}: 6 images are joined")
 

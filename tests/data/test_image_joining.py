@@ -15,7 +15,7 @@ def write_times(folder: Path, stamps_s: list[float]) -> None:
 
 
 def image_numbers(drive) -> list[int | None]:
-    return [None if path is None else int(path.stem) for path in drive.images]
+    return [None if path is None else int(path.stem) for path in drive.images.paths]
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_files_named_by_unix_times_are_joined_by_time(tmp_path):
             write_image(folder / f"image_02/data/{stamp_ns + 7_000_000}.png")
     drive = open_drive(folder)
     assert [drive.stamp_s(index) for index in range(3)] == pytest.approx([0, 0.1, 0.2])
-    assert [None if path is None else path.stem[-9:] for path in drive.images] == [
+    assert [None if path is None else path.stem[-9:] for path in drive.images.paths] == [
         "007000000",
         None,
         "207000000",

@@ -63,7 +63,7 @@ def test_parts_of_a_drive_keep_their_numbers(tmp_path: Path, raw_drive: Path) ->
     assert part.source(0).endswith("/velodyne_points message 3")
     assert part.point_truth(0) is None
     assert not part.has_labels
-    with pytest.raises(DriveError, match="expected a drive with labels, found a bag"):
+    with pytest.raises(DriveError, match="expected a drive with labelled boxes, found none"):
         part.labels(0)
 
 
@@ -103,7 +103,7 @@ def test_distorted_images_are_undistorted(tmp_path: Path) -> None:
         coefficients = (-0.3, 0.1, 0, 0, 0)
         bag.camera_info("/cam/camera_info", FIRST_NS, MATRIX, (64, 48), coefficients=coefficients)
     raw, rectified = opened(bag), opened(bag, camera="/cam/image_rect")
-    lens = raw.camera.lens
+    lens = raw.images.lens
     assert np.array_equal(lens.coefficients, coefficients)
     assert np.array_equal(raw.image(0), lens.undistort(IMAGE))
     assert np.array_equal(rectified.image(0), IMAGE)

@@ -81,7 +81,7 @@ def test_points_of_a_vehicle_without_a_box_have_no_label(root):
     (root / "v1.0-mini/sample_annotation.json").unlink()
     drive = open_it(root)
     assert (drive.has_labels, drive.other_labels()) == (False, [])
-    with fault(DriveError, str(root), "annotated boxes", "none"):
+    with fault(DriveError, str(root), "a drive with labelled boxes", "labels of points"):
         drive.labels(0)
 
 
