@@ -26,6 +26,10 @@ _RINGS = (1, 2, 4, 8)  # of voxels around one
 _MIN_BREADTH = 0.35
 # Ratio of the variances through and across a surface of more than two rings, which may hold more than one.
 _MAX_THICKNESS, _WIDE = 0.05, 2
+# Sine of the least angle between a beam and a surface that it shows. What one beam hits in leaves and grass, here near, there
+# far, is flat, too: a fan through the LiDAR, which comes along with it. On synthetic streets, without INS, errors of pitch
+# over a second: OS0-32 4.7 mrad with fans, 1.5 without; VLP-16 6.8 and 3.1; HDL-64E 0.13 and 0.15. As good from 0.015 to 0.04.
+_MIN_GRAZING = 0.02
 # Squared noise along the normal of a surface, relative to that along the surface (GICP, Segal et al. 2009).
 _FLATNESS = 1e-3
 _LOOSER = 3.0  # steps so much larger than the last one still keep their matches, and end the alignment of a quarter
@@ -184,12 +188,20 @@ def _covariance(moments: Float64, covariance: Float64) -> None:
     covariance[2, 2] = moments[9] / moments[0] - z * z
 
 
+@compiled((array_of(np.float64), (NUMBER, NUMBER, NUMBER)))
+def _is_faced(place: Float64, normal: tuple[float, float, float]) -> bool:
+    """Return whether a beam hits a plane at a place at more than the least angle; none does without a normal."""
+    x, y, z = place[0], place[1], place[2]
+    through = x * normal[0] + y * normal[1] + z * normal[2]
+    return bool(through * through > _MIN_GRAZING**2 * (x * x + y * y + z * z))
+
+
 @compiled((_ROWS, _TABLE, NUMBER))
 def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
     """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
 
-    Where too few voxels are occupied, or they lie along a line, those farther around are taken, too; the normal is 0 where
-    these do not determine it either.
+    Where too few voxels are occupied, or they lie along a line or in the plane of a beam, those farther around are taken,
+    too; the normal is 0 where these do not determine it either. The LiDAR is at the origin.
     """
     surfaces = np.empty((len(moments), 6))
     total, covariance = np.empty(10), np.empty((3, 3))
@@ -203,8 +215,8 @@ def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Flo
                 continue
             _covariance(total, covariance)
             normal = _flattest_direction(covariance, _MAX_THICKNESS if rings > _WIDE else 1.0)
-            surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
-            if normal != (0.0, 0.0, 0.0):
+            if _is_faced(surfaces[row, :3], normal):
+                surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
                 break
     return surfaces
 

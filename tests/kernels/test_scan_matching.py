@@ -77,9 +77,11 @@ def reference_normal(points: np.ndarray, cells: np.ndarray, mean: np.ndarray) ->
             continue
         found = np.linalg.eigh(np.cov(points[around].T.astype(np.float64), bias=True))
         through, across, along = found.eigenvalues
-        if across >= 0.35 * along and (rings <= 2 or through <= 0.05 * across):
+        normal = found.eigenvectors[:, 0]
+        is_faced = abs(normal @ mean) > 0.02 * np.linalg.norm(mean)
+        if across >= 0.35 * along and (rings <= 2 or through <= 0.05 * across) and is_faced:
             # A corner has two directions that are about as flat.
-            return found.eigenvectors[:, 0] if across > 2 * through else None
+            return normal if across > 2 * through else None
     return np.zeros(3)
 
 
@@ -106,6 +108,17 @@ def test_a_beam_on_the_road_gives_no_normal_of_its_own() -> None:
     known = of_road[of_road[:, 3:].any(axis=1)]
     assert len(known) > 0.3 * len(of_road)
     assert np.quantile(np.abs(known[:, 5]), 0.05) > 0.99
+
+
+@pytest.mark.parametrize(("elevation", "share"), [(0.1, 0.0), (-0.1, 0.0), (None, 1.0)])
+def test_what_a_beam_hits_in_leaves_is_no_surface(elevation: float | None, share: float) -> None:
+    random = np.random.default_rng(0)
+    azimuth, range_m = random.uniform(-0.3, 0.3, 3000), random.uniform(15, 25, 3000)
+    height_m = np.full(3000, -1.7) if elevation is None else range_m * np.tan(elevation)
+    points = np.column_stack([range_m * np.cos(azimuth), range_m * np.sin(azimuth), height_m])
+    moments, table = voxel_moments(points.astype(np.float32), EDGE_M)
+    normals = means_and_normals(moments, table, EDGE_M)[:, 3:]
+    assert normals.any(axis=1).mean() == pytest.approx(share, abs=0.06)
 
 
 def test_points_beyond_the_map_are_left_out() -> None:
