@@ -1,5 +1,7 @@
 """A result whose numbers can be checked by hand, for what writes results."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from perception.geometry import se3
@@ -65,30 +67,40 @@ MODALITY_DETECTIONS = {
 }
 # One point of the ground, one static and one moving, the vehicle's.
 POINTS_VELO = np.array([[8, 2, -1.7, 0.25], [10, -1, 0, 0.5], [10, 2, -1, 0.75]], np.float32)
-# Focal length 700 pixels; looks along +x from the LiDAR's origin.
+# Focal length 700 pixels; looks along +x from the LiDAR's origin; its image is red in the left half.
 CAMERA = Calibration(
     image_P_cam=np.array([[700.0, 0, 320, 0], [0, 700.0, 180, 0], [0, 0, 1, 0]]),
     cam_SE3_velo=np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+    image_size_px=(640, 360),
 )
+IMAGE = np.zeros((360, 640, 3), np.uint8)
+IMAGE[:, :320, 0] = 255
 
 
-def known_result(index: int = 7) -> Result:
-    """Return the result of a frame, ten frames a second."""
+def known_result(index: int = 7, *, has_camera: bool = True) -> Result:
+    """Return the result of a frame, ten frames a second; without a camera there are scan and tracks."""
     # The vehicle is at (100, 50, 3) and heads along the world's y.
     pose = se3.from_euler(0, 0, np.pi / 2, np.array([100.0, 50.0, 3.0]))
     voxels = [Voxels(POINTS_VELO[[row], :3], np.ones(1, np.int64), 0.1) for row in (1, 2)]
-    return Result(
-        Frame(index, 0.1 * index, POINTS_VELO, calibration=CAMERA),
+    result = Result(
+        Frame(index, 0.1 * index, POINTS_VELO),
         pose,
         None,
         Obstacles(np.array([1, 2, 3], np.uint8), *voxels),
         TRACKS,
-        modality_detections=MODALITY_DETECTIONS,
-        vehicles=VEHICLES,
         timings_s={"ground": 0.005, "fusion": 0.002},
         spans=(
             StageSpan("ground", "lidar", 0.001, 0.006),
             StageSpan("fusion", "camera", 0.006, 0.008),
         ),
         skipped=("DepthCN",),
+    )
+    if not has_camera:
+        return result
+    return replace(
+        result,
+        frame=replace(result.frame, image=IMAGE, calibration=CAMERA),
+        modality_detections=MODALITY_DETECTIONS,
+        vehicles=VEHICLES,
+        map_images={"dm": np.full((360, 640), 128, np.uint8)},
     )

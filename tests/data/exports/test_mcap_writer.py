@@ -14,7 +14,7 @@ from data.exports.mcap_writer import McapWriter
 from data.messages.definitions import typestore
 from data.results.objects import FrameTracks
 from perception.errors import MissingDependencyError, WriteError
-from tests.data.message_scenes import result_at
+from tests.known_result import known_result
 
 FRAMES = 3
 
@@ -23,7 +23,7 @@ FRAMES = 3
 def path(tmp_path: Path) -> Path:
     writer = McapWriter(tmp_path / "out" / "results.mcap", min_score=0.0)
     for index in range(FRAMES):
-        writer.add(result_at(index), None)
+        writer.add(known_result(index), None)
     writer.close(is_complete=True)
     return tmp_path / "out" / "results.mcap"
 
@@ -37,7 +37,7 @@ def test_values_are_those_of_tracks_jsonl(path):
         ]
     assert len(rows) == FRAMES
     for index, (stamp_ns, found) in enumerate(rows):
-        line = FrameTracks.of(result_at(index))
+        line = FrameTracks.of(known_result(index))
         assert stamp_ns * 1e-9 == pytest.approx(line.stamp_s, abs=1e-6)
         for one, expected in zip(found.detections, line.tracks, strict=True):
             assert (int(one.id), one.results[0].hypothesis.class_id) == (
@@ -86,7 +86,7 @@ def test_schemas_of_the_file_alone_decode_its_messages(path):
 
 def test_the_file_takes_its_place_when_it_is_closed(tmp_path):
     writer = McapWriter(tmp_path / "a.mcap", min_score=0.0)
-    writer.add(result_at(0), None)
+    writer.add(known_result(0), None)
     assert not (tmp_path / "a.mcap").exists()
     writer.close(is_complete=True)
     assert [one.name for one in tmp_path.iterdir()] == ["a.mcap"]
@@ -102,7 +102,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_no_file(tmp_path, monkeypatch, c
     writer = McapWriter(tmp_path / "a.mcap", min_score=0.0)
     with pytest.raises(WriteError, match=r"a\.mcap.*No space left"):
         for index in range(100):
-            writer.add(result_at(index), None)
+            writer.add(known_result(index), None)
         writer.close(is_complete=True)
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr().err == ""

@@ -25,7 +25,6 @@ from tests.faults import command, fault
 from tests.full_disk import file_size_limit
 from tests.known_result import CAMERA, POINTS_VELO, TRACKS, known_result
 
-IMAGE = np.full((36, 64, 3), 128, np.uint8)
 LIDAR = "/world/ego/lidar"
 CAMERA_PATH = "/world/ego/camera"
 
@@ -35,11 +34,6 @@ def write(path, results, display_score=0.5):
     with open_writers([writer]):
         for result in results:
             writer.add(result, None)
-
-
-def with_image(result):
-    frame = replace(result.frame, image=IMAGE)
-    return replace(result, frame=frame, map_images={"dm": IMAGE[:, :, 0]})
 
 
 def read(path):
@@ -66,7 +60,7 @@ def read(path):
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     """Return a recording of three frames, without tracks in the second."""
-    results = [with_image(known_result(index)) for index in range(3)]
+    results = [known_result(index) for index in range(3)]
     results[1] = replace(results[1], tracks=Tracks.empty())
     path = tmp_path_factory.mktemp("rerun") / "new" / "street.rrd"
     write(path, results)
@@ -153,14 +147,15 @@ def test_the_pinhole_projects_as_the_calibration():
 
 
 def test_the_layout_has_views_of_what_the_drive_has():
-    bare = known_result()
-
     def views(part):
         return (
             [part] if hasattr(part, "origin") else [*chain.from_iterable(map(views, part.contents))]
         )
 
-    counts = [len(views(blueprint_of(one).root_container)) for one in (bare, with_image(bare))]
+    counts = [
+        len(views(blueprint_of(one).root_container))
+        for one in (known_result(has_camera=False), known_result())
+    ]
     assert counts == [4, 6]
 
 
@@ -218,9 +213,7 @@ def test_a_recording_has_the_suffix_that_rerun_opens(tmp_path):
 
 
 def test_without_a_camera_there_are_scan_and_objects(tmp_path):
-    result = known_result()
-    frame = replace(result.frame, calibration=None)
-    write(tmp_path / "x.rrd", [replace(result, frame=frame, vehicles=None, modality_detections={})])
+    write(tmp_path / "x.rrd", [known_result(has_camera=False)])
     found = read(tmp_path / "x.rrd")
     assert [path for path in found if path.startswith(CAMERA_PATH)] == []
     assert len(found["/world/tracks"]["Boxes3D:centers"][0]) == 2

@@ -53,7 +53,7 @@ def test_columns_are_those_of_the_schema(tables):
 def test_frames_count_what_the_other_tables_list(tables):
     rows = rows_of(tables, "frames")
     assert rows[0] == {
-        "frame": 0, "timestamp_ns": 0, "name": "000000", "number": 0, "has_image": False,
+        "frame": 0, "timestamp_ns": 0, "name": "000000", "number": 0, "has_image": True,
         "points": 3, "invalid_points": 0, "outside_points": 0, "ground_points": 1,
         "static_points": 1, "moving_points": 1, "static_voxels": 1, "moving_voxels": 1,
         "tracks": 2, "vehicles": 2, "latency_s": 0.008,
@@ -93,7 +93,7 @@ def test_vehicles_keep_what_is_not_known_as_null(tables):
 
 def test_faint_vehicles_and_rectangles_without_a_camera_are_left_out(tmp_path):
     result = known_result()
-    write(tmp_path, [replace(result, frame=replace(result.frame, calibration=None))])
+    write(tmp_path, [replace(result, frame=replace(result.frame, image=None, calibration=None))])
     (car,) = rows_of(tmp_path / "tables", "vehicles")
     assert (car["score"], car["x1_px"]) == (0.875, None)
 

@@ -12,7 +12,7 @@ from data.live.source import LiveSource
 from perception.errors import ScanError
 from perception.pipeline.stream import ResultStream
 from perception.sensor import VLP_16
-from tests.data.message_scenes import result_at
+from tests.known_result import known_result
 
 PERIOD_S = 0.01
 
@@ -32,7 +32,7 @@ class Clockwork(LiveSource):
         for index in range(self._frames):
             if self.is_closed.wait(PERIOD_S):
                 return
-            yield replace(result_at(0).frame, index=index, stamp_s=time.perf_counter())
+            yield replace(known_result(0).frame, index=index, stamp_s=time.perf_counter())
 
     def close(self) -> None:
         self.is_closed.set()
@@ -59,7 +59,7 @@ class SlowPipeline:
             time.sleep(self._seconds)
             if frame.index == self._bad_index:
                 raise ScanError("frame 13", expected="points", found="none")
-            return replace(result_at(0), frame=frame)
+            return replace(known_result(0), frame=frame)
 
         return self._worker.submit(work)
 

@@ -11,7 +11,7 @@ from data.messages.definitions import definition_of
 from data.results.objects import FrameTracks
 from perception.errors import MissingDependencyError, UsageError
 from tests.data.live.viewer import Viewer
-from tests.data.message_scenes import result_at
+from tests.known_result import known_result
 
 
 def test_a_viewer_receives_what_it_subscribes_to():
@@ -25,13 +25,13 @@ def test_a_viewer_receives_what_it_subscribes_to():
         assert schemas["/tracks"]["encoding"] == "cdr"
         assert schemas["/tracks"]["schemaEncoding"] == "ros2msg"
         assert schemas["/tracks"]["schema"] == definition_of("vision_msgs/msg/Detection3DArray")
-        server.publish(result_at(1))
+        server.publish(known_result(1))
         received = [viewer.receive(), viewer.receive()]
     found = {topic: (stamp_ns, value) for topic, stamp_ns, value in received}
     stamp_ns, odometry = found["/ego/odometry"]
-    assert stamp_ns == 1_700_000_000_600_000_000
-    assert odometry.pose.pose.position.y == 51
-    line = FrameTracks.of(result_at(1))
+    assert stamp_ns == 100_000_000
+    assert odometry.pose.pose.position.y == 50
+    line = FrameTracks.of(known_result(1))
     ids = [int(one.id) for one in found["/tracks"][1].detections]
     x_m = [one.bbox.center.position.x for one in found["/tracks"][1].detections]
     assert ids == [one.id for one in line.tracks]
@@ -41,7 +41,7 @@ def test_a_viewer_receives_what_it_subscribes_to():
 def test_messages_that_nobody_takes_are_not_made(monkeypatch):
     with ResultServer("a drive", "127.0.0.1", 0, min_score=0.0) as server:
         monkeypatch.setattr("data.messages.channels.encoded", lambda message: pytest.fail("made"))
-        server.publish(result_at(1))
+        server.publish(known_result(1))
 
 
 def test_a_slow_viewer_drops_frames_and_does_not_hold_up_the_others():
@@ -51,7 +51,7 @@ def test_a_slow_viewer_drops_frames_and_does_not_hold_up_the_others():
         Viewer(server.address, "/lidar/points", "/camera/image/compressed") as viewer,
     ):
         viewer.take_texts(0.5)
-        big = result_at(0)
+        big = known_result(0)
         object.__setattr__(big.frame, "image", noise())
         for index in range(frames):
             object.__setattr__(big.frame, "stamp_s", float(index))

@@ -1,5 +1,6 @@
 """Messages, written and read again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,10 +13,18 @@ from data.messages.diagnostics import diagnostics
 from data.messages.points import point_cloud
 from data.messages.topics import topics
 from perception.errors import MissingDependencyError
+from perception.geometry import se3
 from perception.geometry.boxes import corners
-from tests.data.message_scenes import CALIBRATION, POINTS, STATES, TRACKS, VEHICLES, result_at
+from perception.types import Calibration
+from tests.known_result import IMAGE, POINTS_VELO, TRACKS, VEHICLES, known_result
 
 STAMP_S = 1_700_000_000.5
+# As KITTI's: the projection is of the reference camera, 6 cm beside the colour camera.
+CALIBRATION = Calibration(
+    image_P_cam=np.array([[50.0, 0, 32, 3.0], [0, 50, 16, 0], [0, 0, 1, 0]]),
+    cam_SE3_velo=np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.08], [1, 0, 0, -0.27], [0, 0, 0, 1]]),
+    image_size_px=(64, 32),
+)
 
 
 def reread(value):
@@ -24,10 +33,10 @@ def reread(value):
 
 
 def test_every_topic_of_a_result_has_a_message_of_its_type():
-    result, last = result_at(1), result_at(0)
+    result, last = known_result(1), known_result(0)
     found = {topic.name: topic.message_of(result, last) for topic in topics(min_score=0.0)}
     missing = {name for name, value in found.items() if value is None}
-    assert missing == {"/camera/detections/dm", "/camera/detections/rm", "/maps/rm/compressed"}
+    assert missing == {"/camera/detections/rm", "/maps/rm/compressed"}
     for topic in topics(min_score=0.0):
         if topic.name not in missing:
             assert reread(found[topic.name]).__msgtype__ == topic.kind
@@ -45,14 +54,14 @@ def test_the_document_lists_all_topics():
 
 def test_faint_detections_and_vehicles_are_left_out():
     of = {topic.name: topic.message_of for topic in topics(min_score=0.8)}
-    result = result_at(0)
+    result = known_result(0)
     assert len(of["/camera/detections/fused"](result, None).points) == 1
     assert of["/camera/detections/rgb"](result, None).points == []
     assert [one.id for one in of["/vehicles"](result, None).detections] == ["4"]
 
 
 def test_without_a_camera_there_are_points_and_tracks():
-    result = result_at(0, has_camera=False)
+    result = known_result(0, has_camera=False)
     names = {
         topic.name for topic in topics(min_score=0.0) if topic.message_of(result, None) is not None
     }
@@ -61,7 +70,7 @@ def test_without_a_camera_there_are_points_and_tracks():
 
 
 def test_points_keep_order_state_and_vehicle():
-    cloud = reread(point_cloud(result_at(0)))
+    cloud = reread(point_cloud(known_result(0)))
     kinds = {2: "u1", 5: "<i4", 7: "<f4"}
     dtype = np.dtype(
         {
@@ -72,11 +81,11 @@ def test_points_keep_order_state_and_vehicle():
         }
     )
     rows = cloud.data.view(dtype)
-    assert (cloud.width, cloud.height, cloud.row_step) == (4, 1, 4 * cloud.point_step)
+    assert (cloud.width, cloud.height, cloud.row_step) == (3, 1, 3 * cloud.point_step)
     xyzi = np.column_stack([rows[name] for name in ("x", "y", "z", "intensity")])
-    assert (xyzi == POINTS).all()
-    assert (rows["class"] == STATES).all()
-    assert rows["id"].tolist() == [4, -1, 4, -1]
+    assert (xyzi == POINTS_VELO).all()
+    assert rows["class"].tolist() == [1, 2, 3]
+    assert rows["id"].tolist() == [4, -1, 4]
 
 
 def test_times_are_exact_to_the_resolution_of_the_stamp():
@@ -96,7 +105,11 @@ def test_the_camera_has_a_projection_without_a_fourth_column():
 
 
 def test_the_camera_is_placed_on_the_vehicle():
-    pose, camera = reread(motion.transforms(result_at(0))).transforms
+    result = known_result(0)
+    result = replace(
+        result, frame=replace(result.frame, image=IMAGE[:32, :64], calibration=CALIBRATION)
+    )
+    pose, camera = reread(motion.transforms(result)).transforms
     assert (pose.header.frame_id, pose.child_frame_id) == ("world", "lidar")
     assert (camera.header.frame_id, camera.child_frame_id) == ("lidar", "camera")
     rotation = camera.transform.rotation
@@ -107,9 +120,12 @@ def test_the_camera_is_placed_on_the_vehicle():
 
 
 def test_odometry_has_pose_and_velocity():
-    first = reread(motion.odometry(result_at(0), None))
+    first = reread(motion.odometry(known_result(0), None))
     assert first.twist.twist.linear.x == 0
-    moving = reread(motion.odometry(result_at(1), result_at(0)))
+    later = known_result(1)
+    # A metre along the world's y in a tenth of a second.
+    pose = se3.from_rotation_translation(np.eye(3), np.array([0, 1.0, 0])) @ later.world_SE3_velo
+    moving = reread(motion.odometry(replace(later, world_SE3_velo=pose), known_result(0)))
     position = moving.pose.pose.position
     assert (position.x, position.y, position.z) == pytest.approx((100, 51, 3))
     linear = moving.twist.twist.linear
@@ -138,7 +154,7 @@ def test_a_vehicle_without_a_box_is_in_the_image_alone():
     boxes = reread(images.annotations(STAMP_S, VEHICLES.fused.detections))
     assert [text.text for text in boxes.texts] == ["Car 0.88", "Van 0.03"]
     outline = [(point.x, point.y) for point in boxes.points[0].points]
-    assert outline == [(10, 5), (30.5, 5), (30.5, 20), (10, 20)]
+    assert outline == [(500, 150), (620.25, 150), (620.25, 240), (500, 240)]
 
 
 def test_foxglove_draws_box_label_and_velocity():
@@ -151,12 +167,13 @@ def test_foxglove_draws_box_label_and_velocity():
     assert values["velocity_x_m_s"] == "3.0000"
     assert (values["is_observed"], values["score"]) == ("true", "0.8125")
     assert van.arrows[0].shaft_length == 5.0
-    cube, box = van.cubes[0], corners(TRACKS.boxes)[0]
-    half_rad = 2 * np.arctan2(cube.pose.orientation.z, cube.pose.orientation.w)
-    front_left_m = [cube.size.x / 2, cube.size.y / 2]
-    turn = np.array([[np.cos(half_rad), -np.sin(half_rad)], [np.sin(half_rad), np.cos(half_rad)]])
-    found = turn @ front_left_m + [cube.pose.position.x, cube.pose.position.y]
-    assert found == pytest.approx(box[0, :2])
+    for entity, box in zip((van, walker), corners(TRACKS.boxes), strict=True):
+        (cube,) = entity.cubes
+        yaw_rad = 2 * np.arctan2(cube.pose.orientation.z, cube.pose.orientation.w)
+        front_left_m = [cube.size.x / 2, cube.size.y / 2]
+        turn = np.array([[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]])
+        found = turn @ front_left_m + [cube.pose.position.x, cube.pose.position.y]
+        assert found == pytest.approx(box[0, :2])
 
 
 def test_rviz_draws_box_label_and_velocity():
@@ -169,18 +186,21 @@ def test_rviz_draws_box_label_and_velocity():
 
 
 def test_images_are_jpeg():
-    image = reread(images.compressed_image(STAMP_S, result_at(0).frame.image))
+    image = reread(images.compressed_image(STAMP_S, known_result(0).frame.image))
     pixels = cv2.imdecode(image.data, cv2.IMREAD_COLOR)
-    assert pixels.shape == (32, 64, 3)
+    assert pixels.shape == IMAGE.shape
     assert pixels[16, 10] == pytest.approx([0, 0, 255], abs=4)  # red; OpenCV: blue, green, red
     grey = reread(images.compressed_image(STAMP_S, np.full((8, 8), 128, np.uint8)))
     assert cv2.imdecode(grey.data, cv2.IMREAD_UNCHANGED).shape == (8, 8)
 
 
 def test_stage_times_and_what_was_left_out():
-    (status,) = reread(diagnostics(result_at(0))).status
+    result = known_result(0)
+    (status,) = reread(diagnostics(result)).status
+    assert status.message == "left out: DepthCN"
+    (status,) = reread(diagnostics(replace(result, skipped=()))).status
     values = {pair.key: pair.value for pair in status.values}
-    assert (values["registration [ms]"], values["ground [ms]"]) == ("4.00", "2.50")
+    assert (values["ground [ms]"], values["fusion [ms]"]) == ("5.00", "2.00")
     assert status.message == "all stages ran"
 
 
