@@ -148,7 +148,7 @@ def _located_rows(out: Path) -> np.ndarray:
         (("--depthcn.model", "nowhere.onnx"), ModelError, "a model file", "nowhere.onnx"),
     ],
 )
-def test_nothing_is_written_before_an_error(street, tmp_path, words, kind, expected, found):
+def test_no_file_is_written_before_an_error(street, tmp_path, words, kind, expected, found):
     with fault(kind, expected=expected, found=found):
         command("detect", street, "--out", tmp_path / "out", *words)
     assert not (tmp_path / "out").exists()

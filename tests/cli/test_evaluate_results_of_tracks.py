@@ -75,7 +75,7 @@ def combined_row(printed: str, name: str) -> list[str]:
     return next(line.split() for line in lines if line.startswith("COMBINED"))
 
 
-def test_the_length_of_a_sequence_changes_nothing(oracle, tmp_path):
+def test_scores_are_the_same_at_any_length_of_a_sequence(oracle, tmp_path):
     folder, _ = oracle
     written = []
     for words in ([], ["--seqmap", folder / "seqmap.txt"]):
@@ -119,7 +119,7 @@ def test_classes_may_be_chosen(small, capsys):
     assert "cyclist:" in printed
 
 
-def test_an_empty_file_is_a_tracker_that_found_nothing(small, capsys):
+def test_an_empty_file_is_a_tracker_without_tracks(small, capsys):
     results, labels = small
     (results / "0000.txt").write_text("")
     assert evaluate(results, "--labels", labels, "--classes", "car") == 0

@@ -141,7 +141,7 @@ def test_a_folder_without_a_sequence_of_the_set_is_an_error(sequences: Path):
         command(*words, "0003")
 
 
-def test_the_truth_itself_misses_nothing_and_a_level_street_misses_all(sequences: Path):
+def test_the_truth_itself_misses_no_object_and_a_level_street_all(sequences: Path):
     drive = open_drive(sequences, sequence="0000", images=False)
     frame, truth = drive[2], drive.point_truth(2)
     states = np.where(np.isin(truth.classes, GROUND_CLASSES), PointState.GROUND, PointState.STATIC)

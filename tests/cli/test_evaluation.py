@@ -137,7 +137,7 @@ def test_a_level_ground_under_real_labels(sequence_0000: KittiSequence):
     assert f"{report.mde.mde_m:.4f}" in report.tables()[0].text()
 
 
-def test_who_knows_the_labels_misses_nothing(sequence_0000: KittiSequence):
+def test_who_knows_the_labels_misses_no_object(sequence_0000: KittiSequence):
     report = measure_obstacles(sequence_0000, knowing_results(sequence_0000, 12))
     counts = report.objects
     assert counts.moving > 12

@@ -52,7 +52,7 @@ def test_an_error_is_exit_code_2_and_one_line(words, capsys):
     assert captured.err.count("\n") == 1
 
 
-def test_the_help_of_every_command_imports_nothing_heavy():
+def test_the_help_of_every_command_imports_no_heavy_library():
     code = (
         "import sys\n"
         "from perception.cli.main import COMMANDS\n"
@@ -110,7 +110,7 @@ def test_help_is_quick():
     assert time.perf_counter() - start_s < 3
 
 
-def test_processes_of_a_command_import_nothing_from_the_working_folder(tmp_path):
+def test_processes_of_a_command_import_no_module_of_the_working_folder(tmp_path):
     for name in ("random", "types", "numpy"):
         (tmp_path / f"{name}.py").write_text("raise RuntimeError('a file of the user')\n")
     script = tmp_path / "bin" / "trifuse"

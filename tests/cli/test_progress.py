@@ -12,7 +12,7 @@ def test_all_steps_come_through_in_order_and_are_counted(capsys):
     assert "3/3" in written
 
 
-def test_short_work_on_frames_shows_nothing(capsys):
+def test_short_work_on_frames_shows_no_bar(capsys):
     assert list(frame_progress_bar("pictures")(range(4))) == [0, 1, 2, 3]
     assert capsys.readouterr().err == ""
 

@@ -112,7 +112,7 @@ def test_a_vehicle_without_a_track_is_tracked_from_its_first_box_on(result):
     assert objects.is_selected.tolist() == [False, True]
 
 
-def test_without_a_handover_nothing_changes(result):
+def test_without_a_handover_the_tracks_are_the_same(result):
     assert list(track_selected([result], None)) == [(result, None)]
 
 

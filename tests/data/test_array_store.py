@@ -95,7 +95,7 @@ def test_what_a_dead_process_left_goes(store: ArrayStore):
     assert fresh.exists()
 
 
-def test_nothing_is_left_of_a_write_that_fails(store: ArrayStore, monkeypatch):
+def test_no_file_is_left_of_a_write_that_fails(store: ArrayStore, monkeypatch):
     def full(*args: object, **kwargs: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -119,7 +119,7 @@ def test_a_folder_that_vanished_is_an_error(store: ArrayStore):
         store.get("a", made)
 
 
-def test_a_budget_of_nothing_is_refused(tmp_path: Path):
+def test_a_budget_of_zero_is_refused(tmp_path: Path):
     with fault(UsageError, where="budget of the cache", expected="above zero"):
         ArrayStore(tmp_path, budget_bytes=0)
 

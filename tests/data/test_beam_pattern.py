@@ -64,7 +64,7 @@ def test_a_sensor_that_is_unknown_is_described():
     assert "as no known model fits" in anomaly.example
 
 
-def test_few_returns_say_nothing():
+def test_few_returns_give_no_pattern():
     frame = Frame(0, 0.0, take_scan(VLP_16).points_velo[::200])
     assert BeamPattern.of(frame.points_velo) is None
     assert list(beam_anomalies(frame, HDL_64E)) == []

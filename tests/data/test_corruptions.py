@@ -42,7 +42,7 @@ def test_each_stop_halves_the_light(frame, stops):
     assert light.std() == pytest.approx(np.hypot(noise, rounding), rel=0.1)
 
 
-def test_no_darkness_changes_nothing(frame):
+def test_zero_darkness_leaves_the_image(frame):
     assert darken(frame, 0, rng()) is frame
     blind = replace(frame, image=None)
     assert darken(blind, 3, rng()) is blind

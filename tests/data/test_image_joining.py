@@ -56,7 +56,7 @@ def test_a_missing_file_is_no_other_number(raw_drive, camera):
     assert image_numbers(open_drive(raw_drive)) == [0, 1, 2, 3, 4, 5]
 
 
-def test_clocks_with_nothing_in_common_leave_the_names(raw_drive, camera):
+def test_clocks_of_other_epochs_leave_the_names(raw_drive, camera):
     write_times(camera, [20 + 0.1 * index for index in range(6)])
     assert image_numbers(open_drive(raw_drive)) == [0, 1, 2, 3, 4, 5]
 

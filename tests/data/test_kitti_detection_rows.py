@@ -45,7 +45,7 @@ def test_rows_are_as_written(folders):
     assert detections.alphas_rad.tolist() == [-1.5, -1.5]
 
 
-def test_a_missing_result_says_that_nothing_was_detected(folders):
+def test_a_missing_result_file_means_no_detections(folders):
     (folders[0] / "000011.txt").write_text(FOUND)
     found = read_detection_set(*folders)
     assert found.missing_results == (5,)

@@ -65,7 +65,7 @@ def test_a_row_in_camera_axes_becomes_a_box_in_lidar_axes(tmp_path):
     np.testing.assert_allclose(boxes.yaw_rad, [-np.pi / 2])
 
 
-def test_a_frame_without_labels_writes_nothing_and_counts_none():
+def test_a_frame_without_labels_writes_no_row_and_counts_none():
     assert len(empty_labels()) == 0
     assert format_object_labels(empty_labels(), CALIBRATION) == ""
 

@@ -28,7 +28,7 @@ def test_of_two_as_near_the_earlier_is_taken():
     assert nearest_in_time(np.array([0.5]), np.array([1.0, 0.0])).tolist() == [1]
 
 
-def test_nothing_is_near_where_there_is_nothing():
+def test_without_times_no_index_is_near():
     assert nearest_in_time(SCANS_S, np.zeros(0)).tolist() == [-1] * 4
     assert nearest_in_time(SCANS_S, np.array([np.nan])).tolist() == [-1] * 4
 

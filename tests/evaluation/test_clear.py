@@ -112,7 +112,7 @@ def test_equals_the_reference(crowd):
         )
 
 
-def test_nothing_hangs_on_names_or_order_of_rows(crowd):
+def test_scores_are_the_same_under_other_names_and_orders_of_rows(crowd):
     rng = np.random.default_rng(5)
     changed = []
     for frame in crowd:

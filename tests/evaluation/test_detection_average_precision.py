@@ -103,7 +103,7 @@ def test_a_class_without_labels_rests_on_no_truths():
     assert (no_labels_at_all.truths, no_labels_at_all.ap(11)) == (0, 0)
 
 
-def test_nothing_at_all():
+def test_no_labels_and_no_detections_give_no_class():
     metrics = kitti_average_precision(pair_boxes(truths_of(), detections_of(), 0))
     assert list(metrics.values()) == [{}, {}, {}]
 

@@ -164,6 +164,6 @@ def test_thresholds_are_those_of_walking_down_the_scores(truths: int):
         assert scores[threshold_ranks(matches, truths) - 1].tolist() == walked
 
 
-def test_nothing_found_gives_no_threshold():
+def test_no_true_positive_gives_no_threshold():
     assert len(threshold_ranks(0, 12)) == 0
     assert len(threshold_ranks(0, 0)) == 0

@@ -100,7 +100,7 @@ def test_ratios_of_counts():
     assert counts + counts == Confusion(4, 2, 2)
 
 
-def test_ratios_of_nothing_are_not_a_number():
+def test_ratios_of_zero_points_are_not_a_number():
     assert np.isnan([Confusion().precision, Confusion().recall, Confusion().f1]).all()
 
 

@@ -94,7 +94,7 @@ def test_dont_care_regions_excuse_where_asked():
     assert clusters.is_false(5, ignore_dont_care=False).tolist() == [True]
 
 
-def test_a_scan_in_which_nothing_moves_has_no_cluster():
+def test_a_scan_without_moving_points_has_no_cluster():
     states = np.full(6, PointState.STATIC, np.uint8)
     clusters = moving_clusters(0, clump(10, 0), states, *annotations((10, MotionState.MOVING)))
     assert len(clusters) == 0

@@ -63,7 +63,7 @@ def test_where_all_are_wrong_none_counts():
     )
 
 
-def test_nothing_detected():
+def test_no_detections_are_false_negatives():
     frame_errors = count_frame_errors(
         pair_boxes(truths([1]), DetectedBoxes.of_frames([]), 2), CAR, HARD
     )

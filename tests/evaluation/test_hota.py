@@ -89,7 +89,7 @@ def test_equals_the_reference(crowd):
     assert_same(hota(crowd), naive.hota(crowd))
 
 
-def test_nothing_hangs_on_names_order_of_rows_or_order_of_frames(crowd):
+def test_scores_are_the_same_under_other_names_and_orders_of_rows_and_frames(crowd):
     rng = np.random.default_rng(5)
     changed = []
     for frame in [crowd[i] for i in rng.permutation(len(crowd))]:

@@ -63,6 +63,6 @@ def test_equals_the_reference(crowd):
         assert identity(crowd, threshold) == naive.identity(crowd, threshold)
 
 
-def test_nothing_hangs_on_names_or_order_of_frames(crowd):
+def test_scores_are_the_same_under_other_names_and_orders_of_frames(crowd):
     changed = [replace(f, truth_ids=-f.truth_ids, track_ids=f.track_ids**2) for f in crowd[::-1]]
     assert identity(changed) == identity(crowd)

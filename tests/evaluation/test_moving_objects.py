@@ -154,7 +154,7 @@ def test_a_track_inside_of_a_true_object_outside_is_kept():
     assert assign_tracks(scene, tracks, CONFIG).matched_tracks.tolist() == [0]
 
 
-def test_tracks_where_nothing_was_labelled_leave():
+def test_tracks_outside_the_labelled_view_leave():
     # Ahead, beside the view, behind, and beyond the area.
     tracks = tracks_of(boxes_at((10, 0), (5, 8), (-6, 0), (35, 0)))
     nobody = scene_of(Boxes3D.empty(), view=view_of())
@@ -254,7 +254,7 @@ def test_an_object_that_nobody_follows_is_lost():
     assert len(rows.matched) == 0
 
 
-def test_false_tracks_match_nothing_in_more_than_half_of_their_frames():
+def test_false_tracks_match_no_object_in_more_than_half_of_their_frames():
     car, ghost, parked = boxes_at((10, 0)), (20.0, 5.0), (15.0, -5.0)
     boxes = boxes_at((10, 0), ghost, parked)
     objects = boxes_at((10, 0), parked)

@@ -103,7 +103,7 @@ def test_counting_one_frame_agrees_with_measuring_all():
     np.testing.assert_array_equal(count_recalled(LABELLED.boxes_px, none, (0.7, 0.5)), [0, 0])
 
 
-def test_without_proposals_nothing_is_reached():
+def test_without_proposals_recall_is_zero():
     recall = proposal_recall(pair_boxes(LABELLED, proposals([]), 2), "Car")
     assert (recall.proposals, recall.max_per_frame) == (0, 0)
     metrics = recall.difficulties["all"]

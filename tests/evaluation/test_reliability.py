@@ -73,7 +73,7 @@ def test_the_expected_error_by_hand():
     assert found.expected_calibration_error == pytest.approx((2 * 0.35 + 4 * 0.05) / 6)
 
 
-def test_a_score_of_one_is_in_the_last_bin_and_nothing_has_no_error():
+def test_a_score_of_one_is_in_the_last_bin_and_no_scores_have_no_error():
     whole = measure_reliability(Correctness(np.array([1.0, 0.0]), np.array([True, False])), bins=4)
     assert whole.expected_calibration_error == 0
     assert np.isnan(

@@ -63,7 +63,7 @@ def test_declared_metrics_are_columns_and_a_share_is_printed_in_percent():
     assert [column.cell(Share(0.75, 0.5)) for column in columns] == ["75.0", "0.25"]
 
 
-def test_a_document_has_fields_and_declared_properties_but_no_context_and_nothing_unknown():
+def test_a_document_has_fields_and_declared_properties_but_no_context_and_no_unknown_value():
     report = Shares("Title", {"all": Share(0.75, 0.5)})
     assert report.to_json() == {"rows": {"all": {"found": 0.75, "threshold": 0.5, "missed": 0.25}}}
 

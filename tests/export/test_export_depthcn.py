@@ -165,7 +165,7 @@ class Malice:
         return (open, (str(self.path), "w"))
 
 
-def test_checkpoint_runs_nothing(tmp_path):
+def test_no_code_of_a_checkpoint_runs(tmp_path):
     torch.save(
         {"state_dict": {}, "hyper_parameters": Malice(tmp_path / "made")}, tmp_path / "evil.ckpt"
     )

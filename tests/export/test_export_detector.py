@@ -120,7 +120,7 @@ def test_8_bits_are_near_to_it(exported):
     assert 0 < difference.mean() < 0.05
 
 
-def test_nothing_between_the_outer_convolutions_leaves_the_integers(exported):
+def test_all_layers_between_the_outer_convolutions_compute_in_integers(exported):
     nodes = list(onnx.load(file_of(exported, "int8")).graph.node)
     maker = {output: node for node in nodes for output in node.output}
     places = [place for place, node in enumerate(nodes) if node.op_type == "Conv"]

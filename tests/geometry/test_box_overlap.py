@@ -98,7 +98,7 @@ def test_nearly_equal_headings_are_no_special_case():
     np.testing.assert_allclose(ious, 1.0, atol=2e-5)
 
 
-def test_boxes_without_area_share_nothing():
+def test_boxes_without_area_have_no_overlap():
     line, dot, full = box(0, 0, 4, 0), box(0, 0, 0, 0), box(0, 0, 4, 2)
     for a in (line, dot, full):
         for b in (line, dot):

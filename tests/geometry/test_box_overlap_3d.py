@@ -48,7 +48,7 @@ def test_a_car_survives_a_shift_of_two_metres_at_a_quarter():
     assert paired_iou_3d(box(0, 0, 0, size), box(2.34, 0, 0, size))[0] == pytest.approx(0.25)
 
 
-def test_volumes_of_two_boxes_without_any_share_nothing():
+def test_volumes_of_two_boxes_without_any_have_no_overlap():
     nothing = box(0, 0, 0, (0.0, 0.0, 0.0))
     assert paired_iou_3d(nothing, nothing).tolist() == [0.0]
 

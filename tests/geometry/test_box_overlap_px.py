@@ -18,7 +18,7 @@ def test_the_share_of_a_box_in_another():
     assert intersection_over_area_px(around, inside).tolist() == [[4 / 30], [8 / 10000]]
 
 
-def test_boxes_of_no_area_overlap_nothing():
+def test_boxes_without_area_have_no_overlap():
     point, inverted = np.array([[3.0, 3, 3, 9]]), np.array([[9.0, 9, 3, 3]])
     for box in (point, inverted):
         assert iou_px(box, BOXES[:1]).tolist() == [[0]]

@@ -55,7 +55,7 @@ def test_footprints_move_to_another_frame(clusters):
     assert np.allclose((high - low)[2], [0, 2])
 
 
-def test_nothing_stays_nothing():
+def test_empty_footprints_stay_empty():
     none = Footprints.empty()
     assert len(none) == len(none.moved(np.eye(4))) == 0
     assert none.extents_m(np.zeros(0))[0].shape == (0, 2)

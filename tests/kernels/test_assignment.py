@@ -19,7 +19,7 @@ def test_pairs_equal_those_of_scipy(shape):
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 3), (3, 0)])
-def test_nothing_has_no_pairs(shape):
+def test_a_matrix_without_rows_or_columns_has_no_pairs(shape):
     rows, columns = minimum_cost_pairs(np.zeros(shape))
     assert len(rows) == len(columns) == 0
 

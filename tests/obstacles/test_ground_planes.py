@@ -156,7 +156,7 @@ def test_same_seed_gives_the_same_planes() -> None:
     np.testing.assert_array_equal(first.planes, again.planes)
 
 
-def test_an_empty_area_is_level_ground_and_says_that_nothing_was_found() -> None:
+def test_an_empty_area_is_level_ground_and_says_that_no_plane_was_found() -> None:
     far = np.array([[100.0, 0, 0, 0]], np.float32)
     model = PiecewisePlanesEstimator(HDL_64E, LocalArea()).estimate(far, np.random.default_rng(0))
     assert not model.is_valid.any()

@@ -184,7 +184,7 @@ def test_same_input_gives_the_same_surface() -> None:
     np.testing.assert_array_equal(first.heights_m, again.heights_m)
 
 
-def test_nothing_to_see_is_level_ground_at_the_sensors_height() -> None:
+def test_no_returns_are_level_ground_at_the_sensors_height() -> None:
     far = np.array([[90.0, 0, 0, 0]], np.float32)
     model = GroundSurfaceEstimator(HDL_64E).update(window_of(PosedScan(far, np.eye(4))))
     np.testing.assert_allclose(model.heights_m, -1.73, atol=1e-9)

@@ -52,7 +52,7 @@ def test_subtraction_keeps_what_several_scans_saw():
     assert (voxels.moving.keys.tolist(), voxels.moving.counts.tolist()) == ([3], [1])
 
 
-def test_one_scan_alone_holds_nothing_static():
+def test_one_scan_alone_has_no_static_voxel():
     voxels = subtract([np.array([4, 4, 9])])
     assert len(voxels.static.keys) == 0
     assert voxels.moving.keys.tolist() == [4, 9]

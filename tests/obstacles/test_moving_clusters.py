@@ -142,7 +142,7 @@ def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
     assert moving[36:].tolist() == [True, False, False]
 
 
-def test_without_history_nothing_moves():
+def test_without_history_no_voxel_moves():
     empty = np.zeros((0, 12), bool)
     none = replace(history("F" * 12), ages_s=np.zeros(0), was_free=empty, was_hit=empty)
     assert not moving_voxels(column(5, 0, 12), none, NOWHERE, CONFIG, gap_m=0.2).any()

@@ -33,7 +33,7 @@ def test_places_before_at_and_behind_a_return(sensor):
     np.testing.assert_allclose(visibility.gaps_m, [0, 0, 4], atol=1e-4)
 
 
-def test_a_direction_without_a_beam_or_a_return_says_nothing():
+def test_a_direction_without_a_beam_or_a_return_is_unknown():
     half = sphere(20.0)
     image = RangeImage(half[half[:, 0] > 1.0], PROJECTION)
     places = np.array([[0, 0, 10], [0, 0, -10], [-10, 0, 0]], np.float32)

@@ -52,7 +52,7 @@ def test_a_beam_that_passes_removes_what_is_not_seen():
     np.testing.assert_allclose(voxels.centers_m, [[7.05, 0.05, 0.05]], atol=1e-4)
 
 
-def test_what_moves_leaves_nothing_static():
+def test_a_moving_voxel_is_not_static():
     static_map = StaticMap(GRID, LocalArea(), memory_scans=6)
     seen = seen_at([5.05, 0.05, 0.05])
     static_map.update(seen, NO_KEYS, HERE, nowhere)

@@ -194,13 +194,13 @@ def test_the_image_detector_alone_needs_image_and_calibration(
         assert all(result.vehicles is None for result in results)
 
 
-def test_without_detectors_nothing_is_missing(street_frames, caplog):
+def test_without_detectors_no_missing_camera_is_reported(street_frames, caplog):
     with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
         pipeline.step(replace(street_frames[0], image=None, calibration=None))
     assert notes_of(caplog) == []
 
 
-def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, all_stages):
+def test_frames_that_are_no_sequence_are_processed_apart(street_frames, all_stages):
     frame = street_frames[1]
     with Pipeline(config=all_stages) as pipeline:
         alone = pipeline.step(frame)

@@ -81,7 +81,7 @@ def test_the_vehicle_itself_is_no_obstacle(frames):
     assert Pipeline(config=LIDAR_ALONE).step(frame).obstacles.point_states[-1] == PointState.OUTSIDE
 
 
-def test_a_frame_given_twice_changes_nothing(frames):
+def test_a_frame_given_twice_gives_the_same_result(frames):
     pipeline = Pipeline(config=LIDAR_ALONE)
     for frame in frames[:3]:
         before = pipeline.step(frame)

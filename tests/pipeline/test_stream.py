@@ -126,7 +126,7 @@ def test_the_latest_frame_takes_the_place_of_those_that_wait():
         assert list(stream) == []
 
 
-def test_a_source_that_is_slow_loses_nothing_under_either_policy():
+def test_a_slow_source_loses_no_frame_under_either_policy():
     for policy in ("every", "latest"):
         lidar = Lidar()
         with (

@@ -53,7 +53,7 @@ def test_voxels_beyond_the_canvas_are_left_out():
     assert not canvas.any()
 
 
-def test_everything_is_where_it_should_be(scene):
+def test_points_of_each_state_are_drawn_at_their_places(scene):
     canvas = birds_eye(VIEW, scene)
     column, row = VIEW.to_pixels(np.array([[12.0, 1.0]]))[0].astype(int)
     assert (canvas[row, column] == MOVING).all()

@@ -24,7 +24,7 @@ def test_the_nearer_cube_is_on_top_in_either_order():
     assert cube_image(voxels_at(far, near))[50, 100] == 1
 
 
-def test_nothing_is_drawn_behind_the_camera():
+def test_a_cube_behind_the_camera_is_not_drawn():
     behind = voxels_at((-5, 0, 0), (-0.2, 0, 0), (0, 0, 0), (0.3, 0, 0))
     assert (cube_image(behind) == -1).all()
 

@@ -66,7 +66,7 @@ def test_a_detector_has_the_colours_of_its_vehicles_and_the_unlikely_is_not_draw
     assert 0.4 < broken.mean() < 0.8
 
 
-def test_without_a_detector_there_is_nothing_to_draw(scene):
+def test_without_a_detector_there_is_no_view(scene):
     assert map_insets(Scene.of(scene), SIZE, 0.5) == {}
 
 

@@ -233,7 +233,7 @@ def test_the_label_stands_over_its_box():
     assert not canvas[:105].any()
 
 
-def test_no_tracks_draw_nothing():
+def test_no_tracks_leave_the_image_as_it_was():
     assert not drawn(Tracks.empty(), paths=[]).any()
 
 

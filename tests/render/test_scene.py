@@ -60,7 +60,7 @@ def test_a_vehicle_that_is_also_a_track_is_drawn_once(detected):
     np.testing.assert_allclose(objects.boxes_px[0], [80, 40, 120, 70])
 
 
-def test_below_half_a_metre_per_second_nothing_moves(scene):
+def test_an_object_below_half_a_metre_per_second_is_drawn_static(scene):
     for speed_m_s, is_moving in ((0.49, False), (0.51, True)):
         objects = SceneObjects.of(replace(scene, tracks=track(1, (0.0, speed_m_s))))
         assert objects.is_moving.tolist() == [is_moving]

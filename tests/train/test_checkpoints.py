@@ -76,7 +76,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize(("content", "found"), OTHERS.values(), ids=OTHERS)
-def test_a_file_of_something_else_is_named(tmp_path, content, found):
+def test_a_file_of_another_kind_is_named(tmp_path, content, found):
     path = tmp_path / "best.ckpt"
     path.write_bytes(content)
     with fault(ModelError, "best.ckpt", "a checkpoint of detector or fusion", found):

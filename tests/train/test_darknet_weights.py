@@ -128,7 +128,7 @@ def test_the_order_is_that_of_the_cfg():
     ],
     ids=["empty", "half a header", "short", "long", "cut", "not finite"],
 )
-def test_other_files_are_refused_and_change_nothing(tmp_path, content, expected, found):
+def test_other_files_are_refused_and_leave_the_weights(tmp_path, content, expected, found):
     network = two_layers()
     before = {name: tensor.clone() for name, tensor in network.state_dict().items()}
     with fault(ModelError, "other.weights", expected, found):

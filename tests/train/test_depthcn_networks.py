@@ -149,7 +149,7 @@ def test_depth_becomes_meters_behind_the_proposal():
     assert channels[0, 1, 40, 55].item() == pytest.approx(128 / 127.5 - 1, abs=1e-6)
 
 
-def test_a_crop_of_nothing_known_stays_finite():
+def test_a_crop_without_known_depth_stays_finite():
     channels, distance = RelativeDepthEncoding()(torch.zeros(2, 3, 66, 112, dtype=torch.uint8))
     assert torch.isfinite(channels).all()
     assert distance.flatten().tolist() == pytest.approx([5 / 80, 5 / 80])

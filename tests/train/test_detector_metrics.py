@@ -50,7 +50,7 @@ def test_an_image_of_two_processes_counts_once():
     assert found.frames.tolist() == [0, 1]
 
 
-def test_nothing_seen_is_an_average_precision_of_zero():
+def test_no_detection_is_an_average_precision_of_zero():
     samples, boxes = ToySamples(3, 0), ValidationBoxes(NAMES)
     boxes.update([detections()], torch.tensor([1]), process=0)
     found = boxes.gathered(placements(*[(384, 256)] * 3))

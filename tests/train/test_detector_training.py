@@ -46,7 +46,7 @@ OVERFITTING = ("--model.scales=[1.0,1.0]", "--optimizer.lr=0.02", "--data.repeat
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
-def test_fast_dev_run_trains_and_writes_nothing(tmp_path, modality, channels):
+def test_fast_dev_run_trains_and_writes_no_file(tmp_path, modality, channels):
     words = (f"--model.modality={modality}", f"--data.channels={channels}")
     assert train(tmp_path, "--trainer.fast_dev_run=true", *words) is None
     assert list(tmp_path.iterdir()) == []
@@ -328,7 +328,7 @@ def test_unknown_modalities_are_refused():
     ("accelerator", "gpus", "expected"),
     [("cpu", 8, "2 cores"), ("auto", 0, "2 cores"), ("auto", 1, "1 GPUs")],
 )
-def test_more_devices_than_there_are_start_nothing(monkeypatch, accelerator, gpus, expected):
+def test_more_devices_than_there_are_start_no_training(monkeypatch, accelerator, gpus, expected):
     monkeypatch.setattr("train.trainer.usable_cores", lambda: 2)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: gpus > 0)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: gpus)

@@ -85,7 +85,7 @@ def test_labels_say_more_than_the_start(ignored):
     assert distillation.loss(IMAGES, worse, labels_of()).item() > 0
 
 
-def test_without_weight_nothing_is_kept():
+def test_without_weight_the_loss_is_zero():
     network = YoloxNano()
     found = Distillation(network, DistillationConfig()).loss(
         IMAGES, network.decode(network(IMAGES)), labels_of()

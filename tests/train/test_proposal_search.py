@@ -57,7 +57,7 @@ def test_the_best_setting_has_the_highest_recall_with_fewest_proposals(config, t
 
 
 @pytest.mark.parametrize("method", ["default", "thesis"])
-def test_sharing_the_ground_changes_nothing(frames, method):
+def test_sharing_the_ground_gives_the_same_proposals(frames, method):
     config = SearchConfig(survey([frames], "Car"), GRID, method, chunk_frames=4)
     for part in config.parts():
         for count in run_search_task(part):
@@ -180,7 +180,7 @@ def test_a_damaged_row_in_the_middle_is_named(config, tmp_path, row):
         search(config, search_log)
 
 
-def test_a_file_of_something_else_is_refused(config, tmp_path):
+def test_a_file_of_another_kind_is_refused(config, tmp_path):
     search_log = tmp_path / "counts.jsonl"
     search_log.write_text("a diary\n")
     with fault(UsageError, expected="the counts of a search"):
@@ -188,7 +188,7 @@ def test_a_file_of_something_else_is_refused(config, tmp_path):
     assert search_log.read_text() == "a diary\n"
 
 
-def test_labels_without_objects_leave_nothing_to_search_for(tmp_path):
+def test_labels_without_objects_cannot_be_searched(tmp_path):
     empty = write_car_frames(tmp_path / "object", cars=0)
     with fault(LabelError, expected="at least one Car", found="no object"):
         survey([empty], "Car")

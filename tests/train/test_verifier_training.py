@@ -36,7 +36,7 @@ THESIS = ("--model.method=thesis", "--data.channels=1")
 
 
 @pytest.mark.parametrize("words", [(), THESIS])
-def test_fast_dev_run_trains_and_writes_nothing(tmp_path, words):
+def test_fast_dev_run_trains_and_writes_no_file(tmp_path, words):
     cli, result = train(tmp_path, "--trainer.fast_dev_run=true", "--data.count=8", *words)
     assert (cli.trainer.global_step, result) == (1, None)
     assert list(tmp_path.iterdir()) == []
@@ -199,7 +199,7 @@ def test_errors_of_edges_by_hand():
     assert box_loss(boxes, targets).item() == pytest.approx(0.0125 + 0.15)
 
 
-def test_right_boxes_cost_nothing_and_none_neither():
+def test_the_loss_of_right_boxes_and_of_no_boxes_is_zero():
     boxes = torch.tensor([[0.1, 0.2, 0.5, 0.6]])
     assert box_loss(boxes, boxes).item() == pytest.approx(0, abs=1e-6)
     assert box_loss(boxes[:0], boxes[:0]).item() == 0
@@ -228,7 +228,7 @@ def test_figures_by_hand():
     )
 
 
-def test_figures_of_nothing_are_zero():
+def test_metrics_of_no_crops_are_zero():
     metrics = VerifierMetrics()
     none = torch.zeros(0)
     metrics.update(none, torch.zeros(0, 4), none.bool(), torch.zeros(0, 4))

@@ -70,7 +70,7 @@ def test_drift_of_a_parked_car_is_no_motion():
     assert (label_motion(one_track(drive_then([(0.5, 5.0)]))).motions == MotionState.STATIC).all()
 
 
-def test_the_vehicles_pitch_moves_nothing():
+def test_the_vehicles_pitch_moves_no_object():
     track = one_track(np.zeros(40))
     track.positions_world[:, 2] = np.linspace(0, 8, 40)
     assert (label_motion(track).motions == MotionState.STATIC).all()

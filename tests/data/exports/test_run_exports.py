@@ -9,7 +9,7 @@ from perception.errors import MissingDependencyError
 from tests.faults import command, fault
 
 
-def test_nothing_is_exported_without_being_asked_for(monkeypatch):
+def test_no_export_is_written_without_its_flag(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     RunExports()
 

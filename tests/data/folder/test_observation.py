@@ -118,7 +118,7 @@ def test_scans_that_cannot_be_read_are_an_error(tmp_path):
         observe_folder(tmp_path)
 
 
-def test_scans_of_nothing_but_a_few_points_are_guessed_at(write_folder):
+def test_scans_of_a_few_points_are_guessed_at(write_folder):
     found = observe_folder(write_folder([np.ones((30, 4), np.float32)]))
     assert {"sensor", "height", "axes"} <= {one.what for one in found.guesses}
     assert found.config.lidar.height_m is None

@@ -102,7 +102,7 @@ def test_every_control_has_a_name_and_can_be_reached(opened):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_is_legible_and_nothing_is_wider_than_the_window(opened, scheme):
+def test_text_is_legible_and_no_element_is_wider_than_the_window(opened, scheme):
     opened.page.emulate_media(color_scheme=scheme)
     opened.value("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     assert opened.value("document.documentElement.scrollWidth <= innerWidth")
@@ -116,6 +116,6 @@ def test_figures_follow_the_theme(opened):
     opened.wait_for(f"{color} !== {light!r}")
 
 
-def test_nothing_is_complained_of_or_asked_for(opened):
+def test_no_error_is_logged_and_no_file_requested(opened):
     assert opened.complaints == []
     assert set(opened.requests) <= {"file:", "data:"}

@@ -134,7 +134,7 @@ def test_what_is_no_report_is_an_error(text, found, tmp_path):
         write_report(path)
 
 
-def test_a_folder_of_something_else_is_an_error(tmp_path):
+def test_a_folder_of_another_kind_is_an_error(tmp_path):
     with fault(DriveError, where=str(tmp_path), expected="`trifuse run`", found="another"):
         write_report(tmp_path)
 

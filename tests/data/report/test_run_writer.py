@@ -138,7 +138,7 @@ def test_damaged_labels_do_not_end_a_run(scene, drive, tmp_path, caplog):  # noq
     assert record.getMessage().endswith("label_02.txt: expected numbers, found words")
 
 
-def test_a_run_without_frames_leaves_nothing(drive, tmp_path):
+def test_a_run_without_frames_leaves_no_page(drive, tmp_path):
     RunReportWriter(tmp_path, drive, Composition(), 2, has_video=True).close(is_complete=True)
     assert list(tmp_path.iterdir()) == []
 

@@ -29,7 +29,7 @@ def test_zeros_of_a_name_are_kept(tmp_path):
     assert read_config(file) == {"sequence": "0001", "frames": 10, "track": 0, "score": 0.5}
 
 
-def test_an_empty_file_sets_nothing(tmp_path):
+def test_an_empty_file_sets_no_flag(tmp_path):
     (tmp_path / "config.yaml").touch()
     assert read_config(tmp_path / "config.yaml") == {}
 

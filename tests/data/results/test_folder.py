@@ -42,7 +42,7 @@ def test_a_prepared_folder_states_its_command_and_configuration(tmp_path):
     assert files_in(out) == {"config.yaml"}
 
 
-def test_nothing_happens_before_the_folder_is_prepared(results):
+def test_no_file_changes_before_the_folder_is_prepared(results):
     before = files_in(results)
     choose(results, overwrite=True)
     choose(results.parent / "other")

@@ -86,7 +86,7 @@ def test_bushes_do_not_grow_over_the_road():
 
 
 @pytest.mark.parametrize("amount", ["trimmed", "structures", "enclosures"])
-def test_a_parking_lot_holds_nothing_large(amount):
+def test_a_parking_lot_holds_no_large_vehicle(amount):
     road, lot = Road(RoadShape(curvature_1_m=0.0)), Plot(40.0, 30.0, 1)
     parts = clutter.place_clutter(
         road,
@@ -139,7 +139,7 @@ def test_slopes_and_bumps_begin_beyond_the_pavement():
     assert left.std() == pytest.approx(0.2, rel=0.3)
 
 
-def test_nothing_is_built_on_a_yard_of_the_same_side():
+def test_no_building_stands_on_a_yard_of_the_same_side():
     parking_lot = Plot(10.0, 20.0, 1)
     assert parking_lot.overlaps(25.0, 10.0, 1)
     assert not parking_lot.overlaps(25.0, 10.0, -1)

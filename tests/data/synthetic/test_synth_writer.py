@@ -86,7 +86,7 @@ def test_words_tell_class_motion_and_instance(street_drive):
     assert (words[cars & ~truth.is_moving] & 0xFFFF == 10).all()
 
 
-def test_nothing_to_write_is_refused():
+def test_zero_frames_and_unknown_layouts_are_refused():
     with fault(UsageError, expected="at least one frame"):
         SynthConfig(frames=0)
     with fault(UsageError, expected="raw, tracking or object"):

@@ -112,7 +112,7 @@ def test_all_combinations_are_counted_and_no_more_than_fit_into_memory(monkeypat
         fusion_rows(crowd, "features", max_partners=0)
 
 
-def test_frames_without_detections_teach_nothing():
+def test_frames_without_detections_give_no_sample():
     scene = DetectedScene({"rgb": detections([])}, SIZE_PX)
     empty = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])))
     with fault(UsageError, expected="frames with detections", found="none"):
