@@ -1,6 +1,11 @@
-"""The stages that detect vehicles: dense maps, detectors of three modalities and their fusion, DepthCN, tracks."""
+"""The stages that detect vehicles: dense maps, detectors of three modalities and their fusion, DepthCN, tracks.
+
+With several cameras, maps, detectors and fusion run for each of them, one camera after the other with the same
+networks. Each camera's detections are located in the scan, those of one object are joined there, and tracked once.
+"""
 
 import logging
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 
@@ -9,6 +14,7 @@ from perception.detection.detectors.multimodal import MultimodalDetector, Multim
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.networks import open_depthcn, open_detectors, open_fusion
 from perception.detection.onnx_model import shipped_model
+from perception.detection.vehicles.camera_joining import join_cameras
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.maps.densify import DenseMaps, densify
@@ -18,7 +24,7 @@ from perception.pipeline.lidar_stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
-from perception.types import Detections, Frame, Result
+from perception.types import Detections, Frame, ModalityDetections, Result
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +54,7 @@ class CameraStages:
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
         self._budget = TimeBudget(None if budget_ms is None else budget_ms / 1e3)
-        self._noted: set[str] = set()
+        self._noted: set[tuple[str, str]] = set()  # a camera and what it lacks
         self.reset()
 
     def reset(self) -> None:
@@ -63,23 +69,27 @@ class CameraStages:
             lidar: Result of the LiDAR stages, once they are done.
             clock: Clock of the stages.
         """
-        self._note_missing(frame)
+        for view in frame.views:
+            self._note_missing(view)
         has_detector = self._detectors is not None or self._depthcn is not None
         maps = clock.run("maps", _make_maps, frame) if has_detector else None
-        detections = self._detect(frame, maps, clock)  # image and map detectors, fusion
+        detections = [self._detect(frame, maps, clock)]  # image and map detectors, fusion
+        detections += [self._detect_further(view, clock) for view in frame.views[1:]]
         is_in_time = self._budget.allows("DepthCN", clock, "vehicles")
         depthcn = self._detect_by_depthcn(frame, maps, clock) if is_in_time else None
         with self._budget.measured("vehicles", clock):
             lidar_result = lidar.result()
             vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
         result = lidar_result.of_frame(frame)
-        if detections is not None and vehicles is not None:
+        if vehicles is not None:
+            main, *further = (_modality_detections(one) for one in detections)
             result = replace(
                 result,
-                modality_detections=detections.scene.modality_detections,
-                map_images=detections.map_images,
+                modality_detections=main,
+                map_images={} if detections[0] is None else detections[0].map_images,
                 vehicles=vehicles.vehicles,
                 tracks=vehicles.tracks,
+                further_detections=tuple(further),
             )
         return replace(
             result,
@@ -99,14 +109,14 @@ class CameraStages:
             missing, rest = "camera image", "maps of the scan"
         else:
             return
-        if missing not in self._noted:
+        if (frame.camera, missing) not in self._noted:
             vehicles = (
                 f"vehicles are detected in {rest} alone"
                 if uses_maps
                 else "no vehicles are detected"
             )
-            log.warning("%s: no %s: %s", frame.source, missing, vehicles)
-            self._noted.add(missing)
+            log.warning("%s: no %s: %s", _named(frame), missing, vehicles)
+            self._noted.add((frame.camera, missing))
 
     def _detect(
         self, frame: Frame, maps: DenseMaps | None, clock: StageClock
@@ -123,6 +133,12 @@ class CameraStages:
             spans.extend(multimodal.spans)
         return multimodal
 
+    def _detect_further(self, view: Frame, clock: StageClock) -> MultimodalOutput | None:
+        """Return the same of the frame as a further camera sees it."""
+        if self._detectors is None:
+            return None
+        return self._detect(view, clock.run("maps", _make_maps, view), clock)
+
     def _detect_by_depthcn(
         self, frame: Frame, maps: DenseMaps | None, clock: StageClock
     ) -> Detections | None:
@@ -137,18 +153,32 @@ class CameraStages:
     def _locate_and_track(
         self,
         frame: Frame,
-        detections: MultimodalOutput | None,
+        detections: Sequence[MultimodalOutput | None],
         lidar: LidarResult,
         clock: StageClock,
     ) -> VehicleTrackerResult | None:
-        """Return the detections as tracked vehicles on the road."""
+        """Return the detections in each camera as tracked vehicles on the road, each once."""
         if lidar.is_reset:
             self._tracker.clear()
-        if detections is None:
+        if all(one is None for one in detections):
             return None
         with clock.stage("vehicles"):
-            located = locate(detections.fused, frame, lidar.ground, self._vehicles)
-            return self._tracker.update(located, frame, lidar.world_SE3_velo, lidar.tracks)
+            located = {
+                camera: locate(one.fused, frame.views[camera], lidar.ground, self._vehicles)
+                for camera, one in enumerate(detections)
+                if one is not None
+            }
+            vehicles = join_cameras(located, frame, self._vehicles.joining)
+            return self._tracker.update(vehicles, frame, lidar.world_SE3_velo, lidar.tracks)
+
+
+def _modality_detections(output: MultimodalOutput | None) -> ModalityDetections:
+    return {} if output is None else output.scene.modality_detections
+
+
+def _named(frame: Frame) -> str:
+    """Return the file of a frame and, where it is not the only one, the name of the camera, for messages."""
+    return frame.source if frame.camera == Frame.camera else f"{frame.source} {frame.camera}"
 
 
 def _make_maps(frame: Frame) -> DenseMaps:

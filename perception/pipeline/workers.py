@@ -34,8 +34,11 @@ class StageClock:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Duration of each stage in seconds."""
-        return {span.stage: span.stop_s - span.start_s for span in self.spans}
+        """Duration of each stage in seconds, of one that ran for each of several cameras that of all runs."""
+        seconds: dict[str, float] = {}
+        for span in self.spans:
+            seconds[span.stage] = seconds.get(span.stage, 0.0) + span.stop_s - span.start_s
+        return seconds
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

@@ -24,7 +24,7 @@ from perception.types.detections import (
     ModalityDetections,
 )
 from perception.types.drive import Drive, Labels, PointTruth
-from perception.types.frame import Calibration, Frame
+from perception.types.frame import Calibration, CameraImage, Frame
 from perception.types.health import (
     CALIBRATION,
     CAMERA,
@@ -62,6 +62,7 @@ __all__ = [
     "Bool",
     "Boxes3D",
     "Calibration",
+    "CameraImage",
     "Complex64",
     "Detections",
     "Drive",

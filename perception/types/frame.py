@@ -1,10 +1,11 @@
-"""A frame: scan, image and pose at one time, and the calibration of the camera."""
+"""A frame: scan, images and pose at one time, and the calibration of each camera."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from perception.errors import CalibrationError, ImageError, PoseError, ScanError
+from perception.errors import CalibrationError, ImageError, PoseError, ScanError, UsageError
 from perception.types.arrays import Float32, Float64, UInt8, require_shape
 
 _MAX_COORDINATE_M = 10_000.0  # far beyond any LiDAR; larger numbers overflow where they are squared
@@ -48,8 +49,23 @@ class Calibration:
 
 
 @dataclass(frozen=True)
+class CameraImage:
+    """Image of a further camera beside a scan.
+
+    Attributes:
+        name: Name of the camera.
+        calibration: Calibration of the camera.
+        image: (H, W, 3) RGB, or None where the camera has none at this time.
+    """
+
+    name: str
+    calibration: Calibration
+    image: UInt8 | None = None
+
+
+@dataclass(frozen=True)
 class Frame:
-    """Scan, image and pose at one time.
+    """Scan, images and pose at one time.
 
     A scan keeps the number and order of its points, so that labels of points fit to its file. A point that is no
     measurement (NaN, infinity or beyond 10 km, usual in organised clouds) becomes a point without a return, which has
@@ -59,14 +75,16 @@ class Frame:
         index: Position of the frame within its drive, from 0.
         stamp_s: Time of the scan in seconds.
         points_velo: (N, 4) x, y, z in metres and reflectance 0..1.
-        image: (H, W, 3) RGB, or None without a camera.
+        image: (H, W, 3) RGB of the main camera, or None without one.
         world_SE3_velo: (4, 4) INS pose of the LiDAR in a frame fixed to the earth, or None without INS.
-        calibration: Calibration of the camera, or None without a camera.
+        calibration: Calibration of the main camera, or None without one.
         source: File of the scan, for error messages.
         name: Name of the frame's result files; else its number in six digits.
         number: Frame number in KITTI's rows; else the index.
         invalid_points: Number of points that were no measurement.
         point_times_s: (N,) times of the points in seconds from `stamp_s`, or None where they are not known.
+        camera: Name of the main camera.
+        further_cameras: Images of the other cameras, the same cameras in the same order in every frame of a drive.
     """
 
     index: int
@@ -80,9 +98,28 @@ class Frame:
     number: int = -1
     invalid_points: int = 0
     point_times_s: Float32 | None = None
+    camera: str = "camera"
+    further_cameras: tuple[CameraImage, ...] = ()
+
+    @cached_property
+    def views(self) -> "tuple[Frame, ...]":
+        """The frame as each camera sees it: itself, then the same scan with the image of each further camera."""
+        return (
+            self,
+            *(
+                replace(
+                    self,
+                    camera=one.name,
+                    image=one.image,
+                    calibration=one.calibration,
+                    further_cameras=(),
+                )
+                for one in self.further_cameras
+            ),
+        )
 
     def __post_init__(self) -> None:
-        """Validate the scan, the pose, and the size of the image."""
+        """Validate the scan, the pose, the names of the cameras, and the size of the image."""
         if self.number < 0:
             object.__setattr__(self, "number", self.index)
         if not self.name:
@@ -98,6 +135,9 @@ class Frame:
                 raise PoseError(self.source, expected="a finite pose", found="NaN or infinity")
         if self.image is not None:
             self._check_image(self.image)
+        names = [self.camera, *(one.name for one in self.further_cameras)]
+        if len(set(names)) < len(names):
+            raise UsageError("cameras", expected="each camera once", found=", ".join(names))
 
     def _zero_invalid_points(self) -> None:
         points = self.points_velo

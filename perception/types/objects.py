@@ -1,7 +1,8 @@
 """Objects on the road: boxes, tracks and vehicles."""
 
-from dataclasses import dataclass
-from typing import Annotated, Self
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,8 @@ class Vehicles:
         covariances: (M, 4, 4) covariance of position and velocity, as of `Tracks`; NaN before the vehicle is tracked
             on the ground.
         owners: (N,) vehicle that each point belongs to, or -1.
+        cameras: (M,) camera whose image the detection is in, 0 of the main one and n of the n-th of
+            `Frame.further_cameras`; else the main camera of all.
     """
 
     fused: FusedDetections
@@ -95,10 +98,14 @@ class Vehicles:
     velocities_m_s: Float64
     covariances: Float64
     owners: Int
+    cameras: Int = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __post_init__(self) -> None:
         """Validate shapes and lengths."""
         count = len(self.fused)
+        if not len(self.cameras):
+            object.__setattr__(self, "cameras", np.zeros(count, np.int64))
+        require_shape("Vehicles.cameras", self.cameras, (count,))
         require_shape("Vehicles.ids", self.ids, (count,))
         require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
         require_shape("Vehicles.distances_m", self.distances_m, (count,))
@@ -113,6 +120,34 @@ class Vehicles:
     def point_counts(self) -> Int:
         """(M,) number of points of each vehicle."""
         return np.bincount(self.owners[self.owners >= 0], minlength=len(self))
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self], owners: Int) -> Self:
+        """Return the vehicles of several parts, in order.
+
+        Args:
+            parts: Vehicles of one scan.
+            owners: (N,) vehicle of all that each point belongs to, or -1.
+        """
+        columns: dict[str, Any] = {}
+        for column in fields(cls):
+            values = [getattr(part, column.name) for part in parts]
+            is_table = isinstance(values[0], ArrayTable)
+            columns[column.name] = (
+                type(values[0]).concatenate(values) if is_table else np.concatenate(values)
+            )
+        return cls(**columns | {"owners": owners})
+
+    def select(self, rows: Int) -> Self:
+        """Return the vehicles of some rows, in their order, with their points."""
+        columns = {
+            column.name: getattr(self, column.name)[rows]
+            for column in fields(self)
+            if column.name != "owners"
+        }
+        places = np.full(len(self) + 1, -1)  # the last is the place of points without a vehicle
+        places[rows] = np.arange(len(rows))
+        return replace(self, **columns, owners=places[self.owners])
 
     def as_tracks(self, rows: Int) -> Tracks:
         """Return the vehicles of some rows as tracks that are observed in this scan."""

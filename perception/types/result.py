@@ -24,16 +24,17 @@ class Result:
         ground: Ground surface in the LiDAR frame.
         obstacles: Static and moving obstacles.
         tracks: Moving objects with their ids.
-        modality_detections: Detections of each modality; empty where detection is off.
+        modality_detections: Detections of each modality in the main camera; empty where detection is off.
         map_images: (H, W) 8-bit image of each map that a detector used, 0 where nothing is known.
         vehicles: Vehicles of the fused detections, None where detection is off.
-        depthcn: Detections of DepthCN, None where it is off.
+        depthcn: Detections of DepthCN in the main camera, None where it is off.
         timings_s: Duration of each stage in seconds; stages that overlap count more than once.
         spans: Start and end of each stage, stages of one worker in their order.
         skipped: Stages that were left out to keep the time budget.
         pose_covariance: (6, 6) covariance of the pose since the first scan, position in m and rotation vector in rad
             along the axes of the world frame; NaN where the method gives none.
         health: Findings on sensors and stages.
+        further_detections: Detections of each modality in each of the frame's further cameras.
     """
 
     frame: Frame
@@ -50,6 +51,11 @@ class Result:
     skipped: tuple[str, ...] = ()
     pose_covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
     health: Health = field(default_factory=Health)
+    further_detections: tuple[ModalityDetections, ...] = ()
+
+    def detections_in(self, camera: int) -> ModalityDetections:
+        """Return the detections of each modality in a camera, 0 for the main one."""
+        return (self.modality_detections, *self.further_detections)[camera]
 
     @property
     def latency_s(self) -> float:

@@ -124,6 +124,24 @@ class BodyFitConfig:
 
 
 @dataclass(frozen=True)
+class CameraJoiningConfig:
+    """When detections in two cameras are one object.
+
+    Attributes:
+        min_shared: Minimum share of the returns of the one that has fewer which both have.
+        min_iou: Minimum IoU of both boxes on the ground, unless they share returns.
+        min_iou_px: Minimum IoU in one image where one of them has no box on the ground: the other is moved there at
+            its distance.
+        assumed_height_m: Height of an object without returns, by whose height in the image it is moved.
+    """
+
+    min_shared: float = 0.5
+    min_iou: float = 0.2
+    min_iou_px: float = 0.4
+    assumed_height_m: float = 1.6
+
+
+@dataclass(frozen=True)
 class VehicleConfig:
     """Vehicles stage: points, distance and box of each detection, and its track.
 
@@ -141,6 +159,7 @@ class VehicleConfig:
             that fits too badly to count may still hold returns that are not another object's.
         class_height_deviation_m: Standard deviation of the height in one scan, which tells classes of vehicles apart.
         class_score_weight: Weight of the logarithm of scores beside that of the likelihood of a height.
+        joining: Joining of the detections of several cameras.
         tracker: Tracker of vehicles.
     """
 
@@ -155,4 +174,5 @@ class VehicleConfig:
     min_existence: float = 0.05
     class_height_deviation_m: float = 0.1
     class_score_weight: float = 0.5
+    joining: CameraJoiningConfig = field(default_factory=CameraJoiningConfig)
     tracker: VehicleTrackerConfig = field(default_factory=VehicleTrackerConfig)

@@ -12,6 +12,8 @@ from perception.types import Bool
 def is_duplicate(observations: VehicleObservations, config: DuplicateConfig) -> Bool:
     """Return (D,) whether each detection is a second one of an object that a better one has found."""
     covers = covered(observations, observations, config)
+    # Detections of two cameras have been joined on the ground.
+    covers &= observations.cameras[:, None] == observations.cameras
     best_first = np.argsort(-observations.detections.scores, kind="stable")
     is_single = np.zeros(len(observations), bool)
     for row in best_first.tolist():

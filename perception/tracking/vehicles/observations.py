@@ -1,5 +1,6 @@
 """Detections of one frame as observations in the world: located by their returns, or by their height in the image."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Self
 
@@ -31,7 +32,7 @@ _CAMERA = MODALITIES.index("rgb")
 
 @dataclass(frozen=True)
 class FrameGeometry:
-    """Time, pose and projection of one frame.
+    """Time, pose and projection of one frame in one camera.
 
     Attributes:
         stamp_s: Time of the scan.
@@ -85,7 +86,8 @@ class VehicleObservations(ArrayTable):
 
     Attributes:
         rows: (D,) rows among all detections of the frame.
-        detections: (D) detections in the image.
+        cameras: (D,) number of the camera of each.
+        detections: (D) detections in the image of that camera.
         boxes_world: (D) boxes in the world; of a detection without returns without extent but the assumed height.
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
@@ -94,6 +96,7 @@ class VehicleObservations(ArrayTable):
     """
 
     rows: Int
+    cameras: Int
     detections: Detections
     boxes_world: Boxes3D
     is_located: Bool
@@ -105,36 +108,54 @@ class VehicleObservations(ArrayTable):
     def of(
         cls,
         vehicles: Vehicles,
+        cameras: Sequence[FrameGeometry],
+        classes: NDArray[np.str_],
+        config: VehicleTrackerConfig,
+    ) -> Self:
+        """Transform vehicles to the world, those of one camera after those of another.
+
+        Args:
+            vehicles: Located detections of the frame.
+            cameras: Pose and projection of the frame in each camera.
+            classes: (C,) classes of the tracker.
+            config: Noise, minimum existence, and the overlap of detections at one place.
+        """
+        return cls.concatenate(
+            cls._of_camera(vehicles, camera, frame, classes, config)
+            for camera, frame in enumerate(cameras)
+        )
+
+    @classmethod
+    def _of_camera(
+        cls,
+        vehicles: Vehicles,
+        camera: int,
         frame: FrameGeometry,
         classes: NDArray[np.str_],
         config: VehicleTrackerConfig,
     ) -> Self:
-        """Transform vehicles to the world.
-
-        Args:
-            vehicles: Located detections of the frame.
-            frame: Pose and camera.
-            classes: (C,) classes of the tracker.
-            config: Noise, minimum existence, and the overlap of detections at one place.
-        """
-        detections = vehicles.fused.detections
+        own = np.flatnonzero(vehicles.cameras == camera)
+        fused = vehicles.fused[own]
+        detections = fused.detections
         class_scores = _class_scores(detections, classes, config.duplicates.same_place_iou)
         is_person = ~SizePriors.of(detections.types).has_sides
-        sources = vehicles.fused.source_indices >= 0
+        sources = fused.source_indices >= 0
         has_camera = bool(sources[:, _CAMERA].any() or not sources.any())
         likely = existence(class_scores.sum(axis=1), is_person, has_camera, config.evidence)
         kept = np.flatnonzero(likely >= config.min_existence)
-        detections, boxes = detections[kept], vehicles.boxes[kept]
+        rows = own[kept]
+        detections, boxes = detections[kept], vehicles.boxes[rows]
         heights_m = _image_heights_m(boxes, detections.boxes_px, frame)
         is_located = np.isfinite(boxes.bottom_m[:, 0])
         assumed, assumed_noise = _assumed(detections.boxes_px, frame, config)
         located = transform_boxes(frame.world_SE3_velo, boxes)
-        noise = _located_noise(boxes, vehicles.point_counts[kept], config)
-        rows = np.flatnonzero(is_located)
+        noise = _located_noise(boxes, vehicles.point_counts[rows], config)
+        known = np.flatnonzero(is_located)
         return cls(
-            kept,
+            rows,
+            np.full(len(rows), camera),
             detections,
-            assumed.replaced(rows, located[rows]),
+            assumed.replaced(known, located[known]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
             class_scores[kept],

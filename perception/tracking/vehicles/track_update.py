@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
 from perception.tracking.vehicles.config import VehicleTrackerConfig
@@ -24,12 +25,34 @@ def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig
     return replace(tracks, mean=states.mean, covariance=states.covariance)
 
 
-def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry) -> Float64:
-    """Return (T, 4) the predicted box of each track within the image, which moves and grows as its 3D box; NaN behind the camera."""
+def expected_boxes_px(
+    tracks: VehicleTable, frame: FrameGeometry, camera: int, config: VehicleTrackerConfig
+) -> Float64:
+    """Return (T, 4) the predicted box of each track within the image of a camera, NaN behind it.
+
+    The box in the image moves and grows as the 3D box; one that was last detected in the image of another camera, which
+    may have shown a part of it, is the outline of the 3D box.
+    """
     now_px = frame.project(tracks.middles_world)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
-    return frame.clip((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
+    boxes_px = frame.clip((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
+    if (others := np.flatnonzero(tracks.cameras != camera)).size:
+        boxes_px[others] = _outlines_px(tracks[others], now_px[others], frame, config)
+    return boxes_px
+
+
+def _outlines_px(
+    tracks: VehicleTable, now_px: Float64, frame: FrameGeometry, config: VehicleTrackerConfig
+) -> Float64:
+    """Return (T, 4) the outlines of 3D boxes, and boxes of the assumed height where the returns have given no 3D box."""
+    sizes_px = tracks.boxes_px[:, 2:] - tracks.boxes_px[:, :2]
+    height_px = frame.focal_px * config.assumed_height_m / now_px[:, 2:]
+    half_px = height_px / 2 * sizes_px / np.maximum(sizes_px[:, 1:], 1.0)
+    assumed_px = frame.clip(np.hstack([now_px[:, :2] - half_px, now_px[:, :2] + half_px]))
+    boxes_velo = tracks.boxes_velo(tracks.sizes_m, frame.world_SE3_velo)
+    outlines_px = box_outlines_px(frame.image_P_velo, boxes_velo, frame.image_size_px)
+    return np.where(tracks.is_located[:, None], outlines_px, assumed_px)
 
 
 def init_tracks(
@@ -54,6 +77,7 @@ def init_tracks(
         detections=np.ones(count, np.int64),
         last_seen_s=np.full(count, frame.stamp_s),
         boxes_px=observations.detections.boxes_px,
+        cameras=observations.cameras,
         anchors_px=np.zeros((count, 3)),
         is_located=observations.is_located,
         last_located_s=np.full(count, frame.stamp_s),
@@ -86,6 +110,7 @@ def update_tracks(
         detections=tracks.detections + 1,
         last_seen_s=np.full(len(tracks), frame.stamp_s),
         boxes_px=np.where(np.isfinite(smoothed_px), smoothed_px, found_px),
+        cameras=observations.cameras,
     )
     return _anchored(_seen_on_ground(tracks, observations, frame, config), frame)
 

@@ -1,10 +1,11 @@
-"""Tracker of detected vehicles, in the image and on the ground.
+"""Tracker of detected vehicles, in the images and on the ground.
 
 A detection continues the track whose predicted box it overlaps in the image and whose predicted position it is near on
 the ground. Both complement each other: the image distinguishes far vehicles of few returns, the ground those that
-occlude each other.
+occlude each other. Where another camera detects the object, its track continues by the outline of its 3D box there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,24 +75,24 @@ class VehicleTracker:
         """Update the tracks by the detections of one frame.
 
         Args:
-            vehicles: Located detections of the frame, without ids.
-            frame: Time and camera; a frame that is not later than the last one clears the tracks.
+            vehicles: Located detections of the frame, each object once, without ids.
+            frame: Time and cameras; a frame that is not later than the last one clears the tracks.
             world_SE3_velo: (4, 4) pose of the frame.
             tracks: Moving objects in the same scan, with the ids of their own tracker; None without one.
         """
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
             self.clear()
-        calibration, size_px = camera_of(frame)
-        frame_geometry = FrameGeometry(
-            frame.stamp_s, world_SE3_velo, calibration.image_P_velo, size_px
-        )
-        self._predict(frame_geometry)
+        cameras = [
+            FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo, size_px)
+            for calibration, size_px in map(camera_of, frame.views)
+        ]
+        self._predict(cameras[0])
         self._learn_classes(vehicles.fused.detections.types)
-        observations = VehicleObservations.of(vehicles, frame_geometry, self._classes, self._config)
-        self._update_and_init(observations, frame_geometry)
+        observations = VehicleObservations.of(vehicles, cameras, self._classes, self._config)
+        self._update_and_init(observations, cameras)
         types = self._types(self._tracks)
-        tracks = self._give_ids(frame_geometry, types, tracks or Tracks.empty())
-        return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry, types), tracks)
+        tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
+        return VehicleTrackerResult(self._with_tracks(vehicles, cameras, types), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
         """Predict the tracks, and delete those unseen for too long."""
@@ -114,35 +115,47 @@ class VehicleTracker:
         self._tracks = replace(self._tracks, class_evidence=evidence)
 
     def _update_and_init(
-        self, observations: VehicleObservations, frame_geometry: FrameGeometry
+        self, observations: VehicleObservations, cameras: Sequence[FrameGeometry]
     ) -> None:
         """Continue tracks by detections, those that surely exist first, and begin new tracks by the others."""
         config = self._config
         observations = observations[~is_duplicate(observations, config.duplicates)]
         existence, track_of = observations.existence, np.full(len(observations), -1)
-        expected_px = expected_boxes_px(self._tracks, frame_geometry)
-        costs = self._costs(observations, expected_px)
+        expected_px = np.stack(
+            [
+                expected_boxes_px(self._tracks, geometry, camera, config)
+                for camera, geometry in enumerate(cameras)
+            ]
+        )
+        # Observations are in the order of their cameras.
+        costs = np.hstack(
+            [
+                self._costs(observations[observations.cameras == camera], boxes_px)
+                for camera, boxes_px in enumerate(expected_px)
+            ]
+        )
         sure, free = existence >= config.high_existence, np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
             left = costs[np.ix_(free, chosen)]
             pairs = assign_with_max_cost(left, np.isfinite(left), config.max_cost)
             track_of[chosen[pairs.detections]] = free[pairs.tracks]
             free = free[pairs.unmatched_tracks]
-        seen = np.flatnonzero(track_of >= 0)
-        rows = track_of[seen]
-        corrected = update_tracks(
-            self._tracks[rows], observations[seen], expected_px[rows], frame_geometry, config
-        )
-        self._tracks = self._tracks.replaced(rows, corrected)
+        for camera, geometry in enumerate(cameras):
+            seen = np.flatnonzero((track_of >= 0) & (observations.cameras == camera))
+            rows = track_of[seen]
+            corrected = update_tracks(
+                self._tracks[rows], observations[seen], expected_px[camera][rows], geometry, config
+            )
+            self._tracks = self._tracks.replaced(rows, corrected)
         missed = np.zeros(len(self._tracks))
         missed[free] = config.evidence.miss
         self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
-        new = np.flatnonzero((track_of < 0) & (existence >= config.new_track_existence))
-        if len(new):
+        is_new = (track_of < 0) & (existence >= config.new_track_existence)
+        for camera, geometry in enumerate(cameras):
+            new = np.flatnonzero(is_new & (observations.cameras == camera))
             track_of[new] = len(self._tracks) + np.arange(len(new))
-            self._tracks = self._tracks.joined(
-                init_tracks(observations[new], frame_geometry, config)
-            )
+            if len(new):
+                self._tracks = self._tracks.joined(init_tracks(observations[new], geometry, config))
         is_tracked = track_of >= 0
         self._seen, self._track_of = observations.rows[is_tracked], track_of[is_tracked]
 
@@ -189,10 +202,10 @@ class VehicleTracker:
         return np.where((tracks.riding_votes > 0) & (types == _WALKER), _RIDER, types)
 
     def _with_tracks(
-        self, vehicles: Vehicles, frame_geometry: FrameGeometry, types: NDArray[np.str_]
+        self, vehicles: Vehicles, cameras: Sequence[FrameGeometry], types: NDArray[np.str_]
     ) -> Vehicles:
         """Return the detections with the ids, classes, motion and boxes of their tracks."""
-        seen, tracks = self._seen, self._tracks[self._track_of]
+        seen, tracks, frame_geometry = self._seen, self._tracks[self._track_of], cameras[0]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
         is_known = is_velocity_known(tracks, self._config)
@@ -200,7 +213,12 @@ class VehicleTracker:
             frame_geometry.world_SE3_velo
         )
         boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._config)
-        boxes_px = _blended_boxes_px(tracks, boxes[seen], frame_geometry, self._config)
+        boxes_px = tracks.boxes_px.copy()
+        for camera, geometry in enumerate(cameras):
+            rows = np.flatnonzero(tracks.cameras == camera)
+            boxes_px[rows] = _blended_boxes_px(
+                tracks[rows], boxes[seen[rows]], geometry, self._config
+            )
         covariances, is_located = vehicles.covariances.copy(), tracks.is_located
         covariances[seen[is_located]] = covariances_velo(
             tracks.covariance[is_located], frame_geometry.world_SE3_velo

@@ -21,6 +21,7 @@ class VehicleTable(GroundPlaneTracks):
         detections: (T,) number of detections.
         last_seen_s: (T,) time of the last detection.
         boxes_px: (T, 4) box in the image at the last detection.
+        cameras: (T,) number of the camera of that image.
         anchors_px: (T, 3) column, row and depth in metres of the middle of the 3D box at the last detection.
         is_located: (T,) whether it was ever located by its returns; otherwise its position is assumed from its
             height in the image, and heading and size are void.
@@ -40,6 +41,7 @@ class VehicleTable(GroundPlaneTracks):
     detections: Int
     last_seen_s: Float64
     boxes_px: Annotated[Float64, 4]
+    cameras: Int
     anchors_px: Annotated[Float64, 3]
     is_located: Bool
     last_located_s: Float64

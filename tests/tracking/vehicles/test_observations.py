@@ -38,7 +38,7 @@ def test_a_box_that_leaves_the_image_ends_at_its_edge():
 def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
     fused = replace(detected(cars((20.0, 4.0, 0.0)), 0.3), existence=np.array([0.97]))
     vehicles = locate(fused, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
     np.testing.assert_allclose(seen.existence, [0.3])
 
 
@@ -54,7 +54,7 @@ def test_scores_of_the_maps_alone_understate_that_something_is_there(sources, ex
     shown = detected(cars((20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.2])
     shown = replace(shown, source_indices=np.array(sources))
     vehicles = locate(shown, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
     np.testing.assert_allclose(seen.existence, expected, atol=1e-3)
 
 
@@ -65,7 +65,7 @@ def test_people_are_as_likely_in_the_maps_alone_as_with_the_camera():
     for sources in ([[0, 0, -1], [1, -1, -1]], [[-1, 0, -1], [-1, 1, -1]]):
         found = replace(shown, source_indices=np.array(sources))
         vehicles = locate(found, frame_of(road()), FlatRoad())
-        seen = VehicleObservations.of(vehicles, _GEOMETRY, types[:1], VehicleTrackerConfig())
+        seen = VehicleObservations.of(vehicles, [_GEOMETRY], types[:1], VehicleTrackerConfig())
         # Log-odds of 0 and -1.39, and 0.4 more for people.
         np.testing.assert_allclose(seen.existence, [0.599, 0.272], atol=1e-3)
 
@@ -87,7 +87,7 @@ def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, expected):
     shown = replace(shown, detections=replace(shown.detections, types=np.array([name])))
     vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
     classes = vehicles.fused.detections.types  # the van's by its height
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, classes, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], classes, VehicleTrackerConfig())
     assert seen.is_located.all()
     np.testing.assert_allclose(seen.existence, [expected], atol=0.03)
 
@@ -99,7 +99,7 @@ def test_the_height_of_what_the_upper_border_cuts_is_not_known():
     types = np.array(["Cyclist"])
     shown = replace(shown, detections=replace(shown.detections, boxes_px=boxes_px, types=types))
     vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, types, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], types, VehicleTrackerConfig())
     assert seen.existence[0] == pytest.approx(0.69, abs=0.01)
 
 
@@ -108,7 +108,7 @@ def test_scores_of_two_classes_at_one_place_add_up():
     types = np.array(["Car", "Van", "Van"])
     shown = replace(shown, detections=replace(shown.detections, types=types))
     vehicles = locate(shown, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
     np.testing.assert_allclose(seen.class_scores, [[0.5, 0.3], [0.5, 0.3], [0.0, 0.4]])
     np.testing.assert_allclose(seen.existence, [0.8, 0.8, 0.4])
 
@@ -117,7 +117,7 @@ def test_a_detection_without_returns_is_about_where_its_height_says():
     boxes = cars((30.0, 4.0, 0.0), (60.0, -4.0, 0.0), size_m=(4.0, 1.65, 1.6))
     frame = frame_of(road(step_m=1.0))
     vehicles = locate(detected(boxes), frame, FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
     assert not seen.is_located.any()
     expected = (boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3])[:, :2]
     # The nearer end of a car gives the height of its box.
@@ -132,7 +132,7 @@ def test_a_detection_without_returns_is_about_where_its_height_says():
 def test_a_detection_with_returns_is_where_they_are():
     boxes = cars((20.0, 4.0, 0.0))
     vehicles = locate(detected(boxes), frame_of(road(), sides(boxes)), FlatRoad())
-    seen = VehicleObservations.of(vehicles, _GEOMETRY, _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
     assert seen.is_located.all()
     expected = boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3]
     np.testing.assert_allclose(seen.boxes_world.bottom_m, expected, atol=0.3)

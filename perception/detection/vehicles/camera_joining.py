@@ -1,0 +1,152 @@
+"""Joining of the detections of several cameras: an object that two of them see is one vehicle.
+
+Cameras beside each other overlap at the borders of their images, where each shows a part of an object. The returns of
+the LiDAR tell whether both parts are of one object; the camera that shows more of it, more surely, keeps it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+
+from perception.detection.vehicles.config import CameraJoiningConfig
+from perception.geometry.box_overlap import iou_bev
+from perception.geometry.box_overlap_px import iou_px
+from perception.geometry.camera import box_outlines_px
+from perception.maps.projection import camera_of
+from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.observations import FrameGeometry
+from perception.types import Bool, Float64, Frame, Int, Vehicles
+
+
+def join_cameras(
+    located: Mapping[int, Vehicles], frame: Frame, config: CameraJoiningConfig | None = None
+) -> Vehicles:
+    """Return the vehicles of all cameras, each once, with the detection of the camera that shows it better.
+
+    Args:
+        located: Located detections in at least one camera of the frame, by its number.
+        frame: Frame of the detections.
+        config: When two detections are one object.
+    """
+    if located.keys() == {0}:
+        return located[0]
+    config = config or CameraJoiningConfig()
+    vehicles, owners = _concatenated(located)
+    cameras = [
+        FrameGeometry(frame.stamp_s, np.eye(4), calibration.image_P_velo, size_px)
+        for calibration, size_px in map(camera_of, frame.views)
+    ]
+    is_same = _share_returns(owners, len(vehicles), config.min_shared)
+    is_same |= _overlap(vehicles, cameras, config)
+    is_same &= vehicles.cameras[:, None] != vehicles.cameras
+    has_sides = SizePriors.of(vehicles.fused.detections.types).has_sides
+    is_same &= has_sides[:, None] == has_sides  # a person may stand in front of a car
+    quality = vehicles.fused.existence * _visible_shares(vehicles, cameras)
+    leaders = _leaders(is_same, quality)
+    distances_m = np.full(len(vehicles), np.inf)
+    np.fmin.at(distances_m, leaders, vehicles.distances_m)
+    joined = replace(
+        vehicles,
+        distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
+        owners=_merged_owners(owners, leaders, quality),
+    )
+    kept = np.flatnonzero(leaders == np.arange(len(leaders)))
+    best_first = np.argsort(-vehicles.fused.detections.scores[kept], kind="stable")
+    return joined.select(kept[best_first])
+
+
+def _concatenated(located: Mapping[int, Vehicles]) -> tuple[Vehicles, Int]:
+    """Return all M vehicles with their cameras, and (C, N) the vehicle of each point by each of the cameras."""
+    parts = [replace(part, cameras=np.full(len(part), camera)) for camera, part in located.items()]
+    starts = np.cumsum([0, *(len(part) for part in parts[:-1])])
+    owners = np.array([part.owners for part in parts], np.int64)
+    owners[owners >= 0] += starts.repeat((owners >= 0).sum(axis=1))
+    return Vehicles.concatenate(parts, owners[0]), owners
+
+
+def _share_returns(owners: Int, count: int, min_shared: float) -> Bool:
+    """Return (M, M) whether two vehicles have most returns of one of them in common."""
+    shared = np.zeros((count, count), np.int64)
+    for first, second in permutations(owners, 2):
+        both = np.flatnonzero((first >= 0) & (second >= 0))
+        np.add.at(shared, (first[both], second[both]), 1)
+    counts = np.bincount(owners[owners >= 0], minlength=count)
+    fewer = np.minimum(counts[:, None], counts)
+    return np.asarray((fewer > 0) & (shared >= min_shared * fewer))
+
+
+def _overlap(
+    vehicles: Vehicles, cameras: Sequence[FrameGeometry], config: CameraJoiningConfig
+) -> Bool:
+    """Return (M, M) whether two vehicles overlap on the ground, or in an image where one has no place there."""
+    is_same = np.zeros((len(vehicles), len(vehicles)), bool)
+    is_located = np.asarray(np.isfinite(vehicles.boxes.yaw_rad))
+    boxes_px = vehicles.fused.detections.boxes_px
+    for camera, other in permutations(np.unique(vehicles.cameras).tolist(), 2):
+        rows = np.flatnonzero(vehicles.cameras == camera)
+        others = np.flatnonzero(vehicles.cameras == other)
+        located, others_located = rows[is_located[rows]], others[is_located[others]]
+        on_ground = iou_bev(vehicles.boxes[located], vehicles.boxes[others_located])
+        is_same[np.ix_(located, others_located)] = on_ground >= config.min_iou
+        moved_px = _moved_px(
+            boxes_px[rows], cameras[camera], cameras[other], config.assumed_height_m
+        )
+        outlines_px = box_outlines_px(
+            cameras[other].image_P_velo, vehicles.boxes[rows], cameras[other].image_size_px
+        )
+        seen_px = np.where(is_located[rows, None], outlines_px, moved_px)
+        in_image = iou_px(np.nan_to_num(seen_px), boxes_px[others]) >= config.min_iou_px
+        in_image &= ~(is_located[rows, None] & is_located[others])
+        is_same[np.ix_(rows, others)] |= in_image
+    return is_same | is_same.T
+
+
+def _moved_px(
+    boxes_px: Float64, camera: FrameGeometry, other: FrameGeometry, height_m: float
+) -> Float64:
+    """Return (M, 4) boxes of objects of a height in one image as another shows them; NaN behind its camera."""
+    heights_px = np.maximum(boxes_px[:, 3] - boxes_px[:, 1], 1.0)
+    depths_m = camera.focal_px * height_m / heights_px
+    corners = (boxes_px[:, [column, row]] for column in (0, 2) for row in (1, 3))
+    moved = np.stack([other.project(camera.unproject(corner, depths_m)) for corner in corners])
+    return other.clip(np.hstack([moved[..., :2].min(axis=0), moved[..., :2].max(axis=0)]))
+
+
+def _visible_shares(vehicles: Vehicles, cameras: Sequence[FrameGeometry]) -> Float64:
+    """Return (M,) the share of the outline of each 3D box that is within its image; 1 without a box."""
+    shares = np.ones(len(vehicles))
+    for camera, geometry in enumerate(cameras):
+        rows = np.flatnonzero(vehicles.cameras == camera)
+        whole_px, cut_px = (
+            box_outlines_px(geometry.image_P_velo, vehicles.boxes[rows], size_px)
+            for size_px in (None, geometry.image_size_px)
+        )
+        whole, cut = (np.prod(one[:, 2:] - one[:, :2], axis=1) for one in (whole_px, cut_px))
+        shares[rows] = np.nan_to_num(cut / whole, nan=1.0)
+    return shares
+
+
+def _leaders(is_same: Bool, quality: Float64) -> Int:
+    """Return (M,) the best vehicle of which each is another detection: itself where there is none."""
+    leaders = np.arange(len(quality))
+    is_kept = np.zeros(len(quality), bool)
+    order = np.argsort(-quality, kind="stable")
+    for row in order.tolist():
+        better = order[(is_same[row] & is_kept)[order]]
+        leaders[row] = better[0] if len(better) else row
+        is_kept[row] = not len(better)
+    return leaders
+
+
+def _merged_owners(owners: Int, leaders: Int, quality: Float64) -> Int:
+    """Return (N,) the vehicle of each point, of several the best."""
+    merged = np.full(owners.shape[1], -1)
+    best = np.full(owners.shape[1], -np.inf)
+    for of_camera in owners:
+        vehicle = np.append(leaders, -1)[of_camera]
+        rank = np.append(quality, -np.inf)[vehicle]
+        is_better = rank > best
+        merged[is_better], best[is_better] = vehicle[is_better], rank[is_better]
+    return merged
