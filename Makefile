@@ -3,13 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick lint docs wheel bench bench-compare weights thesis format clean help
+.PHONY: demo test quick lint fuzz mutants docs wheel bench bench-compare weights thesis format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
 	@echo "make test   install with the developers' tools, lint, and run all tests on all cores"
 	@echo "make quick  the tests that take less than five seconds, read no KITTI frames and train nothing"
 	@echo "make lint   ruff and mypy"
+	@echo "make fuzz   damaged files for every parser; RUNS=1000000 for the long form, an hour on one core"
+	@echo "make mutants  which small changes of the code the tests do not notice: hours"
 	@echo "make docs   build the site into docs/_build, without a warning"
 	@echo "make wheel  build the wheel and the source archive into dist, and check them"
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
@@ -30,6 +32,16 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Files that no parser may stumble over: RUNS executions each, PARSERS="scan image" for some of them.
+RUNS ?= 20000
+PARSERS ?=
+fuzz: $(VENV)/.installed-fuzz
+	$(BIN)/python -m tests.fuzz.guided $(PARSERS) --runs $(RUNS)
+
+# Small changes of the code that the tests have to notice; `mutmut browse` shows those that they did not.
+mutants: $(VENV)/.installed-fuzz
+	$(BIN)/mutmut run $(MUTANTS)
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build
@@ -119,6 +131,10 @@ $(VENV)/.installed: $(BIN)/python pyproject.toml
 $(VENV)/.installed-dev: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
 	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-fuzz: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable ".[fuzz]"
+	@touch $@
 
 $(VENV)/.installed-bench: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable ".[bench]"

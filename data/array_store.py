@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ Arrays = Mapping[str, NDArray[Any]]
 _PART = ".part-"
 _ABANDONED_S = 3600.0  # a part as old as this is of a process that died
 _MAPPED_BYTES = 1 << 16  # smaller arrays are read outright: a map costs a file handle
+# What NumPy raises of a damaged file; it parses the header as Python.
+_DAMAGED = (ValueError, EOFError, SyntaxError, TokenError, TypeError, MemoryError)
 _RESCAN_SHARE = 0.02  # share of the budget that is written between two scans of the whole folder
 
 
@@ -86,7 +89,7 @@ class ArrayStore:
             os.utime(entry)  # it was used now
         except FileNotFoundError:
             return self._added(entry, make())
-        except (OSError, ValueError, EOFError) as error:
+        except (OSError, *_DAMAGED) as error:
             log.warning("replaced the damaged cache entry %s: %s", entry, error)
             self._discard(entry)
             return self._added(entry, make())
@@ -155,7 +158,7 @@ def _load(entry: Path) -> Arrays:
 
     Raises:
         FileNotFoundError: there is no such entry.
-        OSError, ValueError, EOFError: it is damaged.
+        OSError, or another of `_DAMAGED`: it is damaged.
     """
     arrays = {path.stem: _open(path) for path in entry.iterdir()}
     if not arrays:

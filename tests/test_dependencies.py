@@ -17,6 +17,7 @@ CALLED = {
     "sphinx": "-m sphinx",
     "build": "-m build",
     "twine": "/twine check",
+    "mutmut": "/mutmut run",
 }
 LOADED_BY_OTHERS = {"onnxscript", "myst-parser", "furo", "hatchling"}
 # Imported under another name; those that are installed say so themselves.

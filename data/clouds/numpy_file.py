@@ -6,8 +6,9 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Sequence
+from operator import index
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ def _arrays(data: bytes, path: Path) -> dict[str, NDArray[Any]]:
                 one.filename.removesuffix(".npy"): _array(archive.read(one), path)
                 for one in entries
             }
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, ValueError) as error:
         raise ScanError(path, expected="a .npz archive of arrays", found=str(error)) from error
 
 
@@ -102,7 +103,8 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
         )
         header = ast.literal_eval(file.read(size).decode("utf-8" if version[0] == 3 else "latin1"))
         dtype = np.lib.format.descr_to_dtype(header["descr"])
-        shape, order = tuple(header["shape"]), "F" if header["fortran_order"] else "C"
+        shape = tuple(map(index, header["shape"]))
+        order: Literal["F", "C"] = "F" if header["fortran_order"] else "C"
         count = int(np.prod(shape, dtype=object))
     except (ValueError, SyntaxError, KeyError, TypeError, struct.error, MemoryError) as error:
         raise ScanError(

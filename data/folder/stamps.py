@@ -15,6 +15,7 @@ from perception.types import Int
 _SECONDS = re.compile(r"(?:.*[^0-9])?([0-9]{9,10})[._-]([0-9]{3,9})")
 _WHOLE = re.compile(r"(?:.*[^0-9])?([0-9]{13}|[0-9]{16}|[0-9]{18,19})")
 _UNIT_NS = {13: 1_000_000, 16: 1_000, 18: 1, 19: 1}  # 18 where nanoseconds are from 1980 on
+_MAX_NS = 2**63
 _NUMBER = re.compile(r"-?([0-9]+)(?:\.([0-9]*))?(?:[eE][+-]?[0-9]+)?")
 
 
@@ -64,7 +65,11 @@ def read_stamps(path: Path, count: int) -> Int:
 
 def parse_stamp(text: str) -> int | None:
     """Return the nanoseconds of a row, or None where it is no time."""
-    words = text.replace(",", " ").replace(";", " ").split()
+    stamp_ns = _parse(text.replace(",", " ").replace(";", " ").split())
+    return stamp_ns if stamp_ns is not None and abs(stamp_ns) < _MAX_NS else None
+
+
+def _parse(words: list[str]) -> int | None:
     number = _NUMBER.fullmatch(words[-1]) if words else None
     try:
         if number is None:

@@ -103,5 +103,6 @@ def _scalar(hint: Any, value: object, where: str) -> object:  # noqa: ANN401 - o
 
 def _unfitting(where: str, expected: str, value: object) -> DriveError:
     found = _WORDS.get(type(value), type(value).__name__)
-    shown = f"{value}" if isinstance(value, (str, int, float)) else found
+    # One line, whatever the file holds.
+    shown = " ".join(f"{value}"[:80].split()) if isinstance(value, (str, int, float)) else found
     return DriveError(where, expected=expected, found=shown or "nothing")

@@ -60,7 +60,7 @@ def read_config(path: Path) -> dict[str, Any]:
         document = json.loads(text) if path.suffix == ".json" else yaml.load(text, loader)
     except OSError as error:
         raise _unreadable(path, str(error.strerror)) from error
-    except (ValueError, yaml.YAMLError) as error:
+    except (ValueError, RecursionError, yaml.YAMLError) as error:
         raise _unreadable(path, " ".join(str(error).split())) from error
     if document is None:
         return {}

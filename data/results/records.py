@@ -7,6 +7,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from data.kitti.reading import read_text
 from data.results.documents import to_serializable
 from perception.atomic_file import append_atomically
 from perception.errors import LabelError
@@ -29,7 +30,7 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
     Raises:
         LabelError: The file cannot be read, or a line is no record of this kind.
     """
-    lines = _text(path, "a JSON Lines file").splitlines()
+    lines = read_text(path, LabelError, "a JSON Lines file").splitlines()
     return [_record(f"{path} line {n}", line, kind) for n, line in enumerate(lines, start=1)]
 
 
@@ -43,20 +44,13 @@ def read_record(path: Path, kind: type[Record]) -> Record:
     Raises:
         LabelError: The file cannot be read, or is no document of this kind.
     """
-    return _record(path, _text(path, "a JSON file"), kind)
-
-
-def _text(path: Path, expected: str) -> str:
-    try:
-        return path.read_text()
-    except OSError as error:
-        raise LabelError(path, expected=expected, found=str(error.strerror)) from error
+    return _record(path, read_text(path, LabelError, "a JSON file"), kind)
 
 
 def _record(where: Path | str, text: str, kind: type[Record]) -> Record:
     try:
         record: Record = _parse(kind, json.loads(text))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         found = repr(text[:80])
         raise LabelError(where, expected=f"a {kind.__name__}", found=found) from error
     return record
