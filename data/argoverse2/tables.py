@@ -85,7 +85,7 @@ def _decode(path: Path, data: bytes, kind: type[PerceptionError], what: str) -> 
     try:
         table = feather.read_table(BufferReader(data))
         table.validate(full=True)
-    except (ArrowException, OSError) as error:
+    except (ArrowException, OSError, ValueError) as error:
         raise kind(
             path,
             expected=f"{what} as a feather table",

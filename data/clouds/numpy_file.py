@@ -117,4 +117,4 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
     if count < 0 or count * dtype.itemsize > len(data) - file.tell():
         raise truncated_scan(path, count, dtype.itemsize, len(data) - file.tell())
     flat = np.frombuffer(data, dtype, count=count, offset=file.tell())
-    return flat.reshape(shape, order=order)  # type: ignore[call-overload,no-any-return]
+    return flat.reshape(shape, order=order)
