@@ -33,6 +33,7 @@ _MIN_GRAZING = 0.02
 # Squared noise along the normal of a surface, relative to that along the surface (GICP, Segal et al. 2009).
 _FLATNESS = 1e-3
 _LOOSER = 3.0  # steps so much larger than the last one still keep their matches, and end the alignment of a quarter
+_EIGHTHS = 8
 _TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points that far away
 
 # Number of the bar of each cell, along x first, and (bars + 1, 2) bits and first voxel of each bar.
@@ -502,6 +503,72 @@ def _add_prior(
             hessian[i, j] += prior[i, j]
 
 
+@compiled((NUMBER, NUMBER))
+def _eighth(x: float, y: float) -> int:
+    """Return which of the eighths of a turn a direction is in, 0 to 7."""
+    eighth = 0
+    if y < 0:
+        eighth, x, y = 4, -x, -y
+    if x < 0:
+        eighth, x, y = eighth + 2, y, -x
+    return eighth + 1 if y > x else eighth
+
+
+@compiled((_ROWS, _ROWS, _ROWS, array_of(np.int64), _ROWS, written(np.float64, 2)))
+def _leave_out_eighths(
+    target: Float64,
+    source: Float64,
+    target_SE3_source: Float64,
+    nearest: Int,
+    determined: Float64,
+    covariance: Float64,
+) -> bool:
+    """Write the covariance of an alignment by how far it moves without the matches of each eighth of the surroundings.
+
+    It is the jackknife over blocks: matches of one wall, one row of trees or one stretch of road err alike, however many
+    they are, and what is near to each other is mostly in one eighth.
+
+    Args:
+        target: (M, 6) points and normals of the target.
+        source: (N, 6) points and normals of the source.
+        target_SE3_source: (4, 4) pose of the source.
+        nearest: (N,) row of the target that each point matches, -1 for none.
+        determined: (6, 6) information matrix of the alignment; its upper triangle is read.
+        covariance: (6, 6) matrix that is written.
+
+    Returns:
+        Whether the other matches determine the alignment without any eighth.
+    """
+    eighths, starts = np.empty(len(source), np.int64), np.zeros(_EIGHTHS + 1, np.int64)
+    for row in range(len(source)):
+        x, y, _ = _moved_point(source, row, target_SE3_source)
+        eighths[row] = _eighth(x, y)
+        starts[eighths[row] + 1] += 1
+    starts = np.cumsum(starts)
+    ordered, matches, ends = (
+        np.empty((len(source), 6)),
+        np.empty(len(source), np.int64),
+        starts[:-1].copy(),
+    )
+    for row in range(len(source)):
+        place = ends[eighths[row]]
+        for column in range(6):
+            ordered[place, column] = source[row, column]
+        matches[place] = nearest[row]
+        ends[eighths[row]] += 1
+    covariance[:] = 0
+    for eighth in range(_EIGHTHS):
+        part = slice(starts[eighth], starts[eighth + 1])
+        hessian, motion = np.zeros((6, 6)), np.zeros(6)
+        _add_matches(target, ordered[part], 1, target_SE3_source, matches[part], hessian, motion)
+        if not _solve(determined - hessian, motion):
+            return False
+        for i in range(6):
+            for j in range(6):
+                covariance[i, j] += motion[i] * motion[j] * (_EIGHTHS - 1) / _EIGHTHS
+    return True
+
+
 @compiled(
     (
         _ROWS,
@@ -542,11 +609,12 @@ def align_surfaces(
 
     Returns:
         (4, 4) `target_SE3_source`, the number of matches, the sum of half their squared errors, whether the last
-        step was small enough, and the upper triangle of the (6, 6) information of a small motion, a rotation vector and
-        a translation in the frame of the target, in the unit of the errors.
+        step was small enough, and the (6, 6) covariance of a small motion, a rotation vector and a translation in the
+        frame of the target, by how well the matches of each eighth of the surroundings agree; NaN where they do not
+        determine it.
     """
     pose, matches, error, is_converged = initial_guess.copy(), 0, 0.0, False
-    determined = np.zeros((6, 6))
+    determined, covariance = np.zeros((6, 6)), np.full((6, 6), np.nan)
     nearest = np.empty(len(source), np.int64)
     for stride in (4, 1):
         is_small = False
@@ -565,7 +633,7 @@ def align_surfaces(
                 _add_prior(pose, initial_guess, information, hessian, motion)
             determined[:] = hessian
             if not _solve(hessian, motion):
-                return initial_guess.copy(), 0, 0.0, False, determined
+                return initial_guess.copy(), 0, 0.0, False, covariance
             pose = _moved(motion, pose)
             turn = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
             way = np.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
@@ -573,7 +641,9 @@ def align_surfaces(
             is_converged = is_small and (stride > 1 or (turn < steps[0] and way < steps[1]))
             if is_converged:
                 break
-    return pose, matches, error, is_converged, determined
+    if not _leave_out_eighths(target, source, pose, nearest, determined, covariance):
+        covariance[:] = np.nan
+    return pose, matches, error, is_converged, covariance
 
 
 @compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER))

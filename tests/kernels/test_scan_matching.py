@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from perception.geometry.se3 import from_euler
+from perception.geometry.se3 import cross_matrix, from_euler
 from perception.kernels.scan_matching import (
     align_surfaces,
     distances_to_surfaces,
@@ -119,6 +119,47 @@ def test_what_a_beam_hits_in_leaves_is_no_surface(elevation: float | None, share
     moments, table = voxel_moments(points.astype(np.float32), EDGE_M)
     normals = means_and_normals(moments, table, EDGE_M)[:, 3:]
     assert normals.any(axis=1).mean() == pytest.approx(share, abs=0.06)
+
+
+def normal_equations(
+    target: np.ndarray, source: np.ndarray, pose: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the moved points, and the information and gradient of the match of each with the nearest of the target."""
+    moved = source[:, :3] @ pose[:3, :3].T + pose[:3, 3]
+    away_m, nearest = cKDTree(target[:, :3]).query(moved)
+    is_matched = away_m < EDGE_M
+    moved, matched = moved[is_matched], target[nearest[is_matched]]
+    turned = source[is_matched, 3:] @ pose[:3, :3].T
+    noise = 2 * np.eye(3) - 0.999 * sum(
+        normals[:, :, None] * normals[:, None] for normals in (turned, matched[:, 3:])
+    )
+    jacobians = np.concatenate(
+        [[-cross_matrix(point) for point in moved], np.tile(np.eye(3), (len(moved), 1, 1))], axis=2
+    )
+    weighted = np.linalg.solve(noise, jacobians)
+    residuals_m = matched[:, :3] - moved
+    information = np.einsum("nij,nik->njk", jacobians, weighted)
+    return moved, information, np.einsum("nij,ni->nj", weighted, residuals_m)
+
+
+def test_covariance_is_that_of_leaving_out_each_eighth_of_the_surroundings() -> None:
+    clouds = []
+    for seed in (0, 1):
+        moments, table = voxel_moments(street(seed), EDGE_M)
+        clouds.append((means_and_normals(moments, table, EDGE_M), table))
+    (target, table), (source, _) = clouds
+    # Steps so small that the matches are those of the pose.
+    pose, *_, covariance = align_surfaces(
+        target, table, EDGE_M, source, np.eye(4), EDGE_M, (1e-5, 1e-5), 30, 0.0
+    )
+    moved, information, gradients = normal_equations(target, source, pose)
+    eighths = np.floor(np.arctan2(moved[:, 1], moved[:, 0]) % (2 * np.pi) / (np.pi / 4))
+    expected = np.zeros((6, 6))
+    for eighth in range(8):
+        rows = eighths == eighth
+        motion = np.linalg.solve(information[~rows].sum(axis=0), gradients[rows].sum(axis=0))
+        expected += 7 / 8 * np.outer(motion, motion)
+    np.testing.assert_allclose(covariance, expected, atol=1e-3 * np.abs(expected).max())
 
 
 def test_points_beyond_the_map_are_left_out() -> None:

@@ -1,8 +1,9 @@
 """Covariances of poses: what a keyframe's rotation does to a pose ahead of it, and how they grow."""
 
 import numpy as np
+from scipy.stats import chi2
 
-from perception.geometry.se3 import from_euler
+from perception.geometry.se3 import from_euler, rotation_vector
 from perception.localization.alignment import Alignment
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
@@ -56,3 +57,20 @@ def test_poses_become_less_certain_from_keyframe_to_keyframe():
     assert (deviations[-1][:3] < 0.1).all()
     for one in found:
         assert (np.linalg.eigvalsh(one.covariance) > -1e-12).all()
+
+
+def test_intervals_of_a_step_hold_what_they_say():
+    held = []
+    for seed in range(0, 60, 2):
+        odometry = LidarOdometry()
+        start, pose = path(2, speed_m_s=10.0, turn_rad_s=0.1)
+        odometry.update(observed_from(start, seed), 0.0)
+        found = odometry.update(observed_from(pose, seed + 1), STEP_S)
+        turn = rotation_vector(found.world_SE3_velo[:3, :3] @ pose[:3, :3].T)
+        errors = found.world_SE3_velo[:3, 3] - pose[:3, 3], turn
+        parts = found.covariance[:3, :3], found.covariance[3:, 3:]
+        held.extend(
+            error @ np.linalg.solve(part, error) <= chi2.ppf(0.9, 3)
+            for error, part in zip(errors, parts, strict=True)
+        )
+    assert 0.8 <= np.mean(held) <= 0.99
