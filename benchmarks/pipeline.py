@@ -146,7 +146,7 @@ def _measure(results: Iterable[Result], frames: int) -> RunTiming:
         frames=frames,
         dropped=0,
         skipped=skipped,
-        frames_per_s=len(times.spans) / elapsed_s,
+        frames_per_s=len(times) / elapsed_s,
         median_ms=1e3 * float(np.median(latencies_s)),
         p99_ms=1e3 * float(np.percentile(latencies_s, 99)),
         stages=times.table("").rows,

@@ -12,11 +12,11 @@ import io
 import json
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from zipfile import ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
@@ -98,6 +98,36 @@ def _add(archive: ZipFile, name: str, data: bytes) -> None:
     archive.writestr(ZipInfo(name, _EPOCH), data)
 
 
+def restore_attributes(target: object, data: bytes, names: Sequence[str]) -> None:
+    """Set attributes of an object to those that `write_attributes` wrote.
+
+    Args:
+        target: Object of the same configuration.
+        data: What was written.
+        names: Names of the attributes.
+
+    Raises:
+        DriveError: The state is of other kinds of objects.
+    """
+    values = read_snapshot(data, type(target).__name__)
+    if not isinstance(values, dict) or tuple(values) != tuple(names):
+        raise _damaged(type(target).__name__, "it is of another version")
+    for name, value in values.items():
+        kinds = {type(value), type(getattr(target, name)), type(None)}
+        if len(kinds) > 2:  # one kind, or nothing at one of both times
+            raise _damaged(type(target).__name__, f"{name} is of another kind")
+        setattr(target, name, value)
+
+
+def write_attributes(source: object, names: Sequence[str]) -> bytes:
+    """Write attributes of an object, as `write_snapshot` does.
+
+    Raises:
+        NotStorableError: One holds what has no place in a file.
+    """
+    return write_snapshot({name: getattr(source, name) for name in names})
+
+
 class _Writer:
     """Numbers every value that is not plain, and describes it by the numbers of those that it refers to."""
 
@@ -120,35 +150,22 @@ class _Writer:
             self.nodes[number] = self._node(value)
         return [number]
 
-    def _node(self, value: Value) -> Node:  # noqa: PLR0911 - one line a kind
+    def _node(self, value: Value) -> Node:
         kind = type(value)
-        if isinstance(value, np.ndarray):
-            return self._array(value)
-        if isinstance(value, np.generic):
-            return {"scalar": self.reference(np.asarray(value))}
         if isinstance(value, Enum):
             return {"enum": _name_of(kind), "name": value.name}
-        if kind in (bytes, bytearray):
-            return {kind.__name__: self._memory(bytes(value))}
-        if kind is array:
-            return {"numbers": value.typecode, "bytes": self._memory(value.tobytes())}
-        if kind in (list, tuple, set, frozenset):
+        if kind in _ITEMS:
             return {kind.__name__: [self.reference(item) for item in value]}
-        if kind is deque:
-            items = [self.reference(item) for item in value]
-            return {"deque": items, "maxlen": value.maxlen}
-        if kind is dict:
-            return {"dict": [[self.reference(key), self.reference(value[key])] for key in value]}
+        if (node := _NODES.get(kind)) is not None:
+            return node(self, value)
+        if isinstance(value, np.generic):
+            return {"scalar": self.reference(np.asarray(value))}
         if isinstance(value, Path):
             return {"path": str(value)}
-        if isinstance(value, np.random.Generator):
-            return {"random": self.reference(value.bit_generator.state)}
-        if isinstance(value, tuple) or not _is_ours(kind):
-            raise NotStorableError(f"{kind.__module__}.{kind.__qualname__}")
         fields = {name: self.reference(item) for name, item in _fields(value)}
         return {"class": _name_of(kind), "fields": fields}
 
-    def _array(self, value: NDArray[Any]) -> Node:
+    def array(self, value: NDArray[Any]) -> Node:
         """Describe an array by its place in the memory of the array that owns it."""
         if value.dtype.hasobject:
             raise NotStorableError("an array of objects")
@@ -162,7 +179,7 @@ class _Writer:
             assert memory is not None
         number = self._memory_numbers.get(id(owner))
         if number is None:
-            number = self._memory_numbers[id(owner)] = self._memory(memory.tobytes())
+            number = self._memory_numbers[id(owner)] = self.memory(memory.tobytes())
             self._alive.append(owner)
         offset = value.__array_interface__["data"][0] - owner.__array_interface__["data"][0]
         return {
@@ -174,9 +191,25 @@ class _Writer:
             "is_writeable": value.flags.writeable,
         }
 
-    def _memory(self, data: bytes) -> int:
+    def memory(self, data: bytes) -> int:
+        """Keep bytes; return their number."""
         self.memories.append(data)
         return len(self.memories) - 1
+
+
+_ITEMS = (list, tuple, set, frozenset)
+_NODES: Mapping[type, Callable[[_Writer, Value], Node]] = {
+    np.ndarray: lambda to, value: to.array(value),
+    bytes: lambda to, value: {"bytes": to.memory(value)},
+    bytearray: lambda to, value: {"bytearray": to.memory(bytes(value))},
+    array: lambda to, value: {"numbers": value.typecode, "bytes": to.memory(value.tobytes())},
+    deque: lambda to, value: {
+        "deque": [to.reference(item) for item in value],
+        "maxlen": value.maxlen,
+    },
+    dict: lambda to, value: {"dict": [[*map(to.reference, pair)] for pair in value.items()]},
+    np.random.Generator: lambda to, value: {"random": to.reference(value.bit_generator.state)},
+}
 
 
 class _Reader:
@@ -202,7 +235,7 @@ class _Reader:
             return self._object(number, node)
         if kind in ("list", "dict"):
             return self._container(number, kind, content)
-        return {
+        makers: Mapping[str, Callable[[], Value]] = {
             "array": lambda: self._array(node),
             "scalar": lambda: self.value(content)[()],
             "enum": lambda: _class(content, Enum)[node["name"]],
@@ -215,7 +248,8 @@ class _Reader:
             "deque": lambda: deque(map(self.value, content), node["maxlen"]),
             "path": lambda: Path(content),
             "random": lambda: _generator(self.value(content)),
-        }[kind]()
+        }
+        return makers[kind]()
 
     def _container(self, number: int, kind: str, content: Value) -> Value:
         """Make a list or a dict, which what it holds may refer to."""
@@ -242,7 +276,8 @@ class _Reader:
         if number not in self._memories:
             # An array, so that what shares it now shares it in the next snapshot, too.
             self._memories[number] = np.frombuffer(bytearray(self._read(number)), np.uint8)
-        dtype = np.lib.format.descr_to_dtype(_as_descr(node["dtype"]))
+        to_dtype = cast("Callable[[Value], np.dtype[Any]]", np.lib.format.descr_to_dtype)
+        dtype = to_dtype(_as_descr(node["dtype"]))
         if dtype.hasobject:
             raise ValueError("an array of objects")
         made: NDArray[Any] = np.ndarray(
@@ -273,6 +308,9 @@ def _fields(value: Value) -> Iterator[tuple[str, Value]]:
 
 
 def _is_ours(kind: type) -> bool:
+    """Return whether objects of a class are stored: plain ones of our packages."""
+    if issubclass(kind, tuple | dict | list | BaseException):
+        return False
     return kind.__module__.partition(".")[0] in _OURS and "<locals>" not in kind.__qualname__
 
 
@@ -285,7 +323,7 @@ def _name_of(kind: type) -> str:
 def _class(name: str, base: type) -> Any:  # noqa: ANN401 - a class, whose kind the caller knows
     """Return a class of ours by its name."""
     module, _, path = name.partition(":")
-    if module.partition(".")[0] not in _OURS:
+    if module.partition(".")[0] not in _OURS or "__" in module:  # __main__ is a program
         raise ValueError(f"a class of {module}")
     found: Any = importlib.import_module(module)
     for part in path.split("."):
@@ -299,7 +337,7 @@ def _generator(state: Value) -> np.random.Generator:
     if not isinstance(state, dict) or state.get("bit_generator") != "PCG64":
         raise ValueError("another random generator")
     generator = np.random.PCG64()
-    generator.state = state
+    generator.state = cast("Any", state)
     return np.random.Generator(generator)
 
 
@@ -307,6 +345,4 @@ def _as_descr(descr: Value) -> Value:
     """Return the description of a type as NumPy has it: its fields are tuples, which JSON has not."""
     if isinstance(descr, str):
         return descr
-    return [
-        (name, _as_descr(kind), *(tuple(one) for one in shape)) for name, kind, *shape in descr
-    ]
+    return [(name, _as_descr(kind), *(tuple(one) for one in shape)) for name, kind, *shape in descr]

@@ -32,6 +32,20 @@ _SLOW = (
 )
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the number of kills of what is killed and resumed."""
+    parser.addoption(
+        "--kills", type=int, default=2, help="random kills a test; 100 in `make reliability`"
+    )
+
+
+@pytest.fixture(scope="session")
+def kills(request: pytest.FixtureRequest) -> int:
+    """Return how often a test kills what it resumes."""
+    number: int = request.config.getoption("--kills")
+    return number
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests that read real frames, those that train, and those that run whole commands."""
     for item in items:

@@ -9,7 +9,13 @@ ROOT = Path(__file__).parents[1]
 
 # Lowest first; a module may import its own layer and the layers below it.
 LAYERS = [
-    {"perception.types", "perception.errors", "perception.sensor", "perception.atomic_file"},
+    {
+        "perception.types",
+        "perception.errors",
+        "perception.sensor",
+        "perception.atomic_file",
+        "perception.snapshot",
+    },
     {"perception.kernels"},
     {"perception.geometry"},
     {"perception.localization"},

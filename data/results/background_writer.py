@@ -30,6 +30,15 @@ class BackgroundWriter(ResultWriter):
         self._wait_for(_MAX_QUEUED - 1)
         self._queue.append(self._worker.submit(self._writer.add, result, selected))
 
+    def snapshot(self) -> bytes:
+        """Write the queue; return the snapshot of the writer."""
+        self._wait_for(0)
+        return self._writer.snapshot()
+
+    def restore(self, snapshot: bytes) -> None:
+        """Restore the writer."""
+        self._writer.restore(snapshot)
+
     def close(self, *, is_complete: bool) -> None:
         """Write the queue and finish; incomplete where something goes wrong meanwhile."""
         is_written = False

@@ -20,6 +20,7 @@ Item = TypeVar("Item")
 
 CONFIG = "config.yaml"
 _RESULTS = Path("results")
+LATEST = _RESULTS / "latest"
 _VIDEO = {
     "video.mp4": "video",
     "video.partial.mp4": "video of a run that stopped early",
@@ -41,6 +42,7 @@ _RUN = {
     "timeline.png": "start and end of each stage in a typical frame",
     "results.mcap": "messages of ROS 2 and Foxglove; only with `--mcap`",
     "summary.json": "the printed summary",
+    "checkpoint.zip": "state of a run that was stopped; only until it is complete",
     "report.html": "summary, player, figures; this and the next two only with the extra `report`",
     "report.json": "versions, panels of the video, errors against labels",
     "panels/*.jpg": "two views of up to 200 frames; only without the video",
@@ -100,10 +102,12 @@ class ResultsFolder:
     Attributes:
         path: Path of the folder; None for a new one, results/<time>.
         config: Configuration of the command.
+        is_resumed: Whether the files in it are gone on with, and not removed.
     """
 
     path: Path | None
     config: CommandConfig
+    is_resumed: bool = False
 
     @classmethod
     def choose(cls, path: Path | None, config: CommandConfig, *, overwrite: bool) -> Self:
@@ -131,6 +135,8 @@ class ResultsFolder:
         Raises:
             WriteError: The folder cannot be written to.
         """
+        if self.is_resumed and self.path is not None:
+            return self.path
         with writing(self.path or _RESULTS):
             path = self.path or _new_folder()
             if command_of(path) == self.config.command:
@@ -174,6 +180,7 @@ def _results_in(path: Path, command: str) -> list[Path]:
     """Return the files of a command in a folder, whole ones and parts, `config.yaml` last."""
     patterns = list(RESULT_FILES[command])
     patterns += [str(part_of(Path(pattern))) for pattern in patterns]
+    patterns += ["tables/.*.part.arrows"] * (command in ("run", "demo"))
     found = {one for pattern in patterns for one in path.glob(pattern) if not one.is_dir()}
     return [*sorted(found), *path.glob(CONFIG)]
 
@@ -196,8 +203,7 @@ def _new_folder() -> Path:
         number += 1
         folder = _RESULTS / f"{name}_{number}"
     folder.mkdir(parents=True)
-    latest = _RESULTS / "latest"
-    if latest.is_symlink() or not latest.exists():
-        latest.unlink(missing_ok=True)
-        latest.symlink_to(folder.name)
+    if LATEST.is_symlink() or not LATEST.exists():
+        LATEST.unlink(missing_ok=True)
+        LATEST.symlink_to(folder.name)
     return folder

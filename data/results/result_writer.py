@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Protocol
 
 from perception.render.scene import SelectedObject
+from perception.snapshot import NotStorableError
 from perception.types import Result
 
 
@@ -21,6 +22,25 @@ class ResultWriter(Protocol):
             selected: Object that is tracked beside the pipeline, or None.
         """
         ...
+
+    def snapshot(self) -> bytes:
+        """Return what a new writer needs to go on from here; all that was added is in files then.
+
+        Raises:
+            NotStorableError: Its files cannot be continued.
+        """
+        raise NotStorableError(type(self).__name__)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from the snapshot of a writer of the same files; called before the first frame.
+
+        Args:
+            snapshot: What `snapshot` returned.
+
+        Raises:
+            PerceptionError: The files do not hold what was written then.
+        """
+        raise NotStorableError(type(self).__name__)
 
     def close(self, *, is_complete: bool) -> None:
         """Finish; called once.

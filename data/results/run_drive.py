@@ -5,6 +5,7 @@ import time
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 
+from data.results.checkpoint import Checkpoint, Checkpoints
 from data.results.documents import write_json
 from data.results.folder import ResultsFolder, started
 from data.results.result_writer import open_writers
@@ -28,6 +29,7 @@ def run_drive(
     results: Generator[Result, None, None],
     folder: ResultsFolder,
     config: RunConfig,
+    checkpoint: Checkpoint | None = None,
 ) -> RunSummary:
     """Write the results of the pipeline; every result file is complete after each frame.
 
@@ -36,20 +38,34 @@ def run_drive(
         results: Results of the pipeline, frame by frame; closed at the end.
         folder: Folder for the results; nothing is written before the first result is there.
         config: Configuration of the run.
+        checkpoint: Checkpoint that a run which was killed has left in the folder, where the results go on from it.
 
     Raises:
         PerceptionError: A frame cannot be used; the results of the frames before it stay.
     """
     pipeline, start_s = config.pipeline, time.perf_counter()
-    steps = started(track_selected(results, _handover(drive, config)))
+    handover = _handover(drive, config) if checkpoint is None else checkpoint.handover
+    steps = started(track_selected(results, handover))
     out = folder.prepare()
     summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
+    if checkpoint is not None:
+        checkpoint.rewind(out)
+        summary = replace(checkpoint.summary, out=out)
+        start_s -= summary.elapsed_s
+    checkpoints = Checkpoints(out, handover)
     with open_writers(run_writers(drive, out, config)) as writers:
+        if checkpoint is not None:
+            for writer, snapshot in zip(writers, checkpoint.writers, strict=True):
+                writer.restore(snapshot)
         try:
             for result, selected in steps:
                 for writer in writers:
-                    writer.add(result, selected)
+                    writer.add(replace(result, snapshot=None), selected)
                 summary.update(result, drive.point_truth(result.frame.index))
+                if result.snapshot is not None:
+                    summary.elapsed_s = time.perf_counter() - start_s
+                    checkpoints.write(result.frame.index + 1, result.snapshot, summary, writers)
+            summary.is_complete = True
         except PerceptionError:
             log.warning("frames done: %d; their results are kept in %s", summary.frames, out)
             raise
@@ -62,6 +78,7 @@ def run_drive(
         plot_timeline(
             out / "timeline.png", title, summary.times.typical(), 1 / drive.sensor.rate_hz
         )
+    checkpoints.remove()
     return summary
 
 

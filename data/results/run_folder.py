@@ -1,6 +1,7 @@
 """Results of `trifuse run`: every file is whole, whenever the run ends. `data.results.folder` lists the files."""
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -114,6 +115,13 @@ class RunFiles(ResultWriter):
             record = TrajectoryRecord.of(result, selected.tracked, selected.track_id, kind=None)
             append_record(out / "trajectory.jsonl", record)
 
+    def snapshot(self) -> bytes:
+        """Return nothing: the checkpoint knows how long the files are."""
+        return b""
+
+    def restore(self, snapshot: bytes) -> None:
+        """Do nothing: the files have been cut off."""
+
     def close(self, *, is_complete: bool) -> None:
         """Do nothing: the files are whole."""
 
@@ -210,3 +218,11 @@ def sample_ground(ground: GroundModel, area: LocalArea) -> tuple[Float64, Float6
     y = np.arange(-area.side_m, area.side_m + 0.5)
     xy_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     return xy_m, ground.height_m(xy_m)
+
+
+def is_complete(folder: Path) -> bool:
+    """Return whether a folder holds all results of a run; not of one that was stopped."""
+    with suppress(OSError, ValueError):
+        document = json.loads((folder / "summary.json").read_text())
+        return bool(document.get("is_complete"))
+    return False

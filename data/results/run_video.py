@@ -9,7 +9,10 @@ from perception.render.composition import Composition
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
 from perception.render.video import VideoWriter
+from perception.snapshot import restore_attributes, write_attributes
 from perception.types import Drive, Result, UInt8
+
+_MEMORIES = ("_count", "_history", "_video_snapshot")
 
 
 class RunVideo(ResultWriter):
@@ -27,6 +30,7 @@ class RunVideo(ResultWriter):
         self._out, self._composition = out, composition
         self._middle, self._count = frames // 2, 0
         self._video = VideoWriter(out / "video.mp4", drive.sensor.rate_hz)
+        self._video_snapshot = b""
         self._canvas: UInt8 | None = None
         self._history = SceneHistory() if drive.is_sequence else SceneHistory(duration_s=0.0)
 
@@ -42,6 +46,16 @@ class RunVideo(ResultWriter):
         if self._count == self._middle:
             write_jpeg(self._out / "preview.jpg", image, quality=88)
         self._count += 1
+
+    def snapshot(self) -> bytes:
+        """Return the history of the scene, and the state of the video."""
+        self._video_snapshot = self._video.snapshot()
+        return write_attributes(self, _MEMORIES)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on with the images that are in the partial video."""
+        restore_attributes(self, snapshot, _MEMORIES)
+        self._video.restore(self._video_snapshot)
 
     def close(self, *, is_complete: bool) -> None:
         """Close the video; it stays a partial file where something went wrong."""

@@ -3,13 +3,20 @@
 from collections.abc import Generator
 
 from data.frames import frame_count, read_frames
+from data.results.checkpoint import Checkpoint
 from perception.cli.progress import progress_bar
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, OnBadFrame, Result
 
 
 def drive_results(
-    drive: Drive, config: PipelineConfig, *, limit: int | None, on_bad_frame: OnBadFrame
+    drive: Drive,
+    config: PipelineConfig,
+    *,
+    limit: int | None,
+    on_bad_frame: OnBadFrame,
+    checkpoint: Checkpoint | None = None,
+    checkpoint_frames: int = 0,
 ) -> Generator[Result, None, None]:
     """Yield the result of each frame; frames of no sequence, such as object frames, share no state.
 
@@ -18,13 +25,18 @@ def drive_results(
         config: Pipeline configuration.
         limit: Number of frames from the start; None for all.
         on_bad_frame: Stop at a damaged frame, or skip it.
+        checkpoint: Checkpoint of the same pipeline and drive to go on from; None to start with the first frame.
+        checkpoint_frames: Number of frames between two results with a snapshot; 0 for none.
 
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
-    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
-    with (
-        Pipeline(drive.sensor, config) as pipeline,
-        pipeline.stream(frames, is_sequence=drive.is_sequence) as results,
-    ):
-        yield from progress_bar(results, drive.name, frame_count(drive, limit))
+    first = 0 if checkpoint is None else checkpoint.frames
+    with Pipeline(drive.sensor, config) as pipeline:
+        if checkpoint is not None:
+            pipeline.restore(checkpoint.pipeline)
+        frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit, first=first)
+        with pipeline.stream(
+            frames, is_sequence=drive.is_sequence, snapshot_frames=checkpoint_frames
+        ) as results:
+            yield from progress_bar(results, drive.name, frame_count(drive, limit) - first)

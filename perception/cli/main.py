@@ -65,9 +65,9 @@ class Command:
         return help_text(f"trifuse {name}", self.load(), everything=everything)
 
     @property
-    def can_overwrite(self) -> bool:
-        """Whether the command has --overwrite."""
-        return "overwrite" in flag_types(self.load())
+    def flags(self) -> Sequence[str]:
+        """Names of the flags."""
+        return tuple(flag_types(self.load()))
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,9 @@ class TrainingCommand(Command):
         return training_help(self.target, everything=everything)
 
     @property
-    def can_overwrite(self) -> bool:
-        """A training is resumed, and not overwritten."""
-        return False
+    def flags(self) -> Sequence[str]:
+        """None: a training that is interrupted says itself how it goes on."""
+        return ()
 
 
 # Commands by their words. "evaluate ground" is the function `evaluate_ground` of perception/cli/evaluate_ground.py;
@@ -239,8 +239,10 @@ def _command_of(words: Sequence[str]) -> str | None:
 
 def _how_to_go_on(words: Sequence[str]) -> str:
     name = _command_of(words)
-    replaces = name is not None and COMMANDS[name].can_overwrite
-    return "repeat the command" + (" with --overwrite" if replaces else "")
+    flags = () if name is None else COMMANDS[name].flags
+    if "resume" in flags:
+        return "repeat the command with --resume to go on, or with --overwrite"
+    return "repeat the command" + (" with --overwrite" if "overwrite" in flags else "")
 
 
 def _run_command(name: str, words: Sequence[str]) -> None:

@@ -7,6 +7,7 @@ from data.exports.run_exports import RunExports
 from data.results.command_config import CommandConfig
 from perception.cli.flags import DriveFlags, ResultsFlags
 from perception.cli.parser import FlagGroup
+from perception.errors import UsageError
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 
@@ -19,13 +20,34 @@ class ExportFlags(RunExports, FlagGroup):
     """Exports."""
 
 
+@dataclass(frozen=True)
+class RunResultsFlags(ResultsFlags):
+    """Results.
+
+    Attributes:
+        resume: Go on with the run of the same configuration in that folder, else in results/latest, that was stopped.
+    """
+
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        """Validate that results are gone on with or replaced, and not both.
+
+        Raises:
+            UsageError: Both are asked for.
+        """
+        if self.resume and self.overwrite:
+            raise UsageError("--resume", expected="no --overwrite beside it", found="both")
+
+
 def run(
     drive: Path,
     *,
     frames: DriveFlags,
-    results: ResultsFlags,
+    results: RunResultsFlags,
     exports: ExportFlags,
     config: CommandConfig,
+    checkpoint_frames: int = 200,
     video: bool = True,
     video_views: bool = False,
     track: int | None = None,
@@ -40,6 +62,7 @@ def run(
 
     Args:
         drive: Folder or file of a drive in any layout.
+        checkpoint_frames: Frames from one checkpoint to the next, from which --resume goes on; 0 for none.
         video: Draw the video.
         video_views: Draw the boxes of each modality's detector in the video, too.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
@@ -51,6 +74,7 @@ def run(
     from data.open_drive import open_drive
     from data.results.run_config import RunConfig
     from data.results.run_drive import run_drive
+    from data.results.stopped_run import StoppedRun
     from perception.cli.drive_results import drive_results
     from perception.detection.networks import enabled_modalities
 
@@ -68,6 +92,15 @@ def run(
         min_vehicle_score=min_vehicle_score,
         exports=exports,
     )
-    folder = results.folder(config)
-    found = drive_results(opened, pipeline, limit=frames.frames, on_bad_frame=frames.on_bad_frame)
-    print(run_drive(opened, found, folder, run_config).text())
+    stopped = StoppedRun.find(results.out, config) if results.resume else None
+    folder = results.folder(config) if stopped is None else stopped.folder
+    checkpoint = None if stopped is None else stopped.checkpoint
+    found = drive_results(
+        opened,
+        pipeline,
+        limit=frames.frames,
+        on_bad_frame=frames.on_bad_frame,
+        checkpoint=checkpoint,
+        checkpoint_frames=checkpoint_frames,
+    )
+    print(run_drive(opened, found, folder, run_config, checkpoint).text())

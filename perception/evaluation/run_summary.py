@@ -31,6 +31,7 @@ class RunSummary:
         vehicles: Number of vehicles with at least `display_score`, of each frame on which detectors ran.
         confusions: Ground, static and moving points against exact truth; empty without it.
         elapsed_s: Wall time with reading, drawing and writing.
+        is_complete: Whether all frames of the run are in it.
     """
 
     drive: str
@@ -45,6 +46,7 @@ class RunSummary:
     vehicles: list[int] = field(default_factory=list)
     confusions: dict[str, Confusion] = field(default_factory=dict)
     elapsed_s: float = 0.0
+    is_complete: bool = False
 
     def update(self, result: Result, truth: PointTruth | None) -> None:
         """Add one frame."""
@@ -104,6 +106,7 @@ class RunSummary:
         return {
             "drive": self.drive,
             "frames": self.frames,
+            "is_complete": self.is_complete,
             "elapsed_s": round(self.elapsed_s, 3),
             "stages_ms": self.times.table("").to_json(),
             "points_against_truth": confusions or None,

@@ -23,10 +23,14 @@ from perception.pipeline.budget import TimeBudget
 from perception.pipeline.lidar_stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
+from perception.snapshot import restore_attributes, write_attributes
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import Detections, Frame, ModalityDetections, Result
 
 log = logging.getLogger(__name__)
+
+# What remembers earlier frames.
+_MEMORIES = ("_tracker", "_budget", "_noted")
 
 
 class CameraStages:
@@ -60,6 +64,18 @@ class CameraStages:
     def reset(self) -> None:
         """Forget the vehicles of the drive so far."""
         self._tracker = VehicleTracker(self._vehicles.tracker)
+
+    def snapshot(self) -> bytes:
+        """Return what the stages remember of earlier frames."""
+        return write_attributes(self, _MEMORIES)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from what the stages of the same configuration remembered.
+
+        Raises:
+            DriveError: It is damaged, or of another configuration.
+        """
+        restore_attributes(self, snapshot, _MEMORIES)
 
     def step(self, frame: Frame, lidar: "Future[LidarResult]", clock: StageClock) -> Result:
         """Run the stages on a frame in their order, beside those of the LiDAR worker.

@@ -14,6 +14,7 @@ from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
+from perception.snapshot import restore_attributes, write_attributes
 from perception.types import (
     Float64,
     Frame,
@@ -24,6 +25,9 @@ from perception.types import (
     StageSpan,
     Tracks,
 )
+
+# Stages that remember earlier frames.
+_MEMORIES = ("_registration", "_ground", "_motion", "_datmo")
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class LidarResult:
         spans: Start and end of each stage.
         scan: Input of DATMO.
         pose_covariance: (6, 6) covariance of the pose.
+        snapshot: Memory of the stages after the frame, where it was asked for.
     """
 
     world_SE3_velo: Float64
@@ -49,6 +54,7 @@ class LidarResult:
     spans: tuple[StageSpan, ...]
     scan: SegmentedScan
     pose_covariance: Float64
+    snapshot: bytes | None = None
 
     def of_frame(self, frame: Frame) -> Result:
         """Return it as the result of a frame without detectors."""
@@ -71,6 +77,18 @@ class LidarStages:
         """
         self._sensor, self._config = sensor, config
         self.reset()
+
+    def snapshot(self) -> bytes:
+        """Return what the stages remember of earlier frames."""
+        return write_attributes(self, _MEMORIES)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from what the stages of the same configuration remembered.
+
+        Raises:
+            DriveError: It is damaged, or of another configuration.
+        """
+        restore_attributes(self, snapshot, _MEMORIES)
 
     def reset(self) -> None:
         """Forget the drive so far."""

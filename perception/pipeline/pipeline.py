@@ -11,6 +11,7 @@ Compiled functions, NumPy, OpenCV and the networks release Python's lock, so tha
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Self
 
 from perception.geometry.threads import limit_opencv_threads
@@ -22,7 +23,7 @@ from perception.pipeline.memory import limit_heaps
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Frame, Result
+from perception.types import Frame, PipelineSnapshot, Result
 
 # One frame for each worker.
 _MAX_IN_FLIGHT = 2
@@ -73,6 +74,18 @@ class Pipeline:
         """Forget the drive so far, as between frames that do not follow each other."""
         self._submit_reset().result()
 
+    def restore(self, snapshot: PipelineSnapshot) -> None:
+        """Go on from the state of another pipeline of the same configuration.
+
+        Args:
+            snapshot: State that a result of `stream` holds.
+
+        Raises:
+            DriveError: It is damaged, or of another configuration.
+        """
+        self._camera_worker.submit(self._camera.restore, snapshot.camera).result()
+        self._lidar_worker.submit(self._lidar.restore, snapshot.lidar).result()
+
     def step(self, frame: Frame) -> Result:
         """Return the ground, static and moving obstacles, tracks and vehicles of a frame.
 
@@ -82,7 +95,12 @@ class Pipeline:
         return self._submit(frame, time.perf_counter()).result()
 
     def stream(
-        self, frames: Iterable[Frame], policy: FramePolicy = "every", *, is_sequence: bool = True
+        self,
+        frames: Iterable[Frame],
+        policy: FramePolicy = "every",
+        *,
+        is_sequence: bool = True,
+        snapshot_frames: int = 0,
     ) -> ResultStream:
         """Return an iterator over the results of frames, in order; later frames are processed meanwhile.
 
@@ -93,33 +111,43 @@ class Pipeline:
             policy: `every` frame, for which the source waits; or the `latest`, for a source that does not wait:
                 frames that come while the workers are busy are dropped and counted.
             is_sequence: Whether the frames follow each other; else nothing is remembered from one to the next.
+            snapshot_frames: Number of frames, by their indices, after which a result holds a snapshot; 0 for none.
 
         Example:
             with Pipeline() as pipeline, pipeline.stream(lidar, "latest") as results:
                 for result in results:
                     drive_by(result)
         """
-        submit = self._submit if is_sequence else self._submit_independent
+
+        def submit(frame: Frame, arrival_s: float) -> "Future[Result]":
+            if not is_sequence:
+                self._submit_reset()
+            has_snapshot = snapshot_frames > 0 and (frame.index + 1) % snapshot_frames == 0
+            return self._submit(frame, arrival_s, has_snapshot=has_snapshot)
+
         return ResultStream(frames, submit, policy, _MAX_IN_FLIGHT)
 
-    def _submit(self, frame: Frame, arrival_s: float) -> "Future[Result]":
+    def _submit(
+        self, frame: Frame, arrival_s: float, *, has_snapshot: bool = False
+    ) -> "Future[Result]":
         """Give the stages of a frame to the two workers."""
-        lidar = self._lidar_worker.submit(self._run_lidar_stages, frame, arrival_s)
+        lidar = self._lidar_worker.submit(self._run_lidar_stages, frame, arrival_s, has_snapshot)
         return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, lidar)
 
-    def _run_lidar_stages(self, frame: Frame, arrival_s: float) -> LidarResult:
+    def _run_lidar_stages(self, frame: Frame, arrival_s: float, has_snapshot: bool) -> LidarResult:
         """Run registration, ground, voxels, static and moving, and moving objects."""
-        return self._lidar.step(frame, StageClock(self._lidar_worker.name, arrival_s))
+        result = self._lidar.step(frame, StageClock(self._lidar_worker.name, arrival_s))
+        return replace(result, snapshot=self._lidar.snapshot()) if has_snapshot else result
 
     def _run_camera_stages(
         self, frame: Frame, arrival_s: float, lidar: "Future[LidarResult]"
     ) -> Result:
         """Run maps, detectors, fusion and DepthCN; then, with the LiDAR stages' result, vehicles."""
-        return self._camera.step(frame, lidar, StageClock(self._camera_worker.name, arrival_s))
-
-    def _submit_independent(self, frame: Frame, arrival_s: float) -> "Future[Result]":
-        self._submit_reset()
-        return self._submit(frame, arrival_s)
+        result = self._camera.step(frame, lidar, StageClock(self._camera_worker.name, arrival_s))
+        snapshot = lidar.result().snapshot
+        if snapshot is None:
+            return result
+        return replace(result, snapshot=PipelineSnapshot(snapshot, self._camera.snapshot()))
 
     def _submit_reset(self) -> "Future[None]":
         self._camera_worker.submit(self._camera.reset)

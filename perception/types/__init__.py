@@ -37,7 +37,7 @@ from perception.types.health import (
 )
 from perception.types.objects import Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
-from perception.types.result import Result
+from perception.types.result import PipelineSnapshot, Result
 from perception.types.stages import (
     KittiLayout,
     MapMethod,
@@ -85,6 +85,7 @@ __all__ = [
     "ModalityDetections",
     "Obstacles",
     "OnBadFrame",
+    "PipelineSnapshot",
     "PointState",
     "PointTruth",
     "Progress",

@@ -15,6 +15,19 @@ from perception.types.stages import StageSpan
 
 
 @dataclass(frozen=True)
+class PipelineSnapshot:
+    """State of a pipeline between two frames, from which another pipeline of the same configuration goes on.
+
+    Attributes:
+        lidar: Memory of the LiDAR stages, in the form of `perception.snapshot`.
+        camera: Memory of the camera stages.
+    """
+
+    lidar: bytes
+    camera: bytes
+
+
+@dataclass(frozen=True)
 class Result:
     """Result of the pipeline for one frame.
 
@@ -35,6 +48,7 @@ class Result:
             along the axes of the world frame; NaN where the method gives none.
         health: Findings on sensors and stages.
         further_detections: Detections of each modality in each of the frame's further cameras.
+        snapshot: State of the pipeline after the frame, where it was asked for.
     """
 
     frame: Frame
@@ -52,6 +66,7 @@ class Result:
     pose_covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
     health: Health = field(default_factory=Health)
     further_detections: tuple[ModalityDetections, ...] = ()
+    snapshot: PipelineSnapshot | None = None
 
     def detections_in(self, camera: int) -> ModalityDetections:
         """Return the detections of each modality in a camera, 0 for the main one."""

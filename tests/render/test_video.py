@@ -83,3 +83,46 @@ def test_no_video_accepts_images_too(tmp_path):
         assert isinstance(nothing, NullVideoWriter)
         nothing.add(PICTURE)
     assert isinstance(open_video(tmp_path / "drive.mp4"), VideoWriter)
+
+
+def images(count):
+    """Return images in which something moves."""
+    random = np.random.default_rng(0)
+    base = random.integers(0, 256, PICTURE.shape, np.uint8)
+    return [np.roll(base, (index, 2 * index), (0, 1)) for index in range(count)]
+
+
+def test_a_video_goes_on_where_a_killed_process_left_it(tmp_path):
+    whole, killed = VideoWriter(tmp_path / "whole.mp4"), VideoWriter(tmp_path / "killed.mp4")
+    snapshots = []
+    for index, image in enumerate(images(9)):
+        whole.add(image)
+        if index < 7:
+            killed.add(image)
+        if index in (2, 4):
+            whole.snapshot()
+            snapshots.append(killed.snapshot())
+    whole.close(is_complete=True)
+    expected = read_back(tmp_path / "whole.mp4").frames
+    for start, snapshot in ((5, snapshots[1]), (3, snapshots[0])):
+        resumed = VideoWriter(tmp_path / "killed.mp4")
+        resumed.restore(snapshot)  # of a file that nobody has closed, then of one that is whole
+        for index, image in enumerate(images(9)[start:], start):
+            resumed.add(image)
+            if index == 4:
+                resumed.snapshot()
+        resumed.close(is_complete=True)
+        found = read_back(tmp_path / "killed.mp4").frames
+        assert len(found) == 9
+        assert all(map(np.array_equal, found, expected))
+
+
+def test_a_partial_video_that_is_too_short_is_named(tmp_path):
+    video = VideoWriter(tmp_path / "drive.mp4")
+    for image in images(5):
+        video.add(image)
+    snapshot = video.snapshot()
+    video.close(is_complete=False)
+    video.partial_path.write_bytes(video.partial_path.read_bytes()[:200])
+    with pytest.raises(ImageError, match=r"drive\.partial\.mp4: expected the 5 images"):
+        VideoWriter(tmp_path / "drive.mp4").restore(snapshot)
