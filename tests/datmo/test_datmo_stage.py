@@ -100,7 +100,7 @@ def test_the_default_survives_a_short_gap(scans, drive):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_after_a_long_gap_everything_is_new(scans, drive, method):
+def test_after_a_long_gap_all_tracks_are_new(scans, drive, method):
     stamps = [scan.stamp_s + (60.0 if i >= 12 else 0.0) for i, scan in enumerate(scans)]
     far = np.eye(4)
     far[:3, 3] = 300.0, 200.0, 0.0

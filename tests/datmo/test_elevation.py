@@ -48,7 +48,7 @@ def test_the_thesis_compares_the_mean_and_the_author_the_highest_point():
     assert cell_with([0.7, 0.75, 0.85], replace(AUTHOR.elevation, min_range_m=0.0)) > 0
 
 
-def test_seen_ground_differs_from_nothing_seen():
+def test_observed_ground_differs_from_unobserved_cells():
     points = np.array([[1.1, 0.5, -1.7, 0]], np.float32)
     grid = elevation_grid(points, ROAD, CELLS, CONFIG)
     assert grid.is_observed.sum() == 1
@@ -63,7 +63,7 @@ def test_points_near_the_lidar_and_out_of_reach_are_left_out():
     assert elevation_grid(points, ROAD, CELLS, THESIS.elevation).points.sum() == 1
 
 
-def test_an_empty_scan_sees_nothing():
+def test_an_empty_scan_observes_no_cell():
     grid = elevation_grid(np.zeros((0, 4), np.float32), ROAD, CELLS, CONFIG)
     assert not grid.is_observed.any()
     assert grid.height_m.shape == (30, 30)

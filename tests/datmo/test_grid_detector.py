@@ -150,7 +150,7 @@ def test_a_reset_or_a_long_gap_clears_the_map(fields):
     assert not detector.grids.background_m.any()
 
 
-def test_a_short_gap_and_a_scan_without_points_change_nothing_else():
+def test_a_short_gap_and_a_scan_without_points_leave_other_detections():
     detector = MotionGridDetector(HDL_64E, THESIS)
     for k in [*range(8), 11, 12]:
         detector.detect(scan_of(k))

@@ -118,7 +118,7 @@ def test_two_points_are_no_cluster():
     assert len(found.static) == 1
 
 
-def test_an_empty_scan_holds_nothing():
+def test_an_empty_scan_has_no_detection():
     found = detect([], [])
     assert len(found.moving) == len(found.static) == 0
 

@@ -96,7 +96,7 @@ def test_truncated_file(write_model, share):
         ({"without": "window"}, "window in its metadata", "no such entry in its metadata"),
     ],
 )
-def test_model_for_something_else(write_model, changes, expected, found):
+def test_a_model_of_another_kind_is_refused(write_model, changes, expected, found):
     with pytest.raises(ModelError) as error:
         OnnxModel(write_model(**changes), CONTRACT)
     assert (error.value.expected, error.value.found) == (expected, found)

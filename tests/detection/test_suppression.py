@@ -46,7 +46,7 @@ def test_equal_scores_stay_in_their_order():
     assert suppress(detections(boxes, [0.5, 0.5, 0.5]), 0.5).tolist() == [0, 1]
 
 
-def test_nothing_of_nothing():
+def test_no_boxes_keep_no_boxes():
     assert suppress(Detections.empty(), 0.5).tolist() == []
 
 

@@ -48,7 +48,7 @@ def test_nearest_wins_a_pixel_whatever_the_order():
         assert np.argwhere(sparse.is_measured).tolist() == [[4, 8]]
 
 
-def test_nothing_behind_beside_or_too_near_is_seen():
+def test_points_behind_beside_or_too_near_are_left_out():
     scan = points([-10, 0, 0, 1], [10, 30, 0, 1], [10, 0, 9, 1], [0.3, 0, 0, 1], [0, 0, 0, 1])
     assert len(project_scan(scan, CALIBRATION, SIZE)) == 0
     assert len(project_scan(points(), CALIBRATION, SIZE)) == 0

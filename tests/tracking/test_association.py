@@ -43,7 +43,7 @@ def test_every_row_is_in_a_pair_or_left_over(assign):
 
 @BOTH
 @pytest.mark.parametrize("shape", [(0, 0), (0, 3), (3, 0)])
-def test_nothing_to_pair(assign, shape):
+def test_costs_without_rows_or_columns_have_no_pairs(assign, shape):
     found = assign(np.zeros(shape), np.zeros(shape, bool))
     assert pairs(found) == {}
     assert found.unmatched_tracks.tolist() == list(range(shape[0]))
@@ -60,7 +60,7 @@ def test_a_track_with_no_allowed_pair_takes_none_from_others(assign):
 
 
 @BOTH
-def test_nothing_is_allowed(assign):
+def test_costs_beyond_the_gate_have_no_pairs(assign):
     assert pairs(assign(np.ones((2, 3)), np.zeros((2, 3), bool))) == {}
 
 

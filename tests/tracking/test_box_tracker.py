@@ -108,7 +108,7 @@ def test_a_well_observed_walker_is_reported_by_its_third_scan():
     assert reported[2:] == [1, 1]
 
 
-def test_a_second_behind_something_keeps_the_id():
+def test_a_second_of_occlusion_keeps_the_id():
     drive = Drive()
     for step in range(40):
         is_hidden = 15 <= step < 25

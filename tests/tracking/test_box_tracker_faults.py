@@ -43,7 +43,7 @@ def test_no_scan_has_no_tracks():
 
 
 @pytest.mark.parametrize("back_s", [0.0, 0.4])
-def test_a_stamp_that_is_not_later_changes_nothing(back_s):
+def test_a_stamp_that_is_not_later_leaves_the_tracks(back_s):
     tracker = tracked()
     before = tracker.update(1.0, HERE, walker(10), NOTHING)
     again = tracker.update(1.0 - back_s, HERE, walker(50, y=-5), NOTHING)

@@ -166,7 +166,7 @@ def test_equals_the_reference_implementation(config):
 
 
 @PRESETS
-def test_a_repeated_frame_changes_nothing(config):
+def test_a_repeated_frame_gives_the_same_tracks(config):
     drive = Drive(PointTracker(config))
     drive.scan((10, 0))
     assert len(drive.scan((10, 0), after_s=0.0)) == 0  # not its own confirmation
@@ -253,7 +253,7 @@ def test_trackers_do_not_share_ids():
         assert drive.scan((10, 0)).ids.tolist() == [0]
 
 
-def test_detections_outside_the_grid_begin_nothing():
+def test_detections_outside_the_grid_begin_no_track():
     drive = Drive(PointTracker(THESIS))
     for _ in range(3):
         tracks = drive.scan((35, 0), (0, 12), (10, 0))

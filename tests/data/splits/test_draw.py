@@ -67,7 +67,7 @@ def test_drives_are_drawn_whole(make_drive: MakeDrive):
         ((40, 20, 20, 20), "frames", "40,20,20,20"),
     ],
 )
-def test_shares_that_leave_nothing_are_refused(make_drive: MakeDrive, shares, by, found):
+def test_shares_that_leave_a_part_empty_are_refused(make_drive: MakeDrive, shares, by, found):
     with fault(UsageError, "shares", found=found):
         draw_split([make_drive(5)], shares, by=by, seed=0)
 

@@ -94,7 +94,7 @@ def test_thresholds_decide_what_is_kept(write_model, three_places):
     assert lenient.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1, 3, 2, 0]
 
 
-def test_the_thesis_suppresses_nothing(write_model, three_places):
+def test_the_thesis_suppresses_no_proposal(write_model, three_places):
     dense, boxes = three_places
     model = write_model(channels="reflectance", planes=1, method="thesis")
     detector = DepthCn(model, nms=NmsConfig(min_score=0.0, max_iou=0.1))
@@ -138,7 +138,7 @@ def test_frame_without_camera_has_the_virtual_one(write_model):
     np.testing.assert_array_equal(found.scores, expected.scores)
 
 
-def test_frame_with_nothing_in_view_has_no_detections(write_model):
+def test_a_frame_without_points_in_view_has_no_detections(write_model):
     behind = np.array([[-5, 0, 0, 0.5], [-6, 1, 0, 0.5]], np.float32)
     assert len(DepthCn(write_model()).detect(Frame(0, 0.0, behind, calibration=CALIBRATION))) == 0
 

@@ -159,7 +159,7 @@ def test_points_belong_to_the_proposal_of_their_number():
     ],
     ids=["none", "behind", "one", "place", "line", "far"],
 )
-def test_scans_with_nothing_to_propose(method, xyz):
+def test_scans_without_objects_have_no_proposals(method, xyz):
     scan = as_scan(np.reshape(xyz, (-1, 3)))
     found = propose(scan, CALIBRATION, SIZE, method=method)
     assert len(found) == 0

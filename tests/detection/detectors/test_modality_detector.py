@@ -51,7 +51,7 @@ def test_boxes_are_in_pixels_of_the_given_image(write, fit, across):
     np.testing.assert_allclose(found.scores, [0.8, 0.4], rtol=1e-6)
 
 
-def test_nothing_is_found_in_the_dark(write):
+def test_a_black_image_has_no_detection(write):
     assert len(ModalityDetector(write()).detect(np.full((64, 96, 1), 2, np.uint8))) == 0
 
 

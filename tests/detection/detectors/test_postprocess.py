@@ -42,7 +42,7 @@ def test_a_crowd_keeps_its_best():
     np.testing.assert_allclose(found.scores, scores[:64, 0])
 
 
-def test_nothing_seen():
+def test_predictions_below_the_score_give_no_detection():
     assert len(postprocess_detections(np.zeros((0, 4)), np.zeros((0, 2)), NAMES, SIZE)) == 0
     assert (
         len(postprocess_detections(np.full((3, 4), np.nan), np.full((3, 2), 0.5), NAMES, SIZE)) == 0

@@ -41,7 +41,7 @@ def test_a_person_on_a_bicycle_is_one_cyclist_and_a_parked_bicycle_none():
         [100.0, -90, 130, 120],  # much nearer
     ],
 )
-def test_persons_elsewhere_ride_nothing(person):
+def test_persons_away_from_a_bicycle_are_no_riders(person):
     joined = join_riders(found(("Pedestrian", person, 0.9), ("Cyclist", BICYCLE, 0.4)), RIDERS)
     assert joined.types.tolist() == ["Pedestrian"]
     assert joined.scores.tolist() == [0.9]

@@ -47,7 +47,7 @@ def scene_of(found: ModalityDetections, **class_names: tuple[str, ...]) -> Detec
     return DetectedScene(found, SIZE_PX, class_names=CLASSES | class_names)
 
 
-def test_detectors_of_the_classes_of_the_network_need_nothing_else(
+def test_detectors_of_the_classes_of_the_network_need_no_other_fusion(
     open_detectors, doubling, caplog
 ):
     assert fusion_of(doubling, open_detectors(rgb="Car,Van", dm="Van,Car")) is doubling

@@ -38,6 +38,6 @@ def test_union_keeps_classes_apart():
     np.testing.assert_array_equal(fused.source_indices, [[-1, -1, 0], [0, -1, -1]])
 
 
-def test_union_of_nothing():
+def test_union_of_no_detections():
     assert len(NmsFusion().fuse(DetectedScene({}, (200, 100)))) == 0
     assert len(NmsFusion().fuse(DetectedScene({"rgb": Detections.empty()}, (200, 100)))) == 0

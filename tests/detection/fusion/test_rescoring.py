@@ -135,7 +135,7 @@ def test_any_modality_may_be_missing(fusion_file, variant, lost):
     assert (fused.source_indices[rows, fused.dominant_modality] >= 0).all()
 
 
-def test_detectors_that_see_nothing_make_nothing(fusion_file):
+def test_no_detections_fuse_to_no_detections(fusion_file):
     fused = Fusion(fusion_file()).fuse(
         DetectedScene({"rgb": detections([]), "dm": detections([])}, SIZE_PX)
     )

@@ -34,7 +34,7 @@ def test_a_vehicle_whose_top_is_hidden_is_none_of_a_lower_class():
     assert classes_of(["Van"], [0.9], [1.5], [0]) == ["Van"]
 
 
-def test_people_stay_people_and_nothing_stays_nothing():
+def test_people_stay_people_and_no_vehicles_stay_none():
     assert classes_of(["Pedestrian"], [0.9], [2.1], [0]) == ["Pedestrian"]
     assert classes_of([], [], [], []) == []
 

@@ -116,7 +116,7 @@ def test_the_order_of_detections_does_not_matter():
     np.testing.assert_array_equal(np.append(order, -1)[other.owners], one.owners)
 
 
-def test_a_box_around_nothing_is_left_open():
+def test_a_box_without_points_has_no_place():
     true = cars((12.0, 2.0, 0.4), (30.0, -5.0, 0.0))
     found = locate(detected(true), frame_of(road(), sides(true[[0]])), _GROUND)
     assert np.isnan(found.boxes.bottom_m[1]).all()
@@ -192,7 +192,7 @@ def test_beyond_the_own_lane_traffic_comes_towards_the_sensor(side, ahead):
     assert axis_error_rad(found.boxes, true).max() < np.radians(4)
 
 
-def test_nothing_detected_gives_nothing():
+def test_no_detections_give_no_vehicles():
     found = locate(FusedDetections.empty(), frame_of(road()), _GROUND)
     assert len(found) == 0
     assert (found.owners == -1).all()

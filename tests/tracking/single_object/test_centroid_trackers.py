@@ -292,7 +292,7 @@ def test_an_invalid_initial_box_is_an_error(name, box):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_frame_given_twice_changes_nothing(name):
+def test_a_frame_given_twice_gives_the_same_result(name):
     scene = Scene()
     tracker = started(name, scene, frames=10)
     once = tracker.update(scene.tracker_input(10))

@@ -63,7 +63,7 @@ def test_ratios_by_hand():
     assert np.count_nonzero(ratios) == 2  # grey is more of the ring's
 
 
-def test_one_colour_distinguishes_nothing():
+def test_one_colour_has_ratios_of_zero():
     np.testing.assert_array_equal(color_ratios(image_of(GRAY), REGION), np.zeros(BINS))
 
 

@@ -54,7 +54,7 @@ def test_pixels_are_those_of_a_test_of_each(turn):
         np.testing.assert_array_equal(found, expected)
 
 
-def test_points_in_the_hull_change_nothing():
+def test_points_in_the_hull_leave_the_hull():
     rng = np.random.default_rng(0)
     more = np.vstack([rng.uniform((21, 11), (39, 29), (50, 2)), SQUARE_PX])
     np.testing.assert_array_equal(

@@ -60,7 +60,7 @@ def test_what_a_step_adds_grows_with_its_time():
     assert position_covariance(point.predicted(0.2, PROCESS))[0, 0] == pytest.approx(6.0)
 
 
-def test_no_time_changes_nothing():
+def test_zero_seconds_leave_the_state():
     point = ConstantAcceleration.at_rest(np.array([1.0, 2.0, 3.0]), INITIAL).predicted(0.1, PROCESS)
     same = point.predicted(0.0, PROCESS)
     np.testing.assert_array_equal(same.states.mean, point.states.mean)

@@ -61,7 +61,7 @@ def test_the_mean_is_weighted(rng):
     ("points", "weights"),
     [(np.zeros((0, 3)), None), (np.full((3, 3), 9.0), None), (np.zeros((2, 3)), np.zeros(2))],
 )
-def test_an_empty_window_finds_nothing(points, weights):
+def test_an_empty_window_stays_in_place(points, weights):
     initial = window_at(0, 0)
     assert mean_shift_3d(points, initial, PointMeanShiftConfig(), weights) == (initial,)
 

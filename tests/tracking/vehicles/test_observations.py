@@ -50,7 +50,7 @@ def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
         ([[-1, -1, -1], [-1, -1, -1]], [0.5, 0.2]),  # no detector of a modality
     ],
 )
-def test_scores_of_the_maps_alone_understate_that_something_is_there(sources, expected):
+def test_scores_of_the_maps_alone_understate_existence(sources, expected):
     shown = detected(cars((20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.2])
     shown = replace(shown, source_indices=np.array(sources))
     vehicles = locate(shown, frame_of(road()), FlatRoad())

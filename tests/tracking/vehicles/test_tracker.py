@@ -427,7 +427,7 @@ def test_a_car_that_overtakes_another_keeps_its_id():
     assert ids == [0, 1]
 
 
-def test_nothing_detected_is_no_fault():
+def test_a_frame_without_detections_is_no_fault():
     drive = Drive()
     reported = drive.observe(Boxes3D.empty())
     assert len(reported.vehicles) == len(reported.tracks) == 0

@@ -28,7 +28,7 @@ def is_changed(transform: CropTransform) -> set[str]:
     return {name for name, is_so in tests.items() if is_so}
 
 
-def test_nothing_is_changed_where_all_is_off():
+def test_without_transforms_the_crop_stays():
     assert all(not is_changed(transform) for transform in drawn(CropAugmentationConfig.none(), 50))
 
 

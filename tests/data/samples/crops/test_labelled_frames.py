@@ -109,7 +109,7 @@ def test_frames_of_several_drives_are_numbered_through(
     assert [len(frames.scene(number).label_types) for number in range(5)] == [2, 2, 1, 1, 1]
 
 
-def test_without_a_camera_nothing_can_be_learned(
+def test_a_drive_without_a_camera_is_refused(
     make_street: Callable[..., Path], store: ArrayStore
 ):
     folder = make_street() / "training" / "calib"
@@ -121,7 +121,7 @@ def test_without_a_camera_nothing_can_be_learned(
         frames.scene(0)
 
 
-def test_without_labels_nothing_can_be_learned(make_street: Callable[..., Path], store: ArrayStore):
+def test_a_drive_without_labels_is_refused(make_street: Callable[..., Path], store: ArrayStore):
     folder = make_street() / "training" / "label_2"
     folder.rename(folder.with_name("elsewhere"))
     frames = LabelledFrames([open_drive(folder.parent)], CropConfig(), store)

@@ -44,7 +44,7 @@ def test_the_overlap_of_boxes_makes_a_vehicle_for_the_thesis():
     assert matches.is_left_out.tolist() == [False, True, False, True, False, False]
 
 
-def test_what_lies_where_nothing_was_labelled_is_left_out():
+def test_proposals_outside_the_labelled_view_are_left_out():
     boxes = np.array([[510.0, 10, 560, 60], [450, 0, 560, 50]])
     matches = match_by_points(replace(SCENE, shares=np.zeros((2, 3)), boxes_px=boxes), ("Car",))
     assert matches.is_left_out.tolist() == [True, True]

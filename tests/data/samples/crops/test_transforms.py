@@ -105,7 +105,7 @@ def scene_crop(depth_m: float = 20.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.8, 1.3, 2.0])
-def test_depth_is_scaled_and_nothing_else(factor: float):
+def test_depth_alone_is_scaled(factor: float):
     crop = scene_crop()
     scaled = scale_depth(crop, factor)
     np.testing.assert_allclose(decode_depth(scaled[6:, :, 0]), 20 * factor, rtol=0.05)
@@ -119,7 +119,7 @@ def test_a_depth_too_near_to_be_encoded_is_known_all_the_same():
     assert decode_depth(scale_depth(crop, 2.0)[30, 30, 0]) == pytest.approx(10, rel=0.05)
 
 
-def test_a_cover_hides_one_side_by_something_nearer():
+def test_a_cover_hides_one_side_by_a_nearer_surface():
     share = np.array([0.25, 0.2, 0.75, 0.9])  # columns 28 to 84
     occluded = occlude_side(scene_crop(), Occluder(0.25, True, 0.5, 0.4), share, 20.0)
     is_new = (occluded != scene_crop()).any(axis=(0, 2))

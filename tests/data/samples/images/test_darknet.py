@@ -127,7 +127,7 @@ def test_a_view_depends_on_the_generator_alone(modality: Modality):
     assert torch.equal(torch.get_rng_state(), state)
 
 
-def test_no_magnitude_changes_nothing():
+def test_a_magnitude_of_zero_leaves_the_image():
     image, targets = with_box(3), targets_of(BOX, (0.0, 0.0, 9.0, 9.0))
     view, kept = augment_as_darknet(image, targets, NONE, rng())
     np.testing.assert_array_equal(view, image)

@@ -57,7 +57,7 @@ def test_who_is_hard_to_see_or_alike_is_ignored(row: tuple[object, ...], is_igno
     assert targets(labelled(row)).is_ignored.tolist() == [is_ignored]
 
 
-def test_other_types_are_nothing_and_regions_are_ignored():
+def test_other_types_are_background_and_regions_are_ignored():
     labels = labelled(("Truck", 0, 0, BOX), ("Car", 0, 0, BOX), dont_care=((0, 0, 64, 32),))
     found = targets(labels)
     np.testing.assert_allclose(found.boxes_px, [[50, 25, 80, 45], [0, 0, 32, 16]])

@@ -75,7 +75,7 @@ def test_a_box_stays_around_what_it_holds(modality: Modality, name: str):
         assert inside.min() == 200
 
 
-def test_around_a_smaller_map_nothing_is_known():
+def test_around_a_smaller_map_cells_are_unknown():
     geometric_transform = PLACEMENTS["smaller"][0]
     warped_image = warp_image(
         modality_image(BOX), geometric_transform, "dm", np.random.default_rng(0)
@@ -173,7 +173,7 @@ def test_draws_stay_within_the_magnitudes():
             assert (one.occluders_px <= np.tile(SIZE_PX, 2)).all()
 
 
-def test_none_places_nothing_elsewhere():
+def test_without_a_transform_boxes_stay_in_place():
     drawn = draw_geometric_transform(GeometricConfig.none(), SIZE_PX, np.random.default_rng(1))
     assert drawn == GeometricTransform()
     only = draw_geometric_transform(

@@ -42,7 +42,7 @@ def test_a_plane_at_20_m_zoomed_by_2_is_that_of_10_m():
     assert abs(transformed.astype(int) - plane(10)).max() <= 1
 
 
-def test_no_magnitude_changes_nothing():
+def test_a_magnitude_of_zero_leaves_the_map():
     image = rng().integers(0, 256, (96, 160, 1), np.uint8)
     np.testing.assert_array_equal(transform_depth_map(image, 1, NONE, rng()), image)
     np.testing.assert_array_equal(transform_reflectance_map(image, NONE, rng()), image)
@@ -61,7 +61,7 @@ def test_errors_of_the_range_are_in_metres():
     assert np.median(spreads) == pytest.approx(0.5 * 0.25, abs=0.06)  # a square of a number
 
 
-def test_lost_cells_are_unknown_and_nothing_else_changes():
+def test_lost_cells_are_unknown_and_all_others_stay():
     magnitudes = replace(NONE, dropout=0.6)
     shares = []
     for seed in range(40):

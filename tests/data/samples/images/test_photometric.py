@@ -25,13 +25,13 @@ def changed_means(color: tuple[int, int, int], magnitudes: PhotometricConfig) ->
     return np.array([view.mean(axis=(0, 1)) for view in views])
 
 
-def test_a_magnitude_of_zero_changes_nothing():
+def test_a_magnitude_of_zero_leaves_the_image():
     image = rng().integers(0, 256, (48, 64, 3), np.uint8)
     np.testing.assert_array_equal(transform_image(image, NONE, rng()), image)
 
 
 @pytest.mark.parametrize("operation", [field.name for field in fields(PhotometricConfig)])
-def test_every_operation_changes_something_the_same_way_again(operation: str):
+def test_every_operation_changes_the_image_and_is_repeatable(operation: str):
     image = rng().integers(60, 200, (48, 64, 3), np.uint8)
     magnitudes = PhotometricConfig().only(operation)
     views = [transform_image(image, magnitudes, rng(seed)) for seed in range(12)]

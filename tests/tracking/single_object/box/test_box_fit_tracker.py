@@ -228,7 +228,7 @@ def test_an_empty_scan_is_a_missed_one() -> None:
     assert tracker.update(_tracker_input(1.1, car)).status is TrackStatus.SEEN
 
 
-def test_a_scan_given_twice_changes_nothing() -> None:
+def test_a_scan_given_twice_gives_the_same_result() -> None:
     car = _MovingBox(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     first = tracker.update(_tracker_input(0.1, car))

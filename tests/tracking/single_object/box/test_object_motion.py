@@ -48,7 +48,7 @@ def test_positions_determine_the_speed() -> None:
     assert not CAR.may_be_static(state)
 
 
-def test_the_predicted_pose_changes_nothing() -> None:
+def test_an_observation_of_the_predicted_pose_leaves_the_state() -> None:
     state = CAR.predict(_state(1, 2, 0.5, 4, 0.1), 0.1)
     same = state.with_pose(state.mean[:3], state.covariance[:3, :3])
     np.testing.assert_allclose(same.mean, state.mean)

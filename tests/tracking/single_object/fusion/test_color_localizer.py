@@ -93,7 +93,7 @@ def test_an_object_half_out_of_the_image_is_found_by_what_is_left(learned):
 
 
 @pytest.mark.parametrize("iterations", [0, 4])
-def test_without_any_of_its_colours_nothing_is_found_and_nothing_moves(learned, iterations):
+def test_without_any_of_its_colours_the_region_is_lost_and_stays(learned, iterations):
     region, _ = learned
     config = ImageMeanShiftConfig(max_iterations=iterations)
     found = image_mean_shift(scene(60, 50), region, np.zeros(ColorModelConfig().bins), config)
@@ -101,7 +101,7 @@ def test_without_any_of_its_colours_nothing_is_found_and_nothing_moves(learned, 
     assert found.regions == (region,)
 
 
-def test_outside_the_image_nothing_is_found(learned):
+def test_outside_the_image_the_region_is_lost(learned):
     region, ratios = learned
     gone = region.shifted(np.array([-500.0, 0.0]), SIZE_PX)
     found = image_mean_shift(scene(60, 50), gone, ratios, THESIS)
