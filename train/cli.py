@@ -17,7 +17,6 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, get_type_hints
 
@@ -32,6 +31,7 @@ from lightning.pytorch.cli import (
     OptimizerCallable,
 )
 
+from data.report.page import can_write_report
 from data.report.report_file import write_report
 from data.results.command_config import CommandConfig, read_config
 from data.results.documents import to_serializable, write_json
@@ -205,7 +205,7 @@ class TrainingCLI(LightningCLI):
         evaluated = self.folder.best if stage == "fit" or path is None else path
         result = self.kind.report(self.model, self.datamodule, stage, evaluated)
         write_json(self.folder.out / METRICS[stage], result)
-        if find_spec("plotly") is not None:
+        if can_write_report():
             write_report(self.folder.out)
         return result
 

@@ -118,7 +118,9 @@ class NuScenesScene(RecordedDrive):
     def labels(self, index: int) -> Labels:
         """Return the labels of the objects in the view of the camera."""
         around = self.labels_around(index)
-        return around if self.calibration is None else labels_in_view(around, self.calibration)
+        if self.calibration is None:
+            return around
+        return labels_in_view(around, self.calibration, self.points_velo(index))
 
     def labels_around(self, index: int) -> Labels:
         """Return the labels of all objects around; between key frames on the way from one to the next."""

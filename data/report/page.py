@@ -1,5 +1,6 @@
 """A page as one HTML file that needs no network: style, scripts, Plotly, figures and images are in it."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -9,6 +10,8 @@ from pathlib import Path
 from data.report.markup import Plots, Section, json_markup
 from perception import __version__
 from perception.errors import MissingDependencyError
+
+log = logging.getLogger(__name__)
 
 _HERE = Path(__file__).parent
 # Forbids every request, so that the page shows the same without a network.
@@ -70,6 +73,16 @@ class Page:
                 "</body></html>\n",
             ]
         )
+
+
+def can_write_report() -> bool:
+    """Return whether the package of the figures is installed; log the line that installs it where it is not."""
+    try:
+        require_plotly()
+    except MissingDependencyError as error:
+        log.warning("no report.html: %s", error)
+        return False
+    return True
 
 
 def require_plotly() -> None:

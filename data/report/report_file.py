@@ -56,4 +56,10 @@ def write_report(results: Path, other: Path | None = None, out: Path | None = No
         )
     from data.report.document_report import document_page, read_document
 
-    return write_page(document_page(read_document(results)), out or results.with_suffix(".html"))
+    return write_page(document_page(read_document(results)), out or page_beside(results))
+
+
+def page_beside(document: Path) -> Path:
+    """Return where the report of a JSON document lies by default."""
+    page = document.with_suffix(".html")
+    return page if page != document else document.with_name(f"{document.name}.html")

@@ -1,10 +1,10 @@
 """The writers of a run, by its configuration."""
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 
 from data.frames import frame_count
+from data.report.page import can_write_report
 from data.results.background_writer import BackgroundWriter
 from data.results.result_writer import ResultWriter
 from data.results.run_config import RunConfig
@@ -29,7 +29,7 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         detector_views=config.video_views,
     )
     frames = frame_count(drive, config.frames)
-    if config.exports.report and find_spec("plotly") is not None:
+    if config.exports.report and can_write_report():
         from data.report.run_writer import RunReportWriter
 
         # First, and so closed last: it reads the files of the others.

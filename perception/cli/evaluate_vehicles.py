@@ -8,7 +8,7 @@ from data.results.evaluated import EvaluatedDrive, EvaluationDocument
 from perception.cli.evaluation import open_labelled_drive, publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.detection.config import DepthCnConfig, DetectionConfig
-from perception.errors import DriveError
+from perception.errors import CalibrationError, DriveError
 from perception.pipeline import PipelineConfig
 
 _PIPELINE = PipelineConfig(detection=DetectionConfig(depthcn=DepthCnConfig(enabled=False)))
@@ -31,7 +31,7 @@ def evaluate_vehicles(
     Example: trifuse evaluate vehicles kitti/tracking --sequence 0000 --detector depthcn
 
     Args:
-        root: Sequences in KITTI's tracking layout, or a synthetic drive in it.
+        root: Drive of any layout with a camera and labelled boxes that have track ids.
         detector: Detectors of the pipeline, DepthCN, or noisy labels, which show the error of location and tracking.
         display_score: Existence of a vehicle from which on it counts, 0 to 1.
         noise: Noise of the labels with `--detector labels`.
@@ -39,17 +39,22 @@ def evaluate_vehicles(
     """
     from data.detections.measured_vehicles import open_vehicle_detector
     from data.detections.unlearned_frames import count_learned_frames
-    from data.kitti.sequence import KittiSequence
     from perception.cli.drive_results import drive_results
     from perception.evaluation.vehicle_measure import PROTOCOL_WORDS, VehicleMeasure
 
     labelled = open_labelled_drive(root, drive, images=detector == "fused")
-    if not isinstance(labelled, KittiSequence) or labelled.label_file is None:
+    if not (labelled.is_sequence and labelled.has_labels):
         raise DriveError(
             labelled.root,
-            expected="labels with track ids, as in KITTI's tracking layout",
+            expected="frames in order of time with labelled boxes that have track ids",
+            found="single frames" if labelled.has_labels else "no boxes",
+            advice="name such a drive, or make one: trifuse synth OUT --layout tracking",
+        )
+    if labelled.calibration is None:
+        raise CalibrationError(
+            labelled.root,
+            expected="a camera, in whose image vehicles are compared with labels",
             found="none",
-            advice="name a sequence in that layout, or make one: trifuse synth OUT --layout tracking",
         )
     opened = open_vehicle_detector(detector, labelled, pipeline.detection, noise)
     limit, skips = drive.frames, drive.on_bad_frame

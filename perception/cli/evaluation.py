@@ -1,7 +1,7 @@
 """Evaluation of a measure over a drive with labels or exact truth, and output of its report."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from data.results.command_config import SECTION, CommandConfig
 from data.results.evaluated import EvaluatedDrive, EvaluationDocument
@@ -12,8 +12,13 @@ from perception.evaluation.report import Measure, Report
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
 
+if TYPE_CHECKING:
+    from data.recorded_drive import RecordedDrive
 
-def open_labelled_drive(root: Path, flags: LabelledDriveFlags, *, images: bool = False) -> Drive:
+
+def open_labelled_drive(
+    root: Path, flags: LabelledDriveFlags, *, images: bool = False
+) -> "RecordedDrive":
     """Open a drive that has labels or exact truth to measure against.
 
     Args:

@@ -150,11 +150,13 @@ class ReportFlags(FlagGroup):
 
     Attributes:
         json: JSON file for the metrics, with protocol, data and configuration.
-        html: HTML file for the same with figures, which needs no network.
+        html: HTML file for the same with figures, which needs no network; else beside the JSON file, under its name.
+        report: Write the HTML file beside the JSON file, where plotly is installed.
     """
 
     json: Path | None = None
     html: Path | None = None
+    report: bool = True
 
     def __post_init__(self) -> None:
         """Validate that an HTML file can be written, before the work.
@@ -178,15 +180,18 @@ class ReportFlags(FlagGroup):
         Raises:
             WriteError: A file cannot be written.
         """
+        from data.report.document_report import document_page
+        from data.report.page import can_write_report
+        from data.report.report_file import page_beside, write_page
         from data.results.documents import to_serializable, write_json
 
+        page = self.html
         if self.json is not None:
             write_json(self.json, document)
-        if self.html is not None:
-            from data.report.document_report import document_page
-            from data.report.report_file import write_page
-
-            write_page(document_page(to_serializable(document)), self.html)
+            if page is None and self.report and can_write_report():
+                page = page_beside(self.json)
+        if page is not None:
+            print(f"report: {write_page(document_page(to_serializable(document)), page)}")
 
 
 def require_positive(flag: str, count: int | None) -> None:

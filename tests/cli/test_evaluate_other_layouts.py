@@ -102,6 +102,33 @@ def test_datmo(evaluate):
     assert evaluate("datmo", "nuScenes", *flags)["default"]["frames"] == 4
 
 
+def test_vehicles(evaluate):
+    """Boxes are those of KITTI's layout; hidden ones count as what other boxes and the scan say."""
+    flags = ("--detector", "labels", "--noise.sides", "0", "--noise.missing", "0")
+    kitti = evaluate("vehicles", "KITTI", *flags)
+    for name in ("Argoverse 2", "nuScenes"):
+        found = evaluate("vehicles", name, *flags)
+        assert found["location"]["0 to 25 m"]["center_p50_m"] < 0.4
+        assert (
+            found["location"]["0 to 25 m"]["detected"] >= kitti["location"]["0 to 25 m"]["detected"]
+        )
+
+
+def test_vehicles_are_tracks_of_boxes(evaluate):
+    with fault(DriveError, "08", "labelled boxes that have track ids", "no boxes", "synth"):
+        evaluate("vehicles", "SemanticKITTI")
+
+
+@pytest.mark.parametrize("name", ["Argoverse 2", "nuScenes"])
+def test_detection(name, evaluate, capsys):
+    found = evaluate(
+        "detection", name, "--detector", "depthcn", "--bootstrap", "0", "--classes", "Car"
+    )
+    (drive,) = found.values()
+    assert drive["frames"] == 4
+    assert "objects" in capsys.readouterr().out.lower()
+
+
 def test_datmo_takes_boxes(evaluate):
     with fault(DriveError, "08", "labels with tracks", advice="labelled boxes"):
         evaluate("datmo", "SemanticKITTI")

@@ -69,7 +69,9 @@ def test_table_plot_and_document_agree(folders, tmp_path: Path, capsys):
         assert row[:3] == ["50", "45", "90.0"]
         assert row[7:11] == [f"{metrics[name]:.2f}" for name in names]
         assert metrics["aos_r40_percent"] == pytest.approx(metrics["ap_r40_percent"])
-    assert {path.name for path in picture.parent.iterdir()} == {"precision.png", "metrics.json"}
+    assert {path.name for path in picture.parent.iterdir()} == {
+        "precision.png", "metrics.json", "metrics.html"
+    }  # fmt: skip
 
 
 def test_boxes_from_above_and_in_space_have_scores(folders, tmp_path: Path, capsys):

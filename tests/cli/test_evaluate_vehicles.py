@@ -57,5 +57,5 @@ def test_the_same_seed_gives_the_same_and_frames_can_be_limited(street, tmp_path
 def test_a_drive_without_track_labels_is_an_error(tmp_path):
     write_drives(tmp_path, SynthConfig(layout="tracking", frames=1, images=False))
     shutil.rmtree(tmp_path / "training" / "label_02")
-    with fault(DriveError, expected="labels with track ids", found="none"):
+    with fault(DriveError, expected="labelled boxes that have track ids", found="no boxes"):
         evaluate(tmp_path)

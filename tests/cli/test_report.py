@@ -45,11 +45,42 @@ def test_without_plotly_the_extra_is_named(run_folder, monkeypatch):
         ReportFlags(html=run_folder / "x.html")
 
 
-def test_an_evaluation_leaves_a_report_beside_its_document(street, tmp_path):
+@pytest.mark.parametrize(
+    ("words", "left"),
+    [
+        ({}, ["a.html", "a.json"]),
+        ({"html": "b.html"}, ["a.json", "b.html"]),
+        ({"report": False}, ["a.json"]),
+        ({"report": False, "html": "b.html"}, ["a.json", "b.html"]),
+    ],
+)
+def test_where_the_report_of_a_document_lies(tmp_path, words, left):
+    if "html" in words:
+        words = {**words, "html": tmp_path / words["html"]}
+    ReportFlags(json=tmp_path / "a.json", **words).write({"rows": {"a": 1.0}})
+    assert sorted(path.name for path in tmp_path.iterdir()) == left
+
+
+def test_a_document_that_is_named_as_a_page_is_not_overwritten(tmp_path):
+    ReportFlags(json=tmp_path / "a.html").write({"rows": {"a": 1.0}})
+    assert json.loads((tmp_path / "a.html").read_text()) == {"rows": {"a": 1.0}}
+    assert (tmp_path / "a.html.html").is_file()
+
+
+def test_without_plotly_a_document_is_written_and_the_extra_named(tmp_path, monkeypatch, caplog):
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    ReportFlags(json=tmp_path / "a.json").write({"rows": {"a": 1.0}})
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+    (line,) = caplog.messages
+    assert line.startswith("no report.html: the report: expected the Python package plotly")
+    assert "[report]" in line
+
+
+def test_an_evaluation_leaves_a_report_beside_its_document(street, tmp_path, capsys):
     files = tmp_path / "ground.json", tmp_path / "ground.html"
     words = ["--frames", "2", "--pipeline.no-parallel"]
-    outputs = ["--json", str(files[0]), "--html", str(files[1])]
-    assert main(["evaluate", "ground", str(street), *words, *outputs]) == 0
+    assert main(["evaluate", "ground", str(street), *words, "--json", str(files[0])]) == 0
+    assert f"report: {files[1]}\n" in capsys.readouterr().out
     document, page = json.loads(files[0].read_text()), read_page(files[1])
     assert page.texts["h1"] == ["Evaluation: ground"]
     assert page.texts["caption"] == [table["title"] for table in document["tables"]]

@@ -109,9 +109,7 @@ def test_frames_of_several_drives_are_numbered_through(
     assert [len(frames.scene(number).label_types) for number in range(5)] == [2, 2, 1, 1, 1]
 
 
-def test_a_drive_without_a_camera_is_refused(
-    make_street: Callable[..., Path], store: ArrayStore
-):
+def test_a_drive_without_a_camera_is_refused(make_street: Callable[..., Path], store: ArrayStore):
     folder = make_street() / "training" / "calib"
     for path in folder.iterdir():
         path.unlink()
