@@ -19,13 +19,14 @@ _SIDE, _BORDER = 512, 16
 _UP, _DOWN = 38, 24  # voxels of a bar above and below the origin
 _MAX_BARS = 2**16 - 1
 _MIN_VOXELS = 5  # fewer do not determine a surface
-_RINGS = (1, 2, 4, 8)  # of voxels around one
+_RINGS = (1, 2)  # of voxels around one
+_WIDER, _WIDE_RINGS = (2.0, 3.0), 2  # whole edges of wider voxels, and rings of these
 # Ratio of the variances across and along a surface: the beams of a sparse LiDAR lie far apart on the ground, and points of
-# one beam make a line. On synthetic streets, without INS, VLP-16, errors over a second: 71 mm and 0.94 degrees at 0, 23 and 0.34
-# at 0.2, 12 and 0.21 at 0.35; HDL-64E 5.6, 6.5, 5.5 mm.
+# one beam make a line. On synthetic streets, without INS, VLP-16, errors over a second: 71 mm and 0.94 degrees at 0, 11 and 0.18
+# at 0.35; HDL-64E 5.6, 5.8 mm. Voxels of 4 edges in place of 3: HDL-32E 4.8 to 5.9 mm.
 _MIN_BREADTH = 0.35
-# Ratio of the variances through and across a surface of more than two rings, which may hold more than one.
-_MAX_THICKNESS, _WIDE = 0.05, 2
+# Ratio of the variances through and across a surface of wider voxels, which may hold more than one.
+_MAX_THICKNESS = 0.05
 # Sine of the least angle between a beam and a surface that it shows. What one beam hits in leaves and grass, here near, there
 # far, is flat, too: a fan through the LiDAR, which comes along with it. On synthetic streets, without INS, errors of pitch
 # over a second: OS0-32 4.7 mrad with fans, 1.5 without; VLP-16 6.8 and 3.1; HDL-64E 0.13 and 0.15. As good from 0.015 to 0.04.
@@ -70,13 +71,9 @@ def _window(level: int, rings: int) -> int:
     return bits << low if low >= 0 else bits >> -low
 
 
-@compiled((_POINTS, NUMBER))
-def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
-    """Sum (N, 3+) points by voxels; points beyond the map, 240 voxels away, or of too many bars are left out.
-
-    Returns:
-        (M, 10) number of points, sums of x, y, z, and of xx, xy, xz, yy, yz, zz; the table of the voxels.
-    """
+@compiled((_POINTS, NUMBER), (_ROWS, NUMBER))
+def _find_voxels(points: Float32 | Float64, edge_m: float) -> tuple[Int, VoxelTable]:
+    """Return the (N,) number of the voxel of each point, -1 where it is left out, and the table of the voxels."""
     count = len(points)
     bar_of_cell, bars = np.zeros(_SIDE * _SIDE, np.uint16), np.zeros((count + 1, 2), np.int64)
     bar_of, bit_of = np.zeros(count, np.int64), np.empty(count, np.int64)
@@ -97,18 +94,39 @@ def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
     for bar in range(found + 1):
         bars[bar, 1] = voxels
         voxels += _count_bits(bars[bar, 0])
-    moments = np.zeros((voxels, 10))
     for number in range(count):
         bar = bar_of[number]
-        if bar > 0:
-            sums = moments[bars[bar, 1] + _count_bits(bars[bar, 0] & (bit_of[number] - 1))]
-            x, y = np.float64(points[number, 0]), np.float64(points[number, 1])
-            z = np.float64(points[number, 2])
-            sums[0] += 1
-            sums[1], sums[2], sums[3] = sums[1] + x, sums[2] + y, sums[3] + z
-            sums[4], sums[5], sums[6] = sums[4] + x * x, sums[5] + x * y, sums[6] + x * z
-            sums[7], sums[8], sums[9] = sums[7] + y * y, sums[8] + y * z, sums[9] + z * z
-    return moments, (bar_of_cell, bars[: found + 1].copy())
+        lower = bars[bar, 0] & (bit_of[number] - 1)
+        bar_of[number] = bars[bar, 1] + _count_bits(lower) if bar > 0 else -1
+    return bar_of, (bar_of_cell, bars[: found + 1].copy())
+
+
+@compiled((array_of(np.int64, 2),))
+def _count_voxels(bars: Int) -> int:
+    """Return the number of voxels of a table."""
+    return int(bars[-1, 1] + _count_bits(bars[-1, 0]))
+
+
+@compiled((_POINTS, NUMBER))
+def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
+    """Sum (N, 3+) points by voxels; points beyond the map, 240 voxels away, or of too many bars are left out.
+
+    Returns:
+        (M, 10) number of points, sums of x, y, z, and of xx, xy, xz, yy, yz, zz; the table of the voxels.
+    """
+    voxel_of, table = _find_voxels(points, edge_m)
+    moments = np.zeros((_count_voxels(table[1]), 10))
+    for number in range(len(points)):
+        if voxel_of[number] < 0:
+            continue
+        sums = moments[voxel_of[number]]
+        x, y = np.float64(points[number, 0]), np.float64(points[number, 1])
+        z = np.float64(points[number, 2])
+        sums[0] += 1
+        sums[1], sums[2], sums[3] = sums[1] + x, sums[2] + y, sums[3] + z
+        sums[4], sums[5], sums[6] = sums[4] + x * x, sums[5] + x * y, sums[6] + x * z
+        sums[7], sums[8], sums[9] = sums[7] + y * y, sums[8] + y * z, sums[9] + z * z
+    return moments, table
 
 
 @compiled((_ROWS, NUMBER))
@@ -197,28 +215,73 @@ def _is_faced(place: Float64, normal: tuple[float, float, float]) -> bool:
     return bool(through * through > _MIN_GRAZING**2 * (x * x + y * y + z * z))
 
 
+@compiled((_ROWS, _TABLE, NUMBER, WHOLE, NUMBER, written(np.float64, 2)))
+def _add_normals(
+    moments: Float64,
+    table: VoxelTable,
+    edge_m: float,
+    rings: int,
+    max_thickness: float,
+    surfaces: Float64,
+) -> None:
+    """Write the normals of (M, 6) surfaces that have none, NaN so far, by the voxels around."""
+    total, covariance = np.empty(10), np.empty((3, 3))
+    for row in range(len(moments)):
+        if not np.isnan(surfaces[row, 3]):
+            continue
+        voxels = _add_around(moments, table, edge_m, surfaces[row, :3], rings, total)
+        if voxels >= _MIN_VOXELS:
+            _covariance(total, covariance)
+            normal = _flattest_direction(covariance, max_thickness)
+            if _is_faced(surfaces[row, :3], normal):
+                surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
+
+
+@compiled((_ROWS,))
+def _means(moments: Float64) -> Float64:
+    """Return (M, 6) surfaces: the mean point of each voxel, without a normal, NaN."""
+    surfaces = np.full((len(moments), 6), np.nan)
+    for row in range(len(moments)):
+        for axis in range(3):
+            surfaces[row, axis] = moments[row, 1 + axis] / moments[row, 0]
+    return surfaces
+
+
+@compiled((_ROWS, NUMBER, written(np.float64, 2)))
+def _add_wide_normals(moments: Float64, edge_m: float, surfaces: Float64) -> None:
+    """Write the normals of (M, 6) surfaces that have none, NaN so far, by wider voxels: those in one have the same."""
+    voxel_of, table = _find_voxels(surfaces, edge_m)
+    sums = np.zeros((_count_voxels(table[1]), 10))
+    for row in range(len(moments)):
+        for entry in range(10):
+            sums[voxel_of[row], entry] += moments[row, entry]
+    wide = _means(sums)
+    wide[:, 3] = 0
+    for row in range(len(moments)):
+        if np.isnan(surfaces[row, 3]):
+            wide[voxel_of[row], 3] = np.nan
+    _add_normals(sums, table, edge_m, _WIDE_RINGS, _MAX_THICKNESS, wide)
+    for row in range(len(moments)):
+        if np.isnan(surfaces[row, 3]):
+            surfaces[row, 3:] = wide[voxel_of[row], 3:]
+
+
 @compiled((_ROWS, _TABLE, NUMBER))
 def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
     """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
 
     Where too few voxels are occupied, or they lie along a line or in the plane of a beam, those farther around are taken,
-    too; the normal is 0 where these do not determine it either. The LiDAR is at the origin.
+    too, and then wider voxels, which are few; the normal is 0 where these do not determine it either. The LiDAR is at
+    the origin.
     """
-    surfaces = np.empty((len(moments), 6))
-    total, covariance = np.empty(10), np.empty((3, 3))
+    surfaces = _means(moments)
+    for rings in _RINGS:
+        _add_normals(moments, table, edge_m, rings, 1.0, surfaces)
+    for wider in _WIDER:
+        _add_wide_normals(moments, wider * edge_m, surfaces)
     for row in range(len(moments)):
-        for axis in range(3):
-            surfaces[row, axis] = moments[row, 1 + axis] / moments[row, 0]
-        surfaces[row, 3:] = 0
-        for rings in _RINGS:
-            voxels = _add_around(moments, table, edge_m, surfaces[row, :3], rings, total)
-            if voxels < _MIN_VOXELS:
-                continue
-            _covariance(total, covariance)
-            normal = _flattest_direction(covariance, _MAX_THICKNESS if rings > _WIDE else 1.0)
-            if _is_faced(surfaces[row, :3], normal):
-                surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
-                break
+        if np.isnan(surfaces[row, 3]):
+            surfaces[row, 3:] = 0
     return surfaces
 
 
@@ -242,8 +305,11 @@ def _nearest(
     rings = int(np.ceil(reach_m / edge_m))
     window = _window(int(np.floor(z / edge_m)) + _DOWN, rings)
     best, nearest = reach_m * reach_m, -1
+    margin = min(u, 1 - u, v, 1 - v)  # to the nearest side of the cell
     # The bar of the position comes first: it leaves few others to search.
     for ring in range(rings + 1):
+        if ring > 0 and ((ring - 1 + margin) * edge_m) ** 2 >= best:
+            break
         for j in range(-ring, ring + 1):
             along = 0.0 if j == 0 else ((v - j - 1 if j < 0 else j - v) * edge_m) ** 2
             step = 1 if abs(j) == ring else max(2 * ring, 1)

@@ -69,17 +69,18 @@ def test_voxels_and_means_equal_the_reference(stride: int) -> None:
     assert bar_of_cell.max() == len(bars) - 1 < len(moments)
 
 
-def reference_normal(points: np.ndarray, cells: np.ndarray, mean: np.ndarray) -> np.ndarray | None:
+def reference_normal(points: np.ndarray, mean: np.ndarray) -> np.ndarray | None:
     """Return the normal of the nearest surface around a mean point; None where it is hardly determined."""
-    for rings in (1, 2, 4, 8):
-        around = (np.abs(cells - np.floor(mean / EDGE_M)) <= rings).all(axis=1)
+    for edges, rings in ((1, 1), (1, 2), (2, 2), (3, 2)):
+        cells = np.floor(points.astype(np.float64) / (edges * EDGE_M)).astype(int)
+        around = (np.abs(cells - np.floor(mean / (edges * EDGE_M))) <= rings).all(axis=1)
         if len(np.unique(cells[around], axis=0)) < 5:
             continue
         found = np.linalg.eigh(np.cov(points[around].T.astype(np.float64), bias=True))
         through, across, along = found.eigenvalues
         normal = found.eigenvectors[:, 0]
         is_faced = abs(normal @ mean) > 0.02 * np.linalg.norm(mean)
-        if across >= 0.35 * along and (rings <= 2 or through <= 0.05 * across) and is_faced:
+        if across >= 0.35 * along and (edges == 1 or through <= 0.05 * across) and is_faced:
             # A corner has two directions that are about as flat.
             return normal if across > 2 * through else None
     return np.zeros(3)
@@ -90,10 +91,9 @@ def test_normals_equal_the_reference(beams: int | None) -> None:
     points = street() if beams is None else sparse_street(beams)
     moments, table = voxel_moments(points, EDGE_M)
     surfaces = means_and_normals(moments, table, EDGE_M)
-    cells = np.floor(points.astype(np.float64) / EDGE_M).astype(int)
     compared = 0
     for mean, normal in zip(surfaces[::20, :3], surfaces[::20, 3:], strict=True):
-        expected = reference_normal(points, cells, mean)
+        expected = reference_normal(points, mean)
         if expected is not None:
             assert abs(normal @ expected) > 1 - 1e-6 or not (normal.any() or expected.any())
             compared += expected.any()
