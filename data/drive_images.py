@@ -27,6 +27,11 @@ class DriveImages(PerFrame):
         """Return the file of one image; None where the frame has none, or many lie in one file."""
         return None
 
+    def is_missing(self, index: int) -> bool:
+        """Return whether the image of a frame is a file that is not there."""
+        file = self.file(index)
+        return file is not None and not file.exists()
+
 
 @dataclass(frozen=True)
 class ImageFiles(DriveImages):

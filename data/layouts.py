@@ -1,6 +1,6 @@
 """What a layout is: a way in which drives lie on disk, and how it is recognised and opened."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,8 @@ class OpenConfig:
     Attributes:
         sensor: Name of a LiDAR model, or a file that describes one; else what the drive states.
         images: Whether frames carry images.
-        camera: Name of the camera, or topic of its images; else the first or the forward one.
+        camera: Name of the camera, or topic of its images, several with commas, the main one first; else the first or
+            the forward one.
         lidar: Name of the LiDAR, or topic of its scans, several with commas; else the first or all of them.
         deskew: Whether the points of a sweep are moved to the time of the scan, where their times are known.
         reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
@@ -34,6 +35,28 @@ class OpenConfig:
         scale = self.reflectance_scale
         if scale is not None and not 0 < scale < float("inf"):
             raise UsageError("--reflectance-scale", expected="a number above 0", found=f"{scale:g}")
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras that were asked for."""
+        return () if self.camera is None else tuple(self.camera.split(","))
+
+    def camera_among(self, names: Sequence[str]) -> str:
+        """Return the camera that was asked for, else the first.
+
+        Args:
+            names: Names of the cameras of a drive.
+
+        Raises:
+            UsageError: There is no such camera.
+        """
+        if self.camera is not None and self.camera not in names:
+            raise UsageError(
+                f"--camera {self.camera}",
+                expected=f"one of {', '.join(names)}" if names else "a drive with a camera",
+                found=self.camera if names else "none",
+            )
+        return self.camera or names[0]
 
     def lidar_model(self, folder: Path, default: LidarModel = HDL_64E) -> LidarModel:
         """Return the model that was asked for, else that of the folder's sensor.json, else the default.

@@ -5,11 +5,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from data.further_cameras import DriveCamera, FurtherCameras
 from data.kitti.sensor_files import no_scans
 from data.layout_registry import layouts
 from data.layouts import Layout, OpenConfig
 from data.recorded_drive import RecordedDrive
-from perception.errors import DriveError, UsageError
+from perception.errors import CalibrationError, DriveError, UsageError
 
 _DEFAULT = OpenConfig()
 
@@ -37,8 +38,28 @@ def open_drive(
     config = replace(config, sensor=sensor or config.sensor, images=images and config.images)
     with _readable(path):
         layout, sequences = _recognise(path)
-        drive = layout.open(path, _choose(path, sequences, sequence), config)
+        drive = _open(layout, path, _choose(path, sequences, sequence), config)
         return replace(drive, deskew=True) if config.deskew else drive
+
+
+def _open(layout: Layout, path: Path, sequence: str | None, config: OpenConfig) -> RecordedDrive:
+    """Open a drive with its main camera, and with each further one for the images of that."""
+    if len(config.cameras) <= 1:
+        return layout.open(path, sequence, config)
+    drive, *others = (
+        layout.open(path, sequence, replace(config, camera=name)) for name in config.cameras
+    )
+    further = []
+    for name, other in zip(config.cameras[1:], others, strict=True):
+        if other.calibration is None:
+            raise CalibrationError(path, expected=f"the calibration of {name}", found="none")
+        further.append(DriveCamera(name, other.calibration, other.images))
+    return replace(
+        drive,
+        camera=config.cameras[0],
+        further_cameras=FurtherCameras(tuple(further)),
+        notes=tuple(dict.fromkeys(note for one in (drive, *others) for note in one.notes)),
+    )
 
 
 def open_drives(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from data.drive_images import DriveImages
+from data.further_cameras import FurtherCameras
 from data.kitti.oxts import InsPacket
 from data.per_frame import PerFrame
 from data.sweep_motion import SweepMotions
@@ -32,6 +33,8 @@ class RecordedDrive(ABC):
         sensor: LiDAR model.
         calibration: Calibration of the camera in all frames, or None.
         images: Images of the camera, or None where there are none or they are not loaded.
+        camera: Name of that camera in results, where there are several.
+        further_cameras: Further cameras that are looked through.
         notes: Sentences on data that are not used as they are, or on what was assumed.
         deskew: Whether the points of a sweep are moved to its stamp, by their times and the motion of the LiDAR.
     """
@@ -41,6 +44,8 @@ class RecordedDrive(ABC):
     sensor: LidarModel
     calibration: Calibration | None = None
     images: DriveImages | None = None
+    camera: str = Frame.camera
+    further_cameras: FurtherCameras = field(default_factory=FurtherCameras)
     notes: tuple[str, ...] = ()
     deskew: bool = False
     _motions: SweepMotions = field(
@@ -111,7 +116,10 @@ class RecordedDrive(ABC):
         return self._read(index, with_image=False, with_pose=False)
 
     def _read(self, index: int, *, with_image: bool, with_pose: bool) -> Frame:
-        image = self.image(index) if with_image else None
+        # Of several cameras one may be dark; the only one may not.
+        images = self.images if self.further_cameras.cameras else None
+        is_dark = images is not None and images.is_missing(index)
+        image = self.image(index) if with_image and not is_dark else None
         return Frame(
             index=range(len(self))[index],
             points_velo=self._deskewed(index) if self.deskew else self.points_velo(index),
@@ -123,6 +131,8 @@ class RecordedDrive(ABC):
             name=self.frame_names[index],
             number=self.frame_numbers[index],
             point_times_s=self.point_times_s(index),
+            camera=self.camera,
+            further_cameras=self.further_cameras.at(index, with_images=with_image),
         )
 
     def _deskewed(self, index: int) -> Float32:

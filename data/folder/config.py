@@ -216,6 +216,7 @@ class FolderConfig:
     Attributes:
         lidar: The LiDAR and its files.
         camera: The camera and its files, or None without one.
+        cameras: Several cameras by name in place of it, the main one first.
         poses: Poses or INS, or None without them.
         labels: Labels in KITTI's tracking format, or None without them.
     """
@@ -224,3 +225,16 @@ class FolderConfig:
     camera: CameraConfig | None = None
     poses: PosesConfig | None = None
     labels: str | None = None
+    cameras: dict[str, CameraConfig] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Validate that there is one camera or a list of them, and that their names can be listed with commas."""
+        if self.camera is not None and self.cameras:
+            raise DriveError("cameras", expected="camera or cameras", found="both")
+        if odd := [name for name in self.cameras if "," in name or not name.strip()]:
+            raise DriveError("cameras", expected="names without commas", found=repr(odd[0]))
+
+    @property
+    def named_cameras(self) -> dict[str, CameraConfig]:
+        """Cameras by name; of a single one its section."""
+        return self.cameras if self.camera is None else {"camera": self.camera}

@@ -43,11 +43,14 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     stamps_ns = _stamps_ns(root, described.lidar, files, sensor)
     velo_SE3_lidar = described.lidar.velo_SE3_lidar()
     calibration = images = None
-    if described.camera is not None:
-        camera_files = _image_files(root, described.camera)
-        lens = _lens(root, described.camera, camera_files)
-        calibration = _calibration(described.camera, lens, velo_SE3_lidar, root)
-        paths = _join_images(root, described.camera, camera_files, files, stamps_ns)
+    cameras = described.named_cameras
+    name = config.camera_among(list(cameras)) if cameras or config.camera else None
+    if name is not None:
+        camera = cameras[name]
+        camera_files = _image_files(root, camera)
+        lens = _lens(root, camera, camera_files)
+        calibration = _calibration(camera, lens, velo_SE3_lidar, root)
+        paths = _join_images(root, camera, camera_files, files, stamps_ns)
         images = ImageFiles(paths, ImageSize(lens.size_px, lens.source), lens)
         notes += _image_notes(camera_files.folder, paths)
     poses, body_SE3_velo = _poses(root, described, len(files), velo_SE3_lidar)
@@ -56,6 +59,8 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     if label_file is not None and calibration is None:
         notes += (f"{label_file}: labels are not used, as they need the calibration of a camera",)
         label_file = None
+    if label_file is not None and name != next(iter(cameras)):
+        label_file = None  # it is of the main camera
     return FolderDrive(
         name=root.resolve().name,
         root=root,

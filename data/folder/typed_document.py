@@ -81,6 +81,11 @@ def _value(hint: Any, value: object, where: str) -> Any:  # noqa: ANN401 - of an
             raise _unfitting(where, "a list", value)
         kind = get_args(hint)[0]
         return tuple(_value(kind, one, f"{where} {place + 1}") for place, one in enumerate(value))
+    if origin is dict:
+        if not isinstance(value, Mapping):
+            raise _unfitting(where, "names and values", value)
+        kind = get_args(hint)[1]
+        return {str(name): _value(kind, one, f"{where}: {name}") for name, one in value.items()}
     if dataclasses.is_dataclass(hint):
         return _instance(hint, value, where)  # type: ignore[arg-type]
     return _scalar(hint, value, where)

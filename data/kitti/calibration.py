@@ -22,7 +22,7 @@ _RECTIFICATION_KEYS = ("R0_rect", "R_rect")
 _VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
 _IMU_TO_VELO_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
 # Raw recordings state it; of the benchmarks, only synthetic drives do, which may have no image to ask.
-_IMAGE_SIZE_KEYS = ("S_rect_02",)
+_IMAGE_SIZE_KEY = "S_rect_02"
 # Image sizes of KITTI's recordings by focal length in pixels; the files of the benchmarks do not state them.
 _KITTI_IMAGE_SIZES_PX = {
     721.5377: (1242, 375),
@@ -126,7 +126,7 @@ def read_benchmark_calibration(path: Path) -> DriveCalibration:
     camera = Calibration(
         image_P_cam=text.matrix(_PROJECTION_KEYS, (3, 4)),
         cam_SE3_velo=_rectify(rectification, _homogeneous(text.matrix(_VELO_TO_CAM_KEYS, (3, 4)))),
-        image_size_px=_image_size_px(text) if text.has(_IMAGE_SIZE_KEYS) else None,
+        image_size_px=_image_size_px(text) if text.has((_IMAGE_SIZE_KEY,)) else None,
         source=str(path),
     )
     has_imu = text.has(_IMU_TO_VELO_KEYS)
@@ -134,8 +134,12 @@ def read_benchmark_calibration(path: Path) -> DriveCalibration:
     return DriveCalibration(camera, imu)
 
 
-def read_raw_calibration(folder: Path) -> DriveCalibration:
+def read_raw_calibration(folder: Path, camera: str = "02") -> DriveCalibration:
     """Read the calibration files of a raw recording; None for a missing file.
+
+    Args:
+        folder: Folder of the files.
+        camera: Number of the camera: 02 is the left colour camera, 03 the right one.
 
     Raises:
         CalibrationError: A file lacks a key, or a matrix cannot be used.
@@ -143,19 +147,19 @@ def read_raw_calibration(folder: Path) -> DriveCalibration:
     has_camera = (folder / CAM_TO_CAM).is_file() or (folder / VELO_TO_CAM).is_file()
     has_imu = (folder / IMU_TO_VELO).is_file()
     return DriveCalibration(
-        _read_raw_camera(folder) if has_camera else None,
+        _read_raw_camera(folder, camera) if has_camera else None,
         _read_raw_transform(folder / IMU_TO_VELO) if has_imu else None,
     )
 
 
-def _read_raw_camera(folder: Path) -> Calibration:
+def _read_raw_camera(folder: Path, camera: str) -> Calibration:
     cameras = CalibrationText.read(folder / CAM_TO_CAM)
     return Calibration(
-        image_P_cam=cameras.matrix(("P_rect_02",), (3, 4)),
+        image_P_cam=cameras.matrix((f"P_rect_{camera}",), (3, 4)),
         cam_SE3_velo=_rectify(
             cameras.matrix(("R_rect_00",), (3, 3)), _read_raw_transform(folder / VELO_TO_CAM)
         ),
-        image_size_px=_image_size_px(cameras),
+        image_size_px=_image_size_px(cameras, f"S_rect_{camera}"),
         source=str(cameras.path),
     )
 
@@ -167,8 +171,8 @@ def with_kitti_image_size(camera: Calibration) -> Calibration:
     return replace(camera, image_size_px=size_px)
 
 
-def _image_size_px(text: CalibrationText) -> tuple[int, int]:
-    width, height = text.matrix(_IMAGE_SIZE_KEYS, (2,))
+def _image_size_px(text: CalibrationText, key: str = _IMAGE_SIZE_KEY) -> tuple[int, int]:
+    width, height = text.matrix((key,), (2,))
     return int(width), int(height)
 
 

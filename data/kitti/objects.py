@@ -92,7 +92,7 @@ def open_objects(folder: Path, config: OpenConfig) -> ObjectFrames:
     scans = FrameFiles.within(folder / "velodyne", SCAN_SUFFIXES)
     if not len(scans):
         raise no_scans(scans.folder)
-    image_files = FrameFiles.within(folder / "image_2", IMAGE_SUFFIXES)
+    image_files = FrameFiles.within(folder / config.camera_among(("image_2",)), IMAGE_SUFFIXES)
     point_labels = FrameFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
     label_folder = folder / "label_2"
     joined = join_images(scans, image_files, scans.unix_times, image_files.unix_times)

@@ -40,6 +40,8 @@ from data.layouts import OpenConfig
 from perception.errors import PoseError
 from perception.sensor import LidarModel
 
+_CAMERAS = ("image_02", "image_03", "image_00", "image_01")  # colour before grey, left before right
+
 
 def is_raw_drive(folder: Path) -> bool:
     """Return whether a folder is a raw drive."""
@@ -62,19 +64,21 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
     if not len(scans):
         raise no_scans(scans.folder)
     sensor = config.lidar_model(folder)
-    calibration = read_raw_calibration(_calibration_folder(folder))
-    image_files = FrameFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
+    images = config.camera_among(_CAMERAS)
+    number = images.removeprefix("image_")
+    calibration = read_raw_calibration(_calibration_folder(folder), number)
+    image_files = FrameFiles.within(folder / images / "data", IMAGE_SUFFIXES)
     joined = join_images(
         scans,
         image_files,
         file_times(folder / "velodyne_points" / "timestamps.txt", scans),
-        file_times(folder / "image_02" / "timestamps.txt", image_files),
+        file_times(folder / images / "timestamps.txt", image_files),
     )
     camera = CameraFiles.of(calibration.camera, image_files, joined, load=config.images)
     reflectance = find_reflectance_scale(scans, config)
     packet_files = FrameFiles.within(folder / "oxts" / "data", (".txt",))
     packets = packet_files.joined(scans)
-    label_file = folder / "label_02.txt"
+    label_file = folder / f"label_{number}.txt"
     point_labels = FrameFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
     return KittiSequence(
         name=folder.resolve().name,

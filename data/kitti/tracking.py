@@ -48,7 +48,8 @@ def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSeque
     calibration = DriveCalibration(None, None)
     if calibration_file.is_file():
         calibration = read_benchmark_calibration(calibration_file)
-    image_files = FrameFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
+    images = config.camera_among(("image_02",))
+    image_files = FrameFiles.within(folder / images / sequence, IMAGE_SUFFIXES)
     joined = join_images(scans, image_files, scans.unix_times, image_files.unix_times)
     reflectance = find_reflectance_scale(scans, config)
     camera = CameraFiles.of(calibration.camera, image_files, joined, load=config.images)

@@ -109,7 +109,7 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
     if not len(scans):
         raise no_scans(scans.folder)
     calibration = _read_calibration(root / _CALIBRATION)
-    image_files = FrameFiles.within(root / "image_2", IMAGE_SUFFIXES)
+    image_files = FrameFiles.within(root / config.camera_among(("image_2",)), IMAGE_SUFFIXES)
     joined = join_images(scans, image_files, scans.unix_times, image_files.unix_times)
     camera = CameraFiles.of(calibration, image_files, joined, load=config.images)
     reflectance = find_reflectance_scale(scans, config)

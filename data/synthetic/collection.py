@@ -8,14 +8,15 @@ import numpy as np
 
 from data.synthetic import writer
 from data.synthetic.drive import SyntheticDrive
+from data.synthetic.folder_writer import write_folder
 from data.synthetic.ins import InsNoise
+from data.synthetic.layout import SYNTH_LAYOUTS, CameraName, SynthLayout
 from data.synthetic.street_kind import StreetKind
 from data.synthetic.world_config import WorldConfig
 from data.synthetic.world_kinds import STREETS, draw_config
 from perception.errors import UsageError
 from perception.geometry.threads import limit_blas_threads
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import KittiLayout
 
 _FRAMES_A_WORLD = 5  # of the object layout
 _FRAMES_APART = 18  # so that the scenery is another
@@ -26,7 +27,7 @@ class SynthConfig:
     """Configuration of synthetic drives.
 
     Attributes:
-        layout: KITTI's raw, tracking or object layout.
+        layout: KITTI's raw, tracking or object layout, or a folder with its drive.yaml.
         frames: Number of frames of each drive; of all together in the object layout.
         drives: Number of drives; the object layout takes as many worlds as it needs.
         sensor: LiDAR model.
@@ -37,9 +38,10 @@ class SynthConfig:
             one another kind.
         street: Kind of street of every drive; else the same.
         ego_m_s: Desired speed of the ego vehicle in m/s; else that of the street.
+        cameras: Cameras of the vehicle, the main one first; several in the folder layout alone.
     """
 
-    layout: KittiLayout = "raw"
+    layout: SynthLayout = "raw"
     frames: int = 80
     drives: int = 1
     sensor: LidarModel = HDL_64E
@@ -49,14 +51,23 @@ class SynthConfig:
     config: WorldConfig | None = None
     street: StreetKind | None = None
     ego_m_s: float | None = None
+    cameras: tuple[CameraName, ...] = ("front",)
 
     def __post_init__(self) -> None:
         """Validate the number of frames, the layout and the speed."""
         if self.frames < 1 or self.drives < 1:
             found = f"{self.drives} drives of {self.frames} frames"
             raise UsageError("synthetic drives", expected="at least one frame", found=found)
-        if self.layout not in ("raw", "tracking", "object"):
-            raise UsageError("layout", expected="raw, tracking or object", found=repr(self.layout))
+        if self.layout not in SYNTH_LAYOUTS:
+            expected = "raw, tracking, object or folder"
+            raise UsageError("layout", expected=expected, found=repr(self.layout))
+        if self.layout != "folder" and len(self.cameras) > 1:
+            raise UsageError(
+                f"--cameras {','.join(self.cameras)}",
+                expected=f"one camera, which is what the {self.layout} layout holds",
+                found=str(len(self.cameras)),
+                advice="write the drive with --layout folder",
+            )
         if self.ego_m_s is not None:
             WorldConfig(ego_m_s=self.ego_m_s)
 
@@ -79,7 +90,9 @@ def write_drives(
     with limit_blas_threads():  # frames are written side by side already
         if synth_config.layout == "object":
             return [_write_object_frames(out, synth_config, done)]
-        write = writer.write_raw if synth_config.layout == "raw" else writer.write_tracking
+        write = {
+            "raw": writer.write_raw, "tracking": writer.write_tracking, "folder": write_folder,
+        }[synth_config.layout]  # fmt: skip
         return [
             write(draw_drive(synth_config, number, synth_config.frames), out, number, done)
             for number in range(synth_config.drives)
@@ -101,7 +114,7 @@ def draw_drive(synth_config: SynthConfig, number: int, frames: int) -> Synthetic
         config = replace(config, ego_m_s=synth_config.ego_m_s)
     return SyntheticDrive(
         frames, seed=seed, sensor=synth_config.sensor, config=config, noise=synth_config.noise,
-        images=synth_config.images,
+        images=synth_config.images, cameras=synth_config.cameras,
     )  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """A synthetic drive in memory: frames are rendered on access, the same at every access."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self
@@ -14,15 +15,16 @@ from data.synthetic import ins, labelling, lidar
 from data.synthetic.camera import Camera
 from data.synthetic.exposure import Exposure, draw_exposure
 from data.synthetic.ins import InsNoise
+from data.synthetic.layout import CameraName
 from data.synthetic.lidar import LidarScan
 from data.synthetic.light import draw_daylight
-from data.synthetic.rig import default_calibration
+from data.synthetic.rig import camera_calibration, default_calibration
 from data.synthetic.world import World, build_world
 from data.synthetic.world_config import WorldConfig
 from perception.errors import DriveError, UsageError
 from perception.geometry import se3
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Calibration, Float64, Frame, Labels, PointTruth, UInt8
+from perception.types import Calibration, CameraImage, Float64, Frame, Labels, PointTruth, UInt8
 
 _WORLD, _INS, _SCAN, _IMAGE = range(4)  # streams of random numbers
 
@@ -42,7 +44,7 @@ class SyntheticDrive:
         drive._make = partial(cls, *args, **kwargs)
         return drive
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a drive is made of
         self,
         frames: int = 80,
         *,
@@ -51,6 +53,7 @@ class SyntheticDrive:
         config: WorldConfig | None = None,
         noise: InsNoise | None = None,
         images: bool = True,
+        cameras: Sequence[CameraName] = ("front",),
     ) -> None:
         """Draw the world.
 
@@ -61,12 +64,19 @@ class SyntheticDrive:
             config: World configuration; else a street with dense traffic.
             noise: Noise of the INS; else that of KITTI's INS.
             images: Whether frames carry images.
+            cameras: Cameras, the main one first; labels are of its image.
         """
         if frames < 1:
             raise UsageError("synthetic drive", expected="at least one frame", found=str(frames))
         self.name, self.root = f"synthetic_{seed:04d}", Path(f"synthetic_{seed:04d}")
         self.sensor, self.has_images = sensor, images
-        self.rig: DriveCalibration = default_calibration()
+        if not cameras or len(set(cameras)) < len(cameras):
+            found = ", ".join(cameras) or "none"
+            raise UsageError("cameras", expected="at least one, each once", found=found)
+        self.cameras = tuple(cameras)
+        self.rig: DriveCalibration = replace(
+            default_calibration(), camera=camera_calibration(self.cameras[0])
+        )
         self._frames, self._seed, self._noise = frames, seed, noise or InsNoise()
         self.world: World = self._build_world(config or WorldConfig(), self._random(_WORLD))
 
@@ -106,6 +116,15 @@ class SyntheticDrive:
             world_SE3_velo=self.world_SE3_velo(index),
             calibration=self.calibration,
             source=f"{self.name} frame {index}",
+            camera=self.cameras[0],
+            further_cameras=tuple(
+                CameraImage(
+                    name,
+                    camera_calibration(name),
+                    self.image(index, name) if self.has_images else None,
+                )
+                for name in self.cameras[1:]
+            ),
         )
 
     def stamp_s(self, index: int) -> float:
@@ -117,21 +136,23 @@ class SyntheticDrive:
         rng = self._random(_SCAN, range(self._frames)[index])
         return lidar.scan(self.world, self.sensor, self.stamp_s(index), rng)
 
-    def image(self, index: int) -> UInt8:
-        """Take the image of one frame."""
+    def image(self, index: int, camera: CameraName | None = None) -> UInt8:
+        """Take the image of one frame, of the main camera where none is named."""
         index = range(self._frames)[index]
-        return self._camera.take(
-            self._poses[index],
-            self.stamp_s(index),
-            self._exposure(index),
-            self._random(_IMAGE, index),
+        number = 0 if camera is None else self.cameras.index(camera)
+        rng = self._random(_IMAGE, index)
+        if number:
+            rng = np.random.default_rng([self._seed, _IMAGE, index, number])
+        return self._cameras[number].take(
+            self._poses[index], self.stamp_s(index), self._exposure(index), rng
         )
 
     @cached_property
-    def _camera(self) -> Camera:
+    def _cameras(self) -> list[Camera]:
         rng = self._random(_IMAGE, self._frames)
         daylight = draw_daylight(self.world.sun, self.world.config.is_sunny, rng)
-        return Camera(self.world, self.calibration, daylight)
+        further = (camera_calibration(name) for name in self.cameras[1:])
+        return [Camera(self.world, one, daylight) for one in (self.calibration, *further)]
 
     def _exposure(self, index: int) -> Exposure:
         """Return the exposure of one frame: the same throughout a drive, but for its metering."""

@@ -1,10 +1,12 @@
 """Mounting of camera, LiDAR and INS on the synthetic vehicle, similar to KITTI's."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from data.kitti.calibration import DriveCalibration
+from data.synthetic.layout import CameraName
 from data.synthetic.raycasting import Rays, near_any
 from perception.geometry import camera, se3
 from perception.types import Calibration, Float64, Int
@@ -14,6 +16,12 @@ _FOCAL_PX, _CENTRE_PX = 721.5377, (609.5, 172.9)
 _BASELINE_M = 0.06  # from the rectified reference camera to the colour camera
 # Axes of the LiDAR (x forward, y left, z up) seen along those of a camera (x right, y down, z forward).
 _CAMERA_AXES = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+
+
+# Each sees 81 degrees: front, left, right and rear leave 9 degrees between them, neighbours at 55 degrees overlap by 26.
+_YAWS_DEG: Mapping[CameraName, float] = {
+    "front": 0.0, "front_left": 55.0, "front_right": -55.0, "left": 90.0, "right": -90.0, "rear": 180.0,
+}  # fmt: skip
 
 
 def default_calibration() -> DriveCalibration:
@@ -34,6 +42,17 @@ def default_calibration() -> DriveCalibration:
         Calibration(image_P_cam, axes @ tilt, IMAGE_SIZE_PX, source="synthetic camera"),
         velo_SE3_imu,
     )
+
+
+def camera_calibration(name: CameraName) -> Calibration:
+    """Return the calibration of one of the vehicle's cameras: the front camera, turned around the LiDAR's axis."""
+    front = default_calibration().camera
+    assert front is not None
+    if name == "front":
+        return front
+    turn = se3.from_euler(0.0, 0.0, np.radians(_YAWS_DEG[name]))
+    source = f"synthetic camera {name}"
+    return replace(front, cam_SE3_velo=front.cam_SE3_velo @ se3.inverse(turn), source=source)
 
 
 class PinholeCamera:

@@ -31,7 +31,7 @@ from data.synthetic.materials import MOVING_CLASS
 from data.synthetic.remote_object import RemoteObject
 from perception.atomic_file import write_atomically
 from perception.sensor import sensor_to_json
-from perception.types import Float64, Labels, PointTruth, UInt8
+from perception.types import Calibration, Float64, Labels, PointTruth, UInt8
 
 DATE = "2025_06_01"
 # Noisy images hardly repeat themselves: without a search for repetitions, files are smaller, and made in less time.
@@ -62,11 +62,11 @@ class WrittenFrame:
 
 @dataclass(frozen=True)
 class FrameFolders:
-    """Folders of the files of all frames."""
+    """Folders of the files of all frames, with a folder of images for each camera of the drive."""
 
     scans: Path
     truth: Path
-    images: Path
+    images: tuple[Path, ...]
 
 
 # Writes the frame of an index under a name.
@@ -88,18 +88,18 @@ def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], 
     write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
 
     folders = FrameFolders(
-        folder / "velodyne_points" / "data", folder / "labels", folder / "image_02" / "data"
+        folder / "velodyne_points" / "data", folder / "labels", (folder / "image_02" / "data",)
     )
     stems = {index: f"{index:010d}" for index in range(len(drive))}
     labels = []
-    for index, frame in _write_frames(drive, stems, folders, is_tracking=True):
+    for index, frame in write_frames(drive, stems, folders, is_tracking=True):
         packet = f"{frame.packet}\n".encode()
         write_atomically(folder / "oxts" / "data" / f"{stems[index]}.txt", packet)
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
     write_atomically(folder / "label_02.txt", "".join(labels).encode())
-    write_atomically(folder / "truth_labels.txt", _truth_labels(drive))
-    write_atomically(folder / "truth_poses.txt", _truth_poses(drive))
+    write_atomically(folder / "truth_labels.txt", truth_labels(drive, drive.calibration))
+    write_atomically(folder / "truth_poses.txt", truth_poses(drive))
     _write_stamps(drive, folder)
     return folder
 
@@ -121,18 +121,20 @@ def write_tracking(
     write_atomically(folder / "calib" / f"{name}.txt", calibration)
 
     folders = FrameFolders(
-        folder / "velodyne" / name, folder / "labels" / name, folder / "image_02" / name
+        folder / "velodyne" / name, folder / "labels" / name, (folder / "image_02" / name,)
     )
     stems = {index: f"{index:06d}" for index in range(len(drive))}
     labels, packets = [], []
-    for index, frame in _write_frames(drive, stems, folders, is_tracking=True):
+    for index, frame in write_frames(drive, stems, folders, is_tracking=True):
         packets.append(f"{frame.packet}\n")
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
     write_atomically(folder / "oxts" / f"{name}.txt", "".join(packets).encode())
     write_atomically(folder / "label_02" / f"{name}.txt", "".join(labels).encode())
-    write_atomically(folder / "truth_labels" / f"{name}.txt", _truth_labels(drive))
-    write_atomically(folder / "truth_poses" / f"{name}.txt", _truth_poses(drive))
+    write_atomically(
+        folder / "truth_labels" / f"{name}.txt", truth_labels(drive, drive.calibration)
+    )
+    write_atomically(folder / "truth_poses" / f"{name}.txt", truth_poses(drive))
     return folder
 
 
@@ -154,10 +156,10 @@ def write_objects(
     """
     folder = out / "training"
     write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
-    folders = FrameFolders(folder / "velodyne", folder / "labels", folder / "image_2")
+    folders = FrameFolders(folder / "velodyne", folder / "labels", (folder / "image_2",))
     stems = {index: f"{first_number + row:06d}" for row, index in enumerate(frames)}
     calibration = format_benchmark_calibration(drive.rig).encode()
-    for index, frame in _write_frames(drive, stems, folders, is_tracking=False):
+    for index, frame in write_frames(drive, stems, folders, is_tracking=False):
         text = format_object_labels(frame.labels, drive.calibration)
         write_atomically(folder / "calib" / f"{stems[index]}.txt", calibration)
         write_atomically(folder / "label_2" / f"{stems[index]}.txt", text.encode())
@@ -173,7 +175,7 @@ def semantic_kitti_labels(truth: PointTruth) -> np.ndarray:
     return np.asarray(classes | truth.instances.astype(np.uint32) << 16)
 
 
-def _write_frames(
+def write_frames(
     drive: SyntheticDrive, stems: Mapping[int, str], folders: FrameFolders, *, is_tracking: bool
 ) -> Iterator[tuple[int, WrittenFrame]]:
     """Write scans, truth and images of the frames that have a file name; yield them in order."""
@@ -221,7 +223,8 @@ class FrameWriter:
         drive, folders = self.drive, self.folders
         scan = drive.scan(index)
         if drive.has_images:
-            write_atomically(folders.images / f"{stem}.png", _png(drive.image(index)))
+            for camera, images in zip(drive.cameras, folders.images, strict=True):
+                write_atomically(images / f"{stem}.png", _png(drive.image(index, camera)))
         labels = semantic_kitti_labels(scan.truth)
         write_atomically(folders.truth / f"{stem}.label", labels.tobytes())
         write_atomically(folders.scans / f"{stem}.bin", scan.points_velo.tobytes())
@@ -245,15 +248,17 @@ def _png(image: UInt8) -> bytes:
     return data.tobytes()
 
 
-def _truth_labels(drive: SyntheticDrive) -> bytes:
+def truth_labels(drive: SyntheticDrive, calibration: Calibration) -> bytes:
+    """Return the labels of everyone around as tracking labels, in the frame of a camera."""
     rows = (
-        format_tracking_labels(index, drive.labels_around(index), drive.calibration)
+        format_tracking_labels(index, drive.labels_around(index), calibration)
         for index in range(len(drive))
     )
     return "".join(rows).encode()
 
 
-def _truth_poses(drive: SyntheticDrive) -> bytes:
+def truth_poses(drive: SyntheticDrive) -> bytes:
+    """Return the exact poses of the LiDAR as KITTI's 12 numbers a row."""
     poses = np.stack([drive.true_world_SE3_velo(index)[:3] for index in range(len(drive))])
     return format_poses(poses).encode()
 

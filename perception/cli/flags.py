@@ -26,7 +26,7 @@ class SourceFlags(FlagGroup):
         sequence: Sequence of a tracking folder, such as 0000; all of them where a command takes several.
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one; else what
             the drive states, else HDL-64E.
-        camera: Camera of the drive, or topic of a bag; else the forward one.
+        camera: Camera of the drive, or topic of a bag, several with commas, the main one first; else the forward one.
         lidar: LiDAR of the drive, or topic of a bag, several with commas; else the first or all of them.
         deskew: Move the points of a sweep to the time of the scan, where their times are known.
         reflectance_scale: Full scale of the reflectance, such as 255; else found from some scans.

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
+from data.synthetic.layout import CameraName, SynthLayout
 from data.synthetic.street_kind import StreetKind
-from perception.types import KittiLayout
 
 
 def synth(
@@ -12,7 +12,7 @@ def synth(
     *,
     config: CommandConfig,
     overwrite: bool = False,
-    layout: KittiLayout = "raw",
+    layout: SynthLayout = "raw",
     frames: int = 80,
     drives: int = 1,
     sensor: str = "HDL-64E",
@@ -22,8 +22,9 @@ def synth(
     images: bool = True,
     speed: float | None = None,
     street: StreetKind | None = None,
+    cameras: tuple[CameraName, ...] = ("front",),
 ) -> None:
-    """Write synthetic drives in KITTI's layouts, with the exact class and motion of every point.
+    """Write synthetic drives in KITTI's layouts or as folders, with the exact class and motion of every point.
 
     The first drive is a busy street; the next ones are other kinds of streets.
 
@@ -32,7 +33,7 @@ def synth(
     Args:
         out: Folder for the drives.
         overwrite: Replace the drives that this command wrote there before; other files stay.
-        layout: Folder layout; object frames come from many different streets.
+        layout: Folder layout; object frames come from many different streets, a folder holds several cameras.
         frames: Number of frames of each drive; of all streets together in the object layout.
         drives: Number of drives; the object layout makes as many streets as it needs.
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
@@ -42,6 +43,7 @@ def synth(
         images: Write the images of the colour camera.
         speed: Desired speed of the ego vehicle in metres per second; else that of the street.
         street: Kind of street; else a busy street, and from the second drive on any kind but a jam.
+        cameras: Cameras of the vehicle, the main one first: front, front_left, front_right, left, right, rear.
     """
     from data.results.folder import ResultsFolder
     from data.synthetic.collection import SynthConfig, write_drives
@@ -59,6 +61,7 @@ def synth(
         images=images,
         ego_m_s=speed,
         street=street,
+        cameras=cameras,
     )
     ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
     with counting_bar("synth", synth_config.total_frames) as bar:

@@ -276,3 +276,17 @@ def test_deskewing_without_times_is_an_error(tmp_path: Path) -> None:
         write_scans(bag)
     with pytest.raises(UsageError, match=r"--deskew: expected a time for each point, found none"):
         opened(bag, deskew=True)[0]
+
+
+def test_two_topics_of_images(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.transforms(FIRST_NS, {("camera", "velodyne"): CAMERA_SE3_LIDAR})
+        write_scans(bag)
+        bag.image("/cam/image_rect", FIRST_NS, IMAGE)
+        bag.camera_info("/cam/camera_info", FIRST_NS, MATRIX, (64, 48))
+        bag.image("/other/image_rect", FIRST_NS, 255 - IMAGE)
+        bag.camera_info("/other/camera_info", FIRST_NS, MATRIX, (64, 48))
+    frame = opened(bag, camera="/cam/image_rect,/other/image_rect")[0]
+    assert [view.camera for view in frame.views] == ["/cam/image_rect", "/other/image_rect"]
+    assert np.array_equal(frame.image, IMAGE)
+    assert np.array_equal(frame.further_cameras[0].image, 255 - IMAGE)

@@ -1,0 +1,10 @@
+"""Words of `trifuse synth`: folder layouts and cameras of the synthetic vehicle."""
+
+from typing import Literal, get_args
+
+from perception.types import KittiLayout
+
+# KITTI's layouts hold one camera; a folder with its drive.yaml any number.
+SynthLayout = KittiLayout | Literal["folder"]
+SYNTH_LAYOUTS: tuple[str, ...] = (*get_args(KittiLayout), "folder")
+CameraName = Literal["front", "front_left", "front_right", "left", "right", "rear"]
