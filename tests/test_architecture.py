@@ -20,6 +20,7 @@ LAYERS = [
     {"perception.geometry"},
     {"perception.localization"},
     {"perception.obstacles", "perception.datmo", "perception.maps", "perception.tracking"},
+    {"perception.calibration"},
     {"perception.detection"},
     {"perception.health"},
     {"perception.pipeline", "perception.evaluation", "perception.render"},

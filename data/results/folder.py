@@ -91,6 +91,13 @@ RESULT_FILES: Mapping[str, Mapping[str, str]] = {
         "reflectance/*.png": "8-bit reflectance maps",
         "maps_*.png": "all methods compared on one frame",
     },
+    "calibrate": {
+        "calib*.txt": "calibration file of a KITTI drive, with the calibration that was found",
+        "[0-9]*.txt": "the same of a tracking sequence or an object frame",
+        "drive.yaml": "the same of a folder of scans",
+        "calibration.json": "`Recalibration`",
+        "calibration.png": "edges of a scan on the image, as stated and as found",
+    },
     "synth": _SYNTH,
 }
 

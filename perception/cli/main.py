@@ -103,6 +103,7 @@ SUMMARIES: Mapping[str, str] = {
     "split": "split labelled frames into training, validation and test",
     "report": "write the HTML report of results, or compare two runs",
     "adopt": "describe a folder of scans of any format by looking at it",
+    "calibrate": "find the calibration of LiDAR and camera by the edges of both",
     "check": "read a drive; report what is missing, damaged or implausible",
     "evaluate": "measure a stage against labels or exact truth",
     "evaluate ground": "error of the estimated ground at labelled objects",

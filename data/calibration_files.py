@@ -1,0 +1,162 @@
+"""Edges of a drive's frames for its calibration, and the file of a calibration in the drive's own format."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from data.folder.config import FILE_NAME
+from data.folder.drive import FolderDrive
+from data.kitti.calibration import (
+    CAM_TO_CAM,
+    VELO_TO_CAM,
+    CalibrationText,
+    DriveCalibration,
+    format_benchmark_calibration,
+)
+from data.recorded_drive import RecordedDrive
+from data.sweep_motion import SweepMotions
+from perception.calibration.frame_edges import FrameEdges
+from perception.errors import CalibrationError
+from perception.geometry.se3 import from_rotation_translation, inverse
+from perception.types import Calibration, Float64, Progress, UInt8
+
+_NEW_FILE = "calib.txt"
+_VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
+_RECTIFICATION_KEYS = ("R0_rect", "R_rect")
+
+
+@dataclass(frozen=True)
+class CalibratedFrames:
+    """Edges of the frames of a drive that have one calibration.
+
+    Attributes:
+        calibration: Calibration of the frames.
+        edges: Edges of each frame.
+        image: (H, W, 3) image of the frame in the middle, as an example.
+        left_out: Number of frames of another calibration, which are not used.
+    """
+
+    calibration: Calibration
+    edges: tuple[FrameEdges, ...]
+    image: UInt8
+    left_out: int
+
+    @property
+    def example(self) -> FrameEdges:
+        """Edges of the frame in the middle."""
+        return self.edges[len(self.edges) // 2]
+
+
+def read_calibrated_frames(
+    drive: RecordedDrive, count: int, progress: Progress
+) -> CalibratedFrames:
+    """Read frames that are spread evenly over a drive; of several calibrations, those of the most common one.
+
+    Args:
+        drive: Drive with a camera.
+        count: Number of frames at most.
+        progress: Shows progress over the frames.
+
+    Raises:
+        PerceptionError: A frame cannot be read, or has no image or no calibration.
+    """
+    spread = np.linspace(0, len(drive) - 1, min(count, len(drive))).round().astype(int)
+    calibrations = {index: drive.frame_calibration(index) for index in map(int, spread)}
+    keys = {index: _key(calibration) for index, calibration in calibrations.items()}
+    common, used = Counter(keys.values()).most_common(1)[0]
+    indices = [index for index in calibrations if keys[index] == common]
+    motions, half_s = SweepMotions(), 0.5 / drive.sensor.rate_hz
+    edges, example = [], None
+    for index in progress(indices):
+        frame = drive[index]
+        motion = None
+        if drive.is_sequence and not drive.deskew:
+            motion = motions.motion(drive, index, (-half_s, half_s))
+        edges.append(FrameEdges.of(frame, drive.sensor, motion))
+        if index == indices[len(indices) // 2]:
+            example = frame
+    assert example is not None  # drives have frames
+    assert example.calibration is not None  # or its edges are refused
+    assert example.image is not None
+    return CalibratedFrames(
+        example.calibration, tuple(edges), example.image, len(calibrations) - used
+    )
+
+
+def _key(calibration: Calibration | None) -> bytes:
+    if calibration is None:
+        return b""
+    return calibration.image_P_cam.tobytes() + calibration.cam_SE3_velo.tobytes()
+
+
+def write_calibration(
+    folder: Path, drive: RecordedDrive, calibration: Calibration, cam_SE3_velo: Float64
+) -> tuple[Path, Path | None]:
+    """Write another pose of the LiDAR into a copy of the drive's calibration file.
+
+    Args:
+        folder: Folder for the copy; the drive's own file stays as it is.
+        drive: Drive of the calibration.
+        calibration: Calibration that the drive has.
+        cam_SE3_velo: (4, 4) transform from the LiDAR to the rectified camera.
+
+    Returns:
+        The copy, and the file of the drive that it can replace: None where its layout has none, and the copy is a file in
+        the format of KITTI's benchmarks.
+
+    Raises:
+        CalibrationError: The drive's calibration file cannot be read any more.
+    """
+    own = Path(calibration.source)
+    if own.name == CAM_TO_CAM:
+        rectification = CalibrationText.read(own).matrix(("R_rect_00",), (3, 3))
+        own = own.with_name(VELO_TO_CAM)
+        cam0_SE3_velo = _unrectified(cam_SE3_velo, rectification)
+        rows = {"R": cam0_SE3_velo[:3, :3], "T": cam0_SE3_velo[:3, 3]}
+        text = _with_rows(own, rows)
+    elif own.name == FILE_NAME and isinstance(drive, FolderDrive):
+        text = _with_extrinsics(own, cam_SE3_velo @ drive.velo_SE3_lidar)
+    elif own.suffix == ".txt" and own.is_file():
+        stated = CalibrationText.read(own)
+        has_rectification = stated.has(_RECTIFICATION_KEYS)
+        rectification = (
+            stated.matrix(_RECTIFICATION_KEYS, (3, 3)) if has_rectification else np.eye(3)
+        )
+        key = next(key for key in _VELO_TO_CAM_KEYS if stated.has((key,)))
+        text = _with_rows(own, {key: _unrectified(cam_SE3_velo, rectification)[:3]})
+    else:
+        camera = replace(calibration, cam_SE3_velo=cam_SE3_velo)
+        path = folder / _NEW_FILE
+        path.write_text(format_benchmark_calibration(DriveCalibration(camera, None)))
+        return path, None
+    path = folder / own.name
+    path.write_text(text)
+    return path, own
+
+
+def _unrectified(cam_SE3_velo: Float64, rectification: Float64) -> Float64:
+    return inverse(from_rotation_translation(rectification, np.zeros(3))) @ cam_SE3_velo
+
+
+def _with_rows(path: Path, rows: dict[str, Float64]) -> str:
+    """Return the text of a KITTI calibration file with other numbers of some keys."""
+    lines = []
+    for line in path.read_text().splitlines():
+        word = line.split(maxsplit=1)[0] if line.strip() else ""
+        values = rows.get(word.rstrip(":"))
+        numbers = "" if values is None else " ".join(f"{value:.12e}" for value in values.ravel())
+        lines.append(line if values is None else f"{word} {numbers}")
+    return "\n".join(lines) + "\n"
+
+
+def _with_extrinsics(path: Path, cam_SE3_lidar: Float64) -> str:
+    """Return the text of a drive.yaml with another transform from the LiDAR to the camera; comments are lost."""
+    document = yaml.safe_load(path.read_text())
+    if not isinstance(document, dict) or not isinstance(document.get("camera"), dict):
+        raise CalibrationError(path, expected="a section camera", found="none")
+    document["camera"]["lidar_to_camera"] = {"matrix": cam_SE3_lidar[:3].tolist()}
+    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+    return text

@@ -1,0 +1,211 @@
+"""How well the edges of scans lie on those of images, and the change of the calibration with which they lie best.
+
+An offset is a (6,) change of the calibration: a rotation vector in rad and a translation in metres, both along the axes
+of the camera (x right, y down, z ahead):
+
+    cam_SE3_velo = offset_SE3(offset) @ cam_SE3_velo of the frame
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from perception.calibration.frame_edges import FrameEdges, SweepTurn
+from perception.calibration.image_edges import EdgeMaps
+from perception.geometry.se3 import from_rotation_translation, from_rotation_vector
+from perception.kernels.edge_sampling import sample_maps
+from perception.types import Float32, Float64, Int
+
+# Maps are smoothed less and less: broad ones lead from afar, narrow ones to the place.
+SMOOTHINGS_PX = (8.0, 4.0, 2.0)
+# Offsets that change the image about as much.
+STEP = np.array([np.radians(0.5)] * 3 + [0.05] * 3)
+# Translations move far edges little: what no edge tells stays as it is.
+_PRIOR_WEIGHT = 0.002
+_HAS_PRIOR = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+_MAX_ITERATIONS = 60
+_PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
+_NEAREST_M = 0.1
+
+
+@dataclass(frozen=True)
+class AlignmentScore:
+    """Score of an offset.
+
+    Attributes:
+        value: Mean of the image's edges at those of the scan, 0 to 1.
+        gradient: (6,) change of the value with the offset.
+        frame_values: (F,) sum of the image's edges of each frame.
+        frame_gradients: (F, 6) change of these sums.
+        frame_edges: (F,) number of edges of each frame.
+    """
+
+    value: float
+    gradient: Float64
+    frame_values: Float64
+    frame_gradients: Float64
+    frame_edges: Int
+
+
+def offset_SE3(offset: Float64) -> Float64:
+    """Return the (4, 4) transform of a (6,) offset."""
+    return from_rotation_translation(from_rotation_vector(offset[:3]), offset[3:])
+
+
+class EdgeAlignment:
+    """Edges of several frames, whose calibration differs by one offset."""
+
+    def __init__(self, frames: Sequence[FrameEdges], turn: SweepTurn = SweepTurn.NONE) -> None:
+        """Join the frames; their images must have one size.
+
+        Args:
+            frames: Edges of each frame, at least one.
+            turn: Direction in which the LiDAR turns.
+        """
+        self.frames = len(frames)
+        points = [frame.points_cam(turn) for frame in frames]
+        self._parts = [_Part.of(frames, points, upright) for upright in (True, False)]
+        self.edges = sum(len(part.frames) for part in self._parts)
+        self._smoothed: tuple[float, list[Float32]] = (0.0, [])
+
+    def score(self, offset: Float64, smoothing_px: float) -> AlignmentScore:
+        """Return how well the edges lie on each other with an offset."""
+        moved = offset_SE3(offset)
+        maps = self._maps(smoothing_px)
+        sums, counts = np.zeros((self.frames, 7)), np.zeros(self.frames, np.int64)
+        for part, smooth in zip(self._parts, maps, strict=True):
+            sums += part.sums(moved, smooth)
+            counts += np.bincount(part.frames, minlength=self.frames)
+        mean = sums.sum(axis=0) / max(int(counts.sum()), 1)
+        return AlignmentScore(float(mean[0]), mean[1:], sums[:, 0], sums[:, 1:], counts)
+
+    def align(
+        self,
+        start: Float64 | None = None,
+        smoothings_px: Sequence[float] = SMOOTHINGS_PX,
+        prior_weight: float = _PRIOR_WEIGHT,
+    ) -> Float64:
+        """Return the (6,) offset with the best score near a start.
+
+        Args:
+            start: (6,) offset to start from; else none.
+            smoothings_px: Smoothings of the maps, one after another.
+            prior_weight: Twice the score that a translation by one `STEP` must gain.
+        """
+        from scipy.optimize import minimize
+
+        offset = np.zeros(6) if start is None else np.asarray(start, np.float64)
+        for smoothing_px in smoothings_px:
+
+            def loss(steps: Float64, smoothing_px: float = smoothing_px) -> tuple[float, Float64]:
+                score = self.score(steps * STEP, smoothing_px)
+                pull = prior_weight * _HAS_PRIOR * steps
+                prior = float(pull @ steps) / 2
+                gradient = pull - score.gradient * STEP
+                return _PERCENT * (prior - score.value), _PERCENT * gradient
+
+            found = minimize(
+                loss, offset / STEP, jac=True, method="L-BFGS-B",
+                options={"maxiter": _MAX_ITERATIONS},
+            )  # fmt: skip
+            offset = np.asarray(found.x * STEP, np.float64)
+        return offset
+
+    def covariance(self, offset: Float64, smoothing_px: float = SMOOTHINGS_PX[1]) -> Float64:
+        """Return the (6, 6) covariance of the best offset, by how much the frames differ from each other.
+
+        That of an M-estimator, H^-1 (sum of g g^T over frames) H^-1, with the slope g of each frame's score and the
+        curvature H of their sum; frames in a row see the same objects, and so are not as independent as it takes them.
+        """
+        slopes = self.score(offset, smoothing_px).frame_gradients * STEP
+        curvature = np.empty((6, 6))
+        for axis in range(6):
+            step = np.zeros(6)
+            step[axis] = 0.5 * STEP[axis]
+            ahead = self.score(offset + step, smoothing_px).frame_gradients.sum(axis=0)
+            behind = self.score(offset - step, smoothing_px).frame_gradients.sum(axis=0)
+            curvature[axis] = (behind - ahead) * STEP
+        curvature = (curvature + curvature.T) / 2 + np.diag(_PRIOR_WEIGHT * self.edges * _HAS_PRIOR)
+        back = np.linalg.pinv(curvature)
+        return np.asarray(STEP[:, None] * (back @ (slopes.T @ slopes) @ back) * STEP)
+
+    def displacement_px(self, offset: Float64) -> float:
+        """Return how far an offset moves the edges in the maps, the root of the mean square in pixels."""
+        moved, squared = offset_SE3(offset), 0.0
+        for part in self._parts:
+            before, after = part.pixels(np.eye(4)), part.pixels(moved)
+            squared += float(np.nansum((after - before) ** 2))
+        return float(np.sqrt(squared / max(self.edges, 1)))
+
+    def _maps(self, smoothing_px: float) -> list[Float32]:
+        """Return the (F, h, w) smoothed maps of both kinds of edges; the last ones are kept."""
+        if self._smoothed[0] != smoothing_px:
+            smoothed = [part.smoothed(smoothing_px) for part in self._parts]
+            self._smoothed = smoothing_px, smoothed
+        return self._smoothed[1]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Edges of one kind in all frames.
+
+    Attributes:
+        points_cam: (K, 3) edges of the scans.
+        frames: (K,) frame of each edge.
+        maps: Edges of the images.
+        is_upright: Whether the edges stand upright.
+    """
+
+    points_cam: Float64
+    frames: Int
+    maps: list[EdgeMaps]
+    is_upright: bool
+
+    @classmethod
+    def of(
+        cls, frames: Sequence[FrameEdges], points_cam: Sequence[Float64], is_upright: bool
+    ) -> "_Part":
+        used = [
+            points[frame.scan.is_upright == is_upright]
+            for frame, points in zip(frames, points_cam, strict=True)
+        ]
+        of_frame = np.repeat(np.arange(len(frames)), [len(points) for points in used])
+        return cls(np.concatenate(used), of_frame, [frame.image for frame in frames], is_upright)
+
+    @cached_property
+    def _projections(self) -> Float64:
+        return np.stack([one.map_P_cam for one in self.maps])[self.frames]
+
+    def smoothed(self, smoothing_px: float) -> Float32:
+        """Return the (F, h, w) smoothed maps, as large as the smallest."""
+        images = [one.smoothed(smoothing_px)[0 if self.is_upright else 1] for one in self.maps]
+        height, width = np.min([image.shape for image in images], axis=0)
+        return np.stack([image[:height, :width] for image in images])
+
+    def pixels(self, moved_SE3_cam: Float64) -> Float64:
+        """Return (K, 2) places in the maps, NaN behind the camera."""
+        points = self.points_cam @ moved_SE3_cam[:3, :3].T + moved_SE3_cam[:3, 3]
+        projections = self._projections
+        ahead = np.einsum("kij,kj->ki", projections[:, :, :3], points) + projections[:, :, 3]
+        depths_m = np.where(ahead[:, 2] > _NEAREST_M, ahead[:, 2], np.nan)
+        return np.asarray(ahead[:, :2] / depths_m[:, None])
+
+    def sums(self, moved_SE3_cam: Float64, maps: Float32) -> Float64:
+        """Return the (F, 7) sums of the images' edges at those of the scans, and their gradients."""
+        turned = self.points_cam @ moved_SE3_cam[:3, :3].T
+        points = turned + moved_SE3_cam[:3, 3]
+        projections = self._projections
+        ahead = np.einsum("kij,kj->ki", projections[:, :, :3], points) + projections[:, :, 3]
+        depths_m = np.where(ahead[:, 2] > _NEAREST_M, ahead[:, 2], np.nan)
+        columns, rows = ahead[:, 0] / depths_m, ahead[:, 1] / depths_m
+        value, along_u, along_v = sample_maps(maps, self.frames, columns, rows)
+        # Slopes in the map, along the homogeneous pixel, along the point, along the offset.
+        depths_m = np.where(np.isfinite(depths_m), depths_m, 1.0)
+        columns, rows = np.nan_to_num(columns), np.nan_to_num(rows)
+        slopes = np.column_stack([along_u, along_v, -along_u * columns - along_v * rows])
+        of_point = np.einsum("ki,kij->kj", slopes / depths_m[:, None], projections[:, :, :3])
+        terms = np.column_stack([value, np.cross(turned, of_point), of_point])
+        sums = [np.bincount(self.frames, term, minlength=len(self.maps)) for term in terms.T]
+        return np.column_stack(sums)

@@ -1,0 +1,84 @@
+"""Edges of an image: maps of how much brighter or darker it gets across upright and across level lines.
+
+Where everything is rough, as in leaves, an edge tells little: each pixel is compared with the mean around it.
+"""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from perception.types import Calibration, Float32, Float64, UInt8
+
+# Images are made as small as those of this focal length: a pixel is 1.4 mrad wide.
+FOCAL_PX = 720.0
+_NOISE_SIGMA_PX = 1.0
+_AROUND_PX = 49
+_MIN_SLOPE = 4.0  # grey levels a pixel times four, about the noise of a camera
+_MAX_RATIO = 3.0  # of the mean around, from which on an edge is as sure as it can be
+
+
+@dataclass(frozen=True)
+class EdgeMaps:
+    """Edges of one image.
+
+    Attributes:
+        upright: (h, w) edges that stand upright, 0 to 255.
+        level: (h, w) edges that lie level.
+        map_P_cam: (3, 4) projection to the pixels of the maps.
+    """
+
+    upright: UInt8
+    level: UInt8
+    map_P_cam: Float64
+    _smoothed: dict[float, tuple[Float32, Float32]] = field(default_factory=dict, repr=False)
+
+    def smoothed(self, smoothing_px: float) -> tuple[Float32, Float32]:
+        """Return both maps from 0 to 1, smoothed by a Gaussian; those of the last smoothing are kept."""
+        if smoothing_px not in self._smoothed:
+            self._smoothed.clear()
+            self._smoothed[smoothing_px] = (
+                _blurred(self.upright, smoothing_px),
+                _blurred(self.level, smoothing_px),
+            )
+        return self._smoothed[smoothing_px]
+
+
+def find_image_edges(
+    image: UInt8, calibration: Calibration, max_focal_px: float = FOCAL_PX
+) -> EdgeMaps:
+    """Return the edges of an (H, W, 3) image.
+
+    Args:
+        image: RGB image.
+        calibration: Calibration of the camera.
+        max_focal_px: Focal length above which the image is made smaller.
+    """
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    scale = min(1.0, max_focal_px / float(calibration.image_P_cam[0, 0]))
+    if scale < 1:
+        size = max(round(image.shape[1] * scale), 2), max(round(image.shape[0] * scale), 2)
+        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    shrunk = np.divide(grey.shape[::-1], image.shape[1::-1])
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _NOISE_SIGMA_PX)
+    map_P_cam = calibration.image_P_cam.copy()
+    # Pixel centres are whole numbers: those of a smaller image lie between them.
+    map_P_cam[:2] = (map_P_cam[:2] + map_P_cam[2] / 2) * shrunk[:, None] - map_P_cam[2] / 2
+    return EdgeMaps(
+        _relative(np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), np.float32)),
+        _relative(np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1), np.float32)),
+        map_P_cam,
+    )
+
+
+def _relative(slopes: Float32) -> UInt8:
+    """Return slopes in relation to those around, 0 to 255."""
+    sizes = np.abs(slopes)
+    around = np.asarray(cv2.blur(sizes, (_AROUND_PX, _AROUND_PX)), np.float32)
+    ratio = np.minimum(sizes / (around + np.float32(_MIN_SLOPE)), np.float32(_MAX_RATIO))
+    return np.asarray(ratio * np.float32(255 / _MAX_RATIO), np.uint8)
+
+
+def _blurred(edges: UInt8, smoothing_px: float) -> Float32:
+    scaled = edges.astype(np.float32) * np.float32(1 / 255)
+    return np.asarray(cv2.GaussianBlur(scaled, (0, 0), smoothing_px), np.float32)
