@@ -6,6 +6,7 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.types import (
+    BoxDeviations,
     Boxes3D,
     Calibration,
     Detections,
@@ -21,6 +22,9 @@ from perception.types import (
 
 # A van ahead that was seen, and a walker behind, who is predicted and whom no detector has classified.
 VAN_COVARIANCE = np.diag([0.04, 0.01, 0.25, 0.16])
+DEVIATIONS = BoxDeviations(
+    np.array([[0.4, 0.1, 0.1], [np.nan] * 3]), np.array([0.05, np.nan]), np.array([0.1, np.nan])
+)
 TRACKS = Tracks(
     ids=np.array([4, 9]),
     boxes=Boxes3D(
@@ -31,6 +35,7 @@ TRACKS = Tracks(
     velocities_m_s=np.array([[3.0, 4.0], [0.0, -1.0]]),
     is_observed=np.array([True, False]),
     covariances=np.stack([VAN_COVARIANCE, np.full((4, 4), np.nan)]),
+    box_deviations=DEVIATIONS,
     types=np.array(["Van", ""]),
     scores=np.array([0.8125, np.nan]),
 )
@@ -55,6 +60,7 @@ VEHICLES = Vehicles(
     distances_m=np.array([8.5, np.nan]),
     velocities_m_s=np.array([[3.0, 4.0], [np.nan, np.nan]]),
     covariances=TRACKS.covariances,
+    box_deviations=DEVIATIONS,
     owners=np.array([0, -1, 0]),
 )
 MODALITY_DETECTIONS = {

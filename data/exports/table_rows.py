@@ -120,6 +120,7 @@ def _object_rows(result: Result, tracks: Tracks) -> Rows:
     boxes_world = transform_boxes(world_SE3_velo, tracks.boxes)
     variances = np.diagonal(tracks.covariances, axis1=1, axis2=2)
     deviations = ("std_x_velo_m", "std_y_velo_m", "std_vx_velo_m_s", "std_vy_velo_m_s")
+    sizes = ("std_length_m", "std_width_m", "std_height_m")
     return {
         "track_id": np.where(tracks.ids >= 0, tracks.ids.astype(float), np.nan),
         "category": tracks.types,
@@ -129,6 +130,9 @@ def _object_rows(result: Result, tracks: Tracks) -> Rows:
         **_place_rows("velo", tracks.boxes, velocities_velo),
         **_place_rows("world", boxes_world, velocities_velo @ world_SE3_velo[:2, :2].T),
         **dict(zip(deviations, np.sqrt(variances).T, strict=True)),
+        **dict(zip(sizes, tracks.box_deviations.size_m.T, strict=True)),
+        "std_yaw_rad": tracks.box_deviations.yaw_rad,
+        "reversal": tracks.box_deviations.reversal,
     }
 
 

@@ -58,6 +58,11 @@ _OBJECT: Columns = {
     "std_y_velo_m": TableColumn("double", "standard deviation of y"),
     "std_vx_velo_m_s": TableColumn("double", "standard deviation of the velocity along x"),
     "std_vy_velo_m_s": TableColumn("double", "standard deviation of the velocity along y"),
+    "std_length_m": TableColumn("double", "standard deviation of the length"),
+    "std_width_m": TableColumn("double", "standard deviation of the width"),
+    "std_height_m": TableColumn("double", "standard deviation of the height"),
+    "std_yaw_rad": TableColumn("double", "standard deviation of the heading modulo pi"),
+    "reversal": TableColumn("double", "probability that the front is the rear"),
 }
 
 # Columns of each table, by the name of its file.

@@ -40,6 +40,7 @@ class _Object:
         yaw_rad: Heading.
         velocity_m_s: (2,) over the ground; zero where it is not known.
         covariance: (4, 4) of x, y and the velocity; NaN where it is not known.
+        yaw_std_rad: Standard deviation of the heading modulo pi; NaN where it is not known.
         is_observed: Whether it is measured in this scan.
     """
 
@@ -51,6 +52,7 @@ class _Object:
     yaw_rad: float
     velocity_m_s: Float64
     covariance: Float64
+    yaw_std_rad: float
     is_observed: bool
 
     @classmethod
@@ -67,6 +69,7 @@ class _Object:
                 yaw_rad=float(tracks.boxes.yaw_rad[row]),
                 velocity_m_s=np.nan_to_num(tracks.velocities_m_s[row]),
                 covariance=tracks.covariances[row],
+                yaw_std_rad=float(tracks.box_deviations.yaw_rad[row]),
                 is_observed=bool(tracks.is_observed[row]),
             )
 
@@ -128,8 +131,9 @@ def markers(stamp_s: float, tracks: Tracks) -> Any:  # noqa: ANN401 - a message
 def _detection(stamp_s: float, one: _Object) -> Any:  # noqa: ANN401 - a message
     pose = upright_pose(one.center_m, one.yaw_rad)
     covariance = np.zeros((6, 6))
-    if np.isfinite(one.covariance).all():
+    if np.isfinite(one.covariance[:2, :2]).all():
         covariance[:2, :2] = one.covariance[:2, :2]
+        covariance[5, 5] = np.nan_to_num(one.yaw_std_rad) ** 2
     hypothesis = message("vision_msgs/ObjectHypothesis", class_id=one.name, score=one.score)
     with_covariance = message(
         "geometry_msgs/PoseWithCovariance", pose=pose, covariance=covariance.ravel()

@@ -1,6 +1,6 @@
 """Records of the objects of a frame: tracks, detected vehicles, and one tracked object; null where a value is not known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -61,7 +61,11 @@ class ObjectRecord:
         score: Fused score of the last detection, 0 to 1.
         size_m: Length, width and height.
         speed_m_s: Speed over the ground.
-        covariance: Covariance of x, y, and the velocity along x and y, in the LiDAR frame.
+        covariance: Covariance of x, y, and the velocity along x and y, in the LiDAR frame; of a velocity null before the
+            object is tracked.
+        size_std_m: Standard deviations of length, width and height.
+        yaw_std_rad: Standard deviation of the heading modulo pi.
+        reversal: Probability that the front is the rear.
         velo: Place in the LiDAR frame of the scan.
         world: Place in the world frame of `poses.txt`.
     """
@@ -71,7 +75,11 @@ class ObjectRecord:
     score: Number
     size_m: list[Number]
     speed_m_s: Number
-    covariance: list[list[float]] | None
+    covariance: list[list[Number]] | None
+    # Absent in what earlier versions wrote.
+    size_std_m: list[Number] | None = field(default=None, kw_only=True)
+    yaw_std_rad: Number = field(default=None, kw_only=True)
+    reversal: Number = field(default=None, kw_only=True)
     velo: Place
     world: Place
 
@@ -246,8 +254,12 @@ def _fields(result: Result, tracks: Tracks) -> list[dict[str, Any]]:
         "size_m": numbers(tracks.boxes.size_m),
         "speed_m_s": numbers(np.linalg.norm(tracks.velocities_m_s, axis=1)),
         "covariance": [
-            numbers(one, 6) if np.isfinite(one).all() else None for one in tracks.covariances
+            numbers(one, 6) if np.isfinite(one[:2, :2]).all() else None
+            for one in tracks.covariances
         ],
+        "size_std_m": numbers(tracks.box_deviations.size_m),
+        "yaw_std_rad": numbers(tracks.box_deviations.yaw_rad),
+        "reversal": numbers(tracks.box_deviations.reversal),
         "velo": Place.of(tracks.boxes, velocities_velo),
         "world": Place.of(boxes_world, velocities_world),
     }

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from perception.errors import PerceptionError
+from perception.evaluation.box_intervals import BoxIntervalMetrics, BoxIntervals, box_intervals
 from perception.evaluation.multi_object.coverage import MIN_FRAMES, Coverage, CoverageMetrics
 from perception.evaluation.multi_object.ground_protocol import (
     GROUND_CLASSES,
@@ -26,7 +27,7 @@ from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import points_inside
 from perception.geometry.se3 import wrap
-from perception.tracking.association import assign_hungarian
+from perception.tracking.association import Association, assign_hungarian
 from perception.types import (
     ArrayTable,
     Boxes3D,
@@ -43,6 +44,7 @@ from perception.types import (
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
 _MIN_IOU_PX = 0.5  # overlap in the image of a detection and a true vehicle
 _SAME_PLACE_IOU = 0.15
+_BOXED_CLASSES = ("Car", "Van", "Truck", "Pedestrian", "Cyclist")
 _IMAGE_CLASSES: tuple[KittiClass, ...] = ("car", "pedestrian")
 _RANGES_M = {"0 to 25 m": (0.0, 25.0), "25 to 50 m": (25.0, 50.0), "from 50 m": (50.0, np.inf)}
 # KITTI's labels are tight: points on a side of the box may lie outside.
@@ -57,6 +59,11 @@ PROTOCOL_WORDS = {
     "location": (
         "true cars that are visible or partly occluded and truncated by at most 0.3, each with the "
         "detection of the greatest overlap of at least 0.5 in the image"
+    ),
+    "intervals": (
+        "boxes of true objects of all classes, matched as in location, of which 90 % should lie within the reported "
+        "uncertainty: the centre's ellipse over the ground, and intervals of each size and of the heading modulo pi; boxes "
+        "that do not touch the true one are counted apart"
     ),
     "coverage": (
         f"labelled cars that some detector finds in at least {MIN_FRAMES} frames, from the score from which a vehicle "
@@ -138,8 +145,7 @@ def location_errors(
         true_boxes: (T) True boxes in the LiDAR frame.
         points_velo: (N, 3+) Points of the scan in the LiDAR frame.
     """
-    iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
-    pairs = assign_hungarian(1.0 - iou, iou >= _MIN_IOU_PX)
+    pairs = _image_pairs(true_px, vehicles)
     true, found = true_boxes[pairs.tracks], vehicles.boxes[pairs.detections]
     center_offsets_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
     turn_rad = found.yaw_rad - true.yaw_rad
@@ -153,6 +159,12 @@ def location_errors(
         axis_rad=np.abs(wrap(turn_rad, np.pi)),
         distance_m=np.abs(vehicles.distances_m[pairs.detections] - nearest_m.reshape(-1)),
     )
+
+
+def _image_pairs(true_px: Float64, vehicles: Vehicles) -> Association:
+    """Return the pairs of true boxes and detections of the greatest overlap in the image."""
+    iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
+    return assign_hungarian(1.0 - iou, iou >= _MIN_IOU_PX)
 
 
 def _nearest_m(points: Float) -> float:
@@ -181,6 +193,7 @@ class VehicleReport(Report):
         tracking: Metrics of the tracks in the image by class.
         ground_tracking: Metrics of the tracks on the ground by class, of the classes that are labelled or tracked.
         location: Errors of the positions on the road by range.
+        intervals: Shares of the true boxes within the intervals of their uncertainty, by class and by range.
         coverage: Share of the detected cars that have an id, by range.
         ids: Ids shared by vehicles and moving objects.
     """
@@ -189,6 +202,7 @@ class VehicleReport(Report):
     tracking: Mapping[str, MotMetrics]
     ground_tracking: Mapping[str, MotMetrics]
     location: Mapping[str, LocationMetrics]
+    intervals: Mapping[str, BoxIntervalMetrics]
     coverage: Mapping[str, CoverageMetrics]
     ids: ColocatedObjects
 
@@ -205,6 +219,11 @@ class VehicleReport(Report):
                 "tracks on the ground: boxes from above, ratios in percent", self.ground_tracking
             ),
             Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
+            Table(
+                "boxes: shares of the truth within intervals that should hold 90 %",
+                BoxIntervalMetrics.columns(),
+                self.intervals,
+            ),
             Table(
                 f"cars detected in {MIN_FRAMES} frames or more, by nearest range",
                 CoverageMetrics.columns(),
@@ -226,6 +245,7 @@ class VehicleMeasure:
         self._frames: dict[KittiClass, list[TrackedFrame]] = {name: [] for name in _IMAGE_CLASSES}
         self._ground_frames: dict[str, list[TrackedFrame]] = {name: [] for name in GROUND_CLASSES}
         self._errors: list[LocationErrors] = []
+        self._intervals: list[BoxIntervals] = []
         self._coverage = Coverage()
         self._ids = ColocatedObjects()
 
@@ -244,6 +264,16 @@ class VehicleMeasure:
         true = labels[is_moderate & (labels.types == "Car")]
         points = result.frame.points_velo
         self._errors.append(location_errors(vehicles, true.boxes_px, true.boxes_velo, points))
+        known = labels[is_moderate & np.isin(labels.types, _BOXED_CLASSES)]
+        pairs = _image_pairs(known.boxes_px, vehicles)
+        self._intervals.append(
+            box_intervals(
+                vehicles,
+                pairs.detections,
+                known.boxes_velo[pairs.tracks],
+                known.types[pairs.tracks],
+            )
+        )
         cars = labels[(labels.types == "Car") & (labels.track_ids >= 0)]
         views = result.modality_detections.values()
         self._coverage.update(
@@ -270,6 +300,12 @@ class VehicleMeasure:
             name: errors[(errors.range_m >= low) & (errors.range_m < high)].summary()
             for name, (low, high) in _RANGES_M.items()
         }
+        intervals = BoxIntervals.concatenate(self._intervals)
+        by_kind = {name: intervals.types == name for name in _BOXED_CLASSES} | {
+            name: (intervals.range_m >= low) & (intervals.range_m < high)
+            for name, (low, high) in _RANGES_M.items()
+        }
+        held = {name: intervals[rows].summary() for name, rows in by_kind.items() if rows.any()}
         coverage = {name: self._coverage.compute(*ends_m) for name, ends_m in _RANGES_M.items()}
         tracking = {str(name): evaluate_tracks(one, MIN_IOU) for name, one in self._frames.items()}
         on_ground = {
@@ -277,7 +313,9 @@ class VehicleMeasure:
             for name, frames in self._ground_frames.items()
             if any(len(one.truth_ids) + len(one.track_ids) for one in frames)
         }
-        return VehicleReport(len(self._errors), tracking, on_ground, by_range, coverage, self._ids)
+        return VehicleReport(
+            len(self._errors), tracking, on_ground, by_range, held, coverage, self._ids
+        )
 
 
 def labelled_boxes(labels: Labels) -> ImageBoxes:

@@ -35,7 +35,7 @@ from perception.types.health import (
     HealthFinding,
     HealthLevel,
 )
-from perception.types.objects import Boxes3D, Tracks, Vehicles
+from perception.types.objects import BoxDeviations, Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import PipelineSnapshot, Result
 from perception.types.stages import (
@@ -60,6 +60,7 @@ __all__ = [
     "SHARED",
     "ArrayTable",
     "Bool",
+    "BoxDeviations",
     "Boxes3D",
     "Calibration",
     "CameraImage",

@@ -36,6 +36,26 @@ class Boxes3D(ArrayTable):
 
 
 @dataclass(frozen=True)
+class BoxDeviations(ArrayTable):
+    """Standard deviations of M boxes, beside the covariance of their centres; NaN where not known.
+
+    Attributes:
+        size_m: (M, 3) of length, width and height.
+        yaw_rad: (M,) of the heading modulo pi, that of the box's axis; at most that of any direction.
+        reversal: (M,) probability that the front is the rear, 0 to 0.5.
+    """
+
+    size_m: Annotated[Float64, 3]
+    yaw_rad: Float64
+    reversal: Float64
+
+    @classmethod
+    def unknown(cls, count: int) -> Self:
+        """Return the deviations of boxes of which none is known."""
+        return cls(np.full((count, 3), np.nan), np.full(count, np.nan), np.full(count, np.nan))
+
+
+@dataclass(frozen=True)
 class Tracks(ArrayTable):
     """T tracked objects at the time of one scan, in the LiDAR frame of that scan.
 
@@ -45,6 +65,7 @@ class Tracks(ArrayTable):
         velocities_m_s: (T, 2) over the ground, not relative to the vehicle, along x and y of the LiDAR frame.
         is_observed: (T,) whether the object was observed in this scan, or is predicted.
         covariances: (T, 4, 4) covariance of position and velocity, x y vx vy of the LiDAR frame; NaN where not known.
+        box_deviations: (T) standard deviations of the boxes.
         types: (T,) class that a detector gave the object, empty where none has detected it.
         scores: (T,) score of the last such detection, NaN where there is none.
     """
@@ -54,6 +75,7 @@ class Tracks(ArrayTable):
     velocities_m_s: Annotated[Float64, 2]
     is_observed: Bool
     covariances: Annotated[Float64, 4, 4]
+    box_deviations: BoxDeviations
     types: NDArray[np.str_]
     scores: Float64
 
@@ -71,7 +93,8 @@ class Tracks(ArrayTable):
         if covariances is None:
             covariances = np.full((count, 4, 4), np.nan)
         types, scores = np.full(count, ""), np.full(count, np.nan)
-        return cls(ids, boxes, velocities_m_s, is_observed, covariances, types, scores)
+        unknown = BoxDeviations.unknown(count)
+        return cls(ids, boxes, velocities_m_s, is_observed, covariances, unknown, types, scores)
 
 
 @dataclass(frozen=True)
@@ -84,8 +107,9 @@ class Vehicles:
         boxes: (M) 3D boxes on the ground; rows of NaN where the LiDAR has too few points.
         distances_m: (M,) from the LiDAR to the nearest return, NaN without one.
         velocities_m_s: (M, 2) over the ground along x and y of the LiDAR frame, NaN before it is known.
-        covariances: (M, 4, 4) covariance of position and velocity, as of `Tracks`; NaN before the vehicle is tracked
-            on the ground.
+        covariances: (M, 4, 4) covariance of position and velocity, as of `Tracks`; NaN of the velocity before the
+            vehicle is tracked on the ground, and NaN without a box.
+        box_deviations: (M) standard deviations of the boxes.
         owners: (N,) vehicle that each point belongs to, or -1.
         cameras: (M,) camera whose image the detection is in, 0 of the main one and n of the n-th of
             `Frame.further_cameras`; else the main camera of all.
@@ -97,6 +121,7 @@ class Vehicles:
     distances_m: Float64
     velocities_m_s: Float64
     covariances: Float64
+    box_deviations: BoxDeviations
     owners: Int
     cameras: Int = field(default_factory=lambda: np.zeros(0, np.int64))
 
@@ -111,6 +136,7 @@ class Vehicles:
         require_shape("Vehicles.distances_m", self.distances_m, (count,))
         require_shape("Vehicles.velocities_m_s", self.velocities_m_s, (count, 2))
         require_shape("Vehicles.covariances", self.covariances, (count, 4, 4))
+        require_shape("Vehicles.box_deviations.yaw_rad", self.box_deviations.yaw_rad, (count,))
 
     def __len__(self) -> int:
         """Return M."""
@@ -158,6 +184,7 @@ class Vehicles:
             velocities_m_s=self.velocities_m_s[rows],
             is_observed=np.ones(len(rows), bool),
             covariances=self.covariances[rows],
+            box_deviations=self.box_deviations[rows],
             types=detections.types[rows],
             scores=detections.scores[rows],
         )

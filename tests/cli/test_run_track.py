@@ -22,7 +22,7 @@ from perception.render.scene import Scene, SceneObjects
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import Boxes3D, Result, Tracks, Vehicles
+from perception.types import BoxDeviations, Boxes3D, Result, Tracks, Vehicles
 from tests.faults import command, fault
 from tests.vehicle_scenes import cars, detected
 
@@ -98,6 +98,7 @@ def test_a_vehicle_without_a_track_is_tracked_from_its_first_box_on(result):
         distances_m=np.array([7.0, np.nan]),
         velocities_m_s=np.full((2, 2), np.nan),
         covariances=np.full((2, 4, 4), np.nan),
+        box_deviations=BoxDeviations.unknown(2),
         owners=np.full(len(result.frame.points_velo), -1),
     )
     located = replace(unlocated, boxes=result.tracks.boxes)

@@ -10,7 +10,7 @@ from perception.render.composition import Composition
 from perception.render.detector_views import draw_detector_boxes, map_insets
 from perception.render.panels import Resizing
 from perception.render.scene import Scene
-from perception.types import Boxes3D, Detections, FusedDetections, Vehicles
+from perception.types import BoxDeviations, Boxes3D, Detections, FusedDetections, Vehicles
 
 SIZE = (200, 100)
 AS_IT_IS = Resizing.of_window(np.array([0.0, 0, *SIZE]), SIZE)
@@ -36,6 +36,7 @@ def seen(scene):
         np.array([10.0, np.nan]),
         np.array([[2.0, 0], [np.nan, np.nan]]),
         np.full((2, 4, 4), np.nan),
+        BoxDeviations.unknown(2),
         np.full(4, -1),
     )
     modality_detections = {

@@ -7,7 +7,7 @@ import pytest
 
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import Boxes3D, Detections, FusedDetections, Tracks, Vehicles
+from perception.types import BoxDeviations, Boxes3D, Detections, FusedDetections, Tracks, Vehicles
 
 UNKNOWN = [np.nan] * 3
 
@@ -30,6 +30,7 @@ def detected(scene):
         np.array([10.0, np.nan, np.nan]),
         np.array([[2.0, 0], [np.nan, np.nan], [np.nan, np.nan]]),
         np.full((3, 4, 4), np.nan),
+        BoxDeviations.unknown(3),
         np.full(4, -1),
     )
     return replace(scene, vehicles=vehicles)

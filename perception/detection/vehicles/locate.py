@@ -17,9 +17,11 @@ from perception.detection.vehicles.vehicle_points import (
 )
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
+from perception.tracking.vehicles.box_uncertainty import box_deviations, located_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import (
     ArrayTable,
+    BoxDeviations,
     Boxes3D,
     Calibration,
     Detections,
@@ -78,13 +80,19 @@ def locate(
     types = classes_by_height(detections, boxes.size_m[:, 2], places, evidence)
     other = observed[np.flatnonzero(types[observed.rows] != detections.types[observed.rows])]
     other = replace(other, sizes=SizePriors.of(types[other.rows]))
+    boxes = boxes.replaced(other.rows, _fit_boxes(other, camera, config))
+    sizes, counts = SizePriors.of(types), np.bincount(found.owners, minlength=count)
+    rows = np.flatnonzero(np.isfinite(boxes.yaw_rad))
+    uncertainty, unmoved = config.tracker.box, np.zeros(len(rows), bool)
+    deviations = box_deviations(boxes[rows], counts[rows], sizes[rows], unmoved, uncertainty)
     return Vehicles(
         fused=replace(fused, detections=replace(detections, types=types)),
         ids=np.full(count, -1),
-        boxes=boxes.replaced(other.rows, _fit_boxes(other, camera, config)),
+        boxes=boxes,
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
-        covariances=np.full((count, 4, 4), np.nan),
+        covariances=located_covariances(boxes, counts, sizes, uncertainty),
+        box_deviations=BoxDeviations.unknown(count).replaced(rows, deviations),
         owners=owners,
     )
 

@@ -70,6 +70,43 @@ class EvidenceConfig:
 
 
 @dataclass(frozen=True)
+class BoxUncertaintyConfig:
+    """Standard deviations of reported boxes; a hidden end is as uncertain as the size of the class.
+
+    Attributes:
+        side_noise_m: Standard deviation of an observed side, at any distance.
+        side_noise_per_m: Increase of that standard deviation with distance.
+        sparse_noise_m: Standard deviation of a side located by one point; divided by the root of the number of points.
+        height_noise_m: Standard deviation of the height, at any distance.
+        size_noise_per_m: Standard deviation of each size, divided by the distance.
+        length_ratio: Ratio of the standard deviation of a length to that of its class: some objects are of another class.
+        axis_noise_rad: Standard deviation of the axis of an outline of many points.
+        sparse_axis_noise_rad: Standard deviation of the axis of an outline of one point; divided by the same root.
+        track_share: Share of the variance of the tracker's position that is reported beside that of the hidden ends: its
+            noise holds these, too.
+        velocity_share: The same of the velocity: most vehicles keep theirs.
+        traffic_reversal: Probability that a vehicle faces against the traffic there, of which front and rear are taken until
+            it moves.
+        course_reversal: The same once it has moved.
+        person_reversal: The same of people, whose outline hardly shows a heading.
+    """
+
+    side_noise_m: float = 0.06
+    side_noise_per_m: float = 0.005
+    sparse_noise_m: float = 0.4
+    height_noise_m: float = 0.08
+    size_noise_per_m: float = 0.003
+    length_ratio: float = 1.3
+    axis_noise_rad: float = 0.03
+    sparse_axis_noise_rad: float = 0.3
+    track_share: float = 0.25
+    velocity_share: float = 0.5
+    traffic_reversal: float = 0.1
+    course_reversal: float = 0.02
+    person_reversal: float = 0.4
+
+
+@dataclass(frozen=True)
 class VehicleTrackerConfig:
     """Tracker of detected vehicles, in the image and on the ground.
 
@@ -113,6 +150,7 @@ class VehicleTrackerConfig:
         max_size_samples: Maximum number of observations that a size is averaged over.
         max_reported_speed_deviation_m_s: Maximum standard deviation of a reported velocity.
         motion: Motion model on the ground and its gate.
+        box: Standard deviations of reported boxes.
         shared_ids: Common ids with the tracks of moving objects.
     """
 
@@ -151,4 +189,5 @@ class VehicleTrackerConfig:
     max_size_samples: int = 12
     max_reported_speed_deviation_m_s: float = 2.0
     motion: MotionModelConfig = field(default_factory=MotionModelConfig)
+    box: BoxUncertaintyConfig = field(default_factory=BoxUncertaintyConfig)
     shared_ids: SharedIdsConfig = field(default_factory=SharedIdsConfig)

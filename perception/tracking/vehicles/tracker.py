@@ -16,6 +16,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import assign_with_max_cost
 from perception.tracking.tracker import covariances_velo
+from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
@@ -31,7 +32,16 @@ from perception.tracking.vehicles.track_update import (
     update_tracks,
 )
 from perception.tracking.vehicles.vehicle_table import VehicleTable
-from perception.types import Boxes3D, Float64, Frame, FusedDetections, Int, Tracks, Vehicles
+from perception.types import (
+    BoxDeviations,
+    Boxes3D,
+    Float64,
+    Frame,
+    FusedDetections,
+    Int,
+    Tracks,
+    Vehicles,
+)
 
 _ROUNDING_S = 1e-3
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
@@ -219,10 +229,7 @@ class VehicleTracker:
             boxes_px[rows] = _blended_boxes_px(
                 tracks[rows], boxes[seen[rows]], geometry, self._config
             )
-        covariances, is_located = vehicles.covariances.copy(), tracks.is_located
-        covariances[seen[is_located]] = covariances_velo(
-            tracks.covariance[is_located], frame_geometry.world_SE3_velo
-        )
+        covariances, deviations = self._uncertainty(vehicles, frame_geometry, types)
         return replace(
             vehicles,
             fused=_with_evidence(
@@ -231,8 +238,30 @@ class VehicleTracker:
             ids=ids,
             velocities_m_s=velocities_m_s,
             covariances=covariances,
+            box_deviations=deviations,
             boxes=boxes,
         )
+
+    def _uncertainty(
+        self, vehicles: Vehicles, frame_geometry: FrameGeometry, types: NDArray[np.str_]
+    ) -> tuple[Float64, BoxDeviations]:
+        """Return covariances and deviations of the detections, those of their tracks where there are any."""
+        seen, tracks, pose = self._seen, self._tracks[self._track_of], frame_geometry.world_SE3_velo
+        sizes, config = SizePriors.of(types[self._track_of]), self._config
+        covariances, is_located = vehicles.covariances.copy(), tracks.is_located
+        located = tracks[is_located]
+        covariances[seen[is_located]] = tracked_covariances(
+            covariances_velo(located.covariance, pose),
+            located.boxes_velo(located.sizes_m, pose).yaw_rad,
+            sizes[is_located],
+            config.box,
+        )
+        is_boxed = np.isfinite(vehicles.boxes.yaw_rad[seen])
+        has_moved = tracks.travelled_m >= config.min_travelled_m
+        deviations = box_deviations(
+            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, has_moved, config.box
+        )
+        return covariances, vehicles.box_deviations.replaced(seen[is_boxed], deviations[is_boxed])
 
 
 def _with_evidence(

@@ -14,7 +14,7 @@ from data.results.run_writers import run_writers
 from perception.errors import LabelError
 from perception.geometry.grids import LocalArea
 from perception.render.composition import Composition
-from perception.types import Boxes3D, Detections, FusedDetections, Labels, Vehicles
+from perception.types import BoxDeviations, Boxes3D, Detections, FusedDetections, Labels, Vehicles
 from tests.render.conftest import GROUND_Z, scene  # noqa: F401 - fixture
 
 BOX_PX = np.array([[10.0, 10, 60, 60]])
@@ -54,6 +54,7 @@ def with_car(result, score=0.9):
         distances_m=np.full(1, np.nan),
         velocities_m_s=np.full((1, 2), np.nan),
         covariances=np.full((1, 4, 4), np.nan),
+        box_deviations=BoxDeviations.unknown(1),
         owners=np.full(len(result.frame.points_velo), -1),
     )
     return replace(result, vehicles=vehicles, modality_detections={"rgb": found})

@@ -27,6 +27,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.geometry.observation_angle import usual_observation_angles_rad
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import (
+    BoxDeviations,
     Boxes3D,
     Calibration,
     Detections,
@@ -181,6 +182,7 @@ def vehicles():
         distances_m=np.array([18.0, nan]),
         velocities_m_s=np.array([[3.0, 0], [nan, nan]]),
         covariances=np.full((2, 4, 4), nan),
+        box_deviations=BoxDeviations.unknown(2),
         owners=np.full(5, -1),
     )
 

@@ -31,6 +31,9 @@ def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
         "size_m": [4.2, 1.8, 1.5],
         "speed_m_s": 5.0,
         "covariance": VAN_COVARIANCE.tolist(),
+        "size_std_m": [0.4, 0.1, 0.1],
+        "yaw_std_rad": 0.05,
+        "reversal": 0.1,
         "velo": {
             "position_m": [10.0, 2.0, -1.7],
             "yaw_rad": 0.0,
