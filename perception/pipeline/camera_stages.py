@@ -17,6 +17,9 @@ from perception.detection.onnx_model import shipped_model
 from perception.detection.vehicles.camera_joining import join_cameras
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
+from perception.health.all_cameras import AllCameraMonitors, without_failed_cameras
+from perception.health.monitors import result_monitors
+from perception.health.stage_times import StageTimeMonitor
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.pipeline.budget import TimeBudget
@@ -25,12 +28,21 @@ from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.snapshot import restore_attributes, write_attributes
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
-from perception.types import Detections, Frame, ModalityDetections, Result
+from perception.types import (
+    Detections,
+    Frame,
+    Health,
+    ModalityDetections,
+    Result,
+)
 
 log = logging.getLogger(__name__)
 
 # What remembers earlier frames.
-_MEMORIES = ("_tracker", "_budget", "_noted")
+_MEMORIES = (
+    *("_tracker", "_budget", "_noted"),
+    *("_camera_monitors", "_stage_times", "_result_monitors", "_health"),
+)
 
 
 class CameraStages:
@@ -57,13 +69,18 @@ class CameraStages:
         self._detectors = _open_detectors(detection)
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
-        self._budget = TimeBudget(None if budget_ms is None else budget_ms / 1e3)
+        self._budget_s = None if budget_ms is None else budget_ms / 1e3
+        self._budget = TimeBudget(self._budget_s)
         self._noted: set[tuple[str, str]] = set()  # a camera and what it lacks
         self.reset()
 
     def reset(self) -> None:
-        """Forget the vehicles of the drive so far."""
+        """Forget the drive so far."""
         self._tracker = VehicleTracker(self._vehicles.tracker)
+        self._camera_monitors = AllCameraMonitors()
+        self._stage_times = StageTimeMonitor(self._budget_s)
+        self._result_monitors = result_monitors()
+        self._health = Health()
 
     def snapshot(self) -> bytes:
         """Return what the stages remember of earlier frames."""
@@ -87,6 +104,9 @@ class CameraStages:
         """
         for view in frame.views:
             self._note_missing(view)
+        measured = frame
+        camera = clock.run("image health", self._camera_monitors.update, frame)
+        frame = without_failed_cameras(frame, camera)
         has_detector = self._detectors is not None or self._depthcn is not None
         maps = clock.run("maps", _make_maps, frame) if has_detector else None
         detections = [self._detect(frame, maps, clock)]  # image and map detectors, fusion
@@ -96,7 +116,7 @@ class CameraStages:
         with self._budget.measured("vehicles", clock):
             lidar_result = lidar.result()
             vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
-        result = lidar_result.of_frame(frame)
+        result = lidar_result.of_frame(measured)
         if vehicles is not None:
             main, *further = (_modality_detections(one) for one in detections)
             result = replace(
@@ -107,13 +127,25 @@ class CameraStages:
                 tracks=vehicles.tracks,
                 further_detections=tuple(further),
             )
-        return replace(
+        skipped = () if is_in_time or self._depthcn is None else ("DepthCN",)
+        spans = result.spans + clock.spans
+        result = replace(
             result,
             depthcn=depthcn,
             timings_s=result.timings_s | clock.seconds,
-            spans=result.spans + clock.spans,
-            skipped=() if is_in_time or self._depthcn is None else ("DepthCN",),
+            spans=spans,
+            skipped=skipped,
+            health=result.health.joined(
+                (*camera.findings, *self._stage_times.update(spans, skipped))
+            ),
         )
+        return self._with_result_findings(measured, result)
+
+    def _with_result_findings(self, frame: Frame, result: Result) -> Result:
+        """Return the result with the findings of the monitors that compare it with the frame."""
+        found = [one for monitor in self._result_monitors for one in monitor.update(frame, result)]
+        self._health = result.health.joined(found)
+        return replace(result, health=self._health) if found else result
 
     def _note_missing(self, frame: Frame) -> None:
         """Log once each what the detectors have to do without."""
@@ -179,8 +211,16 @@ class CameraStages:
         if all(one is None for one in detections):
             return None
         with clock.stage("vehicles"):
+            # What was seen at another time says nothing of now.
+            is_now = not lidar.is_predicted or frame.stamp_s == lidar.scan.stamp_s
+            frame = replace(frame, stamp_s=lidar.scan.stamp_s)
             located = {
-                camera: locate(one.fused, frame.views[camera], lidar.ground, self._vehicles)
+                camera: locate(
+                    one.fused if is_now else one.fused[:0],
+                    frame.views[camera],
+                    lidar.ground,
+                    self._vehicles,
+                )
                 for camera, one in enumerate(detections)
                 if one is not None
             }

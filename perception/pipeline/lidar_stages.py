@@ -1,12 +1,20 @@
 """The stages that need the scans alone: registration, ground, voxels, static and moving, moving objects."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import datmo_stage
+from perception.geometry.se3 import (
+    from_rotation_translation,
+    from_rotation_vector,
+    inverse,
+    rotation_vector,
+)
 from perception.geometry.threads import limit_blas_threads
+from perception.health.monitors import ScanAndInsMonitors, is_clock_set, is_scan_usable
+from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
 from perception.localization.registration import RegisteredScans, Registration
 from perception.obstacles.ground import ground_estimator
@@ -16,18 +24,27 @@ from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.snapshot import restore_attributes, write_attributes
 from perception.types import (
+    INS,
     Float64,
     Frame,
     GroundModel,
+    Health,
+    HealthLevel,
     Obstacles,
     PointState,
     Result,
     StageSpan,
     Tracks,
+    Voxels,
 )
 
 # Stages that remember earlier frames.
-_MEMORIES = ("_registration", "_ground", "_motion", "_datmo")
+_MEMORIES = (
+    *("_registration", "_ground", "_motion", "_datmo"),
+    *("_monitors", "_last", "_last_s", "_now_s", "_velocity"),
+)
+# Time after the last scan at which a scan without a valid stamp is taken to be.
+_NEXT_S = 1e-3
 
 
 @dataclass(frozen=True)
@@ -44,6 +61,7 @@ class LidarResult:
         scan: Input of DATMO.
         pose_covariance: (6, 6) covariance of the pose.
         snapshot: Memory of the stages after the frame, where it was asked for.
+        health: Health of LiDAR and INS.
     """
 
     world_SE3_velo: Float64
@@ -55,13 +73,23 @@ class LidarResult:
     scan: SegmentedScan
     pose_covariance: Float64
     snapshot: bytes | None = None
+    health: Health = field(default_factory=Health)
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether pose and tracks are predicted, as the scan cannot be used."""
+        return not is_scan_usable(self.health)
 
     def of_frame(self, frame: Frame) -> Result:
         """Return it as the result of a frame without detectors."""
         timings_s = {span.stage: span.stop_s - span.start_s for span in self.spans}
         result = Result(frame, self.world_SE3_velo, self.ground, self.obstacles, self.tracks)
         return replace(
-            result, timings_s=timings_s, spans=self.spans, pose_covariance=self.pose_covariance
+            result,
+            timings_s=timings_s,
+            spans=self.spans,
+            pose_covariance=self.pose_covariance,
+            health=self.health,
         )
 
 
@@ -76,6 +104,7 @@ class LidarStages:
             config: Pipeline configuration.
         """
         self._sensor, self._config = sensor, config
+        self._meter = ScanMeter(sensor)
         self.reset()
 
     def snapshot(self) -> bytes:
@@ -92,7 +121,14 @@ class LidarStages:
 
     def reset(self) -> None:
         """Forget the drive so far."""
+        self._monitors = ScanAndInsMonitors(self._meter)
+        self._reset_stages()
+
+    def _reset_stages(self) -> None:
         sensor, config = self._sensor, self._config
+        self._last: LidarResult | None = None
+        self._last_s = self._now_s = -np.inf
+        self._velocity: Float64 = np.zeros(6)  # rotation vector and translation a second
         registration, ground, motion = config.registration, config.ground, config.motion
         self._registration = Registration(
             registration, config.method_of(registration), motion.previous_scans
@@ -114,6 +150,14 @@ class LidarStages:
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
+        measured = frame
+        health = clock.run("scan health", self._monitors.update, frame)
+        if is_clock_set(health):
+            self._reset_stages()
+        if health.level_of(INS) is HealthLevel.ERROR and self._may_lack_ins:
+            frame = replace(frame, world_SE3_velo=None)
+        if self._last is not None and not is_scan_usable(health):
+            return self._predict(frame, self._last, health, clock)
         scans = clock.run("registration", self._register, frame)
         ground = clock.run("ground", self._ground.update, scans.window)
         voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
@@ -126,7 +170,51 @@ class LidarStages:
         obstacles = _of_whole_scan(frame, scans, obstacles)
         pose, is_reset = scan.world_SE3_velo, scans.is_reset
         spans, covariance = clock.spans, scans.covariance
-        return LidarResult(pose, ground, obstacles, tracks, is_reset, spans, scan, covariance)
+        self._monitors.register(measured, pose, is_reset=is_reset)
+        result = LidarResult(
+            pose, ground, obstacles, tracks, is_reset, spans, scan, covariance, health=health
+        )
+        self._remember(result, frame.stamp_s)
+        return result
+
+    @property
+    def _may_lack_ins(self) -> bool:
+        """Whether scans are registered without INS, too; the thesis' window is not."""
+        return self._config.method_of(self._config.registration) == "default"
+
+    def _remember(self, result: LidarResult, stamp_s: float) -> None:
+        """Keep what a scan that cannot be used is predicted from."""
+        if self._last is not None and not result.is_reset:
+            step = inverse(self._last.world_SE3_velo) @ result.world_SE3_velo
+            motion = np.concatenate([rotation_vector(step[:3, :3]), step[:3, 3]])
+            self._velocity = motion / max(stamp_s - self._last_s, _NEXT_S)
+        self._last, self._last_s, self._now_s = _without_points(result), stamp_s, stamp_s
+
+    def _predict(
+        self, frame: Frame, last: LidarResult, health: Health, clock: StageClock
+    ) -> LidarResult:
+        """Go on without a scan: constant velocity, the ground as it was, and predicted tracks."""
+        # A scan out of order takes no time; the next one in order is registered with those before it.
+        self._now_s = stamp_s = max(frame.stamp_s, self._now_s + _NEXT_S)
+        turn, way_m = np.split(self._velocity * (stamp_s - self._last_s), 2)
+        pose = last.world_SE3_velo @ from_rotation_translation(from_rotation_vector(turn), way_m)
+        scan = replace(
+            last.scan, stamp_s=stamp_s, world_SE3_velo=pose, ins_world_SE3_velo=pose, is_reset=False
+        )
+        tracks = Tracks.empty()
+        if self._datmo is not None:
+            tracks = clock.run("moving objects", self._datmo.update, scan)
+        states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
+        return replace(
+            last,
+            world_SE3_velo=pose,
+            obstacles=replace(last.obstacles, point_states=states),
+            tracks=tracks,
+            is_reset=False,
+            spans=clock.spans,
+            scan=scan,
+            health=health,
+        )
 
     def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
         """Run the stages before moving objects, to compare methods of DATMO on the same scans.
@@ -144,6 +232,15 @@ class LidarStages:
             check_mounting(frame.points_velo, self._sensor, frame.source)
         scan = self._config.ego_vehicle.crop(frame.points_velo)
         return self._registration.update(frame, scan)
+
+
+def _without_points(result: LidarResult) -> LidarResult:
+    """Return what holds at the next scan, too: pose and ground, but neither points nor voxels."""
+    points_velo, states = np.zeros((0, 4), np.float32), np.zeros(0, np.uint8)
+    size_m = result.obstacles.static.size_m
+    voxels = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), size_m)
+    scan = replace(result.scan, points_velo=points_velo, point_states=states)
+    return replace(result, obstacles=Obstacles(states, voxels, voxels), scan=scan, spans=())
 
 
 def _segmented_scan(

@@ -1,0 +1,154 @@
+"""Monitors of the camera: an image that is missing, dark, washed out, frozen, or blurred in parts.
+
+Thresholds are grey levels and shares of an image, not those of one drive. What differs from scene to scene, the detail
+of each part of the image, is learned over the drive and compared with itself.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from perception.health.image_statistics import ImageStatistics
+from perception.types import CAMERA, Bool, Float, Frame, HealthFinding, HealthLevel, UInt8
+
+# A lit street at night has lamps and headlights above 100; a covered lens has read noise below 20.
+_MAX_DARK = 24.0
+_MAX_DIM = 48.0
+# Contrast between the brightest and the darkest half per cent; fog and glare on KITTI leave above 100.
+_MIN_CONTRAST, _MIN_GOOD_CONTRAST = 40.0, 70.0
+_MIN_WHITE_MEDIAN = 245.0
+# A camera slower than the LiDAR repeats images, too: as often as it has done before.
+_MIN_REPEATS = 3
+# Detail: cells with an edge in them, of which the fine part falls behind the coarse one.
+_MIN_COARSE = 4.0
+_MAX_DETAIL = 0.75  # of what the cell has had; a blur of 2 pixels leaves 0.6, of 3 pixels 0.55
+_MIN_USUAL_COARSE = 6.0
+_MAX_COVERED = 0.45  # of the coarse detail that the cell has had
+_MIN_CELLS, _ERROR_SHARE = 10, 0.4
+_DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
+_NEWEST, _NEWEST_LOST = 0.1, 0.02
+
+
+class CameraMonitors:
+    """All monitors of one camera; one finding a frame, of the fault that explains the others."""
+
+    def __init__(self, part: str = CAMERA) -> None:
+        """Start without an image.
+
+        Args:
+            part: Name of the camera among the parts of a health.
+        """
+        self._part = part
+        self._has_seen = False
+        self._frozen = _FrozenImage()
+        self._blurred = _BlurredImage()
+
+    def update(self, frame: Frame) -> Sequence[HealthFinding]:
+        """Return the findings of a frame; none of a drive without a camera."""
+        if frame.image is None:
+            is_missing, error = self._has_seen, HealthLevel.ERROR
+            reason = "the frame has no image, those before it had one"
+            return (
+                [HealthFinding(self._part, error, "camera missing", reason)] if is_missing else []
+            )
+        self._has_seen = True
+        image = ImageStatistics.of(frame.image)
+        repeats = self._frozen.update(image.sample)
+        finding = _dark(image) or repeats or _washed_out(image) or self._blurred.update(image)
+        return [HealthFinding(self._part, *finding)] if finding else []
+
+
+# Level, fault and reason of a finding.
+_Fault = tuple[HealthLevel, str, str]
+
+
+def _dark(image: ImageStatistics) -> _Fault | None:
+    """Find an image without light."""
+    if image.high >= _MAX_DIM:
+        return None
+    is_dark = image.high < _MAX_DARK
+    reason = (
+        f"99.5 % of the pixels are below {image.high + 1:.0f} of 255, expected above {_MAX_DIM:.0f}"
+    )
+    return HealthLevel.ERROR if is_dark else HealthLevel.WARN, "camera dark", reason
+
+
+def _washed_out(image: ImageStatistics) -> _Fault | None:
+    """Find an image without contrast, or one that is white."""
+    contrast = image.high - image.low
+    is_white = image.median >= _MIN_WHITE_MEDIAN
+    if contrast >= _MIN_GOOD_CONTRAST and not is_white:
+        return None
+    is_error = contrast < _MIN_CONTRAST or is_white
+    reason = (
+        f"grey levels from {image.low:.0f} to {image.high:.0f} around {image.median:.0f}, "
+        f"expected {_MIN_GOOD_CONTRAST:.0f} levels of contrast and a median below {_MIN_WHITE_MEDIAN:.0f}"
+    )
+    return HealthLevel.ERROR if is_error else HealthLevel.WARN, "camera washed out", reason
+
+
+class _FrozenImage:
+    """Finds images that are equal to the last bit: of a scene that stands still, noise differs."""
+
+    def __init__(self) -> None:
+        self._last: UInt8 | None = None
+        self._repeats = self._usual_repeats = 0
+
+    def update(self, sample: UInt8) -> _Fault | None:
+        """Return the fault where an image repeats more often than images of this camera do."""
+        if self._last is None or not np.array_equal(sample, self._last):
+            # A camera that had frozen is no camera that repeats its images.
+            if self._repeats < max(_MIN_REPEATS, self._usual_repeats + 1):
+                self._usual_repeats = max(self._usual_repeats, self._repeats)
+            self._last, self._repeats = sample, 0
+            return None
+        self._repeats += 1
+        if self._repeats < max(_MIN_REPEATS, self._usual_repeats + 1):
+            return None
+        reason = f"the image is that of {self._repeats} frames ago to the last bit"
+        return HealthLevel.ERROR, "camera frozen", reason
+
+
+class _BlurredImage:
+    """Finds parts of an image that lose their detail at once, and stay so: no wall and no lorry comes so suddenly.
+
+    The fine detail of a cell is the difference of pixels that are near by that of pixels that are far apart. Both fall
+    alike where a smooth wall comes into view, but a blur takes the fine one; an opaque spot takes both.
+    """
+
+    def __init__(self) -> None:
+        self._frames = 0
+        self._coarse: Float = np.zeros(0)
+        self._detail = self._edges_seen = self._lasts = self._coarse
+
+    def update(self, image: ImageStatistics) -> _Fault | None:
+        """Return the fault where so many cells have lost their detail in the same frame."""
+        has_edges: Bool = image.coarse >= _MIN_COARSE
+        detail = image.fine / np.maximum(image.coarse, 1e-3)
+        if self._frames == 0:
+            self._coarse, self._detail = image.coarse.copy(), detail
+            self._edges_seen, self._lasts = np.zeros_like(detail), np.zeros_like(detail)
+        self._frames += 1
+        is_known = (self._edges_seen >= _LEARNING_FRAMES) & (self._coarse >= _MIN_USUAL_COARSE)
+        is_blurred = has_edges & (detail < _MAX_DETAIL * self._detail)
+        is_covered = image.coarse < _MAX_COVERED * self._coarse
+        is_lost = is_known & (is_blurred | is_covered)
+        self._lasts = np.where(is_lost, self._lasts + 1, 0)
+        rate = np.where(is_lost, _NEWEST_LOST, np.maximum(_NEWEST, 1 / (self._edges_seen + 1)))
+        self._coarse = self._coarse + rate * (image.coarse - self._coarse)
+        self._detail = self._detail + rate * has_edges * (detail - self._detail)
+        self._edges_seen = self._edges_seen + (has_edges & ~is_lost)
+        return self._fault()
+
+    def _fault(self) -> _Fault | None:
+        """Return the fault of the cells that were lost within two frames, some frames ago."""
+        ages = np.bincount(self._lasts.ravel().astype(np.int64))
+        together = ages[:-1] + ages[1:]
+        together[: min(_DETAIL_FRAMES, len(together))] = 0
+        blurred = max(int(together.max(initial=0)), int(ages[_DETAIL_FRAMES:].max(initial=0)))
+        if blurred < _MIN_CELLS:
+            return None
+        share = blurred / self._lasts.size
+        reason = f"{share:.0%} of the image have lost their detail at once, as behind dirt, water or a lens out of focus"
+        is_error = share >= _ERROR_SHARE
+        return HealthLevel.ERROR if is_error else HealthLevel.WARN, "camera blurred", reason

@@ -1,0 +1,64 @@
+"""What camera monitors need of an image: grey levels of a sample of its pixels, and how sharp each part of it is."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.types import Float32, UInt8
+
+_SAMPLE_STEP_PX = 4
+_ROW_STEP_PX = 4
+_GRID = (6, 16)  # cells, down and across
+_WIDTH_PX = 1242  # width of an image, at which the steps below are as they stand
+_FINE_PX, _COARSE_PX = 2, 8
+_GREEN = 1
+_LOW, _HIGH = 0.005, 0.995
+
+
+@dataclass(frozen=True)
+class ImageStatistics:
+    """Statistics of one image.
+
+    Attributes:
+        sample: (h, w) every fourth pixel of every fourth row, green.
+        low: Grey level that one pixel in 200 is below.
+        median: Median grey level.
+        high: Grey level that one pixel in 200 is above.
+        fine: (6, 16) mean difference of neighbouring pixels in each cell, in grey levels.
+        coarse: (6, 16) mean difference of pixels four times as far apart.
+    """
+
+    sample: UInt8
+    low: float
+    median: float
+    high: float
+    fine: Float32
+    coarse: Float32
+
+    @classmethod
+    def of(cls, image: UInt8) -> Self:
+        """Measure an (H, W, 3) image."""
+        sample = np.ascontiguousarray(image[::_SAMPLE_STEP_PX, ::_SAMPLE_STEP_PX, _GREEN])
+        shares = np.cumsum(np.bincount(sample.ravel(), minlength=256)) / sample.size
+        low, median, high = np.searchsorted(shares, (_LOW, 0.5, _HIGH))
+        rows = np.ascontiguousarray(image[::_ROW_STEP_PX, :, _GREEN]).astype(np.int16)
+        scale = max(1, round(image.shape[1] / _WIDTH_PX))
+        fine_px, coarse_px = scale * _FINE_PX, scale * _COARSE_PX
+        ends = rows[:, :-coarse_px]
+        fine = np.abs(rows[:, fine_px : fine_px - coarse_px] - ends)
+        coarse = np.abs(rows[:, coarse_px:] - ends)
+        return cls(sample, float(low), float(median), float(high), _cells(fine), _cells(coarse))
+
+
+def _cells(values: NDArray[np.int16]) -> Float32:
+    """Return the mean of each cell of the grid; rows and columns beyond whole cells are left out."""
+    down, across = _GRID
+    height, width = max(values.shape[0] // down, 1), max(values.shape[1] // across, 1)
+    whole = values[: height * down, : width * across]
+    if whole.shape != (height * down, width * across):  # an image smaller than the grid
+        return np.zeros(_GRID, np.float32)
+    sums = np.add.reduceat(whole, np.arange(0, height * down, height), axis=0, dtype=np.int32)
+    sums = np.add.reduceat(sums, np.arange(0, width * across, width), axis=1)
+    return np.asarray(sums / (height * width), np.float32)

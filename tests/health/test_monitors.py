@@ -1,0 +1,137 @@
+"""Every kind of fault is named within five frames by its monitor, and a clean drive raises no alarm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data.faults.injection import Fault, inject
+from data.faults.kinds import FAULT_KINDS
+from perception.health.camera_monitors import CameraMonitors
+from perception.health.ins_monitor import InsMonitor
+from perception.health.monitors import ScanAndInsMonitors
+from perception.health.scan_statistics import ScanMeter
+from perception.health.scan_times import ScanTimeMonitor
+from perception.health.stage_times import StageTimeMonitor
+from perception.types import CAMERA, HealthLevel, StageSpan
+from tests.health.scenes import SENSOR, frames, pose
+
+FIRST, WITHIN = 15, 5
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return frames(FIRST + 10)
+
+
+@pytest.fixture(scope="module")
+def meter():
+    return ScanMeter(SENSOR)
+
+
+def findings(drive, meter):
+    """Return the findings of each frame, of all monitors of sensors."""
+    scans_and_ins, camera, found = ScanAndInsMonitors(meter), CameraMonitors(), []
+    for frame in drive:
+        health = scans_and_ins.update(frame)
+        scans_and_ins.register(frame, pose(frame.index), is_reset=False)
+        found.append([*health.findings, *camera.update(frame)])
+    return found
+
+
+def test_a_clean_drive_raises_no_alarm(clean, meter):
+    assert findings(clean, meter) == [[]] * len(clean)
+
+
+def test_a_scene_that_stands_still_is_not_frozen(clean, meter):
+    """Noise differs, though pose and scene do not."""
+    standing = [replace(frame, world_SE3_velo=pose(0)) for frame in clean]
+    monitors = ScanAndInsMonitors(meter)
+    for frame in standing:
+        assert monitors.update(frame).findings == ()
+        monitors.register(frame, pose(0), is_reset=False)
+
+
+@pytest.mark.parametrize("kind", FAULT_KINDS)
+def test_a_fault_is_named_within_five_frames(kind, clean, meter):
+    definition = FAULT_KINDS[kind]
+    fault = Fault(kind, FIRST, FIRST + 9, seed=4)
+    found = findings(inject(clean, [fault]), meter)
+    assert found[:FIRST] == [[]] * FIRST
+    named = [one for frame in found[FIRST : FIRST + WITHIN] for one in frame]
+    assert {one.fault for one in named} & set(definition.reported)
+    assert {one.part for one in named} == {definition.part}
+
+
+@pytest.mark.parametrize("kind", ["camera-dark", "camera-frozen", "lidar-repeated", "ins-absent"])
+def test_a_sensor_recovers_with_its_signal(kind, clean, meter):
+    fault = Fault(kind, FIRST, FIRST + 5, seed=1)
+    found = findings(inject(clean, [fault]), meter)
+    assert found[FIRST + 5] != []
+    assert found[FIRST + 7 :] == [[]] * (len(clean) - FIRST - 7)
+
+
+def test_a_slow_camera_repeats_its_images(clean):
+    monitors = CameraMonitors()
+    for row, frame in enumerate(clean):
+        assert monitors.update(replace(frame, image=clean[row - row % 3].image)) == []
+
+
+def test_a_drive_without_a_camera_has_no_fault_of_it(clean):
+    monitors = CameraMonitors()
+    assert monitors.update(replace(clean[0], image=None)) == []
+    assert monitors.update(clean[1]) == []
+    (missing,) = monitors.update(replace(clean[2], image=None))
+    assert (missing.part, missing.level) == (CAMERA, HealthLevel.ERROR)
+    assert str(missing) == ("ERROR camera missing: the frame has no image, those before it had one")
+
+
+def test_sentences_state_what_was_found(clean, meter):
+    fault = Fault("lidar-sector", FIRST, FIRST + 5, 90.0, seed=4)
+    (lost,) = findings(inject(clean, [fault]), meter)[FIRST + 5]
+    assert lost.reason.startswith("no returns in 90 degrees from 115 degrees left of ahead on")
+    black = replace(clean[1], image=np.zeros_like(clean[1].image))
+    (dark,) = CameraMonitors().update(black)
+    assert dark.reason == "99.5 % of the pixels are below 1 of 255, expected above 48"
+
+
+def test_a_clock_that_was_set_back_starts_the_drive_again(clean):
+    monitor = ScanTimeMonitor()
+    stamps = [0.0, 0.1, 0.2, 0.3, 0.4, -99.5, -99.4, -99.3]
+    found = [monitor.update(replace(clean[0], stamp_s=stamp)) for stamp in stamps]
+    assert [[(one.fault, one.level.name) for one in frame] for frame in found[5:]] == [
+        [("scan out of order", "ERROR")],
+        [("time jump", "WARN")],
+        [],
+    ]
+
+
+def test_a_frozen_ins_is_noticed_by_the_way_of_the_scans(clean):
+    monitor = InsMonitor()
+    for frame in clean[:10]:
+        monitor.update(frame)
+        monitor.register(frame, pose(frame.index), is_trusted=True)
+    (frozen,) = monitor.update(replace(clean[10], world_SE3_velo=pose(9)))
+    assert frozen.fault == "INS frozen"
+    assert frozen.reason == (
+        "the pose is equal to the last digit, while the scans have moved by 1.00 m"
+    )
+
+
+def test_a_stage_over_its_budget_is_an_error_after_five_frames():
+    monitor = StageTimeMonitor(0.1)
+    spans = (StageSpan("maps", "camera", 0.0, 0.02), StageSpan("fusion", "camera", 0.02, 0.13))
+    found = [monitor.update(spans, ())[0] for _ in range(5)]
+    assert [one.level.name for one in found] == ["WARN"] * 4 + ["ERROR"]
+    assert found[0].part == "fusion"
+    assert found[0].reason == (
+        "the result came 130 ms after the frame, the budget is 100 ms; this stage took most, 110 ms"
+    )
+    assert monitor.update(spans[:1], ()) == []
+    assert monitor.update(spans, ())[0].level is HealthLevel.WARN
+
+
+def test_a_stage_that_is_left_out_speaks_through_health():
+    (left_out,) = StageTimeMonitor(0.05).update((), ("DepthCN",))
+    assert (left_out.part, left_out.fault) == ("DepthCN", "DepthCN left out")
+    assert StageTimeMonitor(None).update((), ("DepthCN",)) == []
