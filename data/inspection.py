@@ -31,6 +31,9 @@ from perception.errors import (
     PoseError,
     ScanError,
 )
+from perception.health.camera_monitors import CameraMonitors
+from perception.health.lidar_monitors import LidarMonitors
+from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
 from perception.types import Float64, Frame, Progress
 
@@ -153,11 +156,13 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     collected = _FindingList()
     points: list[int] = []
     stamps_s: dict[int, float] = {}
+    monitors = _SensorMonitors(drive)
     for index in progress(range(len(drive))):
         frame = _inspect_frame(drive, index, collected)
         if frame is not None:
             if not points or not drive.is_sequence:
                 _inspect_setup(frame, drive, collected)
+            monitors.update(frame, collected)
             points.append(len(frame.points_velo))
             stamps_s[frame.number] = frame.stamp_s
             if frame.invalid_points:
@@ -196,7 +201,25 @@ def _inspect_frame(drive: RecordedDrive, index: int, collected: _FindingList) ->
     if frame is None or frame.calibration is None or image is None:
         return frame
     size_px = (image.shape[1], image.shape[0])
-    return replace(frame, calibration=replace(frame.calibration, image_size_px=size_px))
+    calibration = replace(frame.calibration, image_size_px=size_px)
+    return replace(frame, calibration=calibration, image=image)
+
+
+class _SensorMonitors:
+    """Monitors of what images and scans show; times, poses and missing files are checked by themselves."""
+
+    def __init__(self, drive: RecordedDrive) -> None:
+        self._is_sequence = drive.is_sequence
+        self._camera, self._scans = CameraMonitors(), LidarMonitors(ScanMeter(drive.sensor))
+
+    def update(self, frame: Frame, collected: _FindingList) -> None:
+        """Add the findings of a frame as notes: a run goes on without what has failed."""
+        if not self._is_sequence:
+            return
+        images = () if frame.image is None else self._camera.update(frame)
+        for one in (*images, *self._scans.update(frame)):
+            sentence = f"frame {frame.number}: {one.reason}"
+            collected.add(one.fault, sentence, is_fault=False)
 
 
 def _inspect_setup(frame: Frame, drive: RecordedDrive, collected: _FindingList) -> None:

@@ -25,6 +25,7 @@ from perception.geometry.boxes import transform_boxes
 from perception.render import palette
 from perception.render.palette import Color
 from perception.types import (
+    SENSOR_PARTS,
     Boxes3D,
     Calibration,
     Detections,
@@ -157,6 +158,7 @@ def series_entities(result: Result) -> Entities:
         "counts/detections": vehicles,
         "health/skipped stages": len(result.skipped),
         "health/invalid points": frame.invalid_points,
+        **{f"health/{part}": int(result.health.level_of(part)) for part in SENSOR_PARTS},
     }
     return {path: rr.Scalars(float(value)) for path, value in values.items() if np.isfinite(value)}
 

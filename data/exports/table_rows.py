@@ -57,6 +57,8 @@ def _frame_rows(result: Result, tables: Mapping[str, Rows]) -> Rows:
         "tracks": len(result.tracks),
         "vehicles": _length(tables["vehicles"]) if "vehicles" in tables else np.nan,
         "latency_s": result.latency_s,
+        "health": result.health.level.name,
+        "findings": "; ".join(map(str, result.health.findings)),
     }
     return {name: np.array([value]) for name, value in values.items()}
 

@@ -87,6 +87,8 @@ TABLES: Final[Mapping[str, Columns]] = {
         "latency_s": TableColumn(
             "double", "time from the frame's arrival to the end of its last stage"
         ),
+        "health": TableColumn("string", "OK, WARN or ERROR, the worst of all sensors and stages"),
+        "findings": TableColumn("string", "what is wrong, with level and reason; null where OK"),
     },
     "poses": {
         **_FRAME,

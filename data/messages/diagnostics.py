@@ -1,16 +1,19 @@
-"""Health of the pipeline: seconds of each stage, and what was left out."""
+"""Health of sensors and stages, and seconds of each stage."""
 
 from typing import Any
 
 from data.messages.definitions import message
 from data.messages.geometry import LIDAR, header
-from perception.types import Result
+from perception.types import SENSOR_PARTS, Health, Result
 
-_OK, _WARN = 0, 1  # levels of diagnostic_msgs/DiagnosticStatus
+_OK, _WARN = 0, 1  # levels of diagnostic_msgs/DiagnosticStatus, those of HealthLevel
 
 
 def diagnostics(result: Result) -> Any:  # noqa: ANN401 - a message
-    """Return one status with the time of each stage; a warning where stages were left out or points are invalid."""
+    """Return a status of the pipeline with the time of each stage, and one of each sensor, and stage with a finding.
+
+    The pipeline's own status warns where stages were left out or points are invalid.
+    """
     values = {
         "latency_ms": f"{1e3 * result.latency_s:.2f}",
         **{f"{stage} [ms]": f"{1e3 * time:.2f}" for stage, time in result.timings_s.items()},
@@ -31,5 +34,20 @@ def diagnostics(result: Result) -> Any:  # noqa: ANN401 - a message
     return message(
         "diagnostic_msgs/DiagnosticArray",
         header=header(result.frame.stamp_s, LIDAR),
-        status=[status],
+        status=[status, *_part_statuses(result.health)],
     )
+
+
+def _part_statuses(health: Health) -> list[Any]:
+    """Return the status of each sensor, and of each other part that has a finding."""
+    return [
+        message(
+            "diagnostic_msgs/DiagnosticStatus",
+            level=int(health.level_of(part)),
+            name=f"trifuse: {part}",
+            message="; ".join(str(one) for one in health.findings if one.part == part) or "OK",
+            hardware_id="",
+            values=[],
+        )
+        for part in dict.fromkeys((*SENSOR_PARTS, *health.levels))
+    ]

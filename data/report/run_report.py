@@ -22,10 +22,11 @@ from data.report.player import Cell, Player, PlayerFrame
 from data.report.plotly_figures import CurveOptions, curves_figure, matrix_figure
 from data.report.run_data import ObjectPath, RunData
 from data.results.objects import ObjectRecord, VehicleRecord
+from data.results.run_folder import FindingRecord, FrameRecord
 from perception.detection.config import DetectionConfig
 from perception.evaluation.stage_times import END_TO_END, stage_table
 from perception.render.curve_plots import Curve, CurvePanel, precision_panel
-from perception.types import MODALITIES
+from perception.types import MODALITIES, HealthLevel
 
 MODALITY_NAMES = {"rgb": "image", "dm": "depth map", "rm": "reflectance map"}
 COLUMNS = ("object", "id", "speed [m/s]", "distance [m]", "score")
@@ -53,7 +54,7 @@ def run_page(run: RunData) -> Page:
         *_ground_sections(run, plots),
         *_detection_sections(run, plots),
         Section("Timings", _timings_markup(run, plots)),
-        Section("Health", _health_markup(run)),
+        Section("Health", _health_markup(run, plots)),
         Section("Configuration", text_markup("config.yaml", run.config or "missing")),
         Section("Versions", versions_markup({"": run})),
     ]
@@ -257,7 +258,52 @@ def _timings_markup(run: RunData, plots: Plots) -> str:
     return plots.add(panel.title, curves_figure(panel, options)) + report_table_markup(table)
 
 
-def _health_markup(run: RunData) -> str:
+def health_panel(run: RunData) -> CurvePanel | None:
+    """Return the level of each part over the frames, None where all parts were well all the time."""
+    parts = sorted({one.part for frame in run.frames for one in frame.health})
+    curves = [
+        Curve(
+            part,
+            run.frame_numbers,
+            [
+                max(
+                    (int(HealthLevel[one.level]) for one in frame.health if one.part == part),
+                    default=0,
+                )
+                for frame in run.frames
+            ],
+        )
+        for part in parts
+    ]
+    label = "0 OK, 1 WARN, 2 ERROR"
+    return (
+        CurvePanel("Sensors and stages", FRAME, label, curves, y_limits=(-0.1, 2.1))
+        if curves
+        else None
+    )
+
+
+def _faults_markup(run: RunData, plots: Plots) -> str:
+    """Return the health of sensors and stages over the frames, and what was found first of each fault."""
+    panel = health_panel(run)
+    if panel is None:
+        return note_markup("Sensors and stages: OK in all frames.")
+    first: dict[str, tuple[FrameRecord, FindingRecord]] = {}
+    counts: dict[str, int] = {}
+    for frame in run.frames:
+        for one in frame.health:
+            first.setdefault(one.fault, (frame, one))
+            counts[one.fault] = counts.get(one.fault, 0) + 1
+    rows = [
+        [fault, one.part, one.level, str(counts[fault]), str(frame.frame), one.reason]
+        for fault, (frame, one) in first.items()
+    ]
+    header = ["fault", "part", "level", "frames", "first", "what was found first"]
+    figure = plots.add(panel.title, curves_figure(panel, CurveOptions(has_cursor=True)))
+    return figure + table_markup("Faults", header, rows)
+
+
+def _health_markup(run: RunData, plots: Plots) -> str:
     missing = int(run.frame_numbers[-1] - run.frame_numbers[0]) + 1 - len(run.frames)
     late = int(np.sum(run.frames_ms > 1e3 * run.period_s))
     invalid = sum(one.invalid_points for one in run.frames)
@@ -270,7 +316,7 @@ def _health_markup(run: RunData) -> str:
     ]
     rows = [[stage, str(count)] for stage, count in skipped.items()]
     table = table_markup("Skipped stages", ["stage", "frames"], rows) if rows else ""
-    return tiles_markup(tiles) + table
+    return tiles_markup(tiles) + table + _faults_markup(run, plots)
 
 
 def _f1(counts: Mapping[str, Any]) -> float | None:

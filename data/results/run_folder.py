@@ -2,7 +2,7 @@
 
 import json
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -36,6 +36,23 @@ SEMANTIC_KITTI[PointState.MOVING] = 251
 
 
 @dataclass(frozen=True)
+class FindingRecord:
+    """One finding on a sensor or a stage.
+
+    Attributes:
+        part: Sensor or stage.
+        level: WARN or ERROR.
+        fault: Name of the fault.
+        reason: What was found, in one sentence.
+    """
+
+    part: str
+    level: str
+    fault: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class FrameRecord(FrameLine):
     """One line of `frames.jsonl`.
 
@@ -51,6 +68,7 @@ class FrameRecord(FrameLine):
         seconds: Time of each stage.
         pose_deviations: Standard deviations of the pose since the first scan, x, y, z in metres and rotations about the
             world's axes in rad; null where the method gives none.
+        health: Findings on sensors and stages, the worst first; none where all is well.
     """
 
     name: str
@@ -63,6 +81,7 @@ class FrameRecord(FrameLine):
     latency_s: float | None
     seconds: dict[str, float]
     pose_deviations: list[float | None] | None = None
+    health: list[FindingRecord] = field(default_factory=list)
 
     @classmethod
     def of(cls, result: Result, vehicles: FrameVehicles | None) -> Self:
@@ -81,6 +100,10 @@ class FrameRecord(FrameLine):
             latency_s=round(result.latency_s, 6) if result.spans else None,
             seconds={stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
             pose_deviations=numbers(np.sqrt(np.diagonal(result.pose_covariance)), digits=5),
+            health=[
+                FindingRecord(one.part, one.level.name, one.fault, one.reason)
+                for one in result.health.findings
+            ],
         )
 
 

@@ -1,7 +1,8 @@
 """The pipeline over the frames of a drive, with a progress bar."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 
+from data.faults.injection import Fault, inject
 from data.frames import frame_count, read_frames
 from data.results.checkpoint import Checkpoint
 from perception.cli.progress import progress_bar
@@ -17,6 +18,7 @@ def drive_results(
     on_bad_frame: OnBadFrame,
     checkpoint: Checkpoint | None = None,
     checkpoint_frames: int = 0,
+    faults: Sequence[Fault] = (),
 ) -> Generator[Result, None, None]:
     """Yield the result of each frame; frames of no sequence, such as object frames, share no state.
 
@@ -27,6 +29,7 @@ def drive_results(
         on_bad_frame: Stop at a damaged frame, or skip it.
         checkpoint: Checkpoint of the same pipeline and drive to go on from; None to start with the first frame.
         checkpoint_frames: Number of frames between two results with a snapshot; 0 for none.
+        faults: Faults of sensors that are injected.
 
     Raises:
         PerceptionError: a frame cannot be read or used.
@@ -35,7 +38,11 @@ def drive_results(
     with Pipeline(drive.sensor, config) as pipeline:
         if checkpoint is not None:
             pipeline.restore(checkpoint.pipeline)
-        frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit, first=first)
+        # A fault may repeat what was before it, and so begins with the drive.
+        start = 0 if faults else first
+        frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit, first=start)
+        if faults:
+            frames = (frame for frame in inject(frames, faults) if frame.index >= first)
         with pipeline.stream(
             frames, is_sequence=drive.is_sequence, snapshot_frames=checkpoint_frames
         ) as results:

@@ -53,6 +53,8 @@ def run(
     track: int | None = None,
     tracker: TrackerName = "default",
     min_vehicle_score: float = 0.05,
+    fault: tuple[str, ...] = (),
+    fault_seed: int = 0,
     tracker_config: SingleObjectTrackerConfig = _TRACKER_CONFIG,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
@@ -68,9 +70,12 @@ def run(
         track: Id of a track or detected vehicle that a one-object tracker takes over.
         tracker: Name of the one-object tracker; ms-i, cbwh and opencv-* work in the image alone.
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl; 0 for all.
+        fault: Faults of sensors to inject, as KIND:FIRST-LAST or KIND:FIRST-LAST:SIZE, such as camera-dark:50-80.
+        fault_seed: Seed of the injected faults.
         tracker_config: Parameters of the one-object trackers.
         pipeline: Pipeline configuration.
     """
+    from data.faults.injection import Fault
     from data.open_drive import open_drive
     from data.results.run_config import RunConfig
     from data.results.run_drive import run_drive
@@ -80,6 +85,7 @@ def run(
 
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)
+    faults = [Fault.parse(text, fault_seed) for text in fault]
     opened = open_drive(drive, sequence=frames.sequence, config=frames.reading, images=images)
     run_config = RunConfig(
         frames=frames.frames,
@@ -102,5 +108,6 @@ def run(
         on_bad_frame=frames.on_bad_frame,
         checkpoint=checkpoint,
         checkpoint_frames=checkpoint_frames,
+        faults=faults,
     )
     print(run_drive(opened, found, folder, run_config, checkpoint).text())

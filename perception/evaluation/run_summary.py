@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.ground import ground_confusion
+from perception.evaluation.health_summary import HealthSummary
 from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import Table
 from perception.evaluation.stage_times import StageTimes
@@ -29,6 +30,7 @@ class RunSummary:
         tracks: Number of tracks of each frame.
         vehicle_ids: Ids of all tracked vehicles so far.
         vehicles: Number of vehicles with at least `display_score`, of each frame on which detectors ran.
+        health: Faults of sensors and stages.
         confusions: Ground, static and moving points against exact truth; empty without it.
         elapsed_s: Wall time with reading, drawing and writing.
         is_complete: Whether all frames of the run are in it.
@@ -44,6 +46,7 @@ class RunSummary:
     tracks: list[int] = field(default_factory=list)
     vehicle_ids: set[int] = field(default_factory=set)
     vehicles: list[int] = field(default_factory=list)
+    health: HealthSummary = field(default_factory=HealthSummary)
     confusions: dict[str, Confusion] = field(default_factory=dict)
     elapsed_s: float = 0.0
     is_complete: bool = False
@@ -52,6 +55,7 @@ class RunSummary:
         """Add one frame."""
         states = result.obstacles.point_states
         self.times.update(result)
+        self.health.update(result.frame.index, result.health)
         self.points = self.points + np.bincount(states, minlength=len(PointState))
         self.track_ids.update(result.tracks.ids.tolist())
         self.tracks.append(len(result.tracks))
@@ -92,7 +96,9 @@ class RunSummary:
                 f"with a score of at least {self.display_score:g}"
             )
         speed = f"{self.frames / self.elapsed_s:.1f} frames/s with reading, drawing and writing"
-        return "\n\n".join([*blocks, "\n".join([*lines, speed, f"results: {self.out}"])])
+        return "\n\n".join(
+            [*blocks, "\n".join([*lines, self.health.text(), speed, f"results: {self.out}"])]
+        )
 
     def to_json(self) -> dict[str, object]:
         """Return the content of `summary.json`."""
@@ -113,4 +119,5 @@ class RunSummary:
             "tracks": tracks,
             "vehicles": vehicles if self.vehicles else None,
             "points": points,
+            "health": self.health.to_json(),
         }

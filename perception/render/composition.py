@@ -12,6 +12,7 @@ from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, draw_scale, view_of_area
 from perception.render.canvas import blank_canvas, fill_canvas
 from perception.render.detector_views import draw_detector_boxes, map_insets
+from perception.render.health_lines import draw_health
 from perception.render.labels import Label, draw_labels
 from perception.render.object_figures import object_figures
 from perception.render.objects import draw_objects
@@ -103,6 +104,7 @@ class Composition:
         largest_px = (round(_MAP_SHARE * width), inset_height_px(height - body_px, text_px))
         insets = map_insets(scene, largest_px, self.display_score)
         draw_strip(canvas[body_px:], scene, self._legend(scene), insets, self.turn_s, text_px)
+        draw_health(canvas, scene.result.health, self.style.text_px)
         return canvas
 
     def main_panels(self, result: Result) -> dict[str, PanelArea]:

@@ -80,6 +80,7 @@ def test_the_entities_are_those_of_the_product(recording):
         "/counts/points/outside", "/counts/points/ground", "/counts/points/static",
         "/counts/points/moving", "/counts/tracks", "/counts/detections",
         "/health/skipped\\ stages", "/health/invalid\\ points",
+        "/health/lidar", "/health/camera", "/health/ins", "/health/calibration",
     }  # fmt: skip
 
 

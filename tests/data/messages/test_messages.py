@@ -196,9 +196,12 @@ def test_images_are_jpeg():
 
 def test_stage_times_and_what_was_left_out():
     result = known_result(0)
-    (status,) = reread(diagnostics(result)).status
+    status, *sensors = reread(diagnostics(result)).status
+    assert [(one.name, one.level, one.message) for one in sensors] == [
+        (f"trifuse: {part}", 0, "OK") for part in ("lidar", "camera", "ins", "calibration")
+    ]
     assert status.message == "left out: DepthCN"
-    (status,) = reread(diagnostics(replace(result, skipped=()))).status
+    status = reread(diagnostics(replace(result, skipped=()))).status[0]
     values = {pair.key: pair.value for pair in status.values}
     assert (values["ground [ms]"], values["fusion [ms]"]) == ("5.00", "2.00")
     assert status.message == "all stages ran"

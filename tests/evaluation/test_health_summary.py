@@ -1,0 +1,22 @@
+"""Faults of a drive in one line."""
+
+from perception.evaluation.health_summary import HealthSummary
+from perception.types import Health, HealthFinding, HealthLevel
+
+
+def test_a_drive_is_summed_up_in_one_line():
+    summary = HealthSummary()
+    late = HealthFinding("lidar", HealthLevel.WARN, "scan late", "0.2 s")
+    dim = HealthFinding("camera", HealthLevel.WARN, "camera dark", "dim")
+    dark = HealthFinding("camera", HealthLevel.ERROR, "camera dark", "black")
+    summary.update(4, Health())
+    assert summary.text() == "health: OK in all 1 frames"
+    for frame, findings in enumerate([[late], [dim], [dark], []], start=5):
+        summary.update(frame, Health.of(findings))
+    assert summary.text() == (
+        "health: OK in 2 of 5 frames; camera dark in 2 from frame 6 on (ERROR), "
+        "scan late in 1 from frame 5 on (WARN)"
+    )
+    assert summary.to_json()["faults"]["camera dark"] == {
+        "part": "camera", "level": "ERROR", "frames": 2, "first": 6, "reason": "dim",
+    }  # fmt: skip
