@@ -38,7 +38,7 @@ FAULT_KINDS: Final[Mapping[str, FaultKind]] = {
         CAMERA, camera.washed_out, "share", 0.85, (0.3, 0.5, 0.7, 0.85, 1), ("camera washed out",)
     ),
     "camera-dirty": FaultKind(
-        CAMERA, camera.dirty, "share", 0.25, (0.05, 0.1, 0.25, 0.5), ("camera blurred",)
+        CAMERA, camera.dirty, "share", 0.35, (0.1, 0.2, 0.35, 0.5), ("camera blurred",)
     ),
     "camera-blurred": FaultKind(
         CAMERA, camera.blurred, "pixels", 3, (1, 2, 3, 5), ("camera blurred",)
