@@ -24,7 +24,7 @@ _MIN_COARSE = 4.0
 _MAX_DETAIL = 0.75  # of what the cell has had; a blur of 2 pixels leaves 0.6, of 3 pixels 0.55
 _MIN_USUAL_COARSE = 6.0
 _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
-_MIN_CELLS, _ERROR_SHARE = 13, 0.4
+_MIN_CELLS, _ERROR_SHARE = 20, 0.4
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
 _NEWEST, _NEWEST_LOST = 0.1, 0.02
 

@@ -47,7 +47,7 @@ def scan(index: int) -> np.ndarray:
 def image(index: int) -> np.ndarray:
     """Return an image of vertical edges that moves by five pixels a frame, with noise."""
     rng = np.random.default_rng(index)
-    columns = (np.arange(1242) + 5 * index) // 12
+    columns = (np.arange(1242) + 5 * index) // 3
     levels = np.random.default_rng(0).integers(30, 220, 4096)[columns]
     noisy = levels[None, :, None] + 3 * rng.standard_normal((192, 1242, 3))
     return np.clip(noisy, 0, 255).astype(np.uint8)
