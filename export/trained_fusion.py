@@ -22,13 +22,12 @@ from export.fusion import export_fusion
 from export.result import ExportConfig
 from perception.atomic_file import write_atomically
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.fusion.score_calibration import FusionCalibration
+from perception.detection.fusion.score_calibration import BetaCalibration, FusionCalibration
 from perception.evaluation.detection.class_precision import level_columns
 from perception.evaluation.detection.protocol import kitti_class
 from perception.evaluation.detection.reliability import Reliability, measure_reliability
 from perception.evaluation.report import Table
 from perception.render.figure import save_figure
-from perception.types import MODALITIES
 from train.checkpoint_writer import write_checkpoint
 from train.checkpoints import read_checkpoint
 from train.cli import Stage, TrainingKind
@@ -146,16 +145,19 @@ def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
     frames, class_names = data.detections.validation, data.detections.class_names
     content = read_checkpoint(checkpoint, MODEL) | {"calibration": str(FusionCalibration())}
     write_checkpoint(checkpoint, content)
-    _, fused = _fuse(checkpoint, frames)
-    of_classes = fit_class_calibrations(
-        {name: class_correctness(frames, fused.boxes, [name]) for name in class_names}
-    )
-    alone = {
-        name: fit_calibration(class_correctness(frames, one, np.unique(one.types).tolist()))
-        for name, one in boxes_by_detector(frames, fused).items()
-        if name in MODALITIES
-    }
-    calibration = str(FusionCalibration(named=of_classes | alone))
+    named: dict[str, BetaCalibration] = {}
+    for remaining in frames.remaining():
+        _, fused = _fuse(checkpoint, remaining)
+        of_classes = fit_class_calibrations(
+            {name: class_correctness(remaining, fused.boxes, [name]) for name in class_names}
+        )
+        of_set = "+".join(remaining.modalities)
+        named |= {f"{of_set}:{name}": curve for name, curve in of_classes.items()}
+    for modality in frames.modalities:
+        boxes = frames.of_modality(modality)
+        correctness = class_correctness(frames, boxes, np.unique(boxes.types).tolist())
+        named[modality] = fit_calibration(correctness)
+    calibration = str(FusionCalibration(named=named))
     write_checkpoint(checkpoint, content | {"calibration": calibration})
 
 

@@ -1,13 +1,18 @@
 """Labelled frames with the detections of each modality."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detected_scene import (
+    MIN_FUSED,
+    DetectedScene,
+    remaining_sets,
+)
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.types import Detections, Int, Modality
+from perception.types import MODALITIES, Detections, Int, Modality
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,20 @@ class DetectedFrames:
             tuple(self.scenes[number] for number in numbers.tolist()),
             TrueBoxes.concatenate([*renumbered, self.truth[np.zeros(0, np.int64)]]),
         )
+
+    @property
+    def modalities(self) -> tuple[Modality, ...]:
+        """Modalities that some frame was searched in."""
+        return tuple(
+            name
+            for name in MODALITIES
+            if any(name in scene.modality_detections for scene in self.scenes)
+        )
+
+    def remaining(self) -> Iterator["DetectedFrames"]:
+        """Yield the frames with every set of their modalities that can be fused, all of them first."""
+        for names in remaining_sets(self.modalities, MIN_FUSED):
+            yield self.without(*(name for name in self.modalities if name not in names))
 
     def truth_of(self, number: int) -> TrueBoxes:
         """Return the labelled boxes of one frame."""

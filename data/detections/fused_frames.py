@@ -16,7 +16,7 @@ from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.evaluation.detection.reliability import Correctness, match_correctness
-from perception.types import MODALITIES, Detections, FusedDetections
+from perception.types import Detections, FusedDetections
 
 CAR = KITTI_CLASSES[0]
 
@@ -88,12 +88,9 @@ def class_correctness(
 
 def boxes_by_detector(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
     """Return the boxes of each modality that was detected in, and of the fusion."""
-    present = [
-        name
-        for name in MODALITIES
-        if any(name in scene.modality_detections for scene in frames.scenes)
-    ]
-    return {str(name): frames.of_modality(name) for name in present} | {"fusion": fused.boxes}
+    return {str(name): frames.of_modality(name) for name in frames.modalities} | {
+        "fusion": fused.boxes
+    }
 
 
 def curves_by_detector(

@@ -37,18 +37,18 @@ class FusionRowsConfig(FusionDataConfig):
     Attributes:
         models: Model files of the detectors; else those that ship.
         batch_size: Combinations per batch; null takes all at once, as LevenbergMarquardt needs them.
-        score_jitters: Copies of each training frame with jittered scores, for the default variant.
+        corrupted_copies: Copies of each training frame with corrupted detections, for the default variant.
     """
 
     models: DetectorModelPaths = _MODELS
-    batch_size: int | None = 512
-    score_jitters: int = 3
+    batch_size: int | None = 4096
+    corrupted_copies: int = 3
 
     def __post_init__(self) -> None:
         """Validate the numbers."""
-        if (self.batch_size is not None and self.batch_size < 1) or self.score_jitters < 0:
+        if (self.batch_size is not None and self.batch_size < 1) or self.corrupted_copies < 0:
             raise UsageError(
                 "loading",
-                expected="a batch size from 1, or null, and score jitters from 0",
-                found=f"{self.batch_size} and {self.score_jitters}",
+                expected="a batch size from 1, or null, and corrupted copies from 0",
+                found=f"{self.batch_size} and {self.corrupted_copies}",
             )

@@ -112,8 +112,8 @@ class FusionDataModule(LightningDataModule):
     @cached_property
     def training(self) -> FusionRows:
         """Rows that the network is fitted to."""
-        jitters = self.config.score_jitters
-        return fusion_rows(self.detections.training, self.variant, self.max_partners, jitters)
+        copies = self.config.corrupted_copies
+        return fusion_rows(self.detections.training, self.variant, self.max_partners, copies)
 
     @cached_property
     def validation(self) -> FusionRows:

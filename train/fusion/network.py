@@ -104,7 +104,8 @@ class NaiveBayes(nn.Module):
     """Network from (T, F) default features to (T, 3) scores, the same for all boxes of a combination.
 
     Detectors err independently, so that their evidence, in log-odds, adds up. A box is evidence that grows with its
-    score s, and a modality that was searched without a box speaks against the object:
+    score s, and a modality that was searched without a box speaks against the object. Each of the sets of modalities
+    that were searched has weights of its own: what a box is worth depends on what else could have found the object.
 
         score = sigmoid(p + sum of e)      p the prior
         e = a ln s - b ln (1 - s) + c + d     of a box: a, b, c of the modality, d of modality and class
@@ -115,6 +116,7 @@ class NaiveBayes(nn.Module):
         is_probability: Whether scores stay between 0 and 1.
     """
 
+    bits: Tensor
     hidden: tuple[int, ...] = ()
     is_probability: ClassVar[bool] = True
 
@@ -122,12 +124,15 @@ class NaiveBayes(nn.Module):
         """Make a network that takes the evidence of half of each log-odds."""
         super().__init__()
         modalities = len(MODALITIES)
+        # A set's bits say which modalities it has.
+        sets = 2**modalities
+        self.register_buffer("bits", 2.0 ** torch.arange(modalities), persistent=False)
         # a, b and m as logarithms, so that they stay above 0.
-        self.log_slopes = nn.Parameter(torch.full((2, modalities), math.log(0.5)))
-        self.log_misses = nn.Parameter(torch.zeros(modalities))
-        self.offsets = nn.Parameter(torch.zeros(modalities))
-        self.class_offsets = nn.Parameter(torch.zeros(len(CLASSES), modalities))
-        self.prior = nn.Parameter(torch.zeros(1))
+        self.log_slopes = nn.Parameter(torch.full((sets, 2, modalities), math.log(0.5)))
+        self.log_misses = nn.Parameter(torch.zeros(sets, modalities))
+        self.offsets = nn.Parameter(torch.zeros(sets, modalities))
+        self.class_offsets = nn.Parameter(torch.zeros(sets, len(CLASSES), modalities))
+        self.prior = nn.Parameter(torch.zeros(sets, 1))
 
     def fit_inputs(self, features: Float32) -> None:
         """Scale nothing: scores are probabilities."""
@@ -143,12 +148,14 @@ class NaiveBayes(nn.Module):
         modalities = len(MODALITIES)
         scores, searched = features[:, :modalities], features[:, modalities : 2 * modalities]
         flags = features[:, 2 * modalities :]
+        sets = ((searched > 1 / 2).to(self.bits.dtype) @ self.bits).long()
         within = scores.clamp(_MIN_SCORE, 1 - _MIN_SCORE)
-        rising, falling = self.log_slopes.exp().unbind()
+        rising, falling = self.log_slopes[sets].exp().unbind(1)
         of_boxes = rising * within.log() - falling * (1 - within).log()
-        of_boxes = of_boxes + self.offsets + flags @ self.class_offsets
-        evidence = torch.where(scores > 0, of_boxes, -searched * self.log_misses.exp())
-        total = self.prior + evidence.sum(dim=1, keepdim=True)
+        of_classes = (flags[:, None] @ self.class_offsets[sets])[:, 0]
+        of_boxes = of_boxes + self.offsets[sets] + of_classes
+        evidence = torch.where(scores > 0, of_boxes, -searched * self.log_misses[sets].exp())
+        total = self.prior[sets] + evidence.sum(dim=1, keepdim=True)
         return torch.sigmoid(total).expand(-1, modalities)
 
 

@@ -1,8 +1,9 @@
 """Detections of all modalities in one frame."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from perception.types import (
     ModalityDetections,
 )
 
+# Two of them or more can be fused.
+MIN_FUSED = 2
 # Names of the classes that the detector of each modality knows.
 DetectorClasses = Mapping[Modality, tuple[str, ...]]
 
@@ -92,9 +95,30 @@ class DetectedScene:
                 is_searched[:, column] = True if known is None else np.isin(types, known)
         return is_searched
 
+    def set_names(self, types: NDArray[np.str_]) -> NDArray[np.str_]:
+        """Return the (T,) set of the modalities that were searched for each of (T,) classes, such as `dm+rm`."""
+        names = np.array(
+            [
+                "+".join(name for column, name in enumerate(MODALITIES) if code >> column & 1)
+                for code in range(2 ** len(MODALITIES))
+            ]
+        )
+        return names[self.searched(types) @ (1 << np.arange(len(MODALITIES)))]
+
     def without(self, *lost: Modality) -> "DetectedScene":
         """Return the scene without some modalities."""
         modality_detections = {
             name: found for name, found in self.modality_detections.items() if name not in lost
         }
         return replace(self, modality_detections=modality_detections)
+
+
+def remaining_sets(
+    modalities: Sequence[Modality], min_count: int
+) -> Iterator[tuple[Modality, ...]]:
+    """Yield what may remain of some modalities, down to a number of them, the most of them first.
+
+    Example: of rgb, dm and rm down to 2: rgb dm rm; rgb dm; rgb rm; dm rm.
+    """
+    for count in range(len(modalities), min_count - 1, -1):
+        yield from combinations(modalities, count)

@@ -11,7 +11,8 @@ boxes of three detectors -- matched boxes -- network -- one score and one blende
                          -- score calibration
 
 The default network (`train.fusion.network.NaiveBayes`) predicts how well the blended box is expected to overlap an
-object of its class.
+object of its class. It has weights and curves of their own for each set of modalities that a class was searched in, so
+that a modality that is absent, from the start or from some frame on, leaves a fusion that was fitted to the others.
 
 Each class is fused by the detectors that know it. The boxes of a class that a single detector knows, or that the network
 was not trained with, keep their scores:
@@ -28,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.detection.config import FusionVariant, NmsConfig, TriBoxOverrides, tri_box_config
-from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detected_scene import MIN_FUSED, DetectedScene
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.matched_boxes import blended_boxes_px, box_weights, matched_boxes
 from perception.detection.fusion.score_calibration import FusionCalibration
@@ -165,8 +166,10 @@ class Fusion:
         boxes = (self._blended if self.variant == "default" else self._separate)(scene, rescored)
         kept = suppress(boxes.detections, self.max_iou)
         detections, columns = boxes.detections[kept], boxes.columns[kept]
-        own_columns = np.where(boxes.is_fused[kept], -1, columns)
-        scores = self.calibrations.probabilities(detections.scores, own_columns, detections.types)
+        types, sets = detections.types, scene.set_names(detections.types)
+        of_sets = np.char.add(np.char.add(sets, ":"), types.astype(np.str_))
+        names = np.where(boxes.is_fused[kept], of_sets, np.array(MODALITIES)[columns])
+        scores = self.calibrations.probabilities(detections.scores, names)
         # Curves differ between classes and modalities, and may change the order.
         order = np.argsort(-scores, kind="stable")
         found = replace(detections, scores=scores)[order]
@@ -215,7 +218,7 @@ def is_rescored(scene: DetectedScene, types: NDArray[np.str_], variant: FusionVa
 
     Of a class that a single modality was searched for there is nothing that the default could rescore by.
     """
-    min_modalities = 2 if variant == "default" else 1
+    min_modalities = MIN_FUSED if variant == "default" else 1
     return np.asarray(scene.searched(types).sum(axis=1) >= min_modalities)
 
 

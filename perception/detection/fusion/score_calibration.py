@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.errors import UsageError
-from perception.types import MODALITIES, Float64, Int
+from perception.types import MODALITIES, Float64
 
 _EDGE = 1e-6  # minimum distance of scores from 0 and 1
 
@@ -63,14 +63,15 @@ class FusionCalibration:
 
     Attributes:
         joint: Curve of the fused scores of every class that has no curve of its own.
-        named: Curves by name: of the fused scores of a class, and of the scores of a modality where they are not fused.
+        named: Curves by name: of the fused scores of a class, `Car`, or of a class in a set of modalities that were
+            searched, `dm+rm:Car`; of the scores of a modality where they are not fused, `rgb`.
     """
 
     joint: BetaCalibration = BetaCalibration()
     named: Mapping[str, BetaCalibration] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """Return the curves as text, as in a model file: 1.0,1.0,0.0 Car=1.0,1.0,0.5 rgb=2.0,1.0,0.5."""
+        """Return the curves as text, as in a model file: 1.0,1.0,0.0 dm+rm:Car=1.0,1.0,0.5 rgb=2.0,1.0,0.5."""
         return " ".join([str(self.joint), *(f"{name}={one}" for name, one in self.named.items())])
 
     @classmethod
@@ -82,21 +83,18 @@ class FusionCalibration:
             BetaCalibration.parse(joint), {name: BetaCalibration.parse(one) for name, one in pairs}
         )
 
-    def probabilities(self, scores: Float64, columns: Int, types: NDArray[np.str_]) -> Float64:
-        """Return the (M,) probabilities of (M,) scores.
-
-        Args:
-            scores: Scores of the fusion or of a modality.
-            columns: (M,) index in `MODALITIES` of the modality that a score is of, -1 of a fused one.
-            types: (M,) classes.
-        """
-        names = np.where(columns < 0, types, np.array(MODALITIES)[columns])
+    def probabilities(self, scores: Float64, names: NDArray[np.str_]) -> Float64:
+        """Return the (M,) probabilities of (M,) scores by the curves of (M,) names."""
         found = np.zeros(len(scores))
         for name in np.unique(names).tolist():
             rows = names == name
-            other = BetaCalibration() if name in MODALITIES else self.joint
-            found[rows] = self.named.get(name, other).probabilities(scores[rows])
+            found[rows] = self._curve(name).probabilities(scores[rows])
         return found
+
+    def _curve(self, name: str) -> BetaCalibration:
+        """Return the curve of a name; of a set without one that of the class."""
+        other = BetaCalibration() if name in MODALITIES else self.joint
+        return self.named.get(name, self.named.get(name.rpartition(":")[2], other))
 
 
 def score_logs(scores: Float64) -> tuple[Float64, Float64]:

@@ -8,13 +8,12 @@ KITTI's benchmark, with those of the 3D boxes, are of the fusion alone.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from perception.detection.config import FusionVariant
-from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detected_scene import DetectedScene, remaining_sets
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.average_precision import (
@@ -333,7 +332,8 @@ class FusionMeasure(PrecisionMeasure[LocatedScene]):
             rows={name: self.precision(found) for name, found in detected.items()},
             remaining={
                 names: self.precision(self._detected(partial(self._fuse_rest, names)))
-                for names in _parts(modalities)
+                for names in remaining_sets(modalities, min_count=1)
+                if len(names) < len(modalities)
             },
             steps={n: self.precision(self._detected(s), no_intervals) for n, s in steps.items()},
         )
@@ -392,9 +392,3 @@ def _fuse(fusion: Fusion, scene: DetectedScene) -> Detections:
 def _rescore(fusion: Fusion, scene: DetectedScene) -> Detections:
     has_boxes = len(scene.merged.detections) > 0
     return fusion.rescore(scene).detections if has_boxes else Detections.empty()
-
-
-def _parts(modalities: Sequence[Modality]) -> Iterator[tuple[Modality, ...]]:
-    """Yield the modalities that remain where some are missing, the most of them first."""
-    for count in range(len(modalities) - 1, 0, -1):
-        yield from combinations(modalities, count)

@@ -108,19 +108,27 @@ def test_curves_are_written_and_read_as_they_are():
     )
     assert FusionCalibration.parse(str(curves)) == curves
     assert FusionCalibration.parse("1.0,1.0,0.0") == FusionCalibration()
-    half, cars = np.full(4, 0.5), np.full(4, "Car")
     # Of the fusion, of rgb, of dm, whose curve is not known, of rm.
-    found = curves.probabilities(half, np.array([-1, 0, 1, 2]), cars)
+    found = curves.probabilities(np.full(4, 0.5), np.array(["rgb+dm:Car", "rgb", "dm", "rm"]))
     first = (2 - 0.5) * np.log(2) + 0.1
     np.testing.assert_allclose(found, 1 / (1 + np.exp([-first, 0, 0, 3 * np.log(2) + 1e-7])))
 
 
 def test_a_class_may_have_its_own_curve():
     curves = FusionCalibration(named={"Car": BetaCalibration(1.0, 1.0, -1.0)})
-    found = curves.probabilities(
-        np.full(3, 0.5), np.array([-1, -1, 0]), np.array(["Car", "Van", "Car"])
-    )
+    found = curves.probabilities(np.full(3, 0.5), np.array(["rgb+dm:Car", "rgb+dm:Van", "rgb"]))
     np.testing.assert_allclose(found, [1 / (1 + np.e), 0.5, 0.5])
+
+
+def test_a_set_of_modalities_may_have_its_own_curve(fusion_file):
+    curves = "1.0,1.0,0.0 Car=1.0,1.0,-1.0 dm+rm:Car=1.0,1.0,-2.0"
+    scene = clumped_scene(2)
+    for lost, offset in (((), -1), (("rgb",), -2)):
+        remaining = scene.without(*lost)
+        plain = Fusion(fusion_file("default", HALF_OF_ALL)).fuse(remaining).detections
+        found = Fusion(fusion_file("default", HALF_OF_ALL, calibration=curves)).fuse(remaining)
+        odds = plain.scores / (1 - plain.scores) * np.exp(offset)
+        np.testing.assert_allclose(found.detections.scores, odds / (1 + odds), atol=1e-9)
 
 
 @pytest.mark.parametrize("variant", ["scores", "features", "default"])

@@ -9,7 +9,7 @@ from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
 from tests.faults import fault
-from train.fusion.targets import box_targets, fusion_rows, jitter_scores
+from train.fusion.targets import box_targets, fusion_rows, jitter_scores, mismatch_views
 
 SIZE_PX = (1000, 300)
 
@@ -63,10 +63,24 @@ def test_the_thesis_asks_zero_of_what_is_not_there():
 
 def test_boxes_of_a_match_share_a_target_and_a_weight():
     rows = fusion_rows(frames(), "default")
-    np.testing.assert_allclose(rows.features, [[0.9, 0.8, 0, 1, 1, 1, 1, 0, 0, 0, 0]])
+    np.testing.assert_allclose(rows.features[0], [0.9, 0.8, 0, 1, 1, 1, 1, 0, 0, 0, 0])
     # Blended, the box is 10 + 10 / 1.175 pixels wide.
-    assert rows.targets.tolist() == [[1, 1, 1]]
-    assert rows.weights.tolist() == [[0.5, 0.5, 0]]
+    assert rows.targets[0].tolist() == [1, 1, 1]
+    assert rows.weights[0].tolist() == [0.5, 0.5, 0]
+
+
+def test_the_default_learns_every_set_that_may_remain():
+    rows = fusion_rows(frames(), "default")
+    car = [1, 0, 0, 0, 0]
+    expected = [
+        [0.9, 0.8, 0, 1, 1, 1, *car],
+        [0.9, 0.8, 0, 1, 1, 0, *car],
+        [0.9, 0, 0, 1, 0, 1, *car],
+        [0, 0.8, 0, 0, 1, 1, *car],
+    ]
+    np.testing.assert_allclose(rows.features, expected)
+    # By itself the depth map's box covers half of the car: more than 0.3, not more than 0.5.
+    np.testing.assert_allclose(rows.targets[:, 0], [1, 1, 1, 1 / 3])
 
 
 def test_the_default_asks_which_thresholds_are_exceeded():
@@ -78,12 +92,39 @@ def test_the_default_asks_which_thresholds_are_exceeded():
     assert rows.weights[:, 0].tolist() == [1, 1, 0]  # a van is no wrong car
 
 
-def test_the_default_learns_from_all_frames_again_with_jittered_scores():
-    once = fusion_rows(frames(), "default")
-    thrice = fusion_rows(frames(), "default", score_jitters=2)
+def test_the_default_learns_from_all_frames_again_with_corrupted_detections():
+    two = frames().without("rm")
+    once = fusion_rows(two, "default")
+    thrice = fusion_rows(two, "default", corrupted_copies=2)
     assert len(thrice) == 3 * len(once)
     assert (thrice.features[1:, :2] != once.features[:, :2]).all()
     np.testing.assert_array_equal(thrice.features[1:, 2:], once.features[[0, 0], 2:])
+
+
+def test_a_mismatched_modality_has_the_boxes_of_another_frame():
+    scenes = tuple(
+        DetectedScene(
+            {name: detections([[k, 0, k + 20, 10]], [0.5]) for name in ("rgb", "dm", "rm")}, SIZE_PX
+        )
+        for k in range(400)
+    )
+    many = DetectedFrames(scenes, truth_of()[[]])
+
+    def shares(one: DetectedFrames) -> dict[str, float]:
+        lefts = {
+            name: [
+                scene.modality_detections[name].boxes_px[0, 0]
+                for scene in mismatch_views(one, 1).scenes
+            ]
+            for name in one.modalities
+        }
+        return {name: float(np.mean(found != np.arange(400))) for name, found in lefts.items()}
+
+    assert shares(many) == pytest.approx({"rgb": 0, "dm": 0.3, "rm": 0.6}, abs=0.06)
+    # The first of those that are there is taken for right.
+    assert shares(many.without("rgb")) == pytest.approx({"dm": 0, "rm": 0.6}, abs=0.06)
+    again = mismatch_views(many, 1).scenes[7].modality_detections
+    assert again == mismatch_views(many, 1).scenes[7].modality_detections
 
 
 def test_jittered_scores_keep_their_order():

@@ -10,6 +10,7 @@ from tests.train.fusion.toy_rows import LM, toy_words, train_toy
 from train.fusion.network import NaiveBayes
 
 ALL, NO_RM = [1.0, 1, 1], [1.0, 1, 0]
+RGB_DM = 0b011  # the set of NO_RM: a bit for each modality
 CAR, VAN = [1.0, 0, 0, 0, 0], [0, 1.0, 0, 0, 0]
 
 
@@ -33,11 +34,22 @@ def test_only_a_detector_that_ran_can_miss_a_box():
 def test_offsets_are_of_modality_and_class():
     network = NaiveBayes()
     with torch.no_grad():
-        network.prior[0] = -1.0
-        network.offsets[1] = 0.3
-        network.class_offsets[1, 1] = 2.0
+        network.prior[RGB_DM] = -1.0
+        network.offsets[RGB_DM, 1] = 0.3
+        network.class_offsets[RGB_DM, 1, 1] = 2.0
     rows = [[0.5, 0.5, 0, *NO_RM, *one] for one in (CAR, VAN)]
     np.testing.assert_allclose(log_odds_of(network, *rows), [-0.7, 1.3], rtol=1e-4)
+
+
+def test_each_set_of_searched_modalities_has_weights_of_its_own():
+    network = NaiveBayes()
+    with torch.no_grad():
+        network.log_slopes[RGB_DM, :, 1] = np.log(2.0)
+    rows = [[0.8, 0.9, 0, *searched, *CAR] for searched in (ALL, NO_RM)]
+    found = log_odds_of(network, *rows)
+    np.testing.assert_allclose(
+        found, [np.log(4) / 2 + np.log(9) / 2 - 1, np.log(4) / 2 + 2 * np.log(9)], rtol=1e-4
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
