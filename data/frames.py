@@ -28,6 +28,11 @@ def frame_name(drive: Drive, index: int) -> str:
     return drive.frame_names[index] if isinstance(drive, RecordedDrive) else f"{index:06d}"
 
 
+def clock_origin_ns(drive: Drive) -> int:
+    """Return the time by the recording's clock at which stamps are 0, in nanoseconds; 0 where it is not known."""
+    return drive.origin_ns if isinstance(drive, RecordedDrive) else 0
+
+
 def read_frames(
     drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None, first: int = 0
 ) -> Iterator[Frame]:

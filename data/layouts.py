@@ -21,6 +21,7 @@ class OpenConfig:
         lidar: Name of the LiDAR, or topic of its scans, several with commas; else the first or all of them.
         deskew: Whether the points of a sweep are moved to the time of the scan, where their times are known.
         reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
+        columns: Names of the columns of scans in order, where their files do not name them; else what the drive states.
     """
 
     sensor: str | None = None
@@ -29,9 +30,14 @@ class OpenConfig:
     lidar: str | None = None
     deskew: bool = False
     reflectance_scale: float | None = None
+    columns: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validate the full scale of reflectance."""
+        """Validate the full scale of reflectance and the columns."""
+        if self.columns:
+            from data.clouds.cloud import require_column_names
+
+            require_column_names(self.columns, "--columns")
         scale = self.reflectance_scale
         if scale is not None and not 0 < scale < float("inf"):
             raise UsageError("--reflectance-scale", expected="a number above 0", found=f"{scale:g}")

@@ -93,6 +93,11 @@ class RecordedDrive(ABC):
         return None
 
     @property
+    def origin_ns(self) -> int:
+        """Time by the recording's clock at which stamps are 0, in ns since 1970 as far as the clock counts so; 0 if unknown."""
+        return 0
+
+    @property
     def has_forward_camera(self) -> bool:
         """Whether the camera is known to face forward, rather than by its calibration alone."""
         return False

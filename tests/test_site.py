@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from data.exports.table_writer import TableWriter
+from data.results.result_writer import open_writers
 from perception.cli.main import main
+from tests.known_result import known_result
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -66,6 +69,19 @@ def test_python_of_the_tour_runs(tmp_path, monkeypatch, capsys):
     (code,) = blocks("tour.md", "python")
     exec(compile(code, "tour.md", "exec"), {})
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["0", "1", "2"]
+
+
+def test_python_of_the_tables_runs(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("duckdb")
+    with open_writers([TableWriter(tmp_path / "results" / "latest", 0.05)]) as (writer,):
+        for index in range(3):
+            writer.add(known_result(index), None)
+    monkeypatch.chdir(tmp_path)
+    (code,) = blocks("tables.md", "python")
+    exec(compile(code, "tables.md", "exec"), {})
+    rows = [line.split("\u2502")[1:-1] for line in capsys.readouterr().out.splitlines()]
+    values = [[cell.strip() for cell in row] for row in rows if len(row) == 4]
+    assert values[-2:] == [["4", "Van", "3", "5.0"], ["9", "NULL", "3", "1.0"]]
 
 
 def test_each_method_page_has_both_methods_metrics_and_an_image_with_its_command():

@@ -73,9 +73,14 @@ class Argoverse2Log(FileDrive):
         """Read (N, 4) points at the place of the upper LiDAR, moved to the time of the sweep."""
         return read_sweep(self.scans.paths[index], self.ego_SE3_velo).points_velo
 
+    @property
+    def origin_ns(self) -> int:
+        """Time of the log's first pose by the vehicle's clock, whose zero is not that of Unix."""
+        return self.trajectory.first_ns
+
     def stamp_s(self, index: int) -> float:
         """Return the time of a sweep since the log's first pose."""
-        return (self._stamp_ns(index) - self.trajectory.first_ns) / 1e9
+        return (self._stamp_ns(index) - self.origin_ns) / 1e9
 
     def world_SE3_velo(self, index: int) -> Float64:
         """Return the (4, 4) pose of the LiDAR."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,12 +16,13 @@ from perception.types import Result
 class McapWriter(ResultWriter):
     """Writes one file; a partial one until it is closed."""
 
-    def __init__(self, path: Path, min_score: float) -> None:
+    def __init__(self, path: Path, min_score: float, origin_ns: int = 0) -> None:
         """Open the partial file; make its folder.
 
         Args:
             path: Path of the whole file, `.mcap`.
             min_score: Score from which detections and vehicles are shown.
+            origin_ns: Time in nanoseconds at which the stamps of the drive are 0.
 
         Raises:
             MissingDependencyError: foxglove-sdk or rosbags is not installed.
@@ -31,6 +33,7 @@ class McapWriter(ResultWriter):
         from foxglove.mcap import MCAPWriteOptions
 
         self._path, self._channels = path, ResultChannels(context, min_score)
+        self._origin_s = origin_ns / 1e9
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = _CheckedFile(part_of(path).open("wb"))
@@ -45,7 +48,9 @@ class McapWriter(ResultWriter):
             WriteError: The disk is full.
         """
         del selected
-        self._channels.publish(result)
+        frame = result.frame
+        dated = replace(frame, stamp_s=frame.stamp_s + self._origin_s)
+        self._channels.publish(replace(result, frame=dated))
         self._check()
 
     def close(self, *, is_complete: bool) -> None:

@@ -1,9 +1,13 @@
 """Results as a Rerun recording: a file, a viewer that is shown the run live, or both."""
 
 import os
+import socket
+import subprocess
 import sys
+import time
 import uuid
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from shutil import which
 from typing import TYPE_CHECKING
@@ -22,6 +26,8 @@ if TYPE_CHECKING:
 # Memory of the viewer, which drops the oldest frames beyond it.
 _VIEWER_MEMORY = "2GiB"
 _VIEWER_PORT = 9876
+_VIEWER_HOST = "127.0.0.1"  # Rerun's own default is every interface, without a password
+_VIEWER_START_S = 10.0
 
 
 class RerunWriter(ResultWriter):
@@ -47,8 +53,8 @@ class RerunWriter(ResultWriter):
         self._recording = rr.RecordingStream("trifuse", recording_id=uuid.uuid4())
         sinks: list[rr.GrpcSink | rr.FileSink] = []
         if view:
-            _spawn_viewer(self._recording)
-            sinks.append(rr.GrpcSink(f"rerun+http://127.0.0.1:{_VIEWER_PORT}/proxy"))
+            _open_viewer()
+            sinks.append(rr.GrpcSink(f"rerun+http://{_VIEWER_HOST}:{_VIEWER_PORT}/proxy"))
         if path is not None:
             sinks.append(_file_sink(path))
         self._recording.set_sinks(*sinks)
@@ -110,32 +116,59 @@ class RerunWriter(ResultWriter):
         self._recording.log("world/ego", rr.TransformAxes3D(axis_length=2.0), static=True)
 
 
-def _spawn_viewer(recording: "rr.RecordingStream") -> None:
-    import rerun as rr
+def _open_viewer() -> None:
+    """Start the viewer, which outlives this process; one that listens already is used.
 
-    os.environ.setdefault("RUST_LOG", "error")  # the viewer's log shares our terminal
+    Rerun's `spawn` takes no address to bind to, so its program is started by itself.
+
+    Raises:
+        UsageError: There is no viewer, or it does not start.
+    """
+    if _is_listening():
+        return
     folders = [str(Path(sys.executable).parent), os.environ.get("PATH", "")]
     viewer, fault = which("rerun", path=os.pathsep.join(folders)), "no program rerun"
     if viewer is not None:
-        try:
-            rr.spawn(
-                port=_VIEWER_PORT,
-                connect=False,
-                memory_limit=_VIEWER_MEMORY,
-                server_memory_limit=_VIEWER_MEMORY,
-                hide_welcome_screen=True,
-                executable_path=viewer,
-                recording=recording,  # Rerun ignores the call without one
-            )
-            return
-        except RuntimeError as error:
-            fault = str(error).partition("\n")[0].rstrip(".")
-    raise UsageError(
-        "--view",
-        expected="the Rerun viewer",
-        found=fault,
-        advice="write a recording with --rerun FILE.rrd",
-    )
+        words = [
+            viewer, f"--port={_VIEWER_PORT}", f"--bind={_VIEWER_HOST}", "--hide-welcome-screen",
+            f"--memory-limit={_VIEWER_MEMORY}", f"--server-memory-limit={_VIEWER_MEMORY}", "--expect-data-soon",
+        ]  # fmt: skip
+        fault = _start(words)
+    if fault:
+        raise UsageError(
+            "--view",
+            expected="the Rerun viewer",
+            found=fault,
+            advice="write a recording with --rerun FILE.rrd",
+        )
+
+
+def _start(words: Sequence[str]) -> str:
+    """Start the viewer and wait until it listens; return what is wrong, or nothing."""
+    # The viewer outlives us: it must neither share our terminal nor hold a pipe open that others read to its end.
+    silent = subprocess.DEVNULL
+    try:
+        process = subprocess.Popen(
+            words, start_new_session=True, stdin=silent, stdout=silent, stderr=silent
+        )
+    except OSError as error:
+        return str(error.strerror)
+    end_s = time.monotonic() + _VIEWER_START_S
+    while time.monotonic() < end_s:
+        if _is_listening():
+            return ""
+        if process.poll() is not None:
+            return f"a viewer that ended at once, with exit code {process.returncode}"
+        time.sleep(0.1)
+    return f"a viewer that does not listen at port {_VIEWER_PORT} after {_VIEWER_START_S:g} s"
+
+
+def _is_listening() -> bool:
+    try:
+        socket.create_connection((_VIEWER_HOST, _VIEWER_PORT), timeout=0.5).close()
+    except OSError:
+        return False
+    return True
 
 
 def _file_sink(path: Path) -> "rr.FileSink":

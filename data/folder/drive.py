@@ -40,7 +40,7 @@ class FolderDrive(FileDrive):
     velo_SE3_lidar: Float64
     reflectance_scale: float = 1.0
     stamps_ns: FrameTuple[int]
-    origin_ns: int
+    origin_ns: int = 0
     rows: FrameTuple[int]
     poses: PoseTrack | None = None
     body_SE3_velo: Float64 | None = None

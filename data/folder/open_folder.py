@@ -37,7 +37,7 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
         DriveError: There is no scan, or drive.yaml or a file that it names cannot be used.
         PoseError: The poses cannot be used.
     """
-    described, notes = _description(root)
+    described, notes = _description(root, config.columns)
     files = _scan_files(root, described.lidar)
     sensor = _sensor(root, described.lidar, config.sensor)
     stamps_ns = _stamps_ns(root, described.lidar, files, sensor)
@@ -85,11 +85,18 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     )
 
 
-def _description(root: Path) -> tuple[FolderConfig, tuple[str, ...]]:
-    """Return what drive.yaml states, or what can be seen with a note on each guess."""
+def _description(root: Path, columns: tuple[str, ...]) -> tuple[FolderConfig, tuple[str, ...]]:
+    """Return what drive.yaml states, or what can be seen with a note on each guess.
+
+    Args:
+        root: Folder of the drive.
+        columns: Names of the columns of the scans; none for those that are stated or seen.
+    """
     path = root / FILE_NAME
     if path.is_file():
         stated = read_document(FolderConfig, path)
+        if columns:
+            stated = replace(stated, lidar=replace(stated.lidar, columns=columns))
         if stated.lidar.sensor is not None or stated.lidar.elevations_deg is not None:
             return stated, ()
         seen = observe_folder(root, stated.lidar.columns).config.lidar
@@ -97,7 +104,7 @@ def _description(root: Path) -> tuple[FolderConfig, tuple[str, ...]]:
             name: getattr(seen, name) for name in ("sensor", "elevations_deg", "azimuth_step_deg")
         }
         return replace(stated, lidar=replace(stated.lidar, **beams)), ()
-    observed = observe_folder(root)
+    observed = observe_folder(root, columns or None)
     notes = [
         f"{root}: no {FILE_NAME}, the sensors are as they were seen; trifuse adopt {root} writes it"
     ]

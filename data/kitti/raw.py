@@ -133,6 +133,7 @@ def _clock(path: Path, scans: FrameFiles, sensor: LidarModel) -> ScanClock:
         return ScanClock.without_timestamps(scans, sensor.rate_hz)
     timestamps = read_timestamps(path)
     rows = timestamp_rows(timestamps, scans)
-    stamps_s = seconds_since(timestamps, first_known(timestamps))
+    origin = first_known(timestamps)
+    stamps_s = seconds_since(timestamps, origin)
     of_scans_s = [stamps_s[row] if row < len(stamps_s) else np.nan for row in rows]
-    return ScanClock(np.array(of_scans_s), rows, path)
+    return ScanClock(np.array(of_scans_s), rows, path, origin)

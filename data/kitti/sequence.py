@@ -42,23 +42,26 @@ class ScanClock(PerFrame):
         stamps_s: (F,) seconds since the first time of the drive, NaN where it is unknown.
         rows: Row of each scan in the file of timestamps; none without a file.
         path: File of timestamps, for error messages.
+        origin: First time of the drive; None where the drive states no times.
     """
 
     stamps_s: Float64
     rows: tuple[int, ...] = ()
     path: Path | None = None
+    origin: np.datetime64 | None = None
 
     @classmethod
     def without_timestamps(cls, scans: FrameFiles, rate_hz: float) -> "ScanClock":
         """Return the Unix times that the scans are named by, else the times of a steady rate."""
         if scans.unix_times is not None:
-            return cls(seconds_since(scans.unix_times, scans.unix_times[0]))
+            origin = scans.unix_times[0]
+            return cls(seconds_since(scans.unix_times, origin), origin=origin)
         return cls((np.array(scans.numbers) - scans.numbers[0]) / rate_hz)
 
     def select(self, indices: Sequence[int]) -> "ScanClock":
         """Return the times of some scans."""
         rows = tuple(self.rows[index] for index in indices) if self.rows else ()
-        return ScanClock(self.stamps_s[list(indices)], rows, self.path)
+        return replace(self, stamps_s=self.stamps_s[list(indices)], rows=rows)
 
     def stamp_s(self, index: int) -> float:
         """Return the time of a frame's scan.
@@ -105,6 +108,12 @@ class KittiSequence(KittiDrive):
 
     def _texts(self, index: int) -> tuple[Path, ...]:
         return () if self.label_file is None else (self.label_file,)
+
+    @property
+    def origin_ns(self) -> int:
+        """Time at which stamps are 0; KITTI's rows name no time zone, and are taken for UTC."""
+        origin = self.clock.origin
+        return 0 if origin is None else int(origin.astype("datetime64[ns]").astype(np.int64))
 
     @property
     def has_poses(self) -> bool:

@@ -102,6 +102,11 @@ class NuScenesScene(RecordedDrive):
         """Read (N, 4) points with x forward and y left."""
         return read_points(self.scans[index].path)
 
+    @property
+    def origin_ns(self) -> int:
+        """Time of the scene's first scan."""
+        return 1000 * self.boxes.tables.data[LIDAR][0].stamp_us
+
     def stamp_s(self, index: int) -> float:
         """Return the time of a scan since the scene's first."""
         return (self.scans[index].stamp_us - self.boxes.tables.data[LIDAR][0].stamp_us) / 1e6

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from data.frames import frame_count
+from data.frames import clock_origin_ns, frame_count
 from data.report.page import can_write_report
 from data.results.background_writer import BackgroundWriter
 from data.results.result_writer import ResultWriter
@@ -41,7 +41,9 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         from data.exports.mcap_writer import McapWriter
 
         min_score = config.pipeline.detection.display_score
-        yield BackgroundWriter(McapWriter(out / "results.mcap", min_score), "mcap")
+        yield BackgroundWriter(
+            McapWriter(out / "results.mcap", min_score, clock_origin_ns(drive)), "mcap"
+        )
     if config.exports.tables:
         from data.exports.table_writer import TableWriter
 

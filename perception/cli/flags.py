@@ -30,6 +30,8 @@ class SourceFlags(FlagGroup):
         lidar: LiDAR of the drive, or topic of a bag, several with commas; else the first or all of them.
         deskew: Move the points of a sweep to the time of the scan, where their times are known.
         reflectance_scale: Full scale of the reflectance, such as 255; else found from some scans.
+        columns: Columns of the scans of a folder in order, where the files do not name them: x,y,z,intensity,ring,t; _
+            for others.
     """
 
     sequence: str | None = None
@@ -38,13 +40,14 @@ class SourceFlags(FlagGroup):
     lidar: str | None = None
     deskew: bool = False
     reflectance_scale: float | None = None
+    columns: tuple[str, ...] = ()
 
     @property
     def reading(self) -> "OpenConfig":
         """How the drive is read.
 
         Raises:
-            UsageError: The full scale of the reflectance is not above 0.
+            PerceptionError: The full scale of the reflectance is not above 0, or columns are not those of a scan.
         """
         from data.layouts import OpenConfig
 
@@ -54,6 +57,7 @@ class SourceFlags(FlagGroup):
             lidar=self.lidar,
             deskew=self.deskew,
             reflectance_scale=self.reflectance_scale,
+            columns=self.columns,
         )
 
 

@@ -216,6 +216,10 @@ def _summary_and_example(function: CommandFunction) -> tuple[str, str | None]:
 
 
 def _usage(prog: str, function: CommandFunction) -> str:
-    hints = _hints(function)
-    words = (place_words(name, hints[name]) for name in positional(function))
+    hints, parameters = _hints(function), inspect.signature(function).parameters
+    words = [
+        words if parameters[name].default is inspect.Parameter.empty else f"[{words}]"
+        for name in positional(function)
+        for words in [place_words(name, hints[name])]
+    ]
     return " ".join([prog, *words, "[flags]"])

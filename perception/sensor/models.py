@@ -1,8 +1,10 @@
 """LiDARs that people have, by the data sheets and user manuals of their makers.
 
-Values are of 10 revolutions or scans a second. A range is that of the data sheet, at 10 % reflectance where it states
-one. Heights are those of KITTI's car (thesis 3.1.1): a file for --sensor that names a model changes what differs. Units
-leave the line with calibrated elevations, up to 2 degrees from these.
+Values are of 10 revolutions or scans a second. Heights are those of KITTI's car (thesis 3.1.1): a file for --sensor that
+names a model changes what differs. Units leave the line with calibrated elevations, up to 2 degrees from these.
+
+Elevations that were compared, one by one, with a table of the maker name it. The others are even fans, or tables that no
+manual at hand has confirmed: the field of view and the number of beams are the maker's, single angles may be off.
 """
 
 from collections.abc import Sequence
@@ -72,13 +74,15 @@ def _by_angle(
     )
 
 
-# Velodyne: user manuals of each model. HDL-64E: two blocks of 32 beams.
+# Not compared with a table: two even blocks of 32 beams.
 HDL_64E = _spinning(
     "HDL-64E", [*_fan(2.0, -8.33, 32), *_fan(-8.83, -24.33, 32)], 0.1728, (0.9, 120.0)
 )
+# Compared with the HDL-32E user's manual, "Laser Firing Sequence": 10.67 to -30.67, 4/3 apart; no return beyond 100 m.
 HDL_32E = _spinning("HDL-32E", _fan(10.67, -30.67, 32), 0.1660, (1.0, 100.0))
+# Compared with the VLP-16 user manual, table 9-1, vertical angle by laser ID.
 VLP_16 = _spinning("VLP-16", _fan(15.0, -15.0, 16), 0.2, (0.5, 100.0))
-# User manual 63-9325, the table of laser elevations: 0.333 degrees apart around the horizon.
+# Compared with user manual 63-9325 revision C, table 9-6: 0.333 degrees apart around the horizon.
 VLP_32C = _spinning(
     "VLP-32C",
     [
@@ -89,7 +93,7 @@ VLP_32C = _spinning(
     0.2,
     (1.0, 200.0),
 )  # fmt: skip
-# User manual 63-9483, the table of laser elevations: 0.11 degrees apart around the horizon.
+# Not compared with a table: 0.11 degrees apart around the horizon.
 VLS_128 = _spinning(
     "VLS-128",
     [
@@ -107,7 +111,9 @@ VLS_128 = _spinning(
     (0.5, 220.0),
 )  # fmt: skip
 
-# Ouster: data sheets, revision 6 and 7; beams even over the field of view, 1024 columns a turn.
+# Not compared with a table: beams even over the field of view, 1024 columns a turn. The first data sheet of the OS1
+# states 45 degrees for 128 beams, as here, and 33.2 for 64 and 16: `elevations_deg` of a file describes such a unit. Every
+# Ouster states its own beam angles in its metadata.
 _OUSTER = tuple(
     _spinning(f"{family}-{beams}", _fan(half_deg, -half_deg, beams), 360 / 1024, ranges_m)
     for family, half_deg, ranges_m in (
@@ -118,7 +124,7 @@ _OUSTER = tuple(
     for beams in (32, 64, 128)
 )
 
-# Hesai: user manuals, channel distribution. Pandar40P and Pandar64 are densest from 2 to -6 degrees.
+# Not compared with a table, but for the XT32. Pandar40P and Pandar64 are densest from 2 to -6 degrees.
 _PANDAR_SIDES = (*_fan(-7.0, -14.0, 8), -19.0, -25.0)
 _HESAI = (
     _spinning(
@@ -127,13 +133,14 @@ _HESAI = (
     _spinning(
         "Pandar64", [15, 11, 8, 5, 3, *_fan(2.0, -6.0, 49), *_PANDAR_SIDES], 0.2, (0.3, 200.0)
     ),
-    # The manual states the field of view; its channels are a little closer together in the middle.
+    # An even fan; the channels of the sensor are a little closer together in the middle.
     _spinning("QT64", _fan(52.1, -52.1, 64), 0.6, (0.1, 60.0)),
+    # Compared with the PandarXT user's manual, section 1.3: one degree apart.
     _spinning("XT32", _fan(15.0, -16.0, 32), 0.18, (0.05, 120.0), noise_m=0.01),
     _spinning("AT128", _fan(12.9, -12.5, 128), 0.1, (1.0, 210.0), field_of_view_deg=120.0),
 )
 
-# Livox: user manuals, specifications; their beams draw rosettes that fill the field of view within seconds.
+# Not compared with the specifications; their beams draw rosettes that fill the field of view within seconds.
 _LIVOX = (
     _by_angle("Avia", (70.4, 38.6, -38.6), 240_000, (1.0, 190.0)),
     _by_angle("Horizon", (81.7, 12.55, -12.55), 240_000, (0.5, 90.0)),

@@ -49,6 +49,7 @@ def _rename(folder, name_of):
 def stamped_drive(raw_drive):
     """Return a raw drive of scans only, named by nanoseconds, the third 0.3 s after the second."""
     _rename(raw_drive / "velodyne_points/data", lambda i: FIRST_NS + (i + 2 * (i > 1)) * 10**8)
+    assert open_drive(raw_drive).origin_ns == 1_317_042_272_000_000_000
     (raw_drive / "velodyne_points/timestamps.txt").unlink()
     for part in ("image_02", "oxts"):
         (raw_drive / part).rename(raw_drive.parent / part)

@@ -36,6 +36,21 @@ def test_a_model_is_that_of_its_data_sheet(row):
     assert found == pytest.approx(angles_deg, abs=0.01)
 
 
+def test_tables_of_the_manuals():
+    """Elevations in the order of the laser IDs: of the VLP-32C table 9-6 of 63-9325 revision C."""
+    by_laser_deg = [
+        -25.0, -1.0, -1.667, -15.639, -11.310, 0.0, -0.667, -8.843, -7.254, 0.333, -0.333, -6.148, -5.333, 1.333, 0.667,
+        -4.0, -4.667, 1.667, 1.0, -3.667, -3.333, 3.333, 2.333, -2.667, -3.0, 7.0, 4.667, -2.333, -2.0, 15.0, 10.333,
+        -1.333,
+    ]  # fmt: skip
+    found_deg = np.degrees(SENSORS["VLP-32C"].elevations_rad)
+    assert found_deg == pytest.approx(sorted(by_laser_deg, reverse=True))
+    hdl_32e_deg = [k * 4 / 3 for k in range(-23, 9)]
+    assert np.degrees(SENSORS["HDL-32E"].elevations_rad) == pytest.approx(
+        sorted(hdl_32e_deg, reverse=True), abs=0.005
+    )
+
+
 def test_the_beams_of_a_vlp_32c_are_closest_around_the_horizon():
     elevations_deg = np.degrees(SENSORS["VLP-32C"].elevations_rad)
     middle = elevations_deg[(elevations_deg < 1.7) & (elevations_deg > -4.1)]

@@ -92,6 +92,17 @@ def test_the_file_takes_its_place_when_it_is_closed(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["a.mcap"]
 
 
+def test_messages_are_dated_by_the_clock_of_the_recording(tmp_path):
+    origin_ns = 1_317_042_272_335_337_762
+    writer = McapWriter(tmp_path / "a.mcap", min_score=0.0, origin_ns=origin_ns)
+    writer.add(known_result(1), None)
+    writer.close(is_complete=True)
+    with (tmp_path / "a.mcap").open("rb") as file:
+        stamps_ns = {message.log_time for _, _, message in make_reader(file).iter_messages()}
+    (stamp_ns,) = stamps_ns
+    assert abs(stamp_ns - origin_ns - 100_000_000) < 1000  # float64 seconds hold 0.2 us
+
+
 class FullDisk(io.BytesIO):
     def write(self, data):
         raise OSError(errno.ENOSPC, "No space left on device")

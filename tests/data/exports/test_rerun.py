@@ -183,28 +183,50 @@ def test_a_viewer_needs_a_display(monkeypatch):
         command("run", "nowhere", "--view")
 
 
-def test_a_viewer_has_limits_of_memory(monkeypatch):
-    asked = {}
-    monkeypatch.setattr(rerun, "spawn", lambda **words: asked.update(words))
-    monkeypatch.setattr(rerun.RecordingStream, "set_sinks", lambda *_: None)
+class StartedViewer:
+    """Notes the words that start a viewer; listens from the second look on."""
+
+    returncode = 1
+
+    def __init__(self, monkeypatch, *, listens: bool) -> None:
+        self.words, self._looks, self._listens = [], 0, listens
+        monkeypatch.setattr(rerun_writer, "which", lambda *_, **__: "rerun")
+        monkeypatch.setattr(rerun_writer.subprocess, "Popen", self._popen)
+        monkeypatch.setattr(rerun_writer, "_is_listening", self._is_listening)
+        monkeypatch.setattr(rerun.RecordingStream, "set_sinks", lambda *_: None)
+
+    def _popen(self, words, **_):
+        self.words = words
+        return self
+
+    def _is_listening(self) -> bool:
+        self._looks += 1
+        return self._listens and self._looks > 1
+
+    def poll(self) -> int:
+        return self.returncode
+
+
+def test_a_viewer_listens_to_this_computer_alone_and_has_limits_of_memory(monkeypatch):
+    viewer = StartedViewer(monkeypatch, listens=True)
     RerunWriter("street", None, view=True, display_score=0.5)
-    assert (asked["memory_limit"], asked["server_memory_limit"]) == ("2GiB", "2GiB")
-    # Rerun ignores the call without a recording.
-    assert isinstance(asked["recording"], rerun.RecordingStream)
+    assert {"--bind=127.0.0.1", "--memory-limit=2GiB", "--server-memory-limit=2GiB"} <= {
+        *viewer.words
+    }
 
 
 def test_a_missing_viewer_is_named(monkeypatch):
     monkeypatch.setattr(rerun_writer, "which", lambda *_, **__: None)
+    monkeypatch.setattr(rerun_writer, "_is_listening", lambda: False)
     with fault(UsageError, where="--view", found="no program rerun", advice="--rerun"):
         RerunWriter("street", None, view=True, display_score=0.5)
 
 
 def test_a_viewer_that_does_not_start_is_named(monkeypatch):
-    def spawn(**_):
-        raise RuntimeError("Failed to spawn the viewer.\nmore")
-
-    monkeypatch.setattr(rerun, "spawn", spawn)
-    with fault(UsageError, where="--view", found="Failed to spawn the viewer", advice="--rerun"):
+    StartedViewer(monkeypatch, listens=False)
+    with fault(
+        UsageError, where="--view", found="ended at once, with exit code 1", advice="--rerun"
+    ):
         RerunWriter("street", None, view=True, display_score=0.5)
 
 

@@ -57,6 +57,25 @@ def test_axes_and_tilt_are_turned_to_ours(folder):
     np.testing.assert_allclose(open_drive(folder)[0].points_velo[:, :3], ours, atol=1e-4)
 
 
+def test_columns_are_named_without_a_drive_yaml(write_folder):
+    scan = road_scan(0, columns=90)
+    swapped = np.column_stack([scan[:, 3], scan[:, :3], np.zeros(len(scan), np.float32)])
+    root = write_folder([swapped.astype(np.float32)])
+    config = OpenConfig(columns=("intensity", "x", "y", "z", "_"))
+    drive = open_drive(root, config=config)
+    turned = np.linalg.norm(drive[0].points_velo[:, :3], axis=1)
+    np.testing.assert_allclose(turned, np.linalg.norm(scan[:, :3], axis=1), rtol=1e-5)
+    (root / "drive.yaml").write_text(LIDAR)
+    np.testing.assert_array_equal(
+        open_drive(root, config=config)[0].points_velo[:, :3], scan[:, :3]
+    )
+
+
+def test_columns_are_those_of_a_scan():
+    with fault(PerceptionError, where="--columns", expected="x, y, z", found="x, y"):
+        OpenConfig(columns=("x", "y"))
+
+
 def test_reflectance_is_divided_by_its_scale(folder):
     (folder / "drive.yaml").write_text(LIDAR.replace("}", ", reflectance_scale: 0.5}"))
     reflectance = np.minimum(road_scan(0, columns=90)[:, 3] / 0.5, 1)
