@@ -23,8 +23,7 @@ SMOOTHINGS_PX = (8.0, 4.0, 2.0)
 # Offsets that change the image about as much.
 STEP = np.array([np.radians(0.5)] * 3 + [0.05] * 3)
 # Translations move far edges little: what no edge tells stays as it is.
-_PRIOR_WEIGHT = 0.002
-_HAS_PRIOR = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
 _MAX_ITERATIONS = 60
 _PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
 _NEAREST_M = 0.1
@@ -85,14 +84,14 @@ class EdgeAlignment:
         self,
         start: Float64 | None = None,
         smoothings_px: Sequence[float] = SMOOTHINGS_PX,
-        prior_weight: float = _PRIOR_WEIGHT,
+        prior: Float64 = TRANSLATION_PRIOR,
     ) -> Float64:
         """Return the (6,) offset with the best score near a start.
 
         Args:
             start: (6,) offset to start from; else none.
             smoothings_px: Smoothings of the maps, one after another.
-            prior_weight: Twice the score that a translation by one `STEP` must gain.
+            prior: (6,) twice the score that an offset by one `STEP` in each direction must gain.
         """
         from scipy.optimize import minimize
 
@@ -101,10 +100,10 @@ class EdgeAlignment:
 
             def loss(steps: Float64, smoothing_px: float = smoothing_px) -> tuple[float, Float64]:
                 score = self.score(steps * STEP, smoothing_px)
-                pull = prior_weight * _HAS_PRIOR * steps
-                prior = float(pull @ steps) / 2
+                pull = prior * steps
+                lost = float(pull @ steps) / 2
                 gradient = pull - score.gradient * STEP
-                return _PERCENT * (prior - score.value), _PERCENT * gradient
+                return _PERCENT * (lost - score.value), _PERCENT * gradient
 
             found = minimize(
                 loss, offset / STEP, jac=True, method="L-BFGS-B",
@@ -127,7 +126,7 @@ class EdgeAlignment:
             ahead = self.score(offset + step, smoothing_px).frame_gradients.sum(axis=0)
             behind = self.score(offset - step, smoothing_px).frame_gradients.sum(axis=0)
             curvature[axis] = (behind - ahead) * STEP
-        curvature = (curvature + curvature.T) / 2 + np.diag(_PRIOR_WEIGHT * self.edges * _HAS_PRIOR)
+        curvature = (curvature + curvature.T) / 2 + np.diag(self.edges * TRANSLATION_PRIOR)
         back = np.linalg.pinv(curvature)
         return np.asarray(STEP[:, None] * (back @ (slopes.T @ slopes) @ back) * STEP)
 

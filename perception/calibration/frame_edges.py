@@ -4,7 +4,7 @@ A spinning LiDAR measures the left and the right of an image at other times than
 are moved to the time of the stamp. Which way it spins is one of three hypotheses, as no file states it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -76,6 +76,13 @@ class FrameEdges:
             1 / sensor.rate_hz,
             motion,
         )
+
+    def thinned(self, count: int) -> "FrameEdges":
+        """Return the frame with at most so many edges of the scan, spread evenly."""
+        if len(self.scan) <= count:
+            return self
+        rows = np.linspace(0, len(self.scan) - 1, count).round().astype(np.int64)
+        return replace(self, scan=self.scan[rows])
 
     def points_cam(self, turn: SweepTurn) -> Float64:
         """Return the (K, 3) edges of the scan in the camera's frame, if the LiDAR turns in such a way."""

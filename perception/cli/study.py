@@ -23,6 +23,7 @@ STUDIES: Mapping[str, str] = {
     "augmentation": "DepthCN trained without and with augmentation (Table 7.8)",
     "reflectance-maps": "detectors of sparse, interpolated and wide reflectance maps (Tables B.1 to B.3)",
     "detector-losses": "a detector trained with each form of the loss",
+    "calibration": "errors of the calibration of LiDAR and camera, found again and noticed",
     "sim-to-real": "a detector trained on more and more synthetic frames",
 }
 

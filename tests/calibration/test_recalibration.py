@@ -33,7 +33,6 @@ def edges_with(frames, rotation_deg, translation_m):
     ("rotation_deg", "translation_m"),
     [
         ((0, 0, 0), (0, 0, 0)),
-        ((0.5, 0, 0), (0, 0, 0)),
         ((0, -0.5, 0), (0, 0, 0)),
         ((0, 0, 0.5), (0, 0, 0)),
         ((0, 0, 0), (0.05, -0.05, 0)),
@@ -50,7 +49,7 @@ def test_a_known_error_is_found(board_frames, rotation_deg, translation_m):
 
 def test_a_result_is_the_same_twice(board_frames):
     first, again = (
-        recalibrate(edges_with(board_frames, (0.3, 0.2, 0), (0, 0, 0)), HDL_64E) for _ in "12"
+        recalibrate(edges_with(board_frames[:3], (0.3, 0.2, 0), (0, 0, 0)), HDL_64E) for _ in "12"
     )
     np.testing.assert_array_equal(first.cam_SE3_velo, again.cam_SE3_velo)
     np.testing.assert_array_equal(first.covariance, again.covariance)

@@ -1,0 +1,154 @@
+"""Calibration of LiDAR and camera under known errors: what is found again, and what is noticed while driving."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.studies.report import RESULTS, formatted_table, publish
+from perception.errors import PerceptionError
+from perception.types import Float64
+
+if TYPE_CHECKING:
+    from data.recorded_drive import RecordedDrive
+    from perception.calibration.frame_edges import FrameEdges
+
+_AXES = ("pitch", "yaw", "roll", "right", "down", "ahead")
+_ROTATIONS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0)
+_TRANSLATION_M = 0.05
+_RESTART_EVERY = 22  # frames, after which the monitor begins anew with a wrong calibration
+_RANDOM_AXES = 3
+
+
+@dataclass(frozen=True)
+class Noticed:
+    """What the monitor said of one error.
+
+    Attributes:
+        trials: Number of starts with the error.
+        delays: Frames until the error was noticed, where it was.
+    """
+
+    trials: int
+    delays: tuple[int, ...]
+
+    @property
+    def cells(self) -> tuple[int, float, float]:
+        """Trials, share that was noticed, and the median delay in frames."""
+        delay = float(np.median(self.delays)) if self.delays else float("nan")
+        return self.trials, 100 * len(self.delays) / max(self.trials, 1), delay
+
+
+def calibration(
+    drive: Path,
+    *,
+    sequence: str | None = None,
+    sensor: str | None = None,
+    frames: int = 40,
+    seed: int = 0,
+    out: Path = RESULTS / "calibration.json",
+) -> None:
+    """Make known errors in a drive's calibration; print how they are found again and noticed.
+
+    Example: trifuse study calibration kitti/tracking --sequence 0000
+
+    Args:
+        drive: Folder of a drive with a camera.
+        sequence: Sequence of a tracking folder.
+        sensor: LiDAR model by name; else that of the drive.
+        frames: Number of frames for the recalibration, spread evenly.
+        seed: Seed of the axes of the errors.
+        out: JSON file with the numbers.
+    """
+    from data.calibration_files import read_calibrated_frames
+    from data.layouts import OpenConfig
+    from data.open_drive import open_drive
+    from perception.cli.progress import frame_progress_bar
+
+    opened = open_drive(drive, sequence=sequence, config=OpenConfig(sensor=sensor))
+    read = read_calibrated_frames(opened, frames, frame_progress_bar(opened.name, delay_s=0))
+    accuracy_columns = {"rotation [deg]": ".2f", "translation [cm]": ".1f", "CPU [s]": ".1f"}
+    found = dict(_recalibrated(read.edges, opened, np.random.default_rng(seed)))
+    tables = {
+        "recalibration": formatted_table(
+            f"{opened.name}: difference from the drive's calibration",
+            "error made",
+            accuracy_columns,
+            found,
+        )
+    }
+    if opened.is_sequence:
+        noticed = {name: _noticed(opened, error).cells for name, error in _errors()}
+        columns = {"starts": "d", "noticed [%]": ".0f", "median delay [frames]": ".0f"}
+        tables["monitor"] = formatted_table(
+            f"{opened.name}: noticed within {_RESTART_EVERY} frames", "error made", columns, noticed
+        )
+    publish(
+        out, "Calibration", tables, {"drive": opened.name, "frames": len(read.edges), "seed": seed}
+    )
+
+
+def _errors() -> Iterator[tuple[str, Float64]]:
+    """Yield errors of half a degree and 5 cm along each axis, and none."""
+    yield "none", np.zeros(6)
+    for axis, name in enumerate(_AXES):
+        size, text = (np.radians(0.5), "0.5 deg") if axis < 3 else (_TRANSLATION_M, "5 cm")
+        for sign in (1, -1):
+            yield f"{name} {'+' if sign > 0 else '-'}{text}", sign * size * np.eye(6)[axis]
+
+
+def _recalibrated(
+    edges: "Sequence[FrameEdges]", drive: "RecordedDrive", rng: np.random.Generator
+) -> Iterator[tuple[str, tuple[float, float, float]]]:
+    """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
+    import time
+
+    from perception.calibration.edge_alignment import offset_SE3
+    from perception.calibration.recalibration import recalibrate
+    from perception.geometry.se3 import inverse, rotation_angle_rad
+
+    stated = edges[0].cam_SE3_velo
+    for angle_deg in _ROTATIONS_DEG:
+        worst = np.zeros(3)
+        for _ in range(_RANDOM_AXES if angle_deg else 1):
+            axis, along = rng.standard_normal((2, 3))
+            turn = np.radians(angle_deg) * axis / np.linalg.norm(axis)
+            shift = (0.1 if angle_deg else 0.0) * along / np.linalg.norm(along)
+            off = offset_SE3(np.concatenate([turn, shift]))
+            wrong = [replace(one, cam_SE3_velo=off @ stated) for one in edges]
+            start_s = time.process_time()
+            try:
+                left = recalibrate(wrong, drive.sensor).cam_SE3_velo @ inverse(stated)
+            except PerceptionError:
+                worst[:] = np.nan
+                continue
+            used_s = time.process_time() - start_s
+            left_deg, left_m = np.degrees(rotation_angle_rad(left)), np.linalg.norm(left[:3, 3])
+            worst = np.maximum(worst, np.array([left_deg, 100 * left_m, used_s]))
+        yield (
+            f"{angle_deg:g} deg, {10 if angle_deg else 0} cm",
+            (float(worst[0]), float(worst[1]), float(worst[2])),
+        )
+
+
+def _noticed(drive: "RecordedDrive", error: Float64) -> Noticed:
+    """Run the monitor with an error; it starts anew every few frames, and without an error never."""
+    from perception.calibration.edge_alignment import offset_SE3
+    from perception.health.miscalibration import MiscalibrationMonitor, corrected
+
+    monitor, trials, delays, start, is_done = MiscalibrationMonitor(drive.sensor), 0, [], 0, False
+    wrong_SE3_cam = offset_SE3(error)
+    restarts = bool(error.any())
+    for index in range(len(drive)):
+        since = index - start
+        if index == 0 or (restarts and since == _RESTART_EVERY):
+            monitor, start, is_done, since = MiscalibrationMonitor(drive.sensor), index, False, 0
+            trials += int(not restarts or len(drive) - index >= _RESTART_EVERY)
+        frame = corrected(drive[index], wrong_SE3_cam)
+        pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
+        if not is_done and monitor.update_pose(frame, pose):
+            delays.append(since + 1)
+            is_done = True
+    return Noticed(trials, tuple(delays))

@@ -1,0 +1,84 @@
+"""Monitor of the calibration of LiDAR and camera: where their edges have not fitted for two seconds."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.online import OffsetEstimate, OnlineCalibration
+from perception.sensor import LidarModel
+from perception.types import CALIBRATION, Float64, Frame, HealthFinding, HealthLevel, Result
+
+FAULT = "calibration off"
+# Clean drives stay below (docs/method/calibration.md). Beams that are far apart tell pitch and roll less well.
+_MAX_ROTATION_RAD = np.radians((0.35, 0.3, 0.4))  # pitch, yaw, roll
+_MAX_SHARE_OF_BEAM_STEP = 0.6
+_MAX_TRANSLATION_M = 0.06
+# An error is over where the estimate is below such a share of what makes one.
+_END_SHARE = 0.7
+
+
+class MiscalibrationMonitor:
+    """Compares edges of scans and images over two seconds."""
+
+    def __init__(self, sensor: LidarModel) -> None:
+        """Begin a drive.
+
+        Args:
+            sensor: LiDAR model of the scans.
+        """
+        self._online = OnlineCalibration(sensor)
+        beam_rad = _MAX_SHARE_OF_BEAM_STEP * sensor.elevation_step_rad
+        pitch, yaw, roll = _MAX_ROTATION_RAD
+        limits_rad = (max(pitch, beam_rad), yaw, max(roll, beam_rad))
+        self._limits = np.array([*limits_rad, *[_MAX_TRANSLATION_M] * 2, np.inf])
+        self._found: OffsetEstimate | None = None
+
+    @property
+    def correction(self) -> Float64 | None:
+        """(4, 4) change of the calibration while it is off: its cam_SE3_velo is multiplied by it from the left."""
+        return None if self._found is None else offset_SE3(self._found.offset)
+
+    def update(self, frame: Frame, result: Result) -> Sequence[HealthFinding]:
+        """Return an error while the calibration is off.
+
+        Args:
+            frame: Frame as it came from the sensors.
+            result: Result of the frame.
+        """
+        return self.update_pose(frame, result.world_SE3_velo)
+
+    def update_pose(self, frame: Frame, world_SE3_velo: Float64) -> Sequence[HealthFinding]:
+        """Return an error while the calibration is off, where there is a pose but no result.
+
+        Args:
+            frame: Frame as it came from the sensors.
+            world_SE3_velo: (4, 4) pose of the LiDAR.
+        """
+        estimate = self._online.update(frame, world_SE3_velo)
+        if estimate is not None and estimate.is_determined:
+            share = float((np.abs(estimate.offset) / self._limits).max())
+            is_off = share > (1.0 if self._found is None else _END_SHARE)
+            self._found = estimate if is_off else None
+        if self._found is None:
+            return ()
+        return (HealthFinding(CALIBRATION, HealthLevel.ERROR, FAULT, _sentence(self._found)),)
+
+
+def corrected(frame: Frame, correction: Float64 | None) -> Frame:
+    """Return a frame with the calibration of its camera changed, or as it is without a correction."""
+    if correction is None or frame.calibration is None:
+        return frame
+    cam_SE3_velo = correction @ frame.calibration.cam_SE3_velo
+    return replace(frame, calibration=replace(frame.calibration, cam_SE3_velo=cam_SE3_velo))
+
+
+def _sentence(found: OffsetEstimate) -> str:
+    pitch, yaw, roll = np.degrees(found.offset[:3])
+    right, down, _ = 100 * found.offset[3:]
+    return (
+        f"edges of scan and image fit after a turn by {pitch:+.1f}, {yaw:+.1f}, {roll:+.1f} degrees "
+        f"(pitch, yaw, roll) and a shift by {right:+.0f}, {down:+.0f} cm (right, down), expected none; "
+        "recalibrate with: trifuse calibrate DRIVE"
+    )

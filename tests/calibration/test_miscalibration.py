@@ -1,0 +1,71 @@
+"""The monitor of the calibration: silent while edges fit, an error within two seconds where they do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.calibration.edge_alignment import offset_SE3
+from perception.health.miscalibration import MiscalibrationMonitor, corrected
+from perception.sensor import HDL_64E
+from perception.types import CALIBRATION, HealthLevel
+
+ERRORS = {
+    "pitch": [0.5, 0, 0, 0, 0, 0],
+    "yaw": [0, -0.5, 0, 0, 0, 0],
+    "roll": [0, 0, 0.6, 0, 0, 0],
+    "all": [0.4, 1.2, -0.5, 0, 0, 0],
+}
+
+
+def error_of(name):
+    return offset_SE3(np.array(ERRORS[name]) * [*[np.pi / 180] * 3, 1, 1, 1])
+
+
+def findings(monitor, frames, error=None, count=20, first=0):
+    """Return the findings of each frame of a drive that stands still before other boards each time."""
+    found = []
+    for index in range(first, first + count):
+        frame = replace(frames[index % len(frames)], index=index, stamp_s=0.1 * index)
+        found.append(monitor.update_pose(corrected(frame, error), np.eye(4)))
+    return found
+
+
+def test_a_true_calibration_has_no_finding(board_frames):
+    assert not any(findings(MiscalibrationMonitor(HDL_64E), board_frames, count=60))
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_an_error_is_named_within_two_seconds(board_frames, name):
+    monitor = MiscalibrationMonitor(HDL_64E)
+    found = findings(monitor, board_frames, error_of(name))
+    (finding,) = found[-1]
+    assert (finding.part, finding.level) == (CALIBRATION, HealthLevel.ERROR)
+    assert finding.fault == "calibration off"
+    assert finding.reason.endswith("recalibrate with: trifuse calibrate DRIVE")
+    left = (monitor.correction @ error_of(name))[:3, :3]
+    assert np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1, 1))) < 0.25
+
+
+def test_an_error_is_over_when_the_calibration_is_true_again(board_frames):
+    monitor = MiscalibrationMonitor(HDL_64E)
+    assert findings(monitor, board_frames, error_of("yaw"))[-1]
+    assert not findings(monitor, board_frames, count=40, first=20)[-1]
+    assert monitor.correction is None
+
+
+def test_the_sentence_states_the_change(board_frames):
+    found = findings(MiscalibrationMonitor(HDL_64E), board_frames, error_of("yaw"))[-1][0]
+    assert "edges of scan and image fit after a turn by " in found.reason
+    assert "+0.5" in found.reason.split("(")[0].split(",")[1]
+
+
+def test_frames_without_image_tell_nothing(board_frames):
+    blind = [replace(frame, image=None) for frame in board_frames]
+    assert not any(findings(MiscalibrationMonitor(HDL_64E), blind, error_of("yaw"), count=40))
+
+
+def test_a_frame_without_correction_stays_as_it_is(board_frames):
+    assert corrected(board_frames[0], None) is board_frames[0]
+    plain = replace(board_frames[0], calibration=None, image=None)
+    assert corrected(plain, np.eye(4)) is plain
