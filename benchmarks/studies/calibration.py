@@ -1,15 +1,18 @@
 """Calibration of LiDAR and camera under known errors: what is found again, and what is noticed while driving."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
+from perception.calibration.edge_alignment import offset_SE3
 from perception.errors import PerceptionError
-from perception.types import Float64
+from perception.health.miscalibration import MiscalibrationMonitor, corrected
+from perception.sensor import LidarModel
+from perception.types import Float64, Frame
 
 if TYPE_CHECKING:
     from data.recorded_drive import RecordedDrive
@@ -22,23 +25,35 @@ _RESTART_EVERY = 22  # frames, after which the monitor begins anew with a wrong 
 _RANDOM_AXES = 3
 
 
-@dataclass(frozen=True)
-class Noticed:
-    """What the monitor said of one error.
+class _Watch:
+    """The monitor on one error, which begins anew every few frames; without an error never."""
 
-    Attributes:
-        trials: Number of starts with the error.
-        delays: Frames until the error was noticed, where it was.
-    """
+    def __init__(self, sensor: LidarModel, error: Float64) -> None:
+        self._sensor, self._error_SE3_cam, self._restarts = sensor, offset_SE3(error), error.any()
+        self.starts, self.delays = 0, list[int]()
+        self._begin()
 
-    trials: int
-    delays: tuple[int, ...]
+    def _begin(self) -> None:
+        self._monitor, self._frames, self._is_done = MiscalibrationMonitor(self._sensor), 0, False
+
+    def update(self, frame: Frame) -> None:
+        """Give the monitor a frame with the error."""
+        self._frames += 1
+        pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
+        found = self._monitor.update_pose(corrected(frame, self._error_SE3_cam), pose)
+        if found and not self._is_done:
+            self.delays.append(self._frames)
+            self._is_done = True
+        if self._restarts and self._frames == _RESTART_EVERY:
+            self.starts += 1
+            self._begin()
 
     @property
-    def cells(self) -> tuple[int, float, float]:
-        """Trials, share that was noticed, and the median delay in frames."""
+    def cells(self) -> tuple[int, int, float]:
+        """Starts, how many of them were noticed, and the median delay in frames."""
+        starts = self.starts if self._restarts else 1
         delay = float(np.median(self.delays)) if self.delays else float("nan")
-        return self.trials, 100 * len(self.delays) / max(self.trials, 1), delay
+        return starts, min(len(self.delays), starts), delay
 
 
 def calibration(
@@ -80,10 +95,17 @@ def calibration(
         )
     }
     if opened.is_sequence:
-        noticed = {name: _noticed(opened, error).cells for name, error in _errors()}
-        columns = {"starts": "d", "noticed [%]": ".0f", "median delay [frames]": ".0f"}
+        watches = {name: _Watch(opened.sensor, error) for name, error in _errors()}
+        for index in frame_progress_bar("monitor", delay_s=0)(range(len(opened))):
+            frame = opened[index]
+            for watch in watches.values():
+                watch.update(frame)
+        columns = {"starts": "d", "noticed": "d", "median delay [frames]": ".0f"}
         tables["monitor"] = formatted_table(
-            f"{opened.name}: noticed within {_RESTART_EVERY} frames", "error made", columns, noticed
+            f"{opened.name}: noticed within {_RESTART_EVERY} frames",
+            "error made",
+            columns,
+            {name: watch.cells for name, watch in watches.items()},
         )
     publish(
         out, "Calibration", tables, {"drive": opened.name, "frames": len(read.edges), "seed": seed}
@@ -105,7 +127,6 @@ def _recalibrated(
     """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
     import time
 
-    from perception.calibration.edge_alignment import offset_SE3
     from perception.calibration.recalibration import recalibrate
     from perception.geometry.se3 import inverse, rotation_angle_rad
 
@@ -131,24 +152,3 @@ def _recalibrated(
             f"{angle_deg:g} deg, {10 if angle_deg else 0} cm",
             (float(worst[0]), float(worst[1]), float(worst[2])),
         )
-
-
-def _noticed(drive: "RecordedDrive", error: Float64) -> Noticed:
-    """Run the monitor with an error; it starts anew every few frames, and without an error never."""
-    from perception.calibration.edge_alignment import offset_SE3
-    from perception.health.miscalibration import MiscalibrationMonitor, corrected
-
-    monitor, trials, delays, start, is_done = MiscalibrationMonitor(drive.sensor), 0, [], 0, False
-    wrong_SE3_cam = offset_SE3(error)
-    restarts = bool(error.any())
-    for index in range(len(drive)):
-        since = index - start
-        if index == 0 or (restarts and since == _RESTART_EVERY):
-            monitor, start, is_done, since = MiscalibrationMonitor(drive.sensor), index, False, 0
-            trials += int(not restarts or len(drive) - index >= _RESTART_EVERY)
-        frame = corrected(drive[index], wrong_SE3_cam)
-        pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
-        if not is_done and monitor.update_pose(frame, pose):
-            delays.append(since + 1)
-            is_done = True
-    return Noticed(trials, tuple(delays))

@@ -15,6 +15,7 @@ FAULT = "calibration off"
 _MAX_ROTATION_RAD = np.radians((0.35, 0.3, 0.4))  # pitch, yaw, roll
 _MAX_SHARE_OF_BEAM_STEP = 0.6
 _MAX_TRANSLATION_M = 0.06
+# One estimate warns; the next one, which agrees, makes an error, and what the pipeline does depends on it.
 # An error is over where the estimate is below such a share of what makes one.
 _END_SHARE = 0.7
 
@@ -34,14 +35,17 @@ class MiscalibrationMonitor:
         limits_rad = (max(pitch, beam_rad), yaw, max(roll, beam_rad))
         self._limits = np.array([*limits_rad, *[_MAX_TRANSLATION_M] * 2, np.inf])
         self._found: OffsetEstimate | None = None
+        self._is_confirmed = False
 
     @property
     def correction(self) -> Float64 | None:
-        """(4, 4) change of the calibration while it is off: its cam_SE3_velo is multiplied by it from the left."""
-        return None if self._found is None else offset_SE3(self._found.offset)
+        """(4, 4) change of the calibration during an error: its cam_SE3_velo is multiplied by it from the left."""
+        if self._found is None or not self._is_confirmed:
+            return None
+        return offset_SE3(self._found.offset)
 
     def update(self, frame: Frame, result: Result) -> Sequence[HealthFinding]:
-        """Return an error while the calibration is off.
+        """Return a warning or an error while the calibration is off.
 
         Args:
             frame: Frame as it came from the sensors.
@@ -50,7 +54,7 @@ class MiscalibrationMonitor:
         return self.update_pose(frame, result.world_SE3_velo)
 
     def update_pose(self, frame: Frame, world_SE3_velo: Float64) -> Sequence[HealthFinding]:
-        """Return an error while the calibration is off, where there is a pose but no result.
+        """Return a warning or an error while the calibration is off, where there is a pose but no result.
 
         Args:
             frame: Frame as it came from the sensors.
@@ -60,10 +64,12 @@ class MiscalibrationMonitor:
         if estimate is not None and estimate.is_determined:
             share = float((np.abs(estimate.offset) / self._limits).max())
             is_off = share > (1.0 if self._found is None else _END_SHARE)
+            self._is_confirmed = is_off and self._found is not None
             self._found = estimate if is_off else None
         if self._found is None:
             return ()
-        return (HealthFinding(CALIBRATION, HealthLevel.ERROR, FAULT, _sentence(self._found)),)
+        level = HealthLevel.ERROR if self._is_confirmed else HealthLevel.WARN
+        return (HealthFinding(CALIBRATION, level, FAULT, _sentence(self._found)),)
 
 
 def corrected(frame: Frame, correction: Float64 | None) -> Frame:

@@ -1,10 +1,7 @@
-"""All monitors of LiDAR and INS, and those of results."""
-
-from collections.abc import Sequence
+"""All monitors of LiDAR and INS."""
 
 from perception.health.ins_monitor import InsMonitor
 from perception.health.lidar_monitors import LidarMonitors
-from perception.health.monitor import ResultMonitor
 from perception.health.scan_statistics import ScanMeter
 from perception.health.scan_times import LATE, OUT_OF_ORDER, SAME_TIME, TIME_JUMP, ScanTimeMonitor
 from perception.types import LIDAR, Float64, Frame, Health, HealthFinding, HealthLevel
@@ -57,8 +54,3 @@ def is_scan_usable(health: Health) -> bool:
 def is_clock_set(health: Health) -> bool:
     """Return whether the stamps before a frame are of another time."""
     return any(one.fault == TIME_JUMP and "set back" in one.reason for one in health.findings)
-
-
-def result_monitors() -> Sequence[ResultMonitor]:
-    """Return new monitors of results."""
-    return ()

@@ -18,7 +18,7 @@ from perception.detection.vehicles.camera_joining import join_cameras
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.health.all_cameras import AllCameraMonitors, without_failed_cameras
-from perception.health.monitors import result_monitors
+from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.health.stage_times import StageTimeMonitor
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
@@ -31,7 +31,6 @@ from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerR
 from perception.types import (
     Detections,
     Frame,
-    Health,
     ModalityDetections,
     Result,
 )
@@ -41,7 +40,7 @@ log = logging.getLogger(__name__)
 # What remembers earlier frames.
 _MEMORIES = (
     *("_tracker", "_budget", "_noted"),
-    *("_camera_monitors", "_stage_times", "_result_monitors", "_health"),
+    *("_camera_monitors", "_stage_times", "_miscalibration"),
 )
 
 
@@ -66,6 +65,7 @@ class CameraStages:
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.
         """
+        self._sensor = sensor
         self._detectors = _open_detectors(detection)
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
@@ -79,8 +79,7 @@ class CameraStages:
         self._tracker = VehicleTracker(self._vehicles.tracker)
         self._camera_monitors = AllCameraMonitors()
         self._stage_times = StageTimeMonitor(self._budget_s)
-        self._result_monitors = result_monitors()
-        self._health = Health()
+        self._miscalibration = MiscalibrationMonitor(self._sensor)
 
     def snapshot(self) -> bytes:
         """Return what the stages remember of earlier frames."""
@@ -106,7 +105,9 @@ class CameraStages:
             self._note_missing(view)
         measured = frame
         camera = clock.run("image health", self._camera_monitors.update, frame)
-        frame = without_failed_cameras(frame, camera)
+        usable = without_failed_cameras(frame, camera)
+        # By the frames before: camera and LiDAR are joined by what their edges tell, not by a calibration that is off.
+        frame = corrected(usable, self._miscalibration.correction)
         has_detector = self._detectors is not None or self._depthcn is not None
         maps = clock.run("maps", _make_maps, frame) if has_detector else None
         detections = [self._detect(frame, maps, clock)]  # image and map detectors, fusion
@@ -139,13 +140,8 @@ class CameraStages:
                 (*camera.findings, *self._stage_times.update(spans, skipped))
             ),
         )
-        return self._with_result_findings(measured, result)
-
-    def _with_result_findings(self, frame: Frame, result: Result) -> Result:
-        """Return the result with the findings of the monitors that compare it with the frame."""
-        found = [one for monitor in self._result_monitors for one in monitor.update(frame, result)]
-        self._health = result.health.joined(found)
-        return replace(result, health=self._health) if found else result
+        found = self._miscalibration.update(usable, result)
+        return replace(result, health=result.health.joined(found)) if found else result
 
     def _note_missing(self, frame: Frame) -> None:
         """Log once each what the detectors have to do without."""

@@ -8,6 +8,7 @@ import pytest
 from perception.calibration.edge_alignment import offset_SE3
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.sensor import HDL_64E
+from perception.snapshot import read_snapshot, write_snapshot
 from perception.types import CALIBRATION, HealthLevel
 
 ERRORS = {
@@ -40,6 +41,9 @@ def test_an_error_is_named_within_two_seconds(board_frames, name):
     monitor = MiscalibrationMonitor(HDL_64E)
     found = findings(monitor, board_frames, error_of(name))
     (finding,) = found[-1]
+    assert (finding.part, finding.level) == (CALIBRATION, HealthLevel.WARN)
+    assert monitor.correction is None
+    (finding,) = findings(monitor, board_frames, error_of(name), count=7, first=20)[-1]
     assert (finding.part, finding.level) == (CALIBRATION, HealthLevel.ERROR)
     assert finding.fault == "calibration off"
     assert finding.reason.endswith("recalibrate with: trifuse calibrate DRIVE")
@@ -69,3 +73,15 @@ def test_a_frame_without_correction_stays_as_it_is(board_frames):
     assert corrected(board_frames[0], None) is board_frames[0]
     plain = replace(board_frames[0], calibration=None, image=None)
     assert corrected(plain, np.eye(4)) is plain
+
+
+def test_a_monitor_goes_on_from_a_snapshot(board_frames):
+    monitor = MiscalibrationMonitor(HDL_64E)
+    findings(monitor, board_frames, error_of("yaw"), count=15)
+    again = read_snapshot(write_snapshot(monitor), "snapshot")
+    first, second = (
+        findings(one, board_frames, error_of("yaw"), count=13, first=15) for one in (monitor, again)
+    )
+    assert first == second
+    assert first[-1]
+    np.testing.assert_array_equal(monitor.correction, again.correction)
