@@ -13,14 +13,12 @@ from benchmarks.registration_peers import (
     open3d_point_to_plane,
 )
 from benchmarks.stages import PreparedDrive
-from data.recorded_drive import RecordedDrive
-from data.synthetic.drive import SyntheticDrive
-from data.synthetic.truth_files import read_truth, truth_files
+from data.derived.true_poses import true_poses
 from perception.evaluation.report import Column
 from perception.geometry.se3 import inverse, rotation_angle_rad
 from perception.localization.odometry import LidarOdometry
 from perception.localization.registration import register_window
-from perception.types import Drive, Float64
+from perception.types import Float64
 
 # Scans from the first to the last pose of which the error is measured: a second.
 _SPAN = 10
@@ -110,16 +108,6 @@ def _drift_columns(prepared: PreparedDrive) -> list[Column[Measurement]]:
         metric("drift [%]", of_motions(drift_percent), ".2f"),
         metric("1 s p50 [°]", of_motions(rotation_deg), ".3f"),
     ]
-
-
-def true_poses(drive: Drive) -> list[Float64] | None:
-    """Return the exact (4, 4) world_SE3_velo of every frame of a synthetic drive; None of a recorded one."""
-    if isinstance(drive, SyntheticDrive):
-        return [drive.true_world_SE3_velo(index) for index in range(len(drive))]
-    files = truth_files(drive) if isinstance(drive, RecordedDrive) else None
-    if files is None or not isinstance(drive, RecordedDrive):
-        return None
-    return [frame.world_SE3_velo for frame in read_truth(drive, files)]
 
 
 def motion_errors(poses: list[Float64], truth: Float64) -> Float64:

@@ -86,10 +86,12 @@ def compare_methods(
     import time
 
     from data.derived.moving_truth import moving_truth
+    from data.derived.true_poses import true_poses
     from data.frames import frame_count, read_frames
     from perception.cli.progress import progress_bar
     from perception.datmo.stage import datmo_stage
     from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
+    from perception.evaluation.pose_intervals import PoseIntervals
     from perception.geometry.threads import limit_blas_threads
     from perception.pipeline.lidar_stages import LidarStages
 
@@ -97,10 +99,12 @@ def compare_methods(
     measures = {method: DatmoMeasure(truth, protocol) for method in methods}
     configs = {method: replace(pipeline.datmo, method=method) for method in methods}
     stages = {m: datmo_stage(config, drive.sensor, pipeline.area) for m, config in configs.items()}
+    poses = PoseIntervals(true_poses(drive))
     lidar_stages = LidarStages(drive.sensor, pipeline)
     frames = read_frames(drive, on_bad_frame=flags.on_bad_frame, limit=flags.frames)
     for frame in progress_bar(frames, drive.name, frame_count(drive, flags.frames)):
         segmented, scan = lidar_stages.segment(frame)
+        poses.update(segmented)
         for method, stage in stages.items():
             with limit_blas_threads():
                 start_s = time.perf_counter()
@@ -108,4 +112,6 @@ def compare_methods(
                 timings_s = {"moving objects": time.perf_counter() - start_s}
             result = replace(segmented, tracks=tracks, timings_s=timings_s)
             measures[method].update(result, truth=drive.point_truth(frame.index))
-    return DatmoComparison({method: one.compute() for method, one in measures.items()})
+    return DatmoComparison(
+        {method: one.compute() for method, one in measures.items()}, poses.compute()
+    )

@@ -10,7 +10,7 @@
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import compress
 from typing import Annotated, Any, Protocol
 
@@ -40,6 +40,7 @@ from perception.evaluation.multi_object.track_errors import (
 from perception.evaluation.objects import length_classes
 from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
 from perception.evaluation.obstacles import motion_by_length
+from perception.evaluation.pose_intervals import PoseMetrics
 from perception.evaluation.report import CONTEXT, TOTAL, Metric, Metrics, Report, Table, with_total
 from perception.geometry.box_overlap import iou_bev
 from perception.types import Frame, Labels, PointTruth, Result
@@ -130,9 +131,11 @@ class DatmoComparison(Report):
 
     Attributes:
         reports: Report of each method, by name.
+        poses: Errors of the poses by the time since the first scan; none where exact poses are not known.
     """
 
     reports: Mapping[str, DatmoReport]
+    poses: Mapping[str, PoseMetrics] = field(default_factory=dict)
 
     def tables(self) -> list[Table[Any]]:
         """Return the metrics with methods as rows, then the objects of each method."""
@@ -155,6 +158,7 @@ class DatmoComparison(Report):
                 {name: one.false_tracks for name, one in reports.items()},
             ),
             Table("Objects that no track matched, and time", DatmoReport.columns(), reports),
+            *self._of_poses,
             *(
                 Table(f"By length of the object: {name}", LengthMetrics.columns(), one.by_length)
                 for name, one in reports.items()
@@ -172,7 +176,17 @@ class DatmoComparison(Report):
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics by method."""
-        return {method: report.to_json() for method, report in self.reports.items()}
+        document: dict[str, Any] = {name: one.to_json() for name, one in self.reports.items()}
+        if self.poses:
+            document["poses"] = {name: one.to_json() for name, one in self.poses.items()}
+        return document
+
+    @property
+    def _of_poses(self) -> list[Table[PoseMetrics]]:
+        if not self.poses:
+            return []
+        title = "Poses since the first scan (medians)"
+        return [Table(title, PoseMetrics.columns(), self.poses, heading="time")]
 
 
 @dataclass(frozen=True)

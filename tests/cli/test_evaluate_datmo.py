@@ -168,7 +168,9 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
     assert written["protocol"]["values"]["targets"]["min_points"] == 10
     assert written["data"]["frames_evaluated"] == FRAMES
     results = written["results"]
-    assert list(results) == ["thesis", "default"]
+    assert list(results) == ["thesis", "default", "poses"]
+    assert results["poses"]["up to 1 s"]["frames"] == FRAMES - 1
+    assert "Poses since the first scan" in printed
     assert results["default"]["by_distance"]["HOTA"] == 1.0
     assert results["default"]["never_tracked"] == []
     assert results["thesis"]["by_overlap"]["MOTA"] == 0.0
