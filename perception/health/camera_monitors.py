@@ -23,6 +23,7 @@ _MIN_REPEATS = 3
 _MIN_COARSE = 4.0
 _MAX_DETAIL = 0.75  # of what the cell has had; a blur of 2 pixels leaves 0.6, of 3 pixels 0.55
 _MIN_USUAL_COARSE = 6.0
+_MAX_CHANGE = 12.0  # grey levels, of a covered cell
 _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
 _MIN_CELLS, _ERROR_SHARE = 20, 0.4
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
@@ -119,7 +120,7 @@ class _BlurredImage:
     def __init__(self) -> None:
         self._frames = 0
         self._coarse: Float = np.zeros(0)
-        self._detail = self._edges_seen = self._lasts = self._coarse
+        self._detail = self._edges_seen = self._lasts = self._mean = self._coarse
 
     def update(self, image: ImageStatistics) -> _Fault | None:
         """Return the fault where so many cells have lost their detail in the same frame."""
@@ -127,12 +128,16 @@ class _BlurredImage:
         detail = image.fine / np.maximum(image.coarse, 1e-3)
         if self._frames == 0:
             self._coarse, self._detail = image.coarse.copy(), detail
+            self._mean = image.mean
             self._edges_seen, self._lasts = np.zeros_like(detail), np.zeros_like(detail)
         self._frames += 1
         is_known = (self._edges_seen >= _LEARNING_FRAMES) & (self._coarse >= _MIN_USUAL_COARSE)
         is_blurred = has_edges & (detail < _MAX_DETAIL * self._detail)
-        is_covered = image.coarse < _MAX_COVERED * self._coarse
+        # A spot on the lens keeps its grey level; what passes by has windows, shadows and ends.
+        is_same = (self._lasts == 0) | (np.abs(image.mean - self._mean) < _MAX_CHANGE)
+        is_covered = (image.coarse < _MAX_COVERED * self._coarse) & is_same
         is_lost = is_known & (is_blurred | is_covered)
+        self._mean = np.where(is_lost & (self._lasts > 0), self._mean, image.mean)
         self._lasts = np.where(is_lost, self._lasts + 1, 0)
         rate = np.where(is_lost, _NEWEST_LOST, np.maximum(_NEWEST, 1 / (self._edges_seen + 1)))
         self._coarse = self._coarse + rate * (image.coarse - self._coarse)

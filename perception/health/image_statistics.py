@@ -28,6 +28,7 @@ class ImageStatistics:
         high: Grey level that one pixel in 200 is above.
         fine: (6, 16) mean difference of neighbouring pixels in each cell, in grey levels.
         coarse: (6, 16) mean difference of pixels four times as far apart.
+        mean: (6, 16) mean grey level of each cell.
     """
 
     sample: UInt8
@@ -36,6 +37,7 @@ class ImageStatistics:
     high: float
     fine: Float32
     coarse: Float32
+    mean: Float32
 
     @classmethod
     def of(cls, image: UInt8) -> Self:
@@ -49,7 +51,15 @@ class ImageStatistics:
         ends = rows[:, :-coarse_px]
         fine = np.abs(rows[:, fine_px : fine_px - coarse_px] - ends)
         coarse = np.abs(rows[:, coarse_px:] - ends)
-        return cls(sample, float(low), float(median), float(high), _cells(fine), _cells(coarse))
+        return cls(
+            sample,
+            float(low),
+            float(median),
+            float(high),
+            fine=_cells(fine),
+            coarse=_cells(coarse),
+            mean=_cells(sample.astype(np.int16)),
+        )
 
 
 def _cells(values: NDArray[np.int16]) -> Float32:
