@@ -142,6 +142,7 @@ class FaultCostMeasure:
             detected = self._precision.detected(lambda one: one)
             (cars,) = self._precision.precision(detected)
             ap = float(cars.first["moderate"].ap(_RECALL_POINTS))
+        if not np.isnan(ap):  # without a car there is nothing to track
             hota = float(np.mean(self._vehicles.compute().tracking["car"].hota.hota))
         moving = self._found + self._missed
         return FaultCost(
