@@ -1,6 +1,6 @@
 """Which faults of sensors are named, how soon, and how often a clean drive raises an alarm."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +20,7 @@ from perception.health.ins_monitor import InsMonitor
 from perception.health.monitors import ScanAndInsMonitors
 from perception.health.scan_statistics import ScanMeter
 from perception.localization.odometry import LidarOdometry
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import CAMERA, INS, Drive, Float64, Frame, HealthFinding
 
 _WARM_UP = 15  # frames from which monitors learn what is usual
@@ -217,6 +218,9 @@ def fault_detection(
         "clean": Table("clean driving", CleanDriving.columns(), {"all": clean}),
         "faults": Table("faults", FaultDetection.columns(), detections),
     }
+    plot_curves(
+        out, "Faults named within five frames", _panels(detections), columns=5, share_y="all"
+    )
     publish(out, "faults of sensors", tables, {"config": config, "drives": roots})
 
 
@@ -242,6 +246,24 @@ def _inject_all(
             if delay is not None:
                 detection.named += 1
                 detection.delays.append(delay)
+
+
+def _panels(detections: Mapping[str, FaultDetection]) -> list[CurvePanel]:
+    """Return the recall of each kind of fault over its size."""
+    by_kind: dict[str, dict[float, float]] = {}
+    for name, one in detections.items():
+        kind, size = name.split()
+        by_kind.setdefault(kind, {})[float(size)] = one.recall
+    return [
+        CurvePanel(
+            kind,
+            FAULT_KINDS[kind].size or "size",
+            "recall",
+            [Curve("recall", list(recalls), list(recalls.values()))],
+            y_limits=(0.0, 1.05),
+        )
+        for kind, recalls in by_kind.items()
+    ]
 
 
 def _cases(config: InjectionConfig) -> Iterator[tuple[str, float]]:
