@@ -120,7 +120,8 @@ class _BlurredImage:
     def __init__(self) -> None:
         self._frames = 0
         self._coarse: Float = np.zeros(0)
-        self._detail = self._edges_seen = self._lasts = self._mean = self._coarse
+        self._detail = self._edges_seen = self._lasts = self._coarse
+        self._mean: Float = self._coarse
 
     def update(self, image: ImageStatistics) -> _Fault | None:
         """Return the fault where so many cells have lost their detail in the same frame."""
