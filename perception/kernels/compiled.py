@@ -4,11 +4,13 @@ numba takes half a second to import and to load what it has compiled: functions 
 call, all at once by `load_compiled`, so that neither an import nor a frame waits for it.
 """
 
+import hashlib
 import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, update_wrapper
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -93,20 +95,41 @@ class _CompiledFunction:
         """Return the compiled function."""
         with _LOADING:
             if self._native is None:
-                self._load_called()
+                files = self._load_called()
+                _name_by_contents(self._function, files)
                 self._native = _compile(self._function, self._signatures)
+                _FILES[id(self._native)] = files | {self._function.__code__.co_filename}
             return self._native
 
-    def _load_called(self) -> None:
-        """Put compiled functions in the place of those that this one calls: numba knows no others."""
-        names = self._function.__globals__
+    def _load_called(self) -> set[str]:
+        """Put compiled functions in the place of those that this one calls: numba knows no others.
+
+        Returns:
+            The files of these functions, and of those that they call in turn.
+        """
+        names, files = self._function.__globals__, set[str]()
         for name in self._function.__code__.co_names:
             called = names.get(name)
             if isinstance(called, _CompiledFunction):
-                names[name] = called.native()
+                names[name] = called = called.native()
+            files |= _FILES.get(id(called), set())
+        return files
+
+
+def _name_by_contents(function: Callable[..., Any], files: set[str]) -> None:
+    """Let the name of a function, and so that of its cache, tell what else it is compiled of.
+
+    numba compiles again where the file of the function has changed, but not where that of a function it calls has.
+    """
+    others = sorted(files - {function.__code__.co_filename})
+    contents = [Path(file).read_bytes() for file in others if Path(file).is_file()]
+    if contents:
+        digest = hashlib.sha256(b"".join(contents)).hexdigest()[:8]
+        function.__qualname__ = f"{function.__qualname__}_{digest}"
 
 
 _DEFINED: list[_CompiledFunction] = []
+_FILES: dict[int, set[str]] = {}  # of each compiled function and of those that it calls
 _LOADING = threading.RLock()
 
 

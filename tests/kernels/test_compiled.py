@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -41,6 +42,30 @@ def test_a_function_calls_one_that_is_not_loaded_yet() -> None:
     )
     names["doubled"] = compiled((NUMBER,))(names["doubled"])
     assert compiled((NUMBER,))(names["quadrupled"])(1.5) == 6.0
+
+
+def test_a_function_is_compiled_again_where_one_of_another_file_that_it_calls_has_changed(
+    tmp_path: Path,
+) -> None:
+    head = "from perception.kernels.compiled import NUMBER, compiled\n"
+    (tmp_path / "middle.py").write_text(
+        f"{head}from called import step\n@compiled((NUMBER,))\ndef middle(x):\n    return step(x)\n"
+    )
+    (tmp_path / "calling.py").write_text(
+        f"{head}from middle import middle\n@compiled((NUMBER,))\ndef twice(x):\n    return 2 * middle(x)\n"
+    )
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\nimport calling; print(calling.twice(1.0))"
+    results = []
+    for factor in (3, 5):
+        (tmp_path / "called.py").write_text(
+            f"{head}@compiled((NUMBER,))\ndef step(x):\n    return {factor} * x\n"
+        )
+        ran = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        results.append(float(ran.stdout))
+    assert results == [6.0, 10.0]
+    assert len([*(tmp_path / "__pycache__").glob("calling.twice*.nbi")]) == 2
 
 
 def test_arguments_are_numbers_arrays_and_tuples() -> None:
