@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from data.kitti.reading import read_bytes
 from data.per_frame import PerFrame
+from data.png import decode_rgb_png
 from perception.errors import DriveError, ImageError, LabelError, ScanError
 from perception.types import Float32, PointTruth, UInt8
 
@@ -248,6 +249,9 @@ def decode_image(data: bytes) -> UInt8 | None:
     end = next((end for start, end in _END_OF_IMAGE.items() if data.startswith(start)), b"")
     if not data or end not in data[-1024:]:
         return None
+    image = decode_rgb_png(data)
+    if image is not None:
+        return image
     decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     return None if decoded is None else np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
 
