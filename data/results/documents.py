@@ -13,6 +13,8 @@ import yaml
 
 from perception.atomic_file import write_atomically
 
+_LEAVES = frozenset((float, int, str, bool, type(None)))
+
 
 def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_serializable`
     """Write a JSON document atomically and make its folder; NaN becomes null."""
@@ -27,6 +29,9 @@ def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_ser
 
 def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks any configuration or report
     """Return dataclasses, arrays and paths as types that JSON and YAML have; NaN as None."""
+    # What most values are comes first: a frame has thousands of numbers.
+    if type(value) in _LEAVES:
+        return None if type(value) is float and not math.isfinite(value) else value
     if dataclasses.is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     if isinstance(value, dict):

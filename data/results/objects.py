@@ -234,7 +234,8 @@ def frame_of(result: Result) -> tuple[int, float]:
 
 def numbers(values: Float64, digits: int = 4) -> Any:  # noqa: ANN401 - nested as the array
     """Return rounded numbers as nested lists; None where a number is not known."""
-    return to_serializable(np.round(values, digits) + 0.0)  # without the sign of -0.0
+    rounded = np.round(values, digits) + 0.0  # without the sign of -0.0
+    return rounded.tolist() if np.isfinite(rounded).all() else to_serializable(rounded)
 
 
 def _known(values: Float64 | None, digits: int = 4) -> Any:  # noqa: ANN401 - nested as the array
