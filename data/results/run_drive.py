@@ -14,6 +14,7 @@ from data.results.run_writers import run_writers
 from perception.errors import PerceptionError
 from perception.evaluation.run_summary import RunSummary
 from perception.geometry.threads import limit_blas_threads
+from perception.pipeline.memory import release_free_memory
 from perception.render.bar_plots import plot_timeline
 from perception.render.scene import SelectedObject
 from perception.tracking.single_object.handover import TrackHandover
@@ -71,6 +72,7 @@ def run_drive(
             raise
         finally:
             results.close()
+            release_free_memory()  # the networks are closed; writers may take as much at their end
             summary.elapsed_s = time.perf_counter() - start_s
             write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
     if summary.frames:
