@@ -78,11 +78,4 @@ def _uncompressed(message: Any, source: str) -> UInt8:  # noqa: ANN401
 
 def _compressed(message: Any, source: str) -> UInt8:  # noqa: ANN401
     data = np.asarray(message.data, np.uint8).tobytes()
-    image = decode_image(data)
-    if image is None:
-        raise ImageError(
-            source,
-            expected="a whole PNG or JPEG image",
-            found=f"{len(data)} bytes of format {message.format!r} that cannot be decoded",
-        )
-    return image
+    return decode_image(data, source, stated_format=message.format)

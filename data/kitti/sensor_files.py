@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from data.kitti.image_header import MAX_PIXELS, stated_size_px
 from data.kitti.reading import read_bytes
 from data.per_frame import PerFrame
 from data.png import decode_rgb_png
@@ -226,14 +228,7 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
         ImageError: The image is missing, damaged, or of another size than expected.
     """
     data = read_bytes(path, ImageError, "an image", SKIP_ADVICE)
-    decoded = decode_image(data)
-    if decoded is None:
-        raise ImageError(
-            path,
-            expected="a whole PNG or JPEG image",
-            found=f"{len(data)} bytes that cannot be decoded",
-            advice=f"copy the file again; or {SKIP_ADVICE}",
-        )
+    decoded = decode_image(data, path, advice=f"copy the file again; or {SKIP_ADVICE}")
     height, width = decoded.shape[:2]
     if expected is not None and (width, height) != expected.size_px:
         raise ImageError(
@@ -244,16 +239,45 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
     return decoded
 
 
-def decode_image(data: bytes) -> UInt8 | None:
-    """Decode to RGB; OpenCV fills up an image that was cut off, so its end is looked for first."""
+def decode_image(
+    data: bytes, where: Path | str, advice: str | None = None, stated_format: str | None = None
+) -> UInt8:
+    """Decode to RGB; OpenCV fills up an image that was cut off, so its end is looked for first.
+
+    Args:
+        data: Content of an image file.
+        where: Name of the image for errors.
+        advice: What to do about a damaged one.
+        stated_format: Format that a message states beside the data.
+
+    Raises:
+        ImageError: The image is damaged, or states a size that no camera has, for which no memory is taken.
+    """
+    width, height = stated_size_px(data) or (0, 0)
+    if width * height > MAX_PIXELS:
+        raise ImageError(
+            where,
+            expected=f"an image of at most {MAX_PIXELS} pixels",
+            found=f"{width}x{height} in its header",
+            advice=advice,
+        )
     end = next((end for start, end in _END_OF_IMAGE.items() if data.startswith(start)), b"")
-    if not data or end not in data[-1024:]:
-        return None
-    image = decode_rgb_png(data)
-    if image is not None:
-        return image
-    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    return None if decoded is None else np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+    decoded = None
+    if data and end in data[-1024:]:
+        image = decode_rgb_png(data)
+        if image is not None:
+            return image
+        with suppress(cv2.error):  # of sizes beyond OpenCV's own bound
+            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if decoded is None:
+        of_format = "" if stated_format is None else f" of format {stated_format!r}"
+        raise ImageError(
+            where,
+            expected="a whole PNG or JPEG image",
+            found=f"{len(data)} bytes{of_format} that cannot be decoded",
+            advice=advice,
+        )
+    return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
 
 
 def read_point_truth(path: Path, points: int) -> PointTruth:

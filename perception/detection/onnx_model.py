@@ -11,6 +11,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
+from perception.detection.onnx_content import has_external_data
 from perception.errors import ModelError
 
 Array = NDArray[Any]
@@ -108,6 +109,7 @@ class OnnxModel:
         self.name = file.name
         """Name of the file."""
         content = _content(file)
+        _require_self_contained(file, content)
         self.fingerprint = hashlib.blake2b(content, digest_size=8).hexdigest()
         """Hash of the file's content."""
         self._session = _open(file, _without_size(content) if any_image_size else content, threads)
@@ -213,6 +215,21 @@ def _content(file: Traversable) -> bytes:
             advice="check the path, or create the file with `trifuse export`",
         )
     return file.read_bytes()
+
+
+def _require_self_contained(file: Traversable, content: bytes) -> None:
+    """Validate that a model reads no file beside its own: it may name any file of this machine.
+
+    Raises:
+        ModelError: It has tensors elsewhere, or is no ONNX file.
+    """
+    try:
+        if not has_external_data(content):
+            return
+        found, advice = "tensors in files beside it", "save it with all its weights in one file"
+    except ValueError as error:
+        found, advice = str(error), "export the model again with `trifuse export`"
+    raise ModelError(str(file), expected="a complete ONNX model", found=found, advice=advice)
 
 
 def _without_size(content: bytes) -> bytes:
