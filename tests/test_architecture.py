@@ -15,6 +15,7 @@ LAYERS = [
         "perception.sensor",
         "perception.atomic_file",
         "perception.snapshot",
+        "perception.yaml_text",
     },
     {"perception.kernels"},
     {"perception.geometry"},

@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_type_hints
 
-import yaml
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch import LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
@@ -37,6 +36,7 @@ from data.results.command_config import CommandConfig, read_config
 from data.results.documents import to_serializable, write_json
 from perception.errors import UsageError, WriteError
 from perception.types import Progress
+from perception.yaml_text import read_yaml
 from train.best_epoch import BestEpoch
 from train.checkpoint_writer import AtomicCheckpointIO, require_same_training
 from train.events import TrainingStatistics, event_logger, writing_events
@@ -154,7 +154,7 @@ class TrainingCLI(LightningCLI):
     def command_config(self) -> CommandConfig:
         """Effective configuration but for the folder of the results, as `--config` reads it."""
         text = self.parser.dump(self.config, skip_unset=False)
-        values = yaml.safe_load(text)
+        values = read_yaml(text)
         del values["trainer"]["default_root_dir"]
         return CommandConfig(f"train {self.kind.name}", values)
 

@@ -28,10 +28,12 @@ def read_document(kind: type[Config], path: Path) -> Config:
     """
     import yaml
 
+    from perception.yaml_text import read_yaml
+
     text = read_text(path, DriveError, "a YAML file of names and values")
     try:
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        document = read_yaml(text)
+    except yaml.YAMLError as error:
         found = " ".join(str(error).split())
         raise DriveError(path, expected="a YAML file of names and values", found=found) from error
     return _instance(kind, {} if document is None else document, str(path))

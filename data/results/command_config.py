@@ -47,17 +47,19 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     import yaml
 
+    from perception.yaml_text import PlainLoader, read_yaml
+
     def read_int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | str:
         # 0000 is the name of a sequence, and not an octal number.
         is_name = node.value[0] == "0" and node.value.isdigit() and len(node.value) > 1
         value: int | str = node.value if is_name else loader.construct_yaml_int(node)
         return value
 
-    loader = type("ConfigLoader", (yaml.SafeLoader,), {})
+    loader = type("ConfigLoader", (PlainLoader,), {})
     yaml.add_constructor("tag:yaml.org,2002:int", read_int, loader)
     try:
         text = path.read_text()
-        document = json.loads(text) if path.suffix == ".json" else yaml.load(text, loader)
+        document = json.loads(text) if path.suffix == ".json" else read_yaml(text, loader)
     except OSError as error:
         raise _unreadable(path, str(error.strerror)) from error
     except (ValueError, RecursionError, yaml.YAMLError) as error:

@@ -226,7 +226,7 @@ class RunFolder:
 
     def obstacles(self, name: str) -> dict[str, NDArray[Any]]:
         """Read the voxels and ground heights of a frame, in the LiDAR frame, by the names of the arrays."""
-        with np.load(self.path / "obstacles" / f"{name}.npz") as arrays:
+        with np.load(self.path / "obstacles" / f"{name}.npz", allow_pickle=False) as arrays:
             return dict(arrays)
 
     def summary(self) -> dict[str, Any]:

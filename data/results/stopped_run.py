@@ -4,13 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-import yaml
-
 from data.results.checkpoint import Checkpoint
 from data.results.command_config import CommandConfig, read_config
 from data.results.folder import CONFIG, LATEST, ResultsFolder, command_of
 from data.results.run_folder import is_complete
 from perception.errors import UsageError
+from perception.yaml_text import read_yaml
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class StoppedRun:
 
 def _require_same(path: Path, config: CommandConfig) -> None:
     """Validate that the stopped run had the configuration of the one that goes on."""
-    earlier, now = read_config(path / CONFIG), yaml.safe_load(config.text())
+    earlier, now = read_config(path / CONFIG), read_yaml(config.text())
     for name in sorted({*earlier, *now}):
         if earlier.get(name) != now.get(name):
             raise UsageError(

@@ -62,9 +62,11 @@ def _letters(name: str) -> str:
 def _read_mapping(path: Path) -> Mapping[str, Any]:
     import yaml
 
+    from perception.yaml_text import read_yaml
+
     try:
         # YAML's numbers lack 1e-3 without a dot, which JSON has.
-        read = json.loads if path.suffix.lower() == ".json" else yaml.safe_load
+        read = json.loads if path.suffix.lower() == ".json" else read_yaml
         values = read(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
         found = " ".join(str(error).split())

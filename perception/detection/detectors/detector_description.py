@@ -113,8 +113,10 @@ def described_file(file: Traversable) -> DescribedFile:
 def _read(file: Path) -> DescribedFile:
     import yaml
 
+    from perception.yaml_text import read_yaml
+
     try:
-        entries = yaml.safe_load(file.read_text())
+        entries = read_yaml(file.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         found = str(error).partition("\n")[0]
         raise UsageError(file, expected="a YAML file of a detector", found=found) from error
