@@ -8,7 +8,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -16,6 +16,7 @@ import pytest
 from filelock import FileLock
 
 from tests.car_frames import write_car_frames_with_a_gap
+from tests.full_disk import SmallDisk
 
 cv2.setNumThreads(1)
 
@@ -96,6 +97,17 @@ def kitti_root() -> Path:
         unpack = [sys.executable, str(_SHARED / "unpack.py"), str(cache / "kitti")]
         subprocess.run(unpack, check=True, capture_output=True)
     return cache / "kitti"
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[SmallDisk]:
+    """Return a file system of 2 MB; skipped where none may be mounted."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    with SmallDisk.mounted(folder, "2m") as disk:
+        if disk is None:
+            pytest.skip("no small file system can be mounted by this user")
+        yield disk
 
 
 @pytest.fixture

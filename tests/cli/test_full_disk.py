@@ -64,3 +64,22 @@ def test_a_report_that_could_not_be_written_is_named_before_any_work(words, tmp_
     ):
         with fault(WriteError, str(path), found=found):
             run_command_line(["evaluate", words[0], "nowhere", *words[1:], "--json", str(path)])
+
+
+SYNTH = "synth {out} --layout tracking --frames 3 --sensor VLP-16 --no-images"
+
+
+@pytest.mark.parametrize(
+    ("words", "size"),
+    [(SYNTH, "600k"), ("maps {frames} --all --out {out}", "40k")],
+    ids=["synth", "maps"],
+)
+def test_a_small_disk_is_one_sentence_and_what_was_finished_stays(words, size, frames, small_disk):
+    small_disk.resize(size)
+    out = small_disk.path / "out"
+    with fault(WriteError, where=str(out), found="No space left on device", advice="make room"):
+        run_command_line(words.format(frames=frames, out=out).split())
+    left = files_in(out)
+    assert left
+    assert not [path for path in left if ".part" in path]
+    assert all((out / path).stat().st_size for path in left)

@@ -9,6 +9,7 @@ import av
 import numpy as np
 import pytest
 
+from data.results.run_folder import RunFolder
 from perception.errors import DriveError, UsageError
 from tests.faults import command, fault
 from tests.killed_runs import run_command
@@ -101,3 +102,16 @@ def test_a_damaged_checkpoint_changes_nothing(drive, finished):
 def test_results_are_either_gone_on_with_or_replaced(drive, tmp_path):
     with fault(UsageError, where="--resume", expected="no --overwrite"):
         command(*words_of(drive, tmp_path), "--resume", "--overwrite")
+
+
+def test_a_run_that_found_the_disk_full_goes_on_once_there_is_room(drive, whole, small_disk):
+    words = words_of(drive, small_disk.path / "out")
+    small_disk.resize("1m")
+    assert run_command(words) == 2
+    kept = small_disk.path / "out"
+    assert all(json.loads(line) for line in (kept / "tracks.jsonl").read_text().splitlines())
+    assert RunFolder(kept).poses().shape[1:] == (4, 4)
+    small_disk.resize("60m")
+    assert run_command([*words, "--resume"]) == 0
+    expected, found = content(whole), content(kept)
+    assert {name for name in expected if found.get(name) != expected[name]} == set()

@@ -1,6 +1,7 @@
 """Arrays kept on disk: made once, bounded, and never seen half written."""
 
 import os
+import signal
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -154,3 +155,23 @@ def test_processes_that_write_the_same_at_once_all_read_it_whole(tmp_path, budge
         sums = list(pool.map(write_all, [tmp_path] * 3, [budget_bytes] * 3))
     assert sums == [3 * sum(range(8))] * 3
     assert not list(tmp_path.glob(".part-*"))
+
+
+def die_while_writing(folder: Path) -> None:
+    def save_and_die(*args: object, **kwargs: object) -> None:
+        save(*args, **kwargs)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    save, np.save = np.save, save_and_die
+    ArrayStore(folder).get("a", lambda: made(1))
+
+
+def test_an_entry_of_a_process_that_was_killed_while_it_wrote_is_made_again(store: ArrayStore):
+    process = get_context("fork").Process(target=die_while_writing, args=(store.folder,))
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    assert "a" not in store
+    assert [path.name.startswith(".part-") for path in store.folder.iterdir()] == [True]
+    assert store.get("a", lambda: made(2))["picture"][0] == 2
+    assert store.get("a", never)["picture"][0] == 2
