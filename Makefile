@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick lint fuzz mutants docs wheel bench bench-compare weights thesis format clean help
+.PHONY: demo test quick lint fuzz mutants audit reliability docs wheel bench bench-compare weights thesis format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
@@ -12,6 +12,8 @@ help:
 	@echo "make lint   ruff and mypy"
 	@echo "make fuzz   damaged files for every parser; RUNS=1000000 for the long form, an hour on one core"
 	@echo "make mutants  which small changes of the code the tests do not notice: hours"
+	@echo "make audit  compare the installed packages with known vulnerabilities, where PyPI answers"
+	@echo "make reliability  kill runs at 100 random moments and resume them: an hour on two cores"
 	@echo "make docs   build the site into docs/_build, without a warning"
 	@echo "make wheel  build the wheel and the source archive into dist, and check them"
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
@@ -42,6 +44,16 @@ fuzz: $(VENV)/.installed-fuzz
 # Small changes of the code that the tests have to notice; `mutmut browse` shows those that they did not.
 mutants: $(VENV)/.installed-fuzz
 	$(BIN)/mutmut run $(MUTANTS)
+
+# Without a network there is nothing to compare with; a vulnerability ends with exit code 1.
+audit: $(VENV)/.installed-dev
+	@if $(BIN)/python -c 'import urllib.request as r; r.urlopen("https://pypi.org/pypi/pip/json", timeout=10)' 2>/dev/null; \
+	then $(BIN)/python -m pip install --quiet pip-audit && $(BIN)/pip-audit --skip-editable --progress-spinner off; \
+	else echo "audit skipped: pypi.org does not answer"; fi
+
+KILLS ?= 100
+reliability: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n 0 tests/cli/test_resume.py --kills $(KILLS)
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build

@@ -22,6 +22,7 @@ from perception.calibration.frame_edges import FrameEdges
 from perception.errors import CalibrationError
 from perception.geometry.se3 import from_rotation_translation, inverse
 from perception.types import Calibration, Float64, Progress, UInt8
+from perception.yaml_text import read_yaml
 
 _NEW_FILE = "calib.txt"
 _VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
@@ -154,7 +155,7 @@ def _with_rows(path: Path, rows: dict[str, Float64]) -> str:
 
 def _with_extrinsics(path: Path, cam_SE3_lidar: Float64) -> str:
     """Return the text of a drive.yaml with another transform from the LiDAR to the camera; comments are lost."""
-    document = yaml.safe_load(path.read_text())
+    document = read_yaml(path.read_text())
     if not isinstance(document, dict) or not isinstance(document.get("camera"), dict):
         raise CalibrationError(path, expected="a section camera", found="none")
     document["camera"]["lidar_to_camera"] = {"matrix": cam_SE3_lidar[:3].tolist()}

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 
-class PlainLoader(yaml.SafeLoader):  # type: ignore[misc]
+class UnaliasedLoader(yaml.SafeLoader):  # type: ignore[misc]
     """A safe loader that knows no aliases; `loader` of `yaml.load`."""
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
@@ -25,7 +25,7 @@ class PlainLoader(yaml.SafeLoader):  # type: ignore[misc]
         return node
 
 
-def read_yaml(text: str, loader: type[PlainLoader] = PlainLoader) -> Any:  # noqa: ANN401 - any document
+def read_yaml(text: str, loader: type[UnaliasedLoader] = UnaliasedLoader) -> Any:  # noqa: ANN401 - any document
     """Return the values of a YAML document.
 
     Args:

@@ -86,7 +86,7 @@ def test_no_text_is_run():
     ],
     ids=["alias", "merge", "deep", "long number", "code"],
 )
-def test_yaml_of_a_stranger_is_plain_values(text, problem):
+def test_yaml_of_a_stranger_is_values_alone(text, problem):
     from yaml import YAMLError
 
     with pytest.raises(YAMLError, match=problem):

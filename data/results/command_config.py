@@ -47,7 +47,7 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     import yaml
 
-    from perception.yaml_text import PlainLoader, read_yaml
+    from perception.yaml_text import UnaliasedLoader, read_yaml
 
     def read_int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | str:
         # 0000 is the name of a sequence, and not an octal number.
@@ -55,7 +55,7 @@ def read_config(path: Path) -> dict[str, Any]:
         value: int | str = node.value if is_name else loader.construct_yaml_int(node)
         return value
 
-    loader = type("ConfigLoader", (PlainLoader,), {})
+    loader = type("ConfigLoader", (UnaliasedLoader,), {})
     yaml.add_constructor("tag:yaml.org,2002:int", read_int, loader)
     try:
         text = path.read_text()
