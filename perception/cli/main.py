@@ -90,6 +90,42 @@ class TrainingCommand(Command):
         return ()
 
 
+@dataclass(frozen=True)
+class BatchCommand(Command):
+    """A command on many drives; the target is its name, or `evaluate`, whose stage comes first among the words."""
+
+    def run(self, name: str, words: Sequence[str]) -> None:
+        """Run the command on every drive."""
+        from perception.cli.batch import run_batch
+
+        command, words = self._command(words)
+        run_batch(command, COMMANDS[command].load(), words)
+
+    def help(self, name: str, *, everything: bool) -> str:
+        """Return the help of the batch; that of the command is its own."""
+        from perception.cli.batch import batch_help
+
+        return batch_help(self.target, everything=everything)
+
+    @property
+    def flags(self) -> Sequence[str]:
+        """None: a batch that is repeated goes on."""
+        return ()
+
+    def _command(self, words: Sequence[str]) -> tuple[str, Sequence[str]]:
+        """Return the words of the command, and the words that are left."""
+        if self.target not in GROUPS:
+            return self.target, words
+        stages = [name.split()[1] for name in COMMANDS if name.startswith(f"{self.target} ")]
+        if not words or words[0] not in stages:
+            raise UsageError(
+                "command line",
+                expected=f"one of {', '.join(stages)}",
+                found=words[0] if words else "none",
+            )
+        return f"{self.target} {words[0]}", words[1:]
+
+
 # Commands by their words. "evaluate ground" is the function `evaluate_ground` of perception/cli/evaluate_ground.py;
 # modules are imported when their command is called, so that `trifuse --help` is quick.
 SUMMARIES: Mapping[str, str] = {
@@ -114,6 +150,12 @@ SUMMARIES: Mapping[str, str] = {
     "evaluate detection": "average precision of the vehicle detectors and their fusion",
     "evaluate robustness": "average precision under sensor corruptions",
     "evaluate results": "metrics of result files of any program",
+    "batch": "run a command on many drives at once, on all cores or a cluster",
+    "batch run": "the pipeline",
+    "batch detect": "DepthCN",
+    "batch maps": "dense depth and reflectance maps",
+    "batch check": "what is missing, damaged or implausible",
+    "batch evaluate": "a stage against labels or exact truth",
     "train": "train networks, or search the parameters of the proposals",
     "train detector": "image detector of one modality",
     "train fusion": "fusion of the three modalities' detectors",
@@ -124,13 +166,18 @@ SUMMARIES: Mapping[str, str] = {
     "completion": "print a script that completes commands and flags in a shell",
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
-GROUPS = ("evaluate", "train", "study")
+GROUPS = ("evaluate", "batch", "train", "study")
 COMMANDS: Mapping[str, Command] = {
     **{
         name: Command(f"perception.cli.{function}:{function}", summary)
         for name, summary in SUMMARIES.items()
         for function in [name.replace(" ", "_")]
-        if name not in GROUPS
+        if name not in GROUPS and not name.startswith("batch ")
+    },
+    **{
+        name: BatchCommand(name.partition(" ")[2], summary)
+        for name, summary in SUMMARIES.items()
+        if name.startswith("batch ")
     },
     **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in TRAININGS},
     "bench": Command("benchmarks.bench:bench", SUMMARIES["bench"]),

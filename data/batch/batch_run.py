@@ -1,0 +1,75 @@
+"""Run tasks on a cluster: each drive once, again where its worker died, and a row where it failed."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from data.batch.drive_task import DriveOutcome, DriveTask, sentence_of
+from perception.atomic_file import atomic_file, write_atomically
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_RETRIES = 2  # after an error that is none of ours, such as a file server that does not answer
+# Documents of results whose numbers become columns.
+_DOCUMENTS = ("summary.json", "metrics.json")
+
+
+def run_tasks(
+    client: "Client", work: Callable[[DriveTask], DriveOutcome], tasks: Sequence[DriveTask]
+) -> Iterator[DriveOutcome]:
+    """Yield what became of each drive, in the order in which they end.
+
+    Args:
+        client: Cluster.
+        work: Function of a module, which workers import; what it raises is tried again.
+        tasks: Drives with their commands.
+    """
+    from distributed import as_completed
+
+    task_of = {client.submit(work, task, pure=False, retries=_RETRIES): task for task in tasks}
+    for future in as_completed(task_of):
+        task, error = task_of[future], future.exception()
+        if error is None:
+            yield future.result()
+        else:
+            yield DriveOutcome(task.name, "failed", 0, 0.0, "", sentence_of(error))
+
+
+def write_outcomes(out: Path, outcomes: Sequence[DriveOutcome], tasks: Sequence[DriveTask]) -> None:
+    """Write drives.jsonl, and drives.parquet where pyarrow is installed: a row a drive, with the numbers of its results."""
+    folder_of = {task.name: task.folder for task in tasks}
+    rows = [
+        {**vars(one), **_numbers(folder_of[one.name])}
+        for one in sorted(outcomes, key=lambda outcome: outcome.name)
+    ]
+    lines = "".join(f"{json.dumps(row)}\n" for row in rows)
+    write_atomically(out / "drives.jsonl", lines.encode())
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        return
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    table = pa.table({name: [row.get(name) for row in rows] for name in columns})
+    with atomic_file(out / "drives.parquet") as part:
+        parquet.write_table(table, part)
+
+
+def _numbers(folder: Path) -> dict[str, float]:
+    """Return the numbers of the documents in a folder of results by their names, those of sections with dots."""
+    found: dict[str, float] = {}
+    for document in _DOCUMENTS:
+        path = folder / document
+        if path.is_file():
+            found |= dict(_leaves(json.loads(path.read_text())))
+    return found
+
+
+def _leaves(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, float]]:
+    for name, value in document.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{name}.")
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            yield f"{prefix}{name}", float(value)

@@ -1,0 +1,75 @@
+"""Dask's workers: processes of this machine, or those of a scheduler that runs already."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from perception.errors import MissingDependencyError, UsageError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_CONNECT_S = 10
+# Deaths of workers that a drive may be part of before it is given up: machines of a fleet come and go.
+_ALLOWED_DEATHS = 10
+
+
+def dashboard(client: "Client") -> str:
+    """Return where the workers can be watched in a browser."""
+    if find_spec("bokeh") is None:
+        return "none, as bokeh is not installed"
+    return str(client.dashboard_link)
+
+
+@contextmanager
+def open_cluster(
+    workers: int | None = None, scheduler: str | None = None, memory_limit: str | None = None
+) -> Iterator["Client"]:
+    """Connect to a scheduler, or start one with processes of one thread each.
+
+    Args:
+        workers: Number of processes of this machine; else one a core.
+        scheduler: Address of a running scheduler, such as tcp://10.0.0.5:8786; else this machine.
+        memory_limit: Memory of a process, such as 4GiB, above which it is started again; else an equal share.
+
+    Raises:
+        UsageError: No scheduler answers at the address, or the number of workers is not positive.
+        MissingDependencyError: distributed is not installed.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingDependencyError(
+            "distributed", needed_for="trifuse batch", extra="cluster", reason=error
+        ) from error
+    if workers is not None and workers < 1:
+        raise UsageError("--workers", expected="at least 1", found=str(workers))
+    dask.config.set({"distributed.scheduler.allowed-failures": _ALLOWED_DEATHS})
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a death is answered, not reported
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=_CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise UsageError(
+                f"--scheduler {scheduler}",
+                expected="a running Dask scheduler",
+                found=f"no answer within {_CONNECT_S} s",
+                advice="start one with: dask scheduler",
+            ) from error
+        with client:
+            yield client
+        return
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            memory_limit=memory_limit or "auto",
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client

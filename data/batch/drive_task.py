@@ -1,0 +1,160 @@
+"""One command on one drive: what identifies it, where its results go, and what became of it."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from glob import glob
+from pathlib import Path
+from typing import Literal
+
+from data.frame_fingerprint import frame_fingerprint
+from data.open_drive import open_drive, sequences_in
+from data.results.records import read_record
+from perception import __version__
+from perception.atomic_file import write_atomically
+from perception.errors import DriveError, LabelError, PerceptionError
+
+State = Literal["done", "skipped", "failed"]
+_RECORD = "batch.json"
+_FOLDER = "drives"
+
+
+@dataclass(frozen=True)
+class DriveOutcome:
+    """What became of a drive.
+
+    Attributes:
+        name: Name of its folder of results.
+        state: Done now, skipped as it was done before, or failed.
+        frames: Number of its frames.
+        seconds: Time that its worker took.
+        key: Hash of what the results depend on.
+        error: Sentence of the error that ended it, or empty.
+    """
+
+    name: str
+    state: State
+    frames: int
+    seconds: float
+    key: str
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class DriveTask:
+    """A command on a drive.
+
+    Attributes:
+        name: Name of the folder of results, unique in the batch.
+        root: Folder or file of the drive, or of all sequences.
+        sequence: Name of the sequence, where the root holds several.
+        words: Words of the command line, the drive and its output included.
+        folder: Folder of the results of this drive.
+        settings: Text of the effective configuration.
+    """
+
+    name: str
+    root: Path
+    sequence: str | None
+    words: tuple[str, ...]
+    folder: Path
+    settings: str
+
+    @property
+    def record(self) -> Path:
+        """File that is written when the results are whole."""
+        return self.folder / _RECORD
+
+    def key(self) -> tuple[str, int]:
+        """Return a hash of the files, the configuration and the version, and the number of frames.
+
+        Files count by name, size and time of change, as reading a fleet's scans twice would take hours.
+
+        Raises:
+            PerceptionError: The drive cannot be opened.
+        """
+        drive = open_drive(self.root, sequence=self.sequence)
+        frames = [frame_fingerprint(drive, index) for index in range(len(drive))]
+        content = json.dumps([__version__, self.settings, frames], default=str)
+        return hashlib.blake2b(content.encode(), digest_size=16).hexdigest(), len(drive)
+
+    def finished(self, key: str) -> DriveOutcome | None:
+        """Return the outcome of an earlier batch that the same inputs led to."""
+        if not self.record.is_file():
+            return None
+        try:
+            outcome = read_record(self.record, DriveOutcome)
+        except LabelError:
+            return None  # of another version, or damaged: done again
+        return outcome if outcome.key == key else None
+
+    def finish(self, outcome: DriveOutcome) -> None:
+        """Remember that the results are whole."""
+        write_atomically(self.record, json.dumps(vars(outcome)).encode())
+
+
+@dataclass(frozen=True)
+class DriveSource:
+    """A drive that a batch was given.
+
+    Attributes:
+        root: Folder or file of the drive, or of all sequences.
+        sequence: Name of the sequence, where the root holds several.
+    """
+
+    root: Path
+    sequence: str | None
+
+    @property
+    def name(self) -> str:
+        """Name of the drive."""
+        return self.sequence or self.root.name
+
+
+def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
+    """Return every drive of folders, globs, and list files, which hold one of these a line.
+
+    Raises:
+        DriveError: A pattern matches no path, or a path holds no drive.
+    """
+    roots = [root for pattern in patterns for root in _paths(pattern)]
+    return [DriveSource(root, name) for root in roots for name in sequences_in(root)]
+
+
+def _paths(pattern: str) -> list[Path]:
+    path = Path(pattern)
+    if path.suffix == ".txt" and path.is_file():
+        lines = path.read_text().splitlines()
+        named = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+        return [found for line in named for found in _paths(line)]
+    # Path.glob takes no absolute pattern.
+    found = [path] if path.exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
+    if not found:
+        raise DriveError(pattern, expected="a drive, a glob of drives, or a list", found="no path")
+    return found
+
+
+def folder_names(sources: Iterable[DriveSource]) -> list[str]:
+    """Return a name for the results of each drive; those of the same name get the folder of their root before it."""
+    listed = list(sources)
+    plain = [source.name for source in listed]
+    names = [
+        name if plain.count(name) == 1 else f"{source.root.resolve().parent.name}-{name}"
+        for source, name in zip(listed, plain, strict=True)
+    ]
+    return [
+        name if names.count(name) == 1 else f"{name}-{names[: n + 1].count(name)}"
+        for n, name in enumerate(names)
+    ]
+
+
+def results_folder(out: Path, name: str) -> Path:
+    """Return the folder of the results of a drive in that of a batch."""
+    return out / _FOLDER / name
+
+
+def sentence_of(error: Exception) -> str:
+    """Return one line that says what ended a drive."""
+    text = str(error) if isinstance(error, PerceptionError) else repr(error)
+    return " ".join(text.split())

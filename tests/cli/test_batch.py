@@ -1,0 +1,66 @@
+"""`trifuse batch` on two workers: the same files as one by one, failures as rows, and nothing done twice."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from perception.cli.main import main, run_command_line
+from perception.errors import UsageError
+from tests.car_frames import write_car_frames
+from tests.faults import fault
+
+
+@pytest.fixture(scope="module")
+def fleet(make_once) -> Path:
+    """Return three drives, of which the second has a damaged scan."""
+
+    def write(folder: Path) -> None:
+        for name in "abc":
+            write_car_frames(folder / name, frames=2)
+        next((folder / "b").rglob("000001.bin")).write_bytes(b"cut")
+
+    return make_once("fleet", write)
+
+
+def states(out: Path) -> dict[str, str]:
+    lines = (out / "drives.jsonl").read_text().splitlines()
+    return {row["name"]: row["state"] for row in map(json.loads, lines)}
+
+
+def test_maps_of_a_fleet(fleet, tmp_path, capsys):
+    out = tmp_path / "fleet"
+    words = ["batch", "maps", f"{fleet}/*", "--out", str(out), "--workers", "2", "--all"]
+    assert main(words) == 2
+    assert states(out) == {"a": "done", "b": "failed", "c": "done"}
+    said = capsys.readouterr()
+    assert "drives: 2 done, 0 skipped, 1 failed; 4 frames in" in said.out
+    assert "000001.bin" in said.out
+    assert "expected 3 drives without an error, found 1 with one, first b" in said.err
+
+    run_command_line(["maps", str(fleet / "a"), "--all", "--out", str(tmp_path / "alone")])
+    for path in (tmp_path / "alone").rglob("*.png"):
+        of_batch = out / "drives/a" / path.relative_to(tmp_path / "alone")
+        assert of_batch.read_bytes() == path.read_bytes()
+
+    assert main(words) == 2  # what is done is kept, what failed is tried again
+    assert states(out) == {"a": "skipped", "b": "failed", "c": "skipped"}
+    assert main([*words, "--on-bad-frame", "skip"]) == 0  # another configuration
+    assert states(out) == dict.fromkeys("abc", "done")
+
+
+def test_flags_of_the_command_are_met_before_any_drive(fleet, tmp_path):
+    words = ["batch", "maps", str(fleet / "a"), "--out", str(tmp_path / "out"), "--wrong", "1"]
+    with fault(UsageError, "command line", found="--wrong"):
+        run_command_line(words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_batch_of_evaluations_names_its_stage():
+    with fault(UsageError, "command line", expected="ground", found="run"):
+        run_command_line(["batch", "evaluate", "run"])
+
+
+def test_the_help_teaches(capsys):
+    run_command_line(["batch", "run", "--help"])
+    assert "trifuse batch run kitti/raw/2011_09_26/*_sync" in capsys.readouterr().out

@@ -1,0 +1,134 @@
+"""Tasks on two workers: drives that fail are rows, dead workers are replaced, finished drives are skipped."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from data.batch.batch_run import run_tasks, write_outcomes
+from data.batch.cluster import open_cluster
+from data.batch.drive_task import (
+    DriveOutcome,
+    DriveSource,
+    DriveTask,
+    find_drives,
+    folder_names,
+)
+from perception.errors import DriveError, UsageError
+from tests.car_frames import write_car_frames
+from tests.faults import fault
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with open_cluster(workers=2) as client:
+        yield client
+
+
+def task_in(folder: Path, name: str, settings: str = "") -> DriveTask:
+    return DriveTask(name, folder / name, None, ("run",), folder / "out" / name, settings)
+
+
+def outcome_of(task: DriveTask) -> DriveOutcome:
+    return DriveOutcome(task.name, "done", 3, 0.5, "key")
+
+
+def die_once(task: DriveTask) -> DriveOutcome:
+    """End the process of the worker from inside, at the first try."""
+    try:
+        (task.folder / "tried").touch(exist_ok=False)
+    except FileExistsError:
+        return outcome_of(task)
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError("this process is dead")
+
+
+def fail_at_b(task: DriveTask) -> DriveOutcome:
+    if task.name == "b":
+        raise ValueError("two\nlines")
+    return outcome_of(task)
+
+
+def test_every_drive_has_a_row_though_workers_die(cluster, tmp_path):
+    tasks = [task_in(tmp_path, name) for name in "abc"]
+    for task in tasks:
+        task.folder.mkdir(parents=True)
+    found = sorted(run_tasks(cluster, die_once, tasks), key=lambda one: one.name)
+    assert found == [outcome_of(task) for task in tasks]
+
+
+def test_an_error_is_the_row_of_its_drive_alone(cluster, tmp_path):
+    tasks = [task_in(tmp_path, name) for name in "abc"]
+    found = {one.name: one for one in run_tasks(cluster, fail_at_b, tasks)}
+    assert {name: one.state for name, one in found.items()} == {
+        "a": "done",
+        "b": "failed",
+        "c": "done",
+    }
+    assert found["b"].error == "ValueError('two\\nlines')"
+
+
+def test_a_key_follows_files_and_configuration(tmp_path):
+    write_car_frames(tmp_path / "a", frames=2)
+    key, frames = task_in(tmp_path, "a").key()
+    assert frames == 2
+    assert task_in(tmp_path, "a").key()[0] == key
+    assert task_in(tmp_path, "a", settings="video: true").key()[0] != key
+    scan = next((tmp_path / "a").rglob("000000.bin"))
+    os.utime(scan, (1, 1))
+    assert task_in(tmp_path, "a").key()[0] != key
+
+
+def test_what_is_finished_is_known_by_its_key(tmp_path):
+    task = task_in(tmp_path, "a")
+    assert task.finished("key") is None
+    task.folder.mkdir(parents=True)
+    task.finish(outcome_of(task))
+    assert task.finished("key") == outcome_of(task)
+    assert task.finished("another") is None
+    task.record.write_text("{")
+    assert task.finished("key") is None
+
+
+def test_drives_are_found_by_folders_globs_and_lists(tmp_path):
+    for name in ("a", "b", "c"):
+        write_car_frames(tmp_path / name, frames=1)
+    listed = tmp_path / "drives.txt"
+    listed.write_text(f"# two of them\n{tmp_path}/[ab]\n\n")
+    for patterns in ([str(listed)], [f"{tmp_path}/a", f"{tmp_path}/b"], [f"{tmp_path}/[ab]"]):
+        assert [one.root.name for one in find_drives(patterns)] == ["a", "b"]
+    with fault(DriveError, "nowhere/*", found="no path"):
+        find_drives(["nowhere/*"])
+
+
+def test_folders_of_drives_of_one_name_differ():
+    sources = [DriveSource(Path(root), "0000") for root in ("/x/kitti", "/y/kitti", "/y/other")]
+    assert folder_names(sources) == ["x-0000", "y-0000-1", "y-0000-2"]
+    assert folder_names([DriveSource(Path("/x/a"), None), sources[0]]) == ["a", "0000"]
+
+
+def test_numbers_of_results_are_columns(tmp_path):
+    tasks = [task_in(tmp_path, name) for name in "ab"]
+    tasks[0].folder.mkdir(parents=True)
+    (tasks[0].folder / "metrics.json").write_text('{"metrics": {"mde_m": 0.25}, "ok": true}')
+    write_outcomes(tmp_path, [outcome_of(task) for task in tasks], tasks)
+    rows = [json.loads(line) for line in (tmp_path / "drives.jsonl").read_text().splitlines()]
+    assert [row["name"] for row in rows] == ["a", "b"]
+    assert [row.get("metrics.mde_m") for row in rows] == [0.25, None]
+    from pyarrow import parquet
+
+    table = parquet.read_table(tmp_path / "drives.parquet")
+    assert table["metrics.mde_m"].to_pylist() == [0.25, None]
+
+
+def test_a_scheduler_that_does_not_answer_is_a_sentence(monkeypatch):
+    monkeypatch.setattr("data.batch.cluster._CONNECT_S", 0.5)
+    with (
+        fault(UsageError, "--scheduler tcp://127.0.0.1:9", advice="dask scheduler"),
+        open_cluster(scheduler="tcp://127.0.0.1:9"),
+    ):
+        pass
+    with fault(UsageError, "--workers", found="0"), open_cluster(workers=0):
+        pass
