@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data.batch.drive_task import DriveOutcome, DriveTask, sentence_of
+from data.results.folder import DRIVES
 from perception.atomic_file import atomic_file, write_atomically
 
 if TYPE_CHECKING:
@@ -41,11 +42,11 @@ def write_outcomes(out: Path, outcomes: Sequence[DriveOutcome], tasks: Sequence[
     """Write drives.jsonl, and drives.parquet where pyarrow is installed: a row a drive, with the numbers of its results."""
     folder_of = {task.name: task.folder for task in tasks}
     rows = [
-        {**vars(one), **_numbers(folder_of[one.name])}
+        {**vars(one), **_numbers(folder_of[one.name])} | vars(one)
         for one in sorted(outcomes, key=lambda outcome: outcome.name)
     ]
     lines = "".join(f"{json.dumps(row)}\n" for row in rows)
-    write_atomically(out / "drives.jsonl", lines.encode())
+    write_atomically(out / DRIVES, lines.encode())
     try:
         import pyarrow as pa
         from pyarrow import parquet

@@ -2,11 +2,12 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import count
 from typing import Any
+from urllib.parse import quote
 
 from data.report.plotly_figures import PlotlyFigure
 from perception.evaluation.report import Table
@@ -81,17 +82,23 @@ def tiles_markup(tiles: Sequence[Tile]) -> str:
     return f'<dl class="tiles">{cells}</dl>'
 
 
-def table_markup(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table_markup(
+    title: str,
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    links: Mapping[str, str] | None = None,
+) -> str:
     """Return a table, the first column to the left; it scrolls where the window is narrow.
 
     Args:
         title: Caption.
         header: Headings of the columns.
         rows: Cells as text.
+        links: Files that first cells lead to, by their text.
     """
     head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
     body = "".join(
-        f'<tr><th scope="row">{escape(first)}</th>'
+        f'<tr><th scope="row">{_linked(first, links or {})}</th>'
         + "".join(f"<td>{escape(cell)}</td>" for cell in others)
         + "</tr>"
         for first, *others in rows
@@ -101,6 +108,12 @@ def table_markup(title: str, header: Sequence[str], rows: Sequence[Sequence[str]
         f"<caption>{escape(title)}</caption><thead><tr>{head}</tr></thead>"
         f"<tbody>{body}</tbody></table></div>"
     )
+
+
+def _linked(text: str, links: Mapping[str, str]) -> str:
+    if (place := links.get(text)) is None:
+        return escape(text)
+    return f'<a href="{escape(quote(place))}">{escape(text)}</a>'
 
 
 def report_table_markup(table: Table[Any]) -> str:

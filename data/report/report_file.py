@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from data.report.page import Page
+from data.results.folder import DRIVES
 from data.results.run_folder import FRAMES
 from perception.atomic_file import write_atomically
 from perception.errors import DriveError
@@ -44,6 +45,10 @@ def write_report(results: Path, other: Path | None = None, out: Path | None = No
         from data.report.run_report import run_page
 
         return write_page(run_page(RunData.read(results)), out or results / REPORT)
+    if (results / DRIVES).is_file():
+        from data.report.fleet_report import fleet_page
+
+        return write_page(fleet_page(results), out or results / REPORT)
     if results.is_dir():
         from data.report.training_report import is_training, training_page
 
@@ -51,7 +56,7 @@ def write_report(results: Path, other: Path | None = None, out: Path | None = No
             return write_page(training_page(results), out or results / REPORT)
         raise DriveError(
             results,
-            expected="a folder that `trifuse run` or `trifuse train` wrote",
+            expected="a folder that `trifuse run`, `trifuse batch` or `trifuse train` wrote",
             found="another",
         )
     from data.report.document_report import document_page, read_document

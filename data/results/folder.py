@@ -19,6 +19,7 @@ from perception.errors import UsageError
 Item = TypeVar("Item")
 
 CONFIG = "config.yaml"
+DRIVES = "drives.jsonl"  # of a batch: a row a drive
 _RESULTS = Path("results")
 LATEST = _RESULTS / "latest"
 _VIDEO = {

@@ -34,6 +34,16 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
     return [_record(f"{path} line {n}", line, kind) for n, line in enumerate(lines, start=1)]
 
 
+def read_json_lines(path: Path) -> list[dict[str, Any]]:
+    """Read the objects of a JSON Lines file whose names are not known beforehand.
+
+    Raises:
+        LabelError: The file cannot be read, or a line is no JSON object.
+    """
+    lines = read_text(path, LabelError, "a JSON Lines file").splitlines()
+    return [_object(f"{path} line {n}", line) for n, line in enumerate(lines, start=1)]
+
+
 def read_record(path: Path, kind: type[Record]) -> Record:
     """Read a JSON document as an instance of a dataclass.
 
@@ -45,6 +55,14 @@ def read_record(path: Path, kind: type[Record]) -> Record:
         LabelError: The file cannot be read, or is no document of this kind.
     """
     return _record(path, read_text(path, LabelError, "a JSON file"), kind)
+
+
+def _object(where: str, text: str) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = dict(json.loads(text))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise LabelError(where, expected="a JSON object", found=repr(text[:80])) from error
+    return found
 
 
 def _record(where: Path | str, text: str, kind: type[Record]) -> Record:

@@ -124,6 +124,8 @@ def _tasks(
 def _run_all(tasks: "Sequence[DriveTask]", out: Path, cluster: ClusterFlags) -> None:
     from data.batch.batch_run import run_tasks, write_outcomes
     from data.batch.cluster import dashboard, open_cluster
+    from data.report.page import can_write_report
+    from data.report.report_file import write_report
     from perception.cli.progress import progress_bar
 
     start_s = time.perf_counter()
@@ -134,6 +136,8 @@ def _run_all(tasks: "Sequence[DriveTask]", out: Path, cluster: ClusterFlags) -> 
         for outcome in progress_bar(ended, "batch", len(tasks), unit="drive"):
             outcomes.append(outcome)
             write_outcomes(out, outcomes, tasks)
+    if can_write_report():
+        print(f"report: {write_report(out)}")
     print(_summary(outcomes, time.perf_counter() - start_s, out))
     if failed := [one for one in outcomes if one.state == "failed"]:
         raise DriveError(
