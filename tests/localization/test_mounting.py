@@ -66,6 +66,7 @@ def test_a_lidar_upside_down_is_reported(sensor, scene):
     height_m, direction = error.value.found.split()[2:5:2]
     assert float(height_m) == pytest.approx(1.73, abs=0.3)
     assert direction == "above"
+    assert error.value.advice.startswith("the LiDAR is mounted upside down: rotate")
 
 
 @pytest.mark.parametrize(
@@ -83,6 +84,7 @@ def test_swapped_axes_are_reported(velo_SE3_true, up):
     with pytest.raises(MountingError) as error:
         check_mounting(points_velo, HDL_64E)
     assert error.value.found == f"{up} pointing up"
+    assert error.value.expected == "a LiDAR with x forward, y left and z up"
 
 
 @pytest.mark.parametrize("change_m", [-0.9, 0.9])

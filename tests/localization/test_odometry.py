@@ -78,6 +78,7 @@ def test_alignment_recovers_a_known_transform(kind: str) -> None:
     )
     metres, degrees = apart(truth, found.target_SE3_source)
     assert found.is_converged
+    assert 0.5 < found.inlier_ratio <= 1
     assert metres < (0.01 if kind == "GICP" else 0.05)
     assert degrees < (0.05 if kind == "GICP" else 0.3)
 
@@ -347,6 +348,17 @@ def test_an_ins_jump_of_metres_is_refused_by_name(jump_m: float) -> None:
     assert error.value.found.startswith("a jump of")
 
 
+def test_an_ins_that_turns_faster_than_a_vehicle_is_refused() -> None:
+    truth = path(3)
+    odometry = LidarOdometry()
+    for index in range(2):
+        odometry.update(observed_from(truth[index], index), index * STEP_S, truth[index])
+    turned = truth[2] @ from_euler(0, 0, np.radians(40))
+    with pytest.raises(PoseError) as error:
+        odometry.update(observed_from(truth[2], 2), 2 * STEP_S, turned, "oxts 0002")
+    assert " m and 40." in error.value.found or " m and 39." in error.value.found
+
+
 def test_an_ins_slip_of_a_metre_is_repaired() -> None:
     truth = path(4)
     odometry = LidarOdometry()
@@ -383,6 +395,7 @@ def test_a_repeated_stamp_repeats_the_pose_and_a_falling_one_is_refused() -> Non
     odometry.update(observed_from(np.eye(4), 0), 5.0)
     again = odometry.update(observed_from(np.eye(4), 0), 5.0)
     assert again.origin is PoseOrigin.REPEATED
+    assert not again.is_reset
     np.testing.assert_array_equal(again.world_SE3_velo, np.eye(4))
     with pytest.raises(PoseError) as error:
         odometry.update(observed_from(np.eye(4), 0), 4.9, source="frame 2")
