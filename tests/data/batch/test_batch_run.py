@@ -123,7 +123,7 @@ def test_numbers_of_results_are_columns(tmp_path):
     assert table["metrics.mde_m"].to_pylist() == [0.25, None]
 
 
-def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
+def test_a_silent_scheduler_is_named(monkeypatch):
     monkeypatch.setattr("data.batch.cluster._CONNECT_S", 0.5)
     with (
         fault(UsageError, "--scheduler tcp://127.0.0.1:9", advice="dask scheduler"),
