@@ -34,7 +34,7 @@ class RecordedDrive(ABC):
         calibration: Calibration of the camera in all frames, or None.
         images: Images of the camera, or None where there are none or they are not loaded.
         camera: Name of that camera in results, where there are several.
-        further_cameras: Further cameras that are looked through.
+        further_cameras: Further cameras, in whose images vehicles are detected too.
         notes: Sentences on data that are not used as they are, or on what was assumed.
         deskew: Whether the points of a sweep are moved to its stamp, by their times and the motion of the LiDAR.
     """

@@ -4,10 +4,10 @@ from typing import Any
 
 import rerun.blueprint as rrb
 
+from data.exports.rerun_entities import CAMERA, camera_path
 from perception.types import MAP_MODALITIES, Result
 
 _PATH_S = 4.0
-_CAMERA = "world/ego/camera"
 
 
 def blueprint_of(result: Result) -> rrb.Blueprint:
@@ -38,7 +38,7 @@ def _scene_view() -> Any:  # noqa: ANN401 - a view
     return rrb.Spatial3DView(
         origin="world/ego",
         name="Scene",
-        contents=["+ /world/**", f"- {_CAMERA}/**"],
+        contents=["+ /world/**", f"- {CAMERA}/**"],
         eye_controls=rrb.EyeControls3D(
             position=(-16, 0, 10), look_target=(10, 0, -2), eye_up=(0, 0, 1)
         ),
@@ -51,18 +51,26 @@ def _scene_view() -> Any:  # noqa: ANN401 - a view
 
 
 def _image_views(result: Result) -> list[Any]:
-    """Return the views of the camera's image and of the maps, each with its detections."""
+    """Return the views of the cameras' images and of the maps, each with its detections."""
     views: list[Any] = []
     if result.frame.image is not None:
-        contents = [f"{_CAMERA}/image", f"{_CAMERA}/detections/fused", "world/tracks"]
-        views.append(rrb.Spatial2DView(origin=_CAMERA, contents=contents, name="Camera"))
+        contents = [f"{CAMERA}/image", f"{CAMERA}/detections/fused", "world/tracks"]
+        views.append(rrb.Spatial2DView(origin=CAMERA, contents=contents, name="Camera"))
     maps = [
         rrb.Spatial2DView(
-            origin=_CAMERA,
-            contents=[f"{_CAMERA}/{modality}", f"{_CAMERA}/detections/{modality}"],
+            origin=CAMERA,
+            contents=[f"{CAMERA}/{modality}", f"{CAMERA}/detections/{modality}"],
             name=name,
         )
         for modality, name in zip(MAP_MODALITIES, ("Depth map", "Reflectance map"), strict=True)
         if modality in result.map_images
     ]
-    return views + maps
+    further = [
+        rrb.Spatial2DView(
+            origin=(path := camera_path(one.name)),
+            contents=[f"{path}/image", f"{path}/detections/fused", "world/tracks"],
+            name=one.name,
+        )
+        for one in result.frame.further_cameras
+    ]
+    return views + further + maps

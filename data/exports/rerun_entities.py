@@ -3,9 +3,10 @@
     world                         origin at the first position of the LiDAR
     +- ego                        pose of the LiDAR
     |  +- lidar/{outside,ground,static,moving}
-    |  `- camera                  pinhole
-    |     +- image, dm, rm        image and maps
-    |     `- detections/{rgb,dm,rm,fused}
+    |  +- camera                  pinhole
+    |  |  +- image, dm, rm        image and maps
+    |  |  `- detections/{rgb,dm,rm,fused}
+    |  `- cameras/NAME            the same of each further camera
     +- tracks, vehicles           boxes; vehicles that no track stands for
     `- velocities, path
     timings, counts, health       series
@@ -20,6 +21,7 @@ import cv2
 import numpy as np
 import rerun as rr
 
+from perception.detection.vehicles.camera_views import views_of
 from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.render import palette
@@ -51,6 +53,7 @@ _MODALITY_COLORS: Mapping[Modality, Color] = {
     "dm": palette.CLASSES["Cyclist"],
     "rm": palette.CLASSES["Pedestrian"],
 }
+CAMERA = "world/ego/camera"
 _POINT_RADIUS = rr.Radius.ui_points(1.2)  # the same size near and far
 _JPEG_QUALITY = 85
 
@@ -117,13 +120,26 @@ def object_entities(result: Result, origin_m: Float64, display_score: float) -> 
 
 
 def camera_entities(result: Result, display_score: float) -> Entities:
-    """Return image, maps, pinhole and detections; nothing without a camera and without detectors.
+    """Return image, maps, pinhole and detections of each camera; nothing without a camera and without detectors.
 
     Args:
         result: Result of the frame.
         display_score: Score from which a detection is shown.
     """
-    camera, image = "world/ego/camera", result.frame.image
+    main, *further = views_of(result)
+    entities = _camera_entities(CAMERA, main, display_score)
+    for view in further:
+        entities |= _camera_entities(camera_path(view.frame.camera), view, display_score)
+    return entities
+
+
+def camera_path(name: str) -> str:
+    """Return the entity of a further camera."""
+    return f"world/ego/cameras/{name.strip('/').replace('/', '_')}"
+
+
+def _camera_entities(camera: str, result: Result, display_score: float) -> Entities:
+    image = result.frame.image
     entities: Entities = {}
     if image is not None and result.frame.calibration is not None:
         height, width = image.shape[:2]

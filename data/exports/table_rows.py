@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import wrap
-from perception.types import MODALITIES, Boxes3D, Float64, Modality, PointState, Result, Tracks
+from perception.types import MODALITIES, Boxes3D, Float64, Int, Modality, PointState, Result, Tracks
 
 # Column by name; all of one length.
 Rows: TypeAlias = Mapping[str, NDArray[Any]]
@@ -92,10 +92,11 @@ def _vehicle_rows(result: Result, min_score: float) -> Rows:
     return {
         **_object_rows(result, vehicles.as_tracks(rows)),
         "existence": fused.existence,
+        "camera": np.array([view.camera for view in result.frame.views])[vehicles.cameras[rows]],
         **dict(zip(("x1_px", "y1_px", "x2_px", "y2_px"), boxes_px.T, strict=True)),
         "dominant_modality": modalities[fused.dominant_modality],
         **{
-            f"score_{modality}": _source_scores(result, modality, sources)
+            f"score_{modality}": _source_scores(result, modality, sources, vehicles.cameras[rows])
             for modality, sources in zip(MODALITIES, fused.source_indices.T, strict=True)
         },
         "points": vehicles.point_counts[rows],
@@ -151,11 +152,16 @@ def _place_rows(frame: str, boxes: Boxes3D, velocities_m_s: Float64) -> Rows:
     }
 
 
-def _source_scores(result: Result, modality: Modality, sources: NDArray[np.int64]) -> Float64:
-    """Return the scores of a detector at the rows of its detections; NaN where it has none."""
+def _source_scores(
+    result: Result, modality: Modality, sources: NDArray[np.int64], cameras: Int
+) -> Float64:
+    """Return the scores of a detector at the rows of its detections in each camera; NaN where it has none."""
     scores = np.full(len(sources), np.nan)
-    if (has_source := sources >= 0).any():
-        scores[has_source] = result.modality_detections[modality].scores[sources[has_source]]
+    for camera in np.unique(cameras).tolist():
+        has_source = (sources >= 0) & (cameras == camera)
+        if has_source.any():
+            found = result.detections_in(camera)[modality]
+            scores[has_source] = found.scores[sources[has_source]]
     return scores
 
 

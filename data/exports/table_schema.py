@@ -117,6 +117,7 @@ TABLES: Final[Mapping[str, Columns]] = {
         "existence": TableColumn(
             "double", "probability that the object exists, of its whole track"
         ),
+        "camera": TableColumn("string", "camera of the box in the image and of the scores"),
         "x1_px": TableColumn("double", "left edge in the image; null without a camera"),
         "y1_px": TableColumn("double", "upper edge"),
         "x2_px": TableColumn("double", "right edge"),

@@ -10,6 +10,7 @@ from data.messages import images, objects
 from data.messages.diagnostics import diagnostics
 from data.messages.motion import odometry, transforms
 from data.messages.points import point_cloud
+from perception.detection.vehicles.camera_views import views_of
 from perception.types import MAP_MODALITIES, MODALITIES, MapModality, Modality, Result, Tracks
 
 # Makes a message of a result and the one before; None where the result has no such part.
@@ -54,6 +55,7 @@ def _detections(modality: Modality | None, min_score: float) -> MessageFunction:
 
     def message_of(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
         del last
+        result = views_of(result)[0]
         if modality is not None:
             detections = result.modality_detections.get(modality)
         else:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.detection.vehicles.camera_views import views_of
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.class_precision import ClassPrecision, measure_precision
 from perception.evaluation.detection.config import PrecisionConfig
@@ -71,6 +72,7 @@ class LabelErrors:
         mean_m = round(float(errors_m.mean()), 5) if known else None
         max_m = round(float(errors_m.max()), 5) if known else None
         self.ground.append(GroundError(index, len(errors_m), mean_m, max_m))
+        result = views_of(result)[0]  # labels are of the main camera
         if result.vehicles is None:
             return
         found: dict[str, Detections] = {FUSED: result.vehicles.fused.detections}

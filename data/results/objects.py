@@ -9,7 +9,15 @@ from data.results.documents import to_serializable
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import wrap
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import MODALITIES, Boxes3D, Float64, Result, Tracks
+from perception.types import (
+    MODALITIES,
+    Boxes3D,
+    Float64,
+    Int,
+    ModalityDetections,
+    Result,
+    Tracks,
+)
 
 Number = float | None
 
@@ -119,7 +127,8 @@ class VehicleRecord(ObjectRecord):
 
     Attributes:
         existence: Probability that the object exists, accumulated over the detections of its track, 0 to 1.
-        box_px: Rectangle x1 y1 x2 y2 in the image; null without a camera.
+        camera: Name of the camera that the rectangle and the scores are of, the one that shows the vehicle best.
+        box_px: Rectangle x1 y1 x2 y2 in its image; null without a camera.
         dominant_modality: Modality of the detector with the largest weight in the fused score.
         scores: Score of each detector by modality; null where it has no detection.
         points: Number of LiDAR points on the vehicle.
@@ -127,6 +136,7 @@ class VehicleRecord(ObjectRecord):
     """
 
     existence: Number
+    camera: str
     box_px: list[float] | None
     dominant_modality: str
     scores: dict[str, Number]
@@ -154,9 +164,15 @@ class FrameVehicles(FrameLine):
         fused, has_camera = vehicles.fused[rows], result.frame.calibration is not None
         columns = {
             "existence": numbers(fused.existence),
+            "camera": [result.frame.views[one].camera for one in vehicles.cameras[rows].tolist()],
             "box_px": numbers(fused.detections.boxes_px) if has_camera else [None] * len(rows),
             "dominant_modality": [MODALITIES[one] for one in fused.dominant_modality],
-            "scores": [_scores(result, sources) for sources in fused.source_indices],
+            "scores": [
+                _scores(result.detections_in(camera), sources)
+                for camera, sources in zip(
+                    vehicles.cameras[rows].tolist(), fused.source_indices, strict=True
+                )
+            ],
             "points": vehicles.point_counts[rows].tolist(),
             "distance_m": numbers(vehicles.distances_m[rows]),
         }
@@ -267,9 +283,9 @@ def _fields(result: Result, tracks: Tracks) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _scores(result: Result, sources: Float64) -> dict[str, Number]:
+def _scores(found: ModalityDetections, sources: Int) -> dict[str, Number]:
     """Return the score of each detector by the rows of its detections."""
     return {
-        modality: numbers(result.modality_detections[modality].scores[row]) if row >= 0 else None
+        modality: numbers(found[modality].scores[row]) if row >= 0 else None
         for modality, row in zip(MODALITIES, sources, strict=True)
     }

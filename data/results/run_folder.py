@@ -22,6 +22,7 @@ from data.results.objects import (
 from data.results.records import append_record, read_records
 from data.results.result_writer import ResultWriter
 from perception.atomic_file import append_atomically, atomic_file, write_atomically
+from perception.detection.vehicles.camera_views import views_of
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
 from perception.render.scene import SelectedObject
@@ -169,12 +170,12 @@ def _write_obstacles(out: Path, result: Result, area: LocalArea) -> None:
 
 
 def append_kitti_rows(out: Path, drive: Drive, result: Result) -> None:
-    """Write the tracks and the vehicles of one frame as rows of KITTI's benchmarks; only with a camera."""
+    """Write the tracks and the vehicles in the main camera's image as rows of KITTI's benchmarks; only with a camera."""
     frame, calibration = result.frame.number, drive.calibration
     if calibration is not None and calibration.image_size_px is not None:
         rows = format_result_rows(track_rows(frame, result.tracks, calibration))
         append_atomically(out / "tracks" / f"{drive.name}.txt", rows.encode())
-    vehicles, calibration = result.vehicles, result.frame.calibration
+    vehicles, calibration = views_of(result)[0].vehicles, result.frame.calibration
     if vehicles is not None and calibration is not None:
         file = out / "data" / f"{result.frame.name}.txt"
         write_atomically(file, format_object_rows(vehicles, calibration).encode())

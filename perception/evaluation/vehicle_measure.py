@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from perception.detection.vehicles.camera_views import views_of
 from perception.errors import PerceptionError
 from perception.evaluation.box_intervals import BoxIntervalMetrics, BoxIntervals, box_intervals
 from perception.evaluation.multi_object.coverage import MIN_FRAMES, Coverage, CoverageMetrics
@@ -250,7 +251,8 @@ class VehicleMeasure:
         self._ids = ColocatedObjects()
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
-        """Add one frame; a frame without a camera, in which nothing can be detected, is left out."""
+        """Add one frame in its main camera; one without a camera, in which nothing can be detected, is left out."""
+        result = views_of(result)[0]
         vehicles = result.vehicles
         if vehicles is None or labels is None:
             return

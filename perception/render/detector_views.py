@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
+from perception.detection.vehicles.camera_views import views_of
 from perception.render import palette
 from perception.render.palette import LinePattern
 from perception.render.panels import Resizing
@@ -35,7 +36,8 @@ def draw_detector_boxes(
         display_score: Score from which a detection is drawn.
         pattern: Pattern of the lines; else they are solid.
     """
-    found, vehicles = scene.result.modality_detections[modality], scene.result.vehicles
+    result = views_of(scene.result)[0]
+    found, vehicles = result.modality_detections[modality], result.vehicles
     ids = np.full(len(found), -1)
     if vehicles is not None:
         # The best fused detection of several comes first and is assigned last.

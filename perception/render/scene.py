@@ -37,7 +37,7 @@ class SceneObjects(ArrayTable):
     Attributes:
         ids: (T,) track ids, -1 of objects without a track.
         boxes: (T) 3D boxes; rows of NaN where the LiDAR has too few points.
-        boxes_px: (T, 4) x1 y1 x2 y2 of the fused detection in the image, NaN without one.
+        boxes_px: (T, 4) x1 y1 x2 y2 of the fused detection in the main camera's image, NaN without one.
         velocities_m_s: (T, 2) velocities over the ground along x and y, 0 where unknown.
         is_observed: (T,) whether the object was observed in this scan, or is predicted.
         is_moving: (T,) whether the object is drawn with speed and arrow.
@@ -114,15 +114,17 @@ class SceneObjects(ArrayTable):
 
     def _with_vehicles(self, vehicles: Vehicles, display_score: float) -> Self:
         """Add the vehicles from a score on; one with the id of a track gives it its box in the image."""
-        detections = vehicles.fused.detections
-        rows = np.flatnonzero(detections.scores >= display_score)
+        scores = vehicles.fused.detections.scores
+        is_main = vehicles.cameras[:, None] == 0
+        found_px = np.where(is_main, vehicles.fused.detections.boxes_px, np.nan)
+        rows = np.flatnonzero(scores >= display_score)
         ids = vehicles.ids[rows]
         is_same = (ids[:, None] == self.ids) & (ids[:, None] >= 0)
         boxes_px = self.boxes_px.copy()
         found, track = np.nonzero(is_same)
-        boxes_px[track] = detections.boxes_px[rows[found]]
+        boxes_px[track] = found_px[rows[found]]
         new = rows[~is_same.any(axis=1)]
-        others = replace(self.of_tracks(vehicles.as_tracks(new)), boxes_px=detections.boxes_px[new])
+        others = replace(self.of_tracks(vehicles.as_tracks(new)), boxes_px=found_px[new])
         return replace(self, boxes_px=boxes_px).joined(others)
 
     def _with_selected(self, selected: SelectedObject) -> Self:

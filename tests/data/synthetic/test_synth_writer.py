@@ -89,7 +89,7 @@ def test_words_tell_class_motion_and_instance(street_drive):
 def test_zero_frames_and_unknown_layouts_are_refused():
     with fault(UsageError, expected="at least one frame"):
         SynthConfig(frames=0)
-    with fault(UsageError, expected="raw, tracking or object"):
+    with fault(UsageError, expected="raw, tracking, object or folder"):
         SynthConfig(layout="odometry")
 
 
