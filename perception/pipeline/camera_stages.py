@@ -220,7 +220,7 @@ class CameraStages:
                 for camera, one in enumerate(detections)
                 if one is not None
             }
-            vehicles = join_cameras(located, frame, self._vehicles.joining)
+            vehicles = join_cameras(located, frame, self._vehicles)
             return self._tracker.update(vehicles, frame, lidar.world_SE3_velo, lidar.tracks)
 
 

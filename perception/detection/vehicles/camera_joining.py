@@ -10,7 +10,7 @@ from itertools import permutations
 
 import numpy as np
 
-from perception.detection.vehicles.config import CameraJoiningConfig
+from perception.detection.vehicles.config import CameraJoiningConfig, VehicleConfig
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
@@ -21,25 +21,28 @@ from perception.types import Bool, Float64, Frame, Int, Vehicles
 
 
 def join_cameras(
-    located: Mapping[int, Vehicles], frame: Frame, config: CameraJoiningConfig | None = None
+    located: Mapping[int, Vehicles], frame: Frame, config: VehicleConfig | None = None
 ) -> Vehicles:
     """Return the vehicles of all cameras, each once, with the detection of the camera that shows it better.
+
+    Detections below the minimum score, which are not located, are not joined either.
 
     Args:
         located: Located detections in at least one camera of the frame, by its number.
         frame: Frame of the detections.
-        config: When two detections are one object.
+        config: When two detections are one object, and the minimum score.
     """
     if located.keys() == {0}:
         return located[0]
-    config = config or CameraJoiningConfig()
+    config = config or VehicleConfig()
     vehicles, owners = _concatenated(located)
     cameras = [
         FrameGeometry(frame.stamp_s, np.eye(4), calibration.image_P_velo, size_px)
         for calibration, size_px in map(camera_of, frame.views)
     ]
-    is_same = _share_returns(owners, len(vehicles), config.min_shared)
-    is_same |= _overlap(vehicles, cameras, config)
+    is_same = _share_returns(owners, len(vehicles), config.joining.min_shared)
+    likely = np.flatnonzero(vehicles.fused.existence >= config.min_existence)
+    is_same[np.ix_(likely, likely)] |= _overlap(vehicles.select(likely), cameras, config.joining)
     is_same &= vehicles.cameras[:, None] != vehicles.cameras
     has_sides = SizePriors.of(vehicles.fused.detections.types).has_sides
     is_same &= has_sides[:, None] == has_sides  # a person may stand in front of a car
@@ -87,9 +90,12 @@ def _overlap(
     for camera, other in permutations(np.unique(vehicles.cameras).tolist(), 2):
         rows = np.flatnonzero(vehicles.cameras == camera)
         others = np.flatnonzero(vehicles.cameras == other)
-        located, others_located = rows[is_located[rows]], others[is_located[others]]
-        on_ground = iou_bev(vehicles.boxes[located], vehicles.boxes[others_located])
-        is_same[np.ix_(located, others_located)] = on_ground >= config.min_iou
+        if camera < other:
+            located, others_located = rows[is_located[rows]], others[is_located[others]]
+            on_ground = iou_bev(vehicles.boxes[located], vehicles.boxes[others_located])
+            is_same[np.ix_(located, others_located)] = on_ground >= config.min_iou
+        if is_located[rows].all() and is_located[others].all():
+            continue
         moved_px = _moved_px(
             boxes_px[rows], cameras[camera], cameras[other], config.assumed_height_m
         )
