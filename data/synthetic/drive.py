@@ -116,7 +116,7 @@ class SyntheticDrive:
             world_SE3_velo=self.world_SE3_velo(index),
             calibration=self.calibration,
             source=f"{self.name} frame {index}",
-            camera=self.cameras[0],
+            camera=self.cameras[0] if len(self.cameras) > 1 else Frame.camera,
             further_cameras=tuple(
                 CameraImage(
                     name,
