@@ -38,6 +38,8 @@ def chain_config(method: Method, previous_scans: int, voxel_size_m: float = 0.1)
 def stage_times(drive: Drive, config: PipelineConfig, first: int, frames: int) -> Sequence[Times]:
     """Return the seconds by stage of a number of frames; the scans before them fill the window, unmeasured.
 
+    The stages are those of Table 7.3; the monitors of the sensors, of which the thesis has none, are left out.
+
     Args:
         drive: Drive with INS.
         config: Pipeline configuration.
@@ -61,7 +63,8 @@ def stage_times(drive: Drive, config: PipelineConfig, first: int, frames: int) -
         raise DriveError(drive.root, expected="INS poses to begin the ICP with", found="none")
     pipeline, warm_up = Pipeline(drive.sensor, config), config.motion.previous_scans
     indices = progress_bar(range(first - warm_up, first + frames), "frames", delay_s=2)
-    return [pipeline.step(drive[index]).timings_s for index in indices][warm_up:]
+    times = [pipeline.step(drive[index]).timings_s for index in indices][warm_up:]
+    return [{stage: frame[stage] for stage in PUBLISHED_PERCENT} for frame in times]
 
 
 def mean_times_s(times: Sequence[Times]) -> dict[str, float]:

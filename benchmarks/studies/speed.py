@@ -71,5 +71,9 @@ def speed(drive: str, *, config: SpeedConfig, out: Path = RESULTS / "speed.png")
         out,
         "Fig. 7.3",
         {"frames_per_s": formatted_table(title, "frames/s", specs, {**speeds, name: published})},
-        {"drive": opened.name, "config": config, "timing": "stages alone, reading left out"},
+        {
+            "drive": opened.name,
+            "config": config,
+            "timing": "stages alone, reading and monitors left out",
+        },
     )
