@@ -232,7 +232,12 @@ class RecordedDrive(ABC):
             LabelError: The labels are missing or cannot be read.
         """
         found = "labels of points" if self.has_point_truth else "none"
-        raise DriveError(self.root, expected="a drive with labelled boxes", found=found)
+        raise DriveError(
+            self.root,
+            expected="a drive with labelled boxes",
+            found=found,
+            advice="name one with label files, such as a tracking sequence or one that `trifuse synth` wrote",
+        )
 
     def point_truth(self, index: int) -> PointTruth | None:
         """Read the truth of every point, or None where the drive does not know it.

@@ -123,5 +123,11 @@ def test_a_drive_without_labels_is_refused(make_street: Callable[..., Path], sto
     folder = make_street() / "training" / "label_2"
     folder.rename(folder.with_name("elsewhere"))
     frames = LabelledFrames([open_drive(folder.parent)], CropConfig(), store)
-    with fault(DriveError, expected="object frames with labels", found="none"):
+    with fault(
+        DriveError,
+        str(folder.parent),
+        "a drive with labelled boxes",
+        "none",
+        "name one with label files, such as a tracking sequence",
+    ):
         frames.scene(0)
