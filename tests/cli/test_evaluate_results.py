@@ -132,7 +132,9 @@ def test_results_are_printed_beside_published_detectors(folders, tmp_path: Path,
     assert evaluate(results, "--labels", labels, "--recall-points", "11", "--json", out) == 0
     cars = json.loads(out.read_text())["results"]["Car"]["0.7"]
     assert ours == {level: cars[level]["ap_r11_percent"] for level in ours}
-    assert "50 frames of" in table.splitlines()[-1]
+    *_, note, report = table.splitlines()
+    assert "50 frames of" in note
+    assert report == f"report: {out.with_suffix('.html')}"
 
 
 @pytest.mark.parametrize("words", [("--classes", "Cyclist"), ("--iou", "0.5")])

@@ -75,9 +75,10 @@ class LevelPipeline(nullcontext):
         super().__init__(self)
 
     def stream(
-        self, frames: Iterator[Frame], *, is_sequence: bool
+        self, frames: Iterator[Frame], *, is_sequence: bool, snapshot_frames: int
     ) -> nullcontext[Iterator[Result]]:
         assert is_sequence
+        assert snapshot_frames == 0
         return nullcontext(
             result_of(frame, states_by_height(frame.points_velo)) for frame in frames
         )

@@ -9,11 +9,10 @@ from data.synthetic.drive import SyntheticDrive
 from perception.datmo.config import DatmoConfig, DatmoMethod
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import datmo_stage
-from perception.errors import PoseError
 from perception.geometry import se3
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.pipeline.lidar_stages import LidarStages
-from perception.types import Frame, Tracks
+from perception.types import INS, Frame, HealthLevel, Tracks
 
 FRAMES = 24
 METHODS: tuple[DatmoMethod, ...] = ("default", "thesis", "author")
@@ -149,15 +148,18 @@ def test_without_ins_objects_are_tracked(drive, frames, method):
     assert ids
 
 
-def test_a_jumping_ins_is_an_error_of_the_pipeline_and_tracks_go_on_without_the_frame(
-    drive, frames
-):
+def test_a_jumping_ins_is_named_and_left_out_and_tracks_go_on(drive, frames):
     pipeline = Pipeline(drive.sensor, PipelineConfig.for_motion())
     for frame in frames[:12]:
-        before = pipeline.step(frame).tracks
+        before = pipeline.step(frame)
     far = frames[12].world_SE3_velo.copy()
     far[:3, 3] += 500.0
-    with pytest.raises(PoseError):
-        pipeline.step(replace(frames[12], world_SE3_velo=far))
-    after = pipeline.step(frames[13]).tracks
-    assert set(before.ids) & set(after.ids)
+    jumped = pipeline.step(replace(frames[12], world_SE3_velo=far))
+    after = pipeline.step(frames[13])
+    assert [(one.part, one.level, one.fault) for one in jumped.health.findings] == [
+        (INS, HealthLevel.ERROR, "INS jumping")
+    ]
+    assert before.health.level_of(INS) == after.health.level_of(INS) == HealthLevel.OK
+    off_m = (jumped.world_SE3_velo - frames[12].world_SE3_velo)[:3, 3]
+    assert np.linalg.norm(off_m) < 0.1
+    assert set(before.tracks.ids) & set(jumped.tracks.ids) & set(after.tracks.ids)

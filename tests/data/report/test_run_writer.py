@@ -145,13 +145,14 @@ def test_a_run_without_frames_leaves_no_page(drive, tmp_path):
 
 
 @pytest.mark.parametrize("is_installed", [True, False])
-def test_without_plotly_there_is_no_report(is_installed, monkeypatch, tmp_path):
+def test_without_plotly_there_is_no_report(is_installed, monkeypatch, tmp_path, caplog):
     class Street(SimpleNamespace):
         def __len__(self):
             return 2
 
     street = Street(sensor=SimpleNamespace(rate_hz=10.0), is_sequence=True, has_labels=False)
     spec = object() if is_installed else None
-    monkeypatch.setattr("data.results.run_writers.find_spec", lambda name: spec)
+    monkeypatch.setattr("data.report.page.find_spec", lambda name: spec)
     writers = list(run_writers(street, tmp_path, RunConfig(video=False)))
     assert any(isinstance(one, RunReportWriter) for one in writers) is is_installed
+    assert ("no report.html: " in caplog.text) is not is_installed
