@@ -80,7 +80,7 @@ HDL_64E = _spinning(
 )
 # Compared with the HDL-32E user's manual, "Laser Firing Sequence": 10.67 to -30.67, 4/3 apart; no return beyond 100 m.
 HDL_32E = _spinning("HDL-32E", _fan(10.67, -30.67, 32), 0.1660, (1.0, 100.0))
-# Compared with the VLP-16 user manual, table 9-1, vertical angle by laser ID.
+# Compared in part with the VLP-16 user manual, table 9-1, vertical angle by laser ID: lasers 7 to 15.
 VLP_16 = _spinning("VLP-16", _fan(15.0, -15.0, 16), 0.2, (0.5, 100.0))
 # Compared with user manual 63-9325 revision C, table 9-6: 0.333 degrees apart around the horizon.
 VLP_32C = _spinning(
@@ -124,7 +124,7 @@ _OUSTER = tuple(
     for beams in (32, 64, 128)
 )
 
-# Not compared with a table, but for the XT32. Pandar40P and Pandar64 are densest from 2 to -6 degrees.
+# Not compared with a table, but in part for the XT32. Pandar40P and Pandar64 are densest from 2 to -6 degrees.
 _PANDAR_SIDES = (*_fan(-7.0, -14.0, 8), -19.0, -25.0)
 _HESAI = (
     _spinning(
@@ -135,7 +135,7 @@ _HESAI = (
     ),
     # An even fan; the channels of the sensor are a little closer together in the middle.
     _spinning("QT64", _fan(52.1, -52.1, 64), 0.6, (0.1, 60.0)),
-    # Compared with the PandarXT user's manual, section 1.3: one degree apart.
+    # Compared in part with the PandarXT user's manual, section 1.3: one degree apart; not the single angles.
     _spinning("XT32", _fan(15.0, -16.0, 32), 0.18, (0.05, 120.0), noise_m=0.01),
     _spinning("AT128", _fan(12.9, -12.5, 128), 0.1, (1.0, 210.0), field_of_view_deg=120.0),
 )
