@@ -136,7 +136,7 @@ class VehicleRecord(ObjectRecord):
     """
 
     existence: Number
-    camera: str
+    camera: str = field(default="", kw_only=True)  # absent in what earlier versions wrote
     box_px: list[float] | None
     dominant_modality: str
     scores: dict[str, Number]
