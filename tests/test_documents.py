@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from perception.cli import train
-from perception.cli.main import COMMANDS, GROUPS, TrainingCommand
-from perception.cli.parser import parse
+from perception.cli.main import COMMANDS, GROUPS
 from perception.errors import PerceptionError, UsageError
 
 ROOT = Path(__file__).parents[1]
@@ -40,11 +38,7 @@ def fault_of(line: str) -> PerceptionError | None:
         is_group = words[1:] == [] and words[0] in GROUPS
         return None if is_group else UsageError(line, expected="a command", found="none")
     try:
-        rest = words[len(name.split()) :]
-        if isinstance(command := COMMANDS[name], TrainingCommand):
-            train.parse(command.target, rest)
-        else:
-            parse(f"trifuse {name}", command.load(), rest)
+        COMMANDS[name].validate(name, words[len(name.split()) :])
     except PerceptionError as error:
         return error
     return None

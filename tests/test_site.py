@@ -86,7 +86,7 @@ def test_python_of_the_tables_runs(tmp_path, monkeypatch, capsys):
 
 def test_each_method_page_has_both_methods_metrics_and_an_image_with_its_command():
     pages = [page for page in (DOCS / "method").glob("*.md") if page.name != "index.md"]
-    assert len(pages) == 10
+    assert len(pages) == 12
     for page in pages:
         text = page.read_text()
         assert "**Thesis" in text, page.name

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from perception.calibration.edge_alignment import offset_SE3
 from perception.errors import PerceptionError
-from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.sensor import LidarModel
 from perception.types import Float64, Frame
 
@@ -29,17 +27,23 @@ class _Watch:
     """The monitor on one error, which begins anew every few frames; without an error never."""
 
     def __init__(self, sensor: LidarModel, error: Float64) -> None:
+        from perception.calibration.edge_alignment import offset_SE3
+
         self._sensor, self._error_SE3_cam, self._restarts = sensor, offset_SE3(error), error.any()
         self.starts, self.delays = 0, list[int]()
         self._begin()
 
     def _begin(self) -> None:
+        from perception.health.miscalibration import MiscalibrationMonitor
+
         self._monitor, self._frames, self._is_done = MiscalibrationMonitor(self._sensor), 0, False
 
     def update(self, frame: Frame) -> None:
         """Give the monitor a frame with the error."""
         self._frames += 1
         pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
+        from perception.health.miscalibration import corrected
+
         found = self._monitor.update_pose(corrected(frame, self._error_SE3_cam), pose)
         if found and not self._is_done:
             self.delays.append(self._frames)
@@ -127,6 +131,7 @@ def _recalibrated(
     """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
     import time
 
+    from perception.calibration.edge_alignment import offset_SE3
     from perception.calibration.recalibration import recalibrate
     from perception.geometry.se3 import inverse, rotation_angle_rad
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from perception.cli.parser import CommandFunction, FlagGroup, call, flag_types, help_text, parse
+from perception.cli.parser import CommandFunction, FlagGroup, flag_types, parse
 from perception.errors import DriveError, PerceptionError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def batch(sources: list[str], *, out: Path, cluster: ClusterFlags) -> None:
         sources: Drives, globs of drives, or .txt lists of them; all sequences of each.
         out: Folder of the results of all drives.
         cluster: Workers.
-    """
+    """  # Its flags alone: `run_batch` knows the command, which no flag names.
 
 
 def run_batch(command: str, function: CommandFunction, words: Sequence[str]) -> None:
@@ -66,21 +66,25 @@ def run_batch(command: str, function: CommandFunction, words: Sequence[str]) -> 
         UsageError: A flag is unknown, or its value is not of its type.
         DriveError: A source holds no drive, or a drive failed.
     """
+    from data.batch.drive_task import find_drives
+
+    flags, of_command = parse_batch(command, function, words)
+    tasks = _tasks(command, function, of_command, find_drives(flags["sources"]), flags["out"])
+    _run_all(tasks, flags["out"], flags["cluster"])
+
+
+def parse_batch(
+    command: str, function: CommandFunction, words: Sequence[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the arguments of the batch, and the words of the command, which are parsed as well.
+
+    Raises:
+        UsageError: A flag is unknown, or its value is not of its type.
+    """
     own, of_command = _split(words)
-
-    def run(sources: list[str], *, out: Path, cluster: ClusterFlags) -> None:
-        from data.batch.drive_task import find_drives
-
-        tasks = _tasks(command, function, of_command, find_drives(sources), out)
-        _run_all(tasks, out, cluster)
-
-    run.__doc__ = batch.__doc__
-    call(f"trifuse batch {command}", run, own)
-
-
-def batch_help(command: str, *, everything: bool) -> str:
-    """Return the help of a batch of a command."""
-    return help_text(f"trifuse batch {command}", batch, everything=everything)
+    flags, _ = parse(f"trifuse batch {command}", batch, own)
+    parse(f"trifuse {command}", function, [flags["sources"][0], *of_command])
+    return flags, of_command
 
 
 def _split(words: Sequence[str]) -> tuple[list[str], list[str]]:

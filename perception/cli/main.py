@@ -10,7 +10,7 @@ from pathlib import Path
 
 from perception import __version__
 from perception.cli import study
-from perception.cli.parser import CommandFunction, call, flag_types, help_text
+from perception.cli.parser import CommandFunction, call, flag_types, help_text, parse
 from perception.cli.trainings import TRAININGS
 from perception.cli.trainings import help_text as training_help
 from perception.errors import PerceptionError, UsageError
@@ -60,6 +60,10 @@ class Command:
         """
         call(f"trifuse {name}", self.load(), words)
 
+    def validate(self, name: str, words: Sequence[str]) -> None:
+        """Raise the UsageError with which the words would be refused."""
+        parse(f"trifuse {name}", self.load(), words)
+
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help, of every flag where all are asked for."""
         return help_text(f"trifuse {name}", self.load(), everything=everything)
@@ -80,6 +84,12 @@ class TrainingCommand(Command):
 
         train(self.target, words)
 
+    def validate(self, name: str, words: Sequence[str]) -> None:
+        """Raise the UsageError with which the words would be refused."""
+        from perception.cli.train import parse as parse_training
+
+        parse_training(self.target, words)
+
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help; that of every flag imports torch."""
         return training_help(self.target, everything=everything)
@@ -90,40 +100,33 @@ class TrainingCommand(Command):
         return ()
 
 
-@dataclass(frozen=True)
 class BatchCommand(Command):
-    """A command on many drives; the target is its name, or `evaluate`, whose stage comes first among the words."""
+    """A command on many drives; the target has the flags of the batch, and the words hold those of the command, too."""
 
     def run(self, name: str, words: Sequence[str]) -> None:
-        """Run the command on every drive."""
+        """Run the command on every drive; that of a group, such as evaluate, is the first word."""
         from perception.cli.batch import run_batch
 
-        command, words = self._command(words)
-        run_batch(command, COMMANDS[command].load(), words)
+        command, rest = self._command(name, words)
+        run_batch(command, COMMANDS[command].load(), rest)
 
-    def help(self, name: str, *, everything: bool) -> str:
-        """Return the help of the batch; that of the command is its own."""
-        from perception.cli.batch import batch_help
+    def validate(self, name: str, words: Sequence[str]) -> None:
+        """Raise the UsageError with which the words would be refused."""
+        from perception.cli.batch import parse_batch
 
-        return batch_help(self.target, everything=everything)
+        command, rest = self._command(name, words)
+        parse_batch(command, COMMANDS[command].load(), rest)
 
-    @property
-    def flags(self) -> Sequence[str]:
-        """None: a batch that is repeated goes on."""
-        return ()
-
-    def _command(self, words: Sequence[str]) -> tuple[str, Sequence[str]]:
-        """Return the words of the command, and the words that are left."""
-        if self.target not in GROUPS:
-            return self.target, words
-        stages = [name.split()[1] for name in COMMANDS if name.startswith(f"{self.target} ")]
-        if not words or words[0] not in stages:
-            raise UsageError(
-                "command line",
-                expected=f"one of {', '.join(stages)}",
-                found=words[0] if words else "none",
-            )
-        return f"{self.target} {words[0]}", words[1:]
+    def _command(self, name: str, words: Sequence[str]) -> tuple[str, Sequence[str]]:
+        """Return the command of each drive, and the words behind it."""
+        command = name.removeprefix("batch ")
+        if command not in GROUPS:
+            return command, words
+        known = [one.split()[1] for one in COMMANDS if one.startswith(f"{command} ")]
+        if not words or words[0] not in known:
+            found = words[0] if words else "none"
+            raise UsageError("command line", expected=f"one of {', '.join(known)}", found=found)
+        return f"{command} {words[0]}", words[1:]
 
 
 # Commands by their words. "evaluate ground" is the function `evaluate_ground` of perception/cli/evaluate_ground.py;
@@ -175,7 +178,7 @@ COMMANDS: Mapping[str, Command] = {
         if name not in GROUPS and not name.startswith("batch ")
     },
     **{
-        name: BatchCommand(name.partition(" ")[2], summary)
+        name: BatchCommand("perception.cli.batch:batch", summary)
         for name, summary in SUMMARIES.items()
         if name.startswith("batch ")
     },

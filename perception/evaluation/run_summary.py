@@ -63,8 +63,9 @@ class RunSummary:
             self.vehicle_ids.update(vehicles.ids[vehicles.ids >= 0].tolist())
             is_counted = vehicles.fused.detections.scores >= self.display_score
             self.vehicles.append(int(np.count_nonzero(is_counted)))
-        if truth is not None:
-            points = result.frame.points_velo
+        points = result.frame.points_velo
+        # The truth of a scan with an injected fault is of other points.
+        if truth is not None and len(truth.classes) == len(points):
             by_range = ground_confusion(points, states, truth.classes, self.area)
             ground = sum(by_range.values(), Confusion())
             motion = motion_confusions(states, truth.classes, truth.is_moving)

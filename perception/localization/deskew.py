@@ -7,7 +7,6 @@ point at the stamp = velo_SE3_moved(t of the point) * point as measured
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from perception.geometry.se3 import (
     cross_matrix,
@@ -64,6 +63,9 @@ class SweepMotion:
         # The last pose is that at the stamp.
         at_s = np.append(np.linspace(*span_s, _STEPS + 1), np.clip(0.0, *span_s))
         poses = np.tile(np.eye(4), (len(at_s), 1, 1))
+        # Takes half a second to import, which a drive without times of points does not need.
+        from scipy.spatial.transform import Rotation, Slerp
+
         rotations = Slerp(times_s, Rotation.from_matrix(world_SE3_velo[:, :3, :3]))
         poses[:, :3, :3] = rotations(at_s).as_matrix()
         for axis in range(3):

@@ -20,7 +20,10 @@ INPUTS = {
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
     **dict.fromkeys(("study growth", "study thesis"), ""),
 }
-OUTPUTS = {"synth": "out", "export": "--out out", "split": "--out out"}
+OUTPUTS = {
+    "synth": "out",
+    **dict.fromkeys(("export", "split", *(one for one in COMMANDS if one.startswith("batch "))), "--out out"),
+}  # fmt: skip
 
 
 def section_flags(types: dict[str, object], values: dict[str, object]) -> Iterator[str]:

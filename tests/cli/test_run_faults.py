@@ -26,6 +26,20 @@ def test_the_results_name_the_faults(street, tmp_path, capsys):
     assert "the frame has no pose, those before it had one" in page
 
 
+def true_ground_points(printed: str) -> int:
+    table = printed[printed.index("points against the truth") :]
+    return int(table.split("\nground ")[1].split()[4])
+
+
+def test_the_truth_of_points_is_not_that_of_a_faulty_scan(street, tmp_path, capsys):
+    words = ["run", str(street), "--out", str(tmp_path / "r"), "--no-video", "--no-report"]
+    assert main([*words, "--fault", "lidar-sector:1-3:90"]) == 0
+    one_of_four = true_ground_points(capsys.readouterr().out)
+    assert main(["run", str(street), "--out", str(tmp_path / "s"), *words[4:]]) == 0
+    all_four = true_ground_points(capsys.readouterr().out)
+    assert 0.2 < one_of_four / all_four < 0.3
+
+
 def test_an_unknown_fault_is_refused(street, tmp_path):
     with fault(UsageError, "--fault", "camera-dark", "camera-drunk"):
         command("run", street, "--out", tmp_path / "r", "--fault", "camera-drunk:1-2")
