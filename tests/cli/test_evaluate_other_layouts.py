@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from perception.errors import DriveError
@@ -79,9 +80,22 @@ def test_obstacles(evaluate):
         moving = evaluate("obstacles", name)["points_moving"]
         assert moving["true_points"] > 0
         assert moving == kitti["points_moving"]
+    assert kitti["points_moving"]["precision"] > 0.9
+    # Key frames alone, the first and the third, have classes.
+    first, second, third = (
+        _moving_counts(evaluate("obstacles", "KITTI", "--frames", str(count)))
+        for count in (1, 2, 3)
+    )
     scene = evaluate("obstacles", "nuScenes")
-    assert scene["points_moving"]["precision"] > 0.9
+    assert _moving_counts(scene) == pytest.approx(first + third - second)
     assert scene["objects"]["objects"] > 0
+
+
+def _moving_counts(results: dict[str, Any]) -> np.ndarray:
+    """Return the numbers of points called moving that do move, and that do not."""
+    moving = results["points_moving"]
+    found = moving["recall"] * moving["true_points"]
+    return np.array([found, found / moving["precision"] - found if found else 0.0])
 
 
 def test_datmo(evaluate):
