@@ -185,6 +185,10 @@ def _lowest_of_cells(xy: Float64, z: Float64) -> np.ndarray:
 
 def _motion(before: Float32, after: Float32) -> Float64:
     """Return (3,) the motion of the LiDAR from one scan to the next; zeros where it is not sure."""
+    if np.array_equal(
+        before, after
+    ):  # a repeated scan, whose distances of zero would tell against standing
+        return np.zeros(3)
     target = preprocess_points(before, _VOXEL_M)
     source = preprocess_points(after, _VOXEL_M)
     starts = [

@@ -77,8 +77,12 @@ def test_the_model_with_fewer_unseen_beams_comes_first():
     assert fitting_models(SENSORS["OS0-64"].elevations_rad)[0][0] == "OS0-64"
 
 
-def test_standing_shows_no_forward(write_folder):
-    found = observe_folder(write_folder([road_scan(0)] * 2))
+@pytest.mark.parametrize("noise_m", [0.0, 0.01])
+def test_standing_shows_no_forward(write_folder, noise_m):
+    scans = [road_scan(0), road_scan(0)]
+    for seed, scan in enumerate(scans):
+        scan[:, :3] += noise_m * np.random.default_rng(seed).standard_normal((len(scan), 3))
+    found = observe_folder(write_folder(scans))
     assert {one.what for one in found.guesses} == {"axes", "tilt", "times", "rate"}
 
 
