@@ -5,13 +5,14 @@ Measured on images of KITTI, 1242x375, in the same run: 8.9 ms of CPU, of which 
 
 import struct
 import zlib
+from collections.abc import Iterator
 
 import numpy as np
 
 from perception.kernels.png_rows import restore_rows
 from perception.types import UInt8
 
-_START = b"\x89PNG\r\n\x1a\n"
+PNG_START = b"\x89PNG\r\n\x1a\n"
 # 8 bits, red, green and blue, deflated, the five filters, not interlaced.
 _PLAIN = (8, 2, 0, 0, 0)
 # Others, such as of orientation and animation, may change what is seen.
@@ -21,7 +22,7 @@ _MAX_PIXELS = 1 << 26
 
 def decode_rgb_png(data: bytes) -> UInt8 | None:
     """Decode to an (H, W, 3) RGB image; None of anything but a whole plain PNG image, which others may decode."""
-    if not data.startswith(_START) or data[12:16] != b"IHDR" or len(data) < 33:
+    if not data.startswith(PNG_START) or data[12:16] != b"IHDR" or len(data) < 33:
         return None
     width, height, *kind = struct.unpack(">IIBBBBB", data[16:29])
     deflated = _deflated(data)
@@ -40,17 +41,33 @@ def decode_rgb_png(data: bytes) -> UInt8 | None:
     return image.reshape(height, width, 3) if is_whole else None
 
 
+def has_whole_chunks(data: bytes) -> bool:
+    """Return whether every chunk of a PNG image ends within the file; OpenCV takes the memory that one states."""
+    return any(name == b"IEND" for name, _ in _chunks(data))
+
+
 def _deflated(data: bytes) -> bytes | None:
     """Return the deflated rows; None where the image has parts that may change it, or that are damaged."""
-    pieces, start = list[bytes](), 33
-    while start + 12 <= len(data):
-        length, name = struct.unpack(">I4s", data[start : start + 8])
-        end = start + 12 + length
+    pieces = list[bytes]()
+    for name, content in _chunks(data):
         if name == b"IEND":
             return b"".join(pieces)
         if name == b"IDAT":
-            pieces.append(data[start + 8 : end - 4])
-        elif name not in _HARMLESS:
+            pieces.append(content)
+        elif name not in (b"IHDR", *_HARMLESS):
             return None
-        start = end
     return None
+
+
+def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield name and content of each chunk, to the last that ends within the file."""
+    start = len(PNG_START)
+    while start + 12 <= len(data):
+        length, name = struct.unpack(">I4s", data[start : start + 8])
+        end = start + 12 + length
+        if end > len(data):
+            return
+        yield name, data[start + 8 : end - 4]
+        if name == b"IEND":
+            return
+        start = end

@@ -70,6 +70,13 @@ def cloud_of_columns(table: Table, source: str | Path) -> Cloud:
             found=", ".join(map(str, table)) or "no columns",
             advice="name the columns in order with --columns, such as x,y,z,intensity,ring,t",
         )
+    lengths = {np.shape(table[name]) for name in known.values()}
+    if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
+        raise ScanError(
+            source,
+            expected="one number a point in each column",
+            found=", ".join(f"{name} {np.shape(table[name])}" for name in known.values()),
+        )
     ring = table[known["ring"]] if "ring" in known else None
     return Cloud(
         xyz=np.column_stack([np.asarray(table[known[name]], np.float32) for name in "xyz"]),

@@ -110,10 +110,9 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
         raise ScanError(
             path, expected="an array of NumPy", found=str(error) or "no header"
         ) from error
-    if dtype.hasobject:
-        raise ScanError(
-            path, expected="an array of numbers", found="Python objects, which are not read"
-        )
+    if dtype.hasobject or dtype.itemsize == 0:
+        found = "Python objects, which are not read" if dtype.hasobject else f"{dtype} of no size"
+        raise ScanError(path, expected="an array of numbers", found=found)
     if count < 0 or count * dtype.itemsize > len(data) - file.tell():
         raise truncated_scan(path, count, dtype.itemsize, len(data) - file.tell())
     flat = np.frombuffer(data, dtype, count=count, offset=file.tell())

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data.kitti.image_header import MAX_PIXELS, stated_size_px
 from data.kitti.reading import read_bytes
 from data.per_frame import PerFrame
-from data.png import decode_rgb_png
+from data.png import PNG_START, decode_rgb_png, has_whole_chunks
 from perception.errors import DriveError, ImageError, LabelError, ScanError
 from perception.types import Float32, PointTruth, UInt8
 
@@ -34,7 +34,7 @@ _MAX_TIME_NS = 2**63  # in the year 2262
 # SemanticKITTI numbers the moving classes apart: car, bicyclist, person, motorcyclist, on rails,
 # bus, truck, other vehicle.
 _STATIC_CLASS = {252: 10, 253: 31, 254: 30, 255: 32, 256: 16, 257: 13, 258: 18, 259: 20}
-_END_OF_IMAGE = {b"\x89PNG": b"IEND", b"\xff\xd8\xff": b"\xff\xd9"}  # by how the file begins
+_JPEG_START, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 
 
 @dataclass(frozen=True)
@@ -261,9 +261,8 @@ def decode_image(
             found=f"{width}x{height} in its header",
             advice=advice,
         )
-    end = next((end for start, end in _END_OF_IMAGE.items() if data.startswith(start)), b"")
     decoded = None
-    if data and end in data[-1024:]:
+    if _is_whole(data):
         image = decode_rgb_png(data)
         if image is not None:
             return image
@@ -278,6 +277,13 @@ def decode_image(
             advice=advice,
         )
     return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+
+
+def _is_whole(data: bytes) -> bool:
+    """Return whether a PNG or JPEG image has its end; other images are left to OpenCV."""
+    if data.startswith(PNG_START):
+        return has_whole_chunks(data)
+    return bool(data) and (not data.startswith(_JPEG_START) or _JPEG_END in data[-1024:])
 
 
 def read_point_truth(path: Path, points: int) -> PointTruth:

@@ -12,6 +12,7 @@ from data.kitti.image_header import MAX_PIXELS, stated_size_px
 from data.kitti.sensor_files import decode_image, read_image
 from perception.errors import ImageError
 from tests.faults import fault
+from tests.fuzz.refusal import memory_bound
 
 
 def png(width: int, height: int) -> bytes:
@@ -66,3 +67,12 @@ def test_formats_without_a_known_header_end_in_one_sentence():
     image = b"P6 100000 100000 255\n" + bytes(100)
     with fault(ImageError, where="image.ppm", found="121 bytes that cannot be decoded"):
         decode_image(image, "image.ppm")
+
+
+def test_a_chunk_that_states_more_bytes_than_the_file_has_is_refused(tmp_path):
+    whole = cv2.imencode(".png", np.zeros((6, 9, 3), np.uint8))[1].tobytes()
+    start = whole.index(b"IDAT") - 4
+    path = tmp_path / "chunk.png"
+    path.write_bytes(whole[:start] + b"\x7f\xff\xff\xff" + whole[start + 4 :])
+    with memory_bound(64 << 20), fault(ImageError, str(path), expected="a whole PNG or JPEG image"):
+        read_image(path)

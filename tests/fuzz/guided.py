@@ -8,9 +8,12 @@ much memory as oom-...
 import argparse
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from tempfile import TemporaryDirectory
 
+from perception import kernels
 from tests.fuzz.parsers import PARSERS
 from tests.fuzz.refusal import place, refusal
 
@@ -55,6 +58,10 @@ def _fuzz(name: str, runs: int, out: Path) -> None:
     """Fuzz one parser; the fuzzer ends the process."""
     import atheris
 
+    for module in iter_modules(
+        kernels.__path__
+    ):  # numba compiles what is written there, and nothing that is added
+        import_module(f"{kernels.__name__}.{module.name}")
     with atheris.instrument_imports(include=[*_LIBRARIES]):
         for library in _LIBRARIES:
             __import__(library)

@@ -189,6 +189,12 @@ MALFORMED = {
     "objects.npy": (npy(ROWS, descr="|O"), "numbers", "Python objects"),
     "flat.npy": (npy(ROWS.ravel()), "(N, C) array", "shape (20,)"),
     "two.npy": (npy(ROWS[:, :2]), "3 to 6 columns", "2 columns"),
+    "sizeless.npy": (npy(ROWS, descr="|V0"), "numbers", "of no size"),
+    "uneven.npy": (
+        npy(ROWS, shape=(5,), descr=[("x", "<f4"), ("y", "<f4", (2,)), ("z", "<f4")]),
+        "one number a point",
+        "y (10,)",
+    ),
     "text.npy": (b"hello", "an array of NumPy", "magic"),
     "empty.npy": (b"", "an array of NumPy", ""),
     "many.npy": (npy(np.ones((5, 9))), "3 to 6 columns", "9 columns"),
