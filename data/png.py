@@ -43,7 +43,7 @@ def decode_rgb_png(data: bytes) -> UInt8 | None:
 
 def has_whole_chunks(data: bytes) -> bool:
     """Return whether every chunk of a PNG image ends within the file; OpenCV takes the memory that one states."""
-    return any(name == b"IEND" for name, _ in _chunks(data))
+    return any(name == b"IEND" and not content for name, content in _chunks(data))
 
 
 def _deflated(data: bytes) -> bytes | None:

@@ -70,12 +70,13 @@ def cloud_of_columns(table: Table, source: str | Path) -> Cloud:
             found=", ".join(map(str, table)) or "no columns",
             advice="name the columns in order with --columns, such as x,y,z,intensity,ring,t",
         )
-    lengths = {np.shape(table[name]) for name in known.values()}
-    if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
+    columns = {name: np.asarray(table[name]) for name in known.values()}
+    shapes = {column.shape for column in columns.values()}
+    are_numbers = all(column.dtype.kind in "fiub" for column in columns.values())
+    if not are_numbers or len(shapes) > 1 or any(len(shape) != 1 for shape in shapes):
+        found = [f"{name} {column.dtype} {column.shape}" for name, column in columns.items()]
         raise ScanError(
-            source,
-            expected="one number a point in each column",
-            found=", ".join(f"{name} {np.shape(table[name])}" for name in known.values()),
+            source, expected="one number a point in each column", found=", ".join(found)
         )
     ring = table[known["ring"]] if "ring" in known else None
     return Cloud(

@@ -19,6 +19,10 @@ from data.clouds.file_bytes import read_scan_bytes, require_scan_size, truncated
 from perception.errors import ScanError
 
 _XYZ = ("x", "y", "z")
+# What reading a header as Python, and a type from it, may raise.
+_MALFORMED = (
+    ValueError, SyntaxError, LookupError, TypeError, ArithmeticError, MemoryError, RecursionError,
+)  # fmt: skip
 
 
 def read_npy(path: Path, columns: Sequence[str] | None = None) -> Cloud:
@@ -69,7 +73,8 @@ def _cloud(array: NDArray[Any], columns: Sequence[str] | None, path: Path) -> Cl
             _named(list(table.values()), columns, path) if columns else table, path
         )
     if array.ndim == 3:  # an organised cloud
-        array = array.reshape(-1, array.shape[-1])
+        height, width, numbers = array.shape
+        array = array.reshape(height * width, numbers)
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise ScanError(
             path,
@@ -106,14 +111,19 @@ def _array(data: bytes, path: Path) -> NDArray[Any]:
         shape = tuple(map(index, header["shape"]))
         order: Literal["F", "C"] = "F" if header["fortran_order"] else "C"
         count = int(np.prod(shape, dtype=object))
-    except (ValueError, SyntaxError, KeyError, TypeError, struct.error, MemoryError) as error:
+    except (*_MALFORMED, struct.error) as error:
         raise ScanError(
             path, expected="an array of NumPy", found=str(error) or "no header"
         ) from error
-    if dtype.hasobject or dtype.itemsize == 0:
-        found = "Python objects, which are not read" if dtype.hasobject else f"{dtype} of no size"
+    if dtype.hasobject or dtype.itemsize == 0 or dtype.subdtype is not None:
+        found = "Python objects, which are not read" if dtype.hasobject else f"the type {dtype}"
         raise ScanError(path, expected="an array of numbers", found=found)
-    if count < 0 or count * dtype.itemsize > len(data) - file.tell():
+    if min(shape, default=0) < 0 or count * dtype.itemsize > len(data) - file.tell():
         raise truncated_scan(path, count, dtype.itemsize, len(data) - file.tell())
     flat = np.frombuffer(data, dtype, count=count, offset=file.tell())
-    return flat.reshape(shape, order=order)
+    try:
+        return flat.reshape(shape, order=order)
+    except ValueError as error:  # an axis beyond any memory beside one of no length
+        raise ScanError(
+            path, expected="an array of numbers", found=f"one of shape {shape}"
+        ) from error
