@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 from zipfile import ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
@@ -126,6 +126,32 @@ def write_attributes(source: object, names: Sequence[str]) -> bytes:
         NotStorableError: One holds what has no place in a file.
     """
     return write_snapshot({name: getattr(source, name) for name in names})
+
+
+class Restorable:
+    """An object whose attributes hold what it remembers of earlier frames.
+
+    Attributes:
+        memories: Names of these attributes.
+    """
+
+    memories: ClassVar[tuple[str, ...]]
+
+    def snapshot(self) -> bytes:
+        """Return what is remembered of earlier frames.
+
+        Raises:
+            NotStorableError: Something of it has no place in a file.
+        """
+        return write_attributes(self, self.memories)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go on from what an object of the same configuration remembered.
+
+        Raises:
+            DriveError: It is damaged, or of another configuration.
+        """
+        restore_attributes(self, snapshot, self.memories)
 
 
 class _Writer:

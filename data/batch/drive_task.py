@@ -2,18 +2,16 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from glob import glob
 from pathlib import Path
 from typing import Literal
 
 from data.frame_fingerprint import frame_fingerprint
-from data.open_drive import open_drive, sequences_in
+from data.open_drive import open_drive
 from data.results.records import read_record
 from perception import __version__
 from perception.atomic_file import write_atomically
-from perception.errors import DriveError, LabelError, PerceptionError
+from perception.errors import LabelError, PerceptionError
 
 State = Literal["done", "skipped", "failed"]
 _RECORD = "batch.json"
@@ -92,61 +90,6 @@ class DriveTask:
     def finish(self, outcome: DriveOutcome) -> None:
         """Remember that the results are whole."""
         write_atomically(self.record, json.dumps(vars(outcome)).encode())
-
-
-@dataclass(frozen=True)
-class DriveSource:
-    """A drive that a batch was given.
-
-    Attributes:
-        root: Folder or file of the drive, or of all sequences.
-        sequence: Name of the sequence, where the root holds several.
-    """
-
-    root: Path
-    sequence: str | None
-
-    @property
-    def name(self) -> str:
-        """Name of the drive."""
-        return self.sequence or self.root.name
-
-
-def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
-    """Return every drive of folders, globs, and list files, which hold one of these a line.
-
-    Raises:
-        DriveError: A pattern matches no path, or a path holds no drive.
-    """
-    roots = [root for pattern in patterns for root in _paths(pattern)]
-    return [DriveSource(root, name) for root in roots for name in sequences_in(root)]
-
-
-def _paths(pattern: str) -> list[Path]:
-    path = Path(pattern)
-    if path.suffix == ".txt" and path.is_file():
-        lines = path.read_text().splitlines()
-        named = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-        return [found for line in named for found in _paths(line)]
-    # Path.glob takes no absolute pattern.
-    found = [path] if path.exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
-    if not found:
-        raise DriveError(pattern, expected="a drive, a glob of drives, or a list", found="no path")
-    return found
-
-
-def folder_names(sources: Iterable[DriveSource]) -> list[str]:
-    """Return a name for the results of each drive; those of the same name get the folder of their root before it."""
-    listed = list(sources)
-    plain = [source.name for source in listed]
-    names = [
-        name if plain.count(name) == 1 else f"{source.root.resolve().parent.name}-{name}"
-        for source, name in zip(listed, plain, strict=True)
-    ]
-    return [
-        name if names.count(name) == 1 else f"{name}-{names[: n + 1].count(name)}"
-        for n, name in enumerate(names)
-    ]
 
 
 def results_folder(out: Path, name: str) -> Path:

@@ -11,7 +11,8 @@ from perception.cli.parser import CommandFunction, FlagGroup, flag_types, parse
 from perception.errors import DriveError, PerceptionError
 
 if TYPE_CHECKING:
-    from data.batch.drive_task import DriveOutcome, DriveSource, DriveTask
+    from data.batch.drive_sources import DriveSource
+    from data.batch.drive_task import DriveOutcome, DriveTask
 
 # Where each command writes, below the folder of a drive; check prints alone.
 _OUTPUTS: Mapping[str, tuple[str, str]] = {
@@ -66,7 +67,7 @@ def run_batch(command: str, function: CommandFunction, words: Sequence[str]) -> 
         UsageError: A flag is unknown, or its value is not of its type.
         DriveError: A source holds no drive, or a drive failed.
     """
-    from data.batch.drive_task import find_drives
+    from data.batch.drive_sources import find_drives
 
     flags, of_command = parse_batch(command, function, words)
     tasks = _tasks(command, function, of_command, find_drives(flags["sources"]), flags["out"])
@@ -107,7 +108,8 @@ def _tasks(
     sources: "Sequence[DriveSource]",
     out: Path,
 ) -> "list[DriveTask]":
-    from data.batch.drive_task import DriveTask, folder_names, results_folder
+    from data.batch.drive_sources import folder_names
+    from data.batch.drive_task import DriveTask, results_folder
 
     tasks = []
     for source, name in zip(sources, folder_names(sources), strict=True):

@@ -26,7 +26,7 @@ from perception.pipeline.budget import TimeBudget
 from perception.pipeline.lidar_stages import LidarResult
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
-from perception.snapshot import restore_attributes, write_attributes
+from perception.snapshot import Restorable
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import (
     Detections,
@@ -37,15 +37,14 @@ from perception.types import (
 
 log = logging.getLogger(__name__)
 
-# What remembers earlier frames.
-_MEMORIES = (
-    *("_tracker", "_budget", "_noted"),
-    *("_camera_monitors", "_stage_times", "_miscalibration"),
-)
 
+class CameraStages(Restorable):
+    """Runs the camera stages; the vehicle tracker and the monitors remember earlier frames."""
 
-class CameraStages:
-    """Runs the camera stages; only the vehicle tracker remembers earlier frames."""
+    memories = (
+        *("_tracker", "_budget", "_noted"),
+        *("_camera_monitors", "_stage_times", "_miscalibration"),
+    )
 
     def __init__(
         self,
@@ -80,18 +79,6 @@ class CameraStages:
         self._camera_monitors = AllCameraMonitors()
         self._stage_times = StageTimeMonitor(self._budget_s)
         self._miscalibration = MiscalibrationMonitor(self._sensor)
-
-    def snapshot(self) -> bytes:
-        """Return what the stages remember of earlier frames."""
-        return write_attributes(self, _MEMORIES)
-
-    def restore(self, snapshot: bytes) -> None:
-        """Go on from what the stages of the same configuration remembered.
-
-        Raises:
-            DriveError: It is damaged, or of another configuration.
-        """
-        restore_attributes(self, snapshot, _MEMORIES)
 
     def step(self, frame: Frame, lidar: "Future[LidarResult]", clock: StageClock) -> Result:
         """Run the stages on a frame in their order, beside those of the LiDAR worker.

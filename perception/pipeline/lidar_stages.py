@@ -22,7 +22,7 @@ from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
-from perception.snapshot import restore_attributes, write_attributes
+from perception.snapshot import Restorable
 from perception.types import (
     INS,
     Float64,
@@ -39,10 +39,6 @@ from perception.types import (
 )
 
 # Stages that remember earlier frames.
-_MEMORIES = (
-    *("_registration", "_ground", "_motion", "_datmo"),
-    *("_monitors", "_last", "_last_s", "_now_s", "_velocity"),
-)
 # Time after the last scan at which a scan without a valid stamp is taken to be.
 _NEXT_S = 1e-3
 
@@ -93,8 +89,13 @@ class LidarResult:
         )
 
 
-class LidarStages:
+class LidarStages(Restorable):
     """Runs the LiDAR stages on the frames of a drive in turn."""
+
+    memories = (
+        *("_registration", "_ground", "_motion", "_datmo"),
+        *("_monitors", "_last", "_last_s", "_now_s", "_velocity"),
+    )
 
     def __init__(self, sensor: LidarModel, config: PipelineConfig) -> None:
         """Make the stages.
@@ -106,18 +107,6 @@ class LidarStages:
         self._sensor, self._config = sensor, config
         self._meter = ScanMeter(sensor)
         self.reset()
-
-    def snapshot(self) -> bytes:
-        """Return what the stages remember of earlier frames."""
-        return write_attributes(self, _MEMORIES)
-
-    def restore(self, snapshot: bytes) -> None:
-        """Go on from what the stages of the same configuration remembered.
-
-        Raises:
-            DriveError: It is damaged, or of another configuration.
-        """
-        restore_attributes(self, snapshot, _MEMORIES)
 
     def reset(self) -> None:
         """Forget the drive so far."""

@@ -9,13 +9,8 @@ import pytest
 
 from data.batch.batch_run import run_tasks, write_outcomes
 from data.batch.cluster import open_cluster
-from data.batch.drive_task import (
-    DriveOutcome,
-    DriveSource,
-    DriveTask,
-    find_drives,
-    folder_names,
-)
+from data.batch.drive_sources import DriveSource, find_drives, folder_names
+from data.batch.drive_task import DriveOutcome, DriveTask
 from perception.errors import DriveError, UsageError
 from tests.car_frames import write_car_frames
 from tests.faults import fault

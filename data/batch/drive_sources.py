@@ -1,0 +1,63 @@
+"""The drives that a batch is given: folders, globs and lists of them, and a name for the results of each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from glob import glob
+from pathlib import Path
+
+from data.open_drive import sequences_in
+from perception.errors import DriveError
+
+
+@dataclass(frozen=True)
+class DriveSource:
+    """A drive that a batch was given.
+
+    Attributes:
+        root: Folder or file of the drive, or of all sequences.
+        sequence: Name of the sequence, where the root holds several.
+    """
+
+    root: Path
+    sequence: str | None
+
+    @property
+    def name(self) -> str:
+        """Name of the drive."""
+        return self.sequence or self.root.name
+
+
+def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
+    """Return every drive of folders, globs, and list files, which hold one of these a line.
+
+    Raises:
+        DriveError: A pattern matches no path, or a path holds no drive.
+    """
+    roots = [root for pattern in patterns for root in _paths(pattern)]
+    return [DriveSource(root, name) for root in roots for name in sequences_in(root)]
+
+
+def _paths(pattern: str) -> list[Path]:
+    path = Path(pattern)
+    if path.suffix == ".txt" and path.is_file():
+        lines = path.read_text().splitlines()
+        named = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+        return [found for line in named for found in _paths(line)]
+    # Path.glob takes no absolute pattern.
+    found = [path] if path.exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
+    if not found:
+        raise DriveError(pattern, expected="a drive, a glob of drives, or a list", found="no path")
+    return found
+
+
+def folder_names(sources: Sequence[DriveSource]) -> list[str]:
+    """Return a name for the results of each drive; those of the same name get the folder of their root before it."""
+    plain = [source.name for source in sources]
+    names = [
+        name if plain.count(name) == 1 else f"{source.root.resolve().parent.name}-{name}"
+        for source, name in zip(sources, plain, strict=True)
+    ]
+    return [
+        name if names.count(name) == 1 else f"{name}-{names[: n + 1].count(name)}"
+        for n, name in enumerate(names)
+    ]
