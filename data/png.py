@@ -9,15 +9,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from data.kitti.image_header import MAX_PIXELS, PNG_START
 from perception.kernels.png_rows import restore_rows
 from perception.types import UInt8
 
-PNG_START = b"\x89PNG\r\n\x1a\n"
 # 8 bits, red, green and blue, deflated, the five filters, not interlaced.
 _PLAIN = (8, 2, 0, 0, 0)
 # Others, such as of orientation and animation, may change what is seen.
 _HARMLESS = {b"gAMA", b"cHRM", b"sRGB", b"sBIT", b"pHYs", b"tEXt", b"tIME", b"bKGD"}
-_MAX_PIXELS = 1 << 26
 
 
 def decode_rgb_png(data: bytes) -> UInt8 | None:
@@ -26,7 +25,7 @@ def decode_rgb_png(data: bytes) -> UInt8 | None:
         return None
     width, height, *kind = struct.unpack(">IIBBBBB", data[16:29])
     deflated = _deflated(data)
-    if deflated is None or tuple(kind) != _PLAIN or not 0 < width * height <= _MAX_PIXELS:
+    if deflated is None or tuple(kind) != _PLAIN or not 0 < width * height <= MAX_PIXELS:
         return None
     length, inflation = height * (1 + 3 * width), zlib.decompressobj()
     try:

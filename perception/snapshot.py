@@ -17,7 +17,7 @@ from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar, cast
-from zipfile import ZIP_STORED, BadZipFile, ZipFile
+from zipfile import ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,8 +93,6 @@ def _damaged(where: Path | str, reason: str) -> DriveError:
 
 
 def _add(archive: ZipFile, name: str, data: bytes) -> None:
-    from zipfile import ZipInfo
-
     archive.writestr(ZipInfo(name, _EPOCH), data)
 
 

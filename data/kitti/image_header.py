@@ -5,7 +5,7 @@ import struct
 # 8192 x 8192, four times the pixels of the largest cameras of vehicles; 200 MB as RGB.
 MAX_PIXELS = 1 << 26
 
-_PNG = b"\x89PNG\r\n\x1a\n"
+PNG_START = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
 # Frame headers, which state the size; the other codes of this range are tables.
 _FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
@@ -15,7 +15,7 @@ _BARE = {0x01, *range(0xD0, 0xDA)}
 
 def stated_size_px(data: bytes) -> tuple[int, int] | None:
     """Return (width, height) as a PNG or JPEG image states it; None of another format, or where nothing is stated."""
-    if data.startswith(_PNG) and len(data) >= 24:
+    if data.startswith(PNG_START) and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
     return _jpeg_size_px(data) if data.startswith(_JPEG) else None

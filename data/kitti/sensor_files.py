@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from data.kitti.image_header import MAX_PIXELS, stated_size_px
+from data.kitti.image_header import MAX_PIXELS, PNG_START, stated_size_px
 from data.kitti.reading import read_bytes
 from data.per_frame import PerFrame
-from data.png import PNG_START, decode_rgb_png, has_whole_chunks
+from data.png import decode_rgb_png, has_whole_chunks
 from perception.errors import DriveError, ImageError, LabelError, ScanError
 from perception.types import Float32, PointTruth, UInt8
 

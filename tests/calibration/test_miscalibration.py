@@ -64,7 +64,7 @@ def test_the_sentence_states_the_change(board_frames):
     assert "+0.5" in found.reason.split("(")[0].split(",")[1]
 
 
-def test_frames_without_image_tell_nothing(board_frames):
+def test_frames_without_image_raise_no_finding(board_frames):
     blind = [replace(frame, image=None) for frame in board_frames]
     assert not any(findings(MiscalibrationMonitor(HDL_64E), blind, error_of("yaw"), count=40))
 

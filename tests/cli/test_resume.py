@@ -93,7 +93,7 @@ def test_a_run_of_other_flags_is_not_resumed(drive, finished):
         command(*words_of(drive, finished), "--resume", "--frames", "3")
 
 
-def test_a_damaged_checkpoint_changes_nothing(drive, finished):
+def test_a_damaged_checkpoint_leaves_the_results_as_they_are(drive, finished):
     (finished / "checkpoint.zip").write_bytes(b"damaged")
     before = content(finished)
     with fault(DriveError, where="checkpoint.zip", found="a damaged file", advice="--overwrite"):

@@ -43,7 +43,7 @@ def test_sizes_are_read_from_the_header(make):
     assert stated_size_px(make(640, 48)) == (640, 48)
 
 
-def test_other_formats_and_cut_ones_state_nothing():
+def test_other_formats_and_cut_ones_state_no_size():
     image = jpeg(640, 48)
     assert [stated_size_px(data) for data in (b"", b"BM", png(9, 9)[:20], image[:30])] == [None] * 4
     assert stated_size_px(b"\xff\xd8" + bytes(20)) is None

@@ -88,5 +88,5 @@ ROWS = filtered(IMAGE, [4])
         "too many rows", "unknown kind", "grey", "JPEG",
     ],
 )  # fmt: skip
-def test_anything_else_is_left_to_others(data: bytes) -> None:
+def test_other_forms_are_left_to_opencv(data: bytes) -> None:
     assert decode_rgb_png(data) is None

@@ -61,7 +61,7 @@ def test_intervals_of_a_random_error_hold_what_they_say(ratio, expected):
     assert long.rotation_coverage == pytest.approx(expected, abs=0.04)
 
 
-def test_without_exact_poses_nothing_is_known():
+def test_without_exact_poses_errors_are_unknown():
     measured = PoseIntervals(None)
     measured.update(result_at(0, np.eye(4), np.eye(6)))
     assert measured.compute() == {}
