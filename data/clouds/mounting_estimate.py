@@ -9,9 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.geometry.planes import (
+    fit_height_plane,
+    geman_mcclure_weights,
+    lowest_in_cells,
+    planes_through,
+)
 from perception.geometry.se3 import from_rotation_translation
 from perception.localization.alignment import align, preprocess_points, share_on_surfaces
-from perception.obstacles.ground_planes import planes_through
 from perception.types import Float32, Float64
 
 _SAMPLE = 40_000
@@ -135,16 +140,16 @@ def fit_ground(points: Float32, lane_m: float | None = None) -> GroundPlane | No
     radius_m = np.hypot(sample[:, 0], sample[:, 1])
     near = sample[(radius_m > _NEAR_M[0]) & (radius_m < _NEAR_M[1])]
     xy, z = near[:, :2], near[:, 2]
-    lowest = _lowest_of_cells(xy, z)
+    lowest = lowest_in_cells(xy, z, _CELL_M)
     if len(lowest) < _MIN_CELLS:
         return None
     # From the plane with most of the lowest points of cells to all points close to it.
-    plane = _fit(xy, z, _best_plane(near[lowest]), _ROUGHNESS_M)
+    plane = _fit(xy, z, _best_plane(near[lowest]))
     away_m = np.abs(xy @ plane[:2] + plane[2] - z)
     support = float((away_m < _SUPPORT_M).mean())
     in_lane = (np.abs(xy[:, 1]) < (lane_m or 0.0)) & (away_m < 2 * _SUPPORT_M)
     if in_lane.sum() >= _MIN_LANE_POINTS:
-        plane = _fit(xy[in_lane], z[in_lane], plane, _ROUGHNESS_M)
+        plane = _fit(xy[in_lane], z[in_lane], plane)
     normal = np.array([-plane[0], -plane[1], 1.0]) / np.sqrt(1 + plane[0] ** 2 + plane[1] ** 2)
     height_m = -float(plane[2] * normal[2])
     if height_m <= 0 or support < _MIN_SUPPORT:
@@ -164,30 +169,16 @@ def _best_plane(points: Float64) -> Float64:
     return np.asarray(-best[[0, 1, 3]] / best[2])
 
 
-def _fit(xy: Float64, z: Float64, plane: Float64, roughness_m: float) -> Float64:
-    """Return a, b, c of z = a x + b y + c by least squares, reweighted so that outliers count little."""
-    design = np.column_stack([xy, np.ones(len(xy))])
-    for _ in range(_ROUNDS):
-        weights = 1 / np.square(1 + np.square((z - design @ plane) / roughness_m))
-        weighted = design * weights[:, None]
-        plane = np.linalg.solve(weighted.T @ design + 1e-9 * np.eye(3), weighted.T @ z)
-    return plane
-
-
-def _lowest_of_cells(xy: Float64, z: Float64) -> np.ndarray:
-    """Return the index of the lowest point of every cell that has any."""
-    column, row = np.floor(xy / _CELL_M).astype(np.int64).T
-    order = np.lexsort((z, row, column))
-    is_new = np.ones(len(order), bool)
-    is_new[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
-    return np.asarray(order[is_new])
+def _fit(xy: Float64, z: Float64, start: Float64) -> Float64:
+    return fit_height_plane(
+        xy, z, start, scale_m=_ROUGHNESS_M, rounds=_ROUNDS, weights_of=geman_mcclure_weights
+    )
 
 
 def _motion(before: Float32, after: Float32) -> Float64:
     """Return (3,) the motion of the LiDAR from one scan to the next; zeros where it is not sure."""
-    if np.array_equal(
-        before, after
-    ):  # a repeated scan, whose distances of zero would tell against standing
+    # The distances of zero of a repeated scan would tell against standing.
+    if np.array_equal(before, after):
         return np.zeros(3)
     target = preprocess_points(before, _VOXEL_M)
     source = preprocess_points(after, _VOXEL_M)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import MountingError
+from perception.geometry.planes import fit_height_plane, lowest_in_cells
 from perception.sensor import LidarModel
-from perception.types import Float, Float32, Float64
+from perception.types import Float, Float32
 
 _AXES = "xyz"
 _SAMPLE = 6_000  # points are plenty: the check takes milliseconds
@@ -118,32 +119,11 @@ def _bounding_plane(points: Float, up: int, sign: int) -> _Plane:
     near = (radius_m > _NEAR_M[0]) & (radius_m < _NEAR_M[1])
     xy = points[near][:, across].astype(np.float64)
     z = sign * points[near, up].astype(np.float64)
-    lowest = _lowest_of_cells(xy, z)
+    lowest = lowest_in_cells(xy, z, _CELL_M)
     if len(lowest) < _MIN_CELLS:
         return _Plane(0.0, 0.0)
-    plane = _fit_plane(xy[lowest], z[lowest])
+    # Most outliers are above the ground, so the fit starts from a low quantile.
+    start = np.array([0.0, 0.0, np.quantile(z[lowest], 0.3)])
+    plane = fit_height_plane(xy[lowest], z[lowest], start, scale_m=_INLIER_M, rounds=_FIT_ROUNDS)
     distances_m = np.abs(xy @ plane[:2] + plane[2] - z)
     return _Plane(-sign * float(plane[2]), float((distances_m < _INLIER_M).mean()))
-
-
-def _lowest_of_cells(xy: Float64, z: Float64) -> np.ndarray:
-    """Return the index of the lowest point of every cell that has any."""
-    column, row = np.floor(xy / _CELL_M).astype(np.int64).T
-    order = np.lexsort((z, row, column))
-    is_new = np.ones(len(order), bool)
-    is_new[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
-    return np.asarray(order[is_new])
-
-
-def _fit_plane(xy: Float64, z: Float64) -> Float64:
-    """Return a, b, c of z = a x + b y + c by least squares, reweighted so that outliers count little.
-
-    Most outliers are above the ground, so the fit starts from a low quantile.
-    """
-    design = np.column_stack([xy, np.ones(len(xy))])
-    plane = np.array([0.0, 0.0, np.quantile(z, 0.3)])
-    for _ in range(_FIT_ROUNDS):
-        weights = 1 / (1 + np.square((z - design @ plane) / _INLIER_M))
-        weighted = design * weights[:, None]
-        plane = np.linalg.solve(weighted.T @ design + 1e-9 * np.eye(3), weighted.T @ z)
-    return plane

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from perception.geometry.grids import LocalArea
+from perception.geometry.planes import planes_through
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.sensor import LidarModel
 from perception.types import Bool, Float, Float64, Int
@@ -79,17 +80,6 @@ def quartile_gate_m(heights_m: Float) -> tuple[float, float]:
     """Return the limits Q25 - 0.5 IQR and Q75 that ground points lie between."""
     low, high = np.percentile(heights_m, (25, 75))
     return float(low - 0.5 * (high - low)), float(high)
-
-
-def planes_through(triples: Float64) -> Float64:
-    """Return (T, 4) planes through (T, 3, 3) point triples, normals up; NaN where they line up."""
-    origin = triples[:, 0]
-    across = np.cross(triples[:, 1] - origin, triples[:, 2] - origin)
-    normals: Float64 = np.asarray(across, np.float64)
-    normals = np.where(normals[:, 2:] < 0, -normals, normals)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.divide(normals, lengths, out=np.full_like(normals, np.nan), where=lengths > 1e-9)
-    return np.column_stack([normals, -np.sum(normals * origin, axis=1)])
 
 
 def best_supported_plane(points: Float64, samples: Int, inlier_m: float) -> Float64:

@@ -10,7 +10,6 @@ from perception.obstacles.ground_planes import (
     best_supported_plane,
     fit_plane,
     plane_step,
-    planes_through,
     quartile_gate_m,
     ransac_plane,
     slice_edges_m,
@@ -58,14 +57,6 @@ def test_the_last_metres_belong_to_a_slice() -> None:
 def test_gate_limits_of_a_small_array() -> None:
     # Q25 = 1, Q75 = 3, IQR = 2.
     assert quartile_gate_m(np.array([0.0, 1.0, 2.0, 3.0, 4.0])) == (0.0, 3.0)
-
-
-def test_planes_through_triples_point_up_and_lines_give_none() -> None:
-    flat = [[0, 0, 1], [0, 1, 1], [1, 0, 1]]
-    line = [[0, 0, 0], [1, 1, 1], [2, 2, 2]]
-    planes = planes_through(np.array([flat, line], float))
-    np.testing.assert_allclose(planes[0], [0, 0, 1, -1])
-    assert np.isnan(planes[1]).all()
 
 
 def test_vectorised_ransac_equals_the_loop_with_the_same_samples() -> None:
