@@ -15,7 +15,7 @@ import numpy as np
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.image_edges import EdgeMaps
 from perception.geometry.se3 import from_rotation_translation, from_rotation_vector
-from perception.kernels.edge_sampling import sample_maps
+from perception.kernels.edge_sampling import add_map_sums
 from perception.types import Float32, Float64, Int
 
 # Maps are smoothed less and less: broad ones lead from afar, narrow ones to the place.
@@ -63,22 +63,28 @@ class EdgeAlignment:
             frames: Edges of each frame, at least one.
             turn: Direction in which the LiDAR turns.
         """
-        self.frames = len(frames)
+        self._frames, self.frames = frames, len(frames)
         points = [frame.points_cam(turn) for frame in frames]
         self._parts = [_Part.of(frames, points, upright) for upright in (True, False)]
         self.edges = sum(len(part.frames) for part in self._parts)
+        self._counts = np.array([len(one) for one in points])
         self._smoothed: tuple[float, list[Float32]] = (0.0, [])
+
+    def with_turn(self, turn: SweepTurn) -> "EdgeAlignment":
+        """Return the alignment of the same frames for another direction, with the maps made so far."""
+        other = EdgeAlignment(self._frames, turn)
+        other._smoothed = self._smoothed
+        return other
 
     def score(self, offset: Float64, smoothing_px: float) -> AlignmentScore:
         """Return how well the edges lie on each other with an offset."""
         moved = offset_SE3(offset)
         maps = self._maps(smoothing_px)
-        sums, counts = np.zeros((self.frames, 7)), np.zeros(self.frames, np.int64)
+        sums = np.zeros((self.frames, 7))
         for part, smooth in zip(self._parts, maps, strict=True):
-            sums += part.sums(moved, smooth)
-            counts += np.bincount(part.frames, minlength=self.frames)
-        mean = sums.sum(axis=0) / max(int(counts.sum()), 1)
-        return AlignmentScore(float(mean[0]), mean[1:], sums[:, 0], sums[:, 1:], counts)
+            part.add_sums(moved, smooth, sums)
+        mean = sums.sum(axis=0) / max(self.edges, 1)
+        return AlignmentScore(float(mean[0]), mean[1:], sums[:, 0], sums[:, 1:], self._counts)
 
     def align(
         self,
@@ -174,8 +180,9 @@ class _Part:
         return cls(np.concatenate(used), of_frame, [frame.image for frame in frames], is_upright)
 
     @cached_property
-    def _projections(self) -> Float64:
-        return np.stack([one.map_P_cam for one in self.maps])[self.frames]
+    def _map_P_cam(self) -> Float64:
+        """(F, 3, 4) projection to the maps of each frame."""
+        return np.stack([one.map_P_cam for one in self.maps])
 
     def smoothed(self, smoothing_px: float) -> Float32:
         """Return the (F, h, w) smoothed maps, as large as the smallest."""
@@ -186,25 +193,19 @@ class _Part:
     def pixels(self, moved_SE3_cam: Float64) -> Float64:
         """Return (K, 2) places in the maps, NaN behind the camera."""
         points = self.points_cam @ moved_SE3_cam[:3, :3].T + moved_SE3_cam[:3, 3]
-        projections = self._projections
+        projections = self._map_P_cam[self.frames]
         ahead = np.einsum("kij,kj->ki", projections[:, :, :3], points) + projections[:, :, 3]
         depths_m = np.where(ahead[:, 2] > _NEAREST_M, ahead[:, 2], np.nan)
         return np.asarray(ahead[:, :2] / depths_m[:, None])
 
-    def sums(self, moved_SE3_cam: Float64, maps: Float32) -> Float64:
-        """Return the (F, 7) sums of the images' edges at those of the scans, and their gradients."""
-        turned = self.points_cam @ moved_SE3_cam[:3, :3].T
-        points = turned + moved_SE3_cam[:3, 3]
-        projections = self._projections
-        ahead = np.einsum("kij,kj->ki", projections[:, :, :3], points) + projections[:, :, 3]
-        depths_m = np.where(ahead[:, 2] > _NEAREST_M, ahead[:, 2], np.nan)
-        columns, rows = ahead[:, 0] / depths_m, ahead[:, 1] / depths_m
-        value, along_u, along_v = sample_maps(maps, self.frames, columns, rows)
-        # Slopes in the map, along the homogeneous pixel, along the point, along the offset.
-        depths_m = np.where(np.isfinite(depths_m), depths_m, 1.0)
-        columns, rows = np.nan_to_num(columns), np.nan_to_num(rows)
-        slopes = np.column_stack([along_u, along_v, -along_u * columns - along_v * rows])
-        of_point = np.einsum("ki,kij->kj", slopes / depths_m[:, None], projections[:, :, :3])
-        terms = np.column_stack([value, np.cross(turned, of_point), of_point])
-        sums = [np.bincount(self.frames, term, minlength=len(self.maps)) for term in terms.T]
-        return np.column_stack(sums)
+    def add_sums(self, moved_SE3_cam: Float64, maps: Float32, sums: Float64) -> None:
+        """Add the images' edges at those of the scans, and their gradients, to (F, 7) sums."""
+        add_map_sums(
+            maps,
+            self._map_P_cam,
+            self.points_cam,
+            self.frames,
+            moved_SE3_cam,
+            _NEAREST_M,
+            sums,
+        )

@@ -59,6 +59,9 @@ class OnlineCalibration:
         Args:
             sensor: LiDAR model of the scans.
         """
+        # Imported by now, it takes no 50 ms of the first frame that is aligned.
+        import scipy.optimize  # noqa: F401
+
         self._sensor = sensor
         self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)
         self._pose: tuple[float, Float64] | None = None
@@ -73,11 +76,11 @@ class OnlineCalibration:
             frame: Frame as it came from the sensors; one without image or calibration tells nothing.
             world_SE3_velo: (4, 4) pose of the LiDAR.
         """
-        motion = self._motion(frame, world_SE3_velo)
-        self._pose = frame.stamp_s, world_SE3_velo
+        before, self._pose = self._pose, (frame.stamp_s, world_SE3_velo)
         self._count += 1
         if frame.image is None or frame.calibration is None or self._count % _EVERY:
             return None
+        motion = None if before is None else self._motion(frame, world_SE3_velo, *before)
         self._frames.append(
             FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES)
         )
@@ -90,15 +93,14 @@ class OnlineCalibration:
         self.estimate = self._align()
         return self.estimate
 
-    def _motion(self, frame: Frame, world_SE3_velo: Float64) -> SweepMotion | None:
-        """Return the motion of the LiDAR since the frame before."""
-        if self._pose is None:
-            return None
-        before_s, before = self._pose
+    def _motion(
+        self, frame: Frame, world_SE3_velo: Float64, before_s: float, world_SE3_before: Float64
+    ) -> SweepMotion | None:
+        """Return the motion of the LiDAR since the frame before, None across a gap."""
         gap_s = frame.stamp_s - before_s
         if not 0 < gap_s <= _MAX_GAP_S:
             return None
-        return steady_motion(inverse(world_SE3_velo) @ before, -gap_s, self._sensor)
+        return steady_motion(inverse(world_SE3_velo) @ world_SE3_before, -gap_s, self._sensor)
 
     def _align(self) -> OffsetEstimate:
         turn = max(self._turn_scores, key=lambda one: self._turn_scores[one])
@@ -109,7 +111,7 @@ class OnlineCalibration:
             again = self._estimate(alignment, self._search(alignment))
             found = max(found, again, key=lambda one: one.contrast)
         for one in _TURNS:
-            score = EdgeAlignment(self._frames, one).score(found.offset, _SMOOTHINGS_PX[-1]).value
+            score = alignment.with_turn(one).score(found.offset, _SMOOTHINGS_PX[-1]).value
             self._turn_scores[one] = _MEMORY * self._turn_scores[one] + score
         return found
 

@@ -10,8 +10,6 @@ import numpy as np
 
 from perception.geometry.se3 import (
     cross_matrix,
-    from_rotation_translation,
-    from_rotation_vector,
     inverse,
     rotation_vector,
 )
@@ -53,8 +51,7 @@ class SweepMotion:
         """
         times_s = np.linspace(*span_s, _STEPS + 1)
         turn, along = _twist(velo_SE3_later)
-        poses = [_moved(turn * share, along * share) for share in times_s / later_s]
-        return cls(span_s, np.stack(poses))
+        return cls(span_s, _moved(turn, along, times_s / later_s))
 
     @classmethod
     def of_poses(cls, times_s: Float64, world_SE3_velo: Float64) -> "SweepMotion":
@@ -95,20 +92,27 @@ def deskew(points_velo: Float32, point_times_s: Float32, motion: SweepMotion) ->
 def _twist(pose: Float64) -> tuple[Float64, Float64]:
     """Return rotation vector and translation whose constant motion reaches a pose: the logarithm in SE(3)."""
     turn = rotation_vector(pose[:3, :3])
-    return turn, np.asarray(np.linalg.solve(_arc(turn), pose[:3, 3]), np.float64)
+    return turn, np.asarray(np.linalg.solve(_arcs(turn, np.ones(1))[0], pose[:3, 3]), np.float64)
 
 
-def _moved(turn: Float64, along: Float64) -> Float64:
-    """Return the pose that a constant motion reaches: the exponential in SE(3)."""
-    return from_rotation_translation(from_rotation_vector(turn), _arc(turn) @ along)
+def _moved(turn: Float64, along: Float64, shares: Float64) -> Float64:
+    """Return the (K, 4, 4) poses that (K,) shares of a constant motion reach: the exponential in SE(3)."""
+    arcs, of_path = _arcs(turn, shares), shares[:, None, None]
+    poses = np.tile(np.eye(4), (len(shares), 1, 1))
+    # A rotation is what its mean on the way has turned: exp(w) = I + w mean.
+    poses[:, :3, :3] += of_path * (cross_matrix(turn) @ arcs)
+    poses[:, :3, 3] = shares[:, None] * (arcs @ along)
+    return poses
 
 
-def _arc(turn: Float64) -> Float64:
-    """Return the (3, 3) mean of the rotations on the way to a rotation vector."""
-    angle_rad = float(np.linalg.norm(turn))
+def _arcs(turn: Float64, shares: Float64) -> Float64:
+    """Return the (K, 3, 3) mean of the rotations on the way to each of (K,) shares of a rotation vector."""
     cross = cross_matrix(turn)
-    if angle_rad < _SMALL_RAD:
-        return np.asarray(np.eye(3) + cross / 2)
-    first = (1 - np.cos(angle_rad)) / angle_rad**2
-    second = (angle_rad - np.sin(angle_rad)) / angle_rad**3
-    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)
+    angles_rad = np.abs(shares) * np.linalg.norm(turn)
+    # np.sinc(t) is sin(pi t) / (pi t), and 1 at 0.
+    first = 0.5 * np.sinc(angles_rad / (2 * np.pi)) ** 2
+    is_large = angles_rad > _SMALL_RAD
+    safe_rad = np.where(is_large, angles_rad, 1.0)
+    second = np.where(is_large, (safe_rad - np.sin(safe_rad)) / safe_rad**3, 1 / 6)
+    cross_parts = (shares * first)[:, None, None] * cross
+    return np.asarray(np.eye(3) + cross_parts + (shares**2 * second)[:, None, None] * cross @ cross)
