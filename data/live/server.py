@@ -1,6 +1,5 @@
 """Results for live viewers: a WebSocket server that speaks Foxglove's protocol."""
 
-import logging
 from types import TracebackType
 from typing import Self
 
@@ -33,8 +32,6 @@ class ResultServer:
         self._channels = ResultChannels(context, min_score)
         from foxglove import start_server
 
-        # It would report each start, viewer and end.
-        logging.getLogger("foxglove").setLevel(logging.WARNING)
         try:
             self._server = start_server(
                 name=name, host=host, port=port, context=context, message_backlog_size=_BACKLOG

@@ -201,7 +201,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return 0, 2 where the user has to act, or 130 after an interrupt."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     prog = f"trifuse {_command_of(words) or ' '.join(words[:1])}".rstrip()
-    logging.basicConfig(handlers=[_LogHandler()], format="%(message)s", level=logging.INFO)
+    # Of libraries, warnings alone: what matplotlib caches is no news to a user.
+    logging.basicConfig(handlers=[_LogHandler()], format="%(message)s")
+    for room in ("perception", "data", "train", "export", "benchmarks"):
+        logging.getLogger(room).setLevel(logging.INFO)
     try:
         if arguments is None and not {"", str(Path.cwd())} & set(sys.path):
             # Processes that libraries start find no modules in the working folder either.

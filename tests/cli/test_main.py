@@ -89,6 +89,18 @@ def test_an_interrupt_is_130_and_says_how_to_go_on(words, advice, monkeypatch, c
     assert (error.count("\n"), error.endswith(f"; {advice}\n")) == (1, True)
 
 
+def test_of_libraries_only_warnings_are_shown():
+    code = """import logging; from perception.cli.main import main
+main(["--version"])
+for name in ("matplotlib.font_manager", "perception.tracking"):
+    logging.getLogger(name).info("%s: news", name)
+logging.getLogger("matplotlib").warning("a warning")"""
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert ran.stderr.splitlines() == ["perception.tracking: news", "a warning"]
+
+
 def test_output_that_cannot_be_written_is_one_sentence():
     with Path("/dev/full").open("w") as full:
         ran = subprocess.run(
