@@ -101,21 +101,23 @@ class Frame:
     camera: str = "camera"
     further_cameras: tuple[CameraImage, ...] = ()
 
-    @cached_property
+    @property
     def views(self) -> "tuple[Frame, ...]":
         """The frame as each camera sees it: itself, then the same scan with the image of each further camera."""
-        return (
-            self,
-            *(
-                replace(
-                    self,
-                    camera=one.name,
-                    image=one.image,
-                    calibration=one.calibration,
-                    further_cameras=(),
-                )
-                for one in self.further_cameras
-            ),
+        # Kept in the frame, a tuple with the frame itself would hold it until cyclic garbage is collected.
+        return (self, *self._further_views)
+
+    @cached_property
+    def _further_views(self) -> "tuple[Frame, ...]":
+        return tuple(
+            replace(
+                self,
+                camera=one.name,
+                image=one.image,
+                calibration=one.calibration,
+                further_cameras=(),
+            )
+            for one in self.further_cameras
         )
 
     def __post_init__(self) -> None:

@@ -1,10 +1,15 @@
-"""Threads share few heaps, and a run imports no more than it needs."""
+"""Threads share few heaps, frames are freed in time, and a run imports no more than it needs."""
 
 import ctypes
+import gc
 import subprocess
 import sys
+import weakref
+from dataclasses import replace
 
 import pytest
+
+from perception.pipeline import Pipeline
 
 # Threads that allocate at the same time, and the number of heaps that they made.
 COUNT_HEAPS = """
@@ -43,6 +48,23 @@ def test_threads_share_two_heaps():
         [sys.executable, "-c", COUNT_HEAPS], capture_output=True, text=True, check=True
     )
     assert int(ran.stdout) <= 2
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_frames_are_freed_without_collection_of_cycles(all_stages, street_frames, parallel):
+    frames = [replace(frame) for frame in street_frames]
+    freed = [weakref.ref(frame) for frame in frames]
+    gc.disable()
+    try:
+        with Pipeline(config=replace(all_stages, parallel=parallel)) as pipeline:
+            with pipeline.stream(frames.pop(0) for _ in freed) as results:
+                for result in results:
+                    assert result.frame.index < len(freed)
+            del result, results
+            # The workers may hold the last one until their next task.
+            assert [frame() for frame in freed[:-1]] == [None] * (len(freed) - 1)
+    finally:
+        gc.enable()
 
 
 def test_a_run_without_a_tracker_of_one_object_imports_none():
