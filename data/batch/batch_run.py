@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from data.batch.drive_task import DriveOutcome, DriveTask, sentence_of
+from data.batch.drive_task import DriveOutcome, Task, sentence_of
 from data.results.folder import DRIVES
 from perception.atomic_file import atomic_file, write_atomically
 
@@ -18,7 +18,7 @@ _DOCUMENTS = ("summary.json", "metrics.json")
 
 
 def run_tasks(
-    client: "Client", work: Callable[[DriveTask], DriveOutcome], tasks: Sequence[DriveTask]
+    client: "Client", work: Callable[[Task], DriveOutcome], tasks: Sequence[Task]
 ) -> Iterator[DriveOutcome]:
     """Yield what became of each drive, in the order in which they end.
 
@@ -38,7 +38,7 @@ def run_tasks(
             yield DriveOutcome(task.name, "failed", 0, 0.0, "", sentence_of(error))
 
 
-def write_outcomes(out: Path, outcomes: Sequence[DriveOutcome], tasks: Sequence[DriveTask]) -> None:
+def write_outcomes(out: Path, outcomes: Sequence[DriveOutcome], tasks: Sequence[Task]) -> None:
     """Write drives.jsonl, and drives.parquet where pyarrow is installed: a row a drive, with the numbers of its results."""
     folder_of = {task.name: task.folder for task in tasks}
     rows = [

@@ -1,7 +1,8 @@
-"""One command on one drive: what identifies it, where its results go, and what became of it."""
+"""One command line of a batch: what identifies it, where its results go, and what became of it."""
 
 import hashlib
 import json
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -40,21 +41,17 @@ class DriveOutcome:
 
 
 @dataclass(frozen=True)
-class DriveTask:
-    """A command on a drive.
+class Task(ABC):
+    """A command line that is done once.
 
     Attributes:
         name: Name of the folder of results, unique in the batch.
-        root: Folder or file of the drive, or of all sequences.
-        sequence: Name of the sequence, where the root holds several.
-        words: Words of the command line, the drive and its output included.
-        folder: Folder of the results of this drive.
+        words: Words of the command line, what it reads and writes included.
+        folder: Folder of the results.
         settings: Text of the effective configuration.
     """
 
     name: str
-    root: Path
-    sequence: str | None
     words: tuple[str, ...]
     folder: Path
     settings: str
@@ -64,18 +61,23 @@ class DriveTask:
         """File that is written when the results are whole."""
         return self.folder / _RECORD
 
-    def key(self) -> tuple[str, int]:
-        """Return a hash of the files, the configuration and the version, and the number of frames.
-
-        Files count by name, size and time of change, as reading a fleet's scans twice would take hours.
+    @abstractmethod
+    def inputs(self) -> tuple[object, int]:
+        """Return as JSON what identifies the files that are read, and the number of frames.
 
         Raises:
-            PerceptionError: The drive cannot be opened.
+            PerceptionError: They cannot be opened.
         """
-        drive = open_drive(self.root, sequence=self.sequence)
-        frames = [frame_fingerprint(drive, index) for index in range(len(drive))]
-        content = json.dumps([__version__, self.settings, frames], default=str)
-        return hashlib.blake2b(content.encode(), digest_size=16).hexdigest(), len(drive)
+
+    def key(self) -> tuple[str, int]:
+        """Return a hash of the inputs, the configuration and the version, and the number of frames.
+
+        Raises:
+            PerceptionError: The inputs cannot be opened.
+        """
+        inputs, frames = self.inputs()
+        content = json.dumps([__version__, self.settings, inputs], default=str)
+        return hashlib.blake2b(content.encode(), digest_size=16).hexdigest(), frames
 
     def finished(self, key: str) -> DriveOutcome | None:
         """Return the outcome of an earlier batch that the same inputs led to."""
@@ -90,6 +92,39 @@ class DriveTask:
     def finish(self, outcome: DriveOutcome) -> None:
         """Remember that the results are whole."""
         write_atomically(self.record, json.dumps(vars(outcome)).encode())
+
+
+@dataclass(frozen=True)
+class DriveTask(Task):
+    """A command on a drive.
+
+    Attributes:
+        root: Folder or file of the drive, or of all sequences.
+        sequence: Name of the sequence, where the root holds several.
+    """
+
+    root: Path
+    sequence: str | None
+
+    def inputs(self) -> tuple[object, int]:
+        """Return names, sizes and times of the files; reading a fleet's scans twice would take hours."""
+        drive = open_drive(self.root, sequence=self.sequence)
+        return [frame_fingerprint(drive, index) for index in range(len(drive))], len(drive)
+
+
+@dataclass(frozen=True)
+class SynthTask(Task):
+    """A part of synthetic drives, which reads no files.
+
+    Attributes:
+        frames: Number of its frames.
+    """
+
+    frames: int
+
+    def inputs(self) -> tuple[object, int]:
+        """Return the words of the part."""
+        return self.words, self.frames
 
 
 def results_folder(out: Path, name: str) -> Path:

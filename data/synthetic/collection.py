@@ -1,6 +1,6 @@
 """Several synthetic drives, each of another world."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -72,13 +72,48 @@ class SynthConfig:
             WorldConfig(ego_m_s=self.ego_m_s)
 
     @property
-    def total_frames(self) -> int:
-        """How many frames will be written."""
-        return self.frames if self.layout == "object" else self.frames * self.drives
+    def units(self) -> int:
+        """Number of drives, or of worlds in the object layout: what can be written apart."""
+        return self.drives if self.layout != "object" else -(-self.frames // _FRAMES_A_WORLD)
+
+    def part(self, number: int = 1, count: int = 1) -> "SynthPart":
+        """Return one of some parts of about the same size.
+
+        Args:
+            number: Number of the part, from 1.
+            count: Number of parts.
+
+        Raises:
+            UsageError: There is no such part.
+        """
+        if not 1 <= number <= count <= self.units:
+            expected = f"one of at most {self.units} parts, such as 1/{self.units}"
+            raise UsageError("--part", expected=expected, found=f"{number}/{count}")
+        first, end = ((n * self.units) // count for n in (number - 1, number))
+        if self.layout != "object":
+            return SynthPart(range(first, end), self.frames * (end - first))
+        frames = min(end * _FRAMES_A_WORLD, self.frames) - first * _FRAMES_A_WORLD
+        return SynthPart(range(first, end), frames)
+
+
+@dataclass(frozen=True)
+class SynthPart:
+    """Some of the drives, or of the worlds of the object layout.
+
+    Attributes:
+        numbers: Numbers of the drives or worlds.
+        frames: Number of their frames.
+    """
+
+    numbers: range
+    frames: int
 
 
 def write_drives(
-    out: Path, synth_config: SynthConfig, done: Callable[[], object] = lambda: None
+    out: Path,
+    synth_config: SynthConfig,
+    done: Callable[[], object] = lambda: None,
+    part: SynthPart | None = None,
 ) -> list[Path]:
     """Write drives below a folder; return the folder that opens as each.
 
@@ -86,16 +121,18 @@ def write_drives(
         out: Folder for the drives.
         synth_config: Configuration of the drives.
         done: Function called after each frame.
+        part: Drives or worlds to write; else all. The same files, whatever the parts.
     """
+    part = part or synth_config.part()
     with limit_blas_threads():  # frames are written side by side already
         if synth_config.layout == "object":
-            return [_write_object_frames(out, synth_config, done)]
+            return [_write_object_frames(out, synth_config, part.numbers, done)]
         write = {
             "raw": writer.write_raw, "tracking": writer.write_tracking, "folder": write_folder,
         }[synth_config.layout]  # fmt: skip
         return [
             write(draw_drive(synth_config, number, synth_config.frames), out, number, done)
-            for number in range(synth_config.drives)
+            for number in part.numbers
         ]
 
 
@@ -118,15 +155,14 @@ def draw_drive(synth_config: SynthConfig, number: int, frames: int) -> Synthetic
     )  # fmt: skip
 
 
-def _write_object_frames(out: Path, synth_config: SynthConfig, done: Callable[[], object]) -> Path:
+def _write_object_frames(
+    out: Path, synth_config: SynthConfig, worlds: range, done: Callable[[], object]
+) -> Path:
     folder = out
-    for world, numbers in enumerate(_batches(synth_config.frames)):
-        frames = range(0, _FRAMES_APART * len(numbers), _FRAMES_APART)
+    for world in worlds:
+        first = world * _FRAMES_A_WORLD
+        count = min(_FRAMES_A_WORLD, synth_config.frames - first)
+        frames = range(0, _FRAMES_APART * count, _FRAMES_APART)
         drive = draw_drive(synth_config, world, frames[-1] + 1)
-        folder = writer.write_objects(drive, out, numbers[0], frames, done)
+        folder = writer.write_objects(drive, out, first, frames, done)
     return folder
-
-
-def _batches(frames: int) -> Iterator[range]:
-    for first in range(0, frames, _FRAMES_A_WORLD):
-        yield range(first, min(first + _FRAMES_A_WORLD, frames))

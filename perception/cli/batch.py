@@ -11,8 +11,7 @@ from perception.cli.parser import CommandFunction, FlagGroup, flag_types, parse
 from perception.errors import DriveError, PerceptionError
 
 if TYPE_CHECKING:
-    from data.batch.drive_sources import DriveSource
-    from data.batch.drive_task import DriveOutcome, DriveTask
+    from data.batch.drive_task import DriveOutcome, Task
 
 # Where each command writes, below the folder of a drive; check prints alone.
 _OUTPUTS: Mapping[str, tuple[str, str]] = {
@@ -22,6 +21,7 @@ _OUTPUTS: Mapping[str, tuple[str, str]] = {
     "evaluate": ("--json", "metrics.json"),
 }
 _MAX_LISTED = 10  # failures that are printed
+_WORLDS_A_TASK = 4  # of the object layout: 20 frames
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,27 @@ def batch(sources: list[str], *, out: Path, cluster: ClusterFlags) -> None:
     """  # Its flags alone: `run_batch` knows the command, which no flag names.
 
 
-def run_batch(command: str, function: CommandFunction, words: Sequence[str]) -> None:
+def batch_synth(out: Path, *, cluster: ClusterFlags) -> None:
+    """Write synthetic drives on all cores or a cluster: the same files as `trifuse synth`; go on where a batch stopped.
+
+    Flags that are not listed here are those of `trifuse synth`. A worker writes a drive at a time, or 20 frames of the
+    object layout; OUT/drives.jsonl has a row of each.
+
+    Example: trifuse batch synth results/streets --drives 200 --frames 20
+
+    Args:
+        out: Folder for the drives.
+        cluster: Workers.
+    """
+
+
+def run_batch(
+    own: CommandFunction, command: str, function: CommandFunction, words: Sequence[str]
+) -> None:
     """Run a command on every drive that the words name.
 
     Args:
+        own: `batch` or `batch_synth`, for the flags of the batch.
         command: Words of the command, such as `evaluate ground`.
         function: The command.
         words: Words behind them: drives, flags of the batch and of the command.
@@ -67,51 +84,54 @@ def run_batch(command: str, function: CommandFunction, words: Sequence[str]) -> 
         UsageError: A flag is unknown, or its value is not of its type.
         DriveError: A source holds no drive, or a drive failed.
     """
-    from data.batch.drive_sources import find_drives
-
-    flags, of_command = parse_batch(command, function, words)
-    tasks = _tasks(command, function, of_command, find_drives(flags["sources"]), flags["out"])
+    flags, of_command = parse_batch(own, command, function, words)
+    if own is batch_synth:
+        tasks = _synth_tasks(function, of_command, flags["out"])
+    else:
+        tasks = _drive_tasks(command, function, of_command, flags["sources"], flags["out"])
     _run_all(tasks, flags["out"], flags["cluster"])
 
 
 def parse_batch(
-    command: str, function: CommandFunction, words: Sequence[str]
+    own: CommandFunction, command: str, function: CommandFunction, words: Sequence[str]
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the arguments of the batch, and the words of the command, which are parsed as well.
 
     Raises:
         UsageError: A flag is unknown, or its value is not of its type.
     """
-    own, of_command = _split(words)
-    flags, _ = parse(f"trifuse batch {command}", batch, own)
-    parse(f"trifuse {command}", function, [flags["sources"][0], *of_command])
+    of_batch, of_command = _split(words, own)
+    flags, _ = parse(f"trifuse batch {command}", own, of_batch)
+    first = flags["sources"][0] if "sources" in flags else str(flags["out"])
+    parse(f"trifuse {command}", function, [first, *of_command])
     return flags, of_command
 
 
-def _split(words: Sequence[str]) -> tuple[list[str], list[str]]:
+def _split(words: Sequence[str], own: CommandFunction) -> tuple[list[str], list[str]]:
     """Return the words of the batch, drives included, and those of the command."""
-    names = {f"--{name.replace('_', '-')}" for name in flag_types(batch)}
-    own: list[str] = []
+    names = {f"--{name.replace('_', '-')}" for name in flag_types(own)}
+    of_batch: list[str] = []
     of_command: list[str] = []
-    target = own
+    target = of_batch
     for word in words:
         if word.startswith("--"):
-            target = own if word.partition("=")[0] in names else of_command
+            target = of_batch if word.partition("=")[0] in names else of_command
         target.append(word)
-    return own, of_command
+    return of_batch, of_command
 
 
-def _tasks(
+def _drive_tasks(
     command: str,
     function: CommandFunction,
     words: Sequence[str],
-    sources: "Sequence[DriveSource]",
+    patterns: Sequence[str],
     out: Path,
-) -> "list[DriveTask]":
-    from data.batch.drive_sources import folder_names
+) -> "list[Task]":
+    from data.batch.drive_sources import find_drives, folder_names
     from data.batch.drive_task import DriveTask, results_folder
 
-    tasks = []
+    sources = find_drives(patterns)
+    tasks: list[Task] = []
     for source, name in zip(sources, folder_names(sources), strict=True):
         folder = results_folder(out, name)
         chosen = [] if source.sequence is None else ["--sequence", source.sequence]
@@ -122,12 +142,39 @@ def _tasks(
         again = ["--overwrite"] if "overwrite" in flag_types(function) else []
         all_words = (*command.split(), *line, *again)
         tasks.append(
-            DriveTask(name, source.root, source.sequence, all_words, folder, config.text())
+            DriveTask(name, all_words, folder, config.text(), source.root, source.sequence)
         )
     return tasks
 
 
-def _run_all(tasks: "Sequence[DriveTask]", out: Path, cluster: ClusterFlags) -> None:
+def _synth_tasks(function: CommandFunction, words: Sequence[str], out: Path) -> "list[Task]":
+    from data.batch.drive_task import SynthTask, results_folder
+    from data.synthetic.collection import SynthConfig
+    from perception.sensor import load_sensor
+
+    line = [str(out), *words]
+    given, config = parse("trifuse synth", function, line)
+    synth_config = SynthConfig(
+        **{name: given[name] for name in ("layout", "frames", "drives", "cameras")},
+        sensor=load_sensor(given["sensor"]),
+        ego_m_s=given["speed"],
+    )
+    parts = synth_config.units
+    if synth_config.layout == "object":
+        parts = -(-parts // _WORLDS_A_TASK)
+    return [
+        SynthTask(
+            f"part-{number:04d}",
+            ("synth", *line, "--part", f"{number}/{parts}"),
+            results_folder(out, f"part-{number:04d}"),
+            config.text(),
+            synth_config.part(number, parts).frames,
+        )
+        for number in range(1, parts + 1)
+    ]
+
+
+def _run_all(tasks: "Sequence[Task]", out: Path, cluster: ClusterFlags) -> None:
     from data.batch.batch_run import run_tasks, write_outcomes
     from data.batch.cluster import dashboard, open_cluster
     from data.report.page import can_write_report
@@ -154,7 +201,7 @@ def _run_all(tasks: "Sequence[DriveTask]", out: Path, cluster: ClusterFlags) -> 
         )
 
 
-def run_task(task: "DriveTask") -> "DriveOutcome":
+def run_task(task: "Task") -> "DriveOutcome":
     """Run the command of a drive in this process, unless its results are there; called by workers."""
     from data.batch.drive_task import DriveOutcome, sentence_of
     from perception.cli.main import run_command_line

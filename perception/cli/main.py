@@ -108,14 +108,14 @@ class BatchCommand(Command):
         from perception.cli.batch import run_batch
 
         command, rest = self._command(name, words)
-        run_batch(command, COMMANDS[command].load(), rest)
+        run_batch(self.load(), command, COMMANDS[command].load(), rest)
 
     def validate(self, name: str, words: Sequence[str]) -> None:
         """Raise the UsageError with which the words would be refused."""
         from perception.cli.batch import parse_batch
 
         command, rest = self._command(name, words)
-        parse_batch(command, COMMANDS[command].load(), rest)
+        parse_batch(self.load(), command, COMMANDS[command].load(), rest)
 
     def _command(self, name: str, words: Sequence[str]) -> tuple[str, Sequence[str]]:
         """Return the command of each drive, and the words behind it."""
@@ -159,6 +159,7 @@ SUMMARIES: Mapping[str, str] = {
     "batch maps": "dense depth and reflectance maps",
     "batch check": "what is missing, damaged or implausible",
     "batch evaluate": "a stage against labels or exact truth",
+    "batch synth": "synthetic drives",
     "train": "train networks, or search the parameters of the proposals",
     "train detector": "image detector of one modality",
     "train fusion": "fusion of the three modalities' detectors",
@@ -178,8 +179,9 @@ COMMANDS: Mapping[str, Command] = {
         if name not in GROUPS and not name.startswith("batch ")
     },
     **{
-        name: BatchCommand("perception.cli.batch:batch", summary)
+        name: BatchCommand(f"perception.cli.batch:{function}", summary)
         for name, summary in SUMMARIES.items()
+        for function in ["batch_synth" if name == "batch synth" else "batch"]
         if name.startswith("batch ")
     },
     **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in TRAININGS},

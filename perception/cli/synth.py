@@ -5,6 +5,7 @@ from pathlib import Path
 from data.results.command_config import CommandConfig
 from data.synthetic.layout import CameraName, SynthLayout
 from data.synthetic.street_kind import StreetKind
+from perception.errors import UsageError
 
 
 def synth(
@@ -23,6 +24,7 @@ def synth(
     speed: float | None = None,
     street: StreetKind | None = None,
     cameras: tuple[CameraName, ...] = ("front",),
+    part: str | None = None,
 ) -> None:
     """Write synthetic drives in KITTI's layouts or as folders, with the exact class and motion of every point.
 
@@ -44,6 +46,7 @@ def synth(
         speed: Desired speed of the ego vehicle in metres per second; else that of the street.
         street: Kind of street; else a busy street, and from the second drive on any kind but a jam.
         cameras: Cameras of the vehicle, the main one first: front, front_left, front_right, left, right, rear.
+        part: Part to write beside what is there, such as 3/8, the third of eight; so jobs of a cluster share the work.
     """
     from data.results.folder import ResultsFolder
     from data.synthetic.collection import SynthConfig, write_drives
@@ -63,8 +66,20 @@ def synth(
         street=street,
         cameras=cameras,
     )
-    ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
-    with counting_bar("synth", synth_config.total_frames) as bar:
-        folders = write_drives(out, synth_config, bar.update)
+    chosen = synth_config.part(*_part_words(part))
+    if part is None:  # parts share the folder
+        ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
+    with counting_bar("synth", chosen.frames) as bar:
+        folders = write_drives(out, synth_config, bar.update, chosen)
     for folder in dict.fromkeys(folders):
         print(folder)
+
+
+def _part_words(part: str | None) -> tuple[int, int]:
+    """Return the number of a part and the number of parts, such as 3/8."""
+    if part is None:
+        return 1, 1
+    number, slash, count = part.partition("/")
+    if not (slash and number.isdecimal() and count.isdecimal()):
+        raise UsageError("--part", expected="a part such as 3/8", found=part)
+    return int(number), int(count)

@@ -49,6 +49,26 @@ def test_maps_of_a_fleet(fleet, tmp_path, capsys):
     assert states(out) == dict.fromkeys("abc", "done")
 
 
+@pytest.mark.slow
+def test_streets_of_a_batch_are_those_of_one_process(tmp_path):
+    words = ["--layout", "tracking", "--drives", "2", "--frames", "1", "--no-images"]
+    words += ["--sensor", "VLP-16", "--seed", "4"]
+    batch, alone = tmp_path / "batch", tmp_path / "alone"
+    run_command_line(["batch", "synth", str(batch), *words, "--workers", "2"])
+    assert states(batch) == {"part-0001": "done", "part-0002": "done"}
+    run_command_line(["synth", str(alone), *words])
+    files = [path.relative_to(alone) for path in alone.rglob("training/**/*") if path.is_file()]
+    assert len(files) == sum(path.is_file() for path in batch.rglob("training/**/*"))
+    for path in files:
+        assert (batch / path).read_bytes() == (alone / path).read_bytes(), path
+
+
+def test_streets_that_cannot_be_made_are_refused_before_any_worker(tmp_path):
+    with fault(UsageError, where="HDL-128"):
+        run_command_line(["batch", "synth", str(tmp_path / "out"), "--sensor", "HDL-128"])
+    assert not (tmp_path / "out").exists()
+
+
 def test_flags_of_the_command_are_met_before_any_drive(fleet, tmp_path):
     words = ["batch", "maps", str(fleet / "a"), "--out", str(tmp_path / "out"), "--wrong", "1"]
     with fault(UsageError, "command line", found="--wrong"):

@@ -16,13 +16,14 @@ INPUTS = {
     "evaluate results": "x --labels y",
     **dict.fromkeys(("study reflectance-maps", "study detector-losses"), "x --validation y"),
     "study sim-to-real": "x --validation y",
-    **dict.fromkeys(("demo", "synth", "bench", "completion"), ""),
+    **dict.fromkeys(("demo", "synth", "batch synth", "bench", "completion"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
     **dict.fromkeys(("study growth", "study thesis"), ""),
 }
 OUTPUTS = {
     "synth": "out",
     **dict.fromkeys(("export", "split", *(one for one in COMMANDS if one.startswith("batch "))), "--out out"),
+    "batch synth": "out",
 }  # fmt: skip
 
 

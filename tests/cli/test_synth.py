@@ -1,5 +1,7 @@
 """`trifuse synth`."""
 
+import pytest
+
 from perception.cli.main import main
 from perception.errors import UsageError
 from tests.faults import command, fault
@@ -31,3 +33,12 @@ def test_drives_are_refused_or_replaced(tmp_path, capsys):
     assert len(list(tmp_path.rglob("*.bin"))) == 2
     assert main([*words, "--frames", "1", "--overwrite"]) == 0
     assert len(list(tmp_path.rglob("*.bin"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("part", "found"), [("3", "3"), ("0/2", "0/2"), ("3/2", "3/2"), ("1/3", "1/3"), ("a/b", "a/b")]
+)
+def test_a_part_that_does_not_exist_is_an_error(tmp_path, part, found):
+    with fault(UsageError, "--part", found=found):
+        command("synth", tmp_path, "--drives", "2", "--part", part)
+    assert not list(tmp_path.iterdir())

@@ -23,7 +23,7 @@ def cluster():
 
 
 def task_in(folder: Path, name: str, settings: str = "") -> DriveTask:
-    return DriveTask(name, folder / name, None, ("run",), folder / "out" / name, settings)
+    return DriveTask(name, ("run",), folder / "out" / name, settings, folder / name, None)
 
 
 def outcome_of(task: DriveTask) -> DriveOutcome:

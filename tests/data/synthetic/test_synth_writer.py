@@ -31,7 +31,7 @@ def test_a_sequence_round_trip(made, tmp_path, layout):
     synth_config = replace(SEQUENCE, layout=layout)
     done = []
     [folder] = write_drives(tmp_path, synth_config, lambda: done.append(1))
-    assert len(done) == synth_config.total_frames == FRAMES
+    assert len(done) == synth_config.part().frames == FRAMES
     read = open_drive(folder)
     assert (len(read), read.sensor.name) == (FRAMES, "VLP-16")
     for index in range(FRAMES):
@@ -75,6 +75,25 @@ def test_object_frames_come_from_several_worlds(tmp_path):
     assert (labels.track_ids == -1).all()
     assert ((labels.truncation >= 0) & (labels.truncation <= 1)).all()
     assert read.point_truth(5) is not None
+    apart = tmp_path / "apart"
+    for number in (1, 2):
+        write_drives(apart, synth_config, part=synth_config.part(number, 2))
+    files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    assert all((apart / "training" / path).is_file() for path in files)
+    scan = "velodyne/000005.bin"
+    assert (apart / "training" / scan).read_bytes() == (folder / scan).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("drives", "frames", "layout", "sizes"),
+    [(5, 7, "raw", [14, 21]), (1, 52, "object", [25, 27]), (1, 3, "object", [3])],
+)
+def test_parts_share_all_frames(drives, frames, layout, sizes):
+    synth_config = SynthConfig(layout=layout, drives=drives, frames=frames)
+    parts = [synth_config.part(n + 1, len(sizes)) for n in range(len(sizes))]
+    assert [one.frames for one in parts] == sizes
+    numbers = [number for one in parts for number in one.numbers]
+    assert numbers == list(range(synth_config.units))
 
 
 def test_words_tell_class_motion_and_instance(street_drive):
