@@ -20,7 +20,7 @@ from benchmarks.single_object import compare_color_filters, compare_single_objec
 from benchmarks.stages import PreparedDrive, compare_voxels
 from benchmarks.vehicle_tracking import compare_vehicle_trackers
 from benchmarks.video import compare_video
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 
 COMPARISONS: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
     "registration": compare_registration,
@@ -48,15 +48,10 @@ def _compare_detectors(prepared: PreparedDrive) -> Comparison:
     Raises:
         MissingDependencyError: A package is missing.
     """
-    try:
+    with optional_package(
+        "torch, onnx and onnxscript", needed_for="the benchmark of detectors", extra="train"
+    ):
         from benchmarks.detectors import compare_detectors
-    except ImportError as error:
-        raise MissingDependencyError(
-            "torch, onnx and onnxscript",
-            needed_for="the benchmark of detectors",
-            extra="train",
-            reason=error,
-        ) from error
     return compare_detectors(prepared)
 
 

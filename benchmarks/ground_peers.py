@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import KDTree
 
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import LidarModel
 from perception.types import Bool, Float, Float32, Float64
@@ -52,12 +52,8 @@ def patchwork(sensor: LidarModel) -> ClassifyGround:
     Raises:
         MissingDependencyError: The package is not installed.
     """
-    try:
+    with optional_package("pypatchworkpp", needed_for="the Patchwork++ peer", extra="bench"):
         import pypatchworkpp
-    except ImportError as error:
-        raise MissingDependencyError(
-            "pypatchworkpp", needed_for="the Patchwork++ peer", extra="bench", reason=error
-        ) from error
     parameters = pypatchworkpp.Parameters()
     parameters.verbose = False
     parameters.sensor_height = sensor.height_m
@@ -78,12 +74,8 @@ def line_fit(sensor: LidarModel) -> ClassifyGround:
     Raises:
         MissingDependencyError: The package is not installed.
     """
-    try:
+    with optional_package("linefit", needed_for="the line fit peer", extra="bench"):
         import linefit
-    except ImportError as error:
-        raise MissingDependencyError(
-            "linefit", needed_for="the line fit peer", extra="bench", reason=error
-        ) from error
     estimator = linefit.ground_seg()
     raised_m = np.array([0.0, 0.0, sensor.height_m - _HEIGHT_ON_KITTI_M], np.float32)
 
@@ -98,12 +90,8 @@ class RansacPlane:
     """One plane for the whole area, by Open3D's RANSAC."""
 
     def __init__(self, distance_m: float = 0.1, iterations: int = 200) -> None:
-        try:
+        with optional_package("open3d", needed_for="the RANSAC plane peer", extra="bench"):
             import open3d
-        except ImportError as error:
-            raise MissingDependencyError(
-                "open3d", needed_for="the RANSAC plane peer", extra="bench", reason=error
-            ) from error
         self._open3d, self._distance_m, self._iterations = open3d, distance_m, iterations
 
     def estimate(self, points_velo: Float) -> PiecewisePlanes:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 from perception.types import Bool, Float32, Float64
 
 # ((N, 4) points of the next scan, (4, 4) world_SE3_velo) to (N,) whether each point moves.
@@ -24,12 +24,8 @@ def dufomap(
     Raises:
         MissingDependencyError: The package is not installed.
     """
-    try:
+    with optional_package("dufomap", needed_for="the DUFOMap peer", extra="bench"):
         from dufomap import dufomap as make_map
-    except ImportError as error:
-        raise MissingDependencyError(
-            "dufomap", needed_for="the DUFOMap peer", extra="bench", reason=error
-        ) from error
     free_space = make_map(voxel_size_m, hit_margin_m, unknown_margin, num_threads=1)
 
     def classify(points_velo: Float32, world_SE3_velo: Float64) -> Bool:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from export.parity import Arrays, Network
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 
 
 def openvino_network(
@@ -21,12 +21,8 @@ def openvino_network(
     Raises:
         MissingDependencyError: OpenVINO is not installed.
     """
-    try:
+    with optional_package("openvino", needed_for="the OpenVINO peer", extra="bench"):
         import openvino
-    except ImportError as error:
-        raise MissingDependencyError(
-            "openvino", needed_for="the OpenVINO peer", extra="bench", reason=error
-        ) from error
     core = openvino.Core()
     model = core.read_model(file)
     shape = image_shape or model.input("images").partial_shape.get_max_shape()[1:]

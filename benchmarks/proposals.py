@@ -14,7 +14,7 @@ from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.above_ground import find_above_ground
 from perception.detection.depthcn.proposals import propose
 from perception.detection.height_cells import HeightCells
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
 from perception.types import Bool, Float64, Int, Labels, Method
@@ -86,12 +86,8 @@ def _clustering(
 
 
 def _scikit_learn() -> Callable[[Float64, float, int], Int]:
-    try:
+    with optional_package("scikit-learn", needed_for="the DBSCAN peer", extra="bench"):
         from sklearn.cluster import DBSCAN
-    except ImportError as error:
-        raise MissingDependencyError(
-            "scikit-learn", needed_for="the DBSCAN peer", extra="bench", reason=error
-        ) from error
 
     def fit(xy_m: Float64, radius_m: float, min_points: int) -> Int:
         if len(xy_m) == 0:  # which it refuses

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 from perception.types import Float32, Float64
 
 # (target points, source points, first guess of target_SE3_source) to target_SE3_source.
@@ -13,12 +13,10 @@ Register = Callable[[Float32, Float32, Float64], Float64]
 
 def one_call_small_gicp() -> Register:
     """Return small_gicp's one-line call with its defaults on two threads."""
-    try:
+    with optional_package(
+        "small_gicp", needed_for="the small_gicp registration peer", extra="bench"
+    ):
         import small_gicp
-    except ImportError as error:
-        raise MissingDependencyError(
-            "small_gicp", needed_for="the small_gicp registration peer", extra="bench", reason=error
-        ) from error
 
     def register(target: Float32, source: Float32, guess: Float64) -> Float64:
         result = small_gicp.align(
@@ -40,13 +38,9 @@ def kiss_icp_odometry() -> Callable[[Float32], Float64]:
     Raises:
         MissingDependencyError: The package is not installed.
     """
-    try:
+    with optional_package("kiss-icp", needed_for="the KISS-ICP peer", extra="bench"):
         from kiss_icp.config import load_config
         from kiss_icp.kiss_icp import KissICP
-    except ImportError as error:
-        raise MissingDependencyError(
-            "kiss-icp", needed_for="the KISS-ICP peer", extra="bench", reason=error
-        ) from error
     config = load_config(None)
     config.data.deskew = False
     config.registration.max_num_threads = 1
@@ -61,12 +55,8 @@ def kiss_icp_odometry() -> Callable[[Float32], Float64]:
 
 def open3d_point_to_plane(voxel_size_m: float = 0.5, reach_m: float = 1.0) -> Register:
     """Return point-to-plane ICP by Open3D on scans thinned to one point a box."""
-    try:
+    with optional_package("open3d", needed_for="the Open3D registration peer", extra="bench"):
         import open3d
-    except ImportError as error:
-        raise MissingDependencyError(
-            "open3d", needed_for="the Open3D registration peer", extra="bench", reason=error
-        ) from error
     registration = open3d.pipelines.registration
 
     def thin(points: Float32) -> object:

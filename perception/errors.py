@@ -4,6 +4,8 @@ Libraries raise them; the command line prints one as a sentence and exits with c
 """
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +93,26 @@ class MissingDependencyError(PerceptionError):
             found=str(reason),
             advice=f"install it with: {pip_command(extra)}",
         )
+
+
+@contextmanager
+def optional_package(package: str, *, needed_for: str, extra: str) -> Iterator[None]:
+    """Import an optional package in a `with`, and state how it is installed where it is missing.
+
+    Args:
+        package: Name of the package, as pip knows it.
+        needed_for: Flag, file or method that needs it.
+        extra: Extra of this program that installs it.
+
+    Raises:
+        MissingDependencyError: It is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingDependencyError(
+            package, needed_for=needed_for, extra=extra, reason=error
+        ) from error
 
 
 def pip_command(extra: str) -> str:

@@ -12,7 +12,7 @@ import io
 import json
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from enum import Enum
 from pathlib import Path
@@ -96,36 +96,6 @@ def _add(archive: ZipFile, name: str, data: bytes) -> None:
     archive.writestr(ZipInfo(name, _EPOCH), data)
 
 
-def restore_attributes(target: object, data: bytes, names: Sequence[str]) -> None:
-    """Set attributes of an object to those that `write_attributes` wrote.
-
-    Args:
-        target: Object of the same configuration.
-        data: What was written.
-        names: Names of the attributes.
-
-    Raises:
-        DriveError: The state is of other kinds of objects.
-    """
-    values = read_snapshot(data, type(target).__name__)
-    if not isinstance(values, dict) or tuple(values) != tuple(names):
-        raise _damaged(type(target).__name__, "it is of another version")
-    for name, value in values.items():
-        kinds = {type(value), type(getattr(target, name)), type(None)}
-        if len(kinds) > 2:  # one kind, or nothing at one of both times
-            raise _damaged(type(target).__name__, f"{name} is of another kind")
-        setattr(target, name, value)
-
-
-def write_attributes(source: object, names: Sequence[str]) -> bytes:
-    """Write attributes of an object, as `write_snapshot` does.
-
-    Raises:
-        NotStorableError: One holds what has no place in a file.
-    """
-    return write_snapshot({name: getattr(source, name) for name in names})
-
-
 class Restorable:
     """An object whose attributes hold what it remembers of earlier frames.
 
@@ -141,7 +111,7 @@ class Restorable:
         Raises:
             NotStorableError: Something of it has no place in a file.
         """
-        return write_attributes(self, self.memories)
+        return write_snapshot({name: getattr(self, name) for name in self.memories})
 
     def restore(self, snapshot: bytes) -> None:
         """Go on from what an object of the same configuration remembered.
@@ -149,7 +119,15 @@ class Restorable:
         Raises:
             DriveError: It is damaged, or of another configuration.
         """
-        restore_attributes(self, snapshot, self.memories)
+        where = type(self).__name__
+        values = read_snapshot(snapshot, where)
+        if not isinstance(values, dict) or tuple(values) != self.memories:
+            raise _damaged(where, "it is of another version")
+        for name, value in values.items():
+            kinds = {type(value), type(getattr(self, name)), type(None)}
+            if len(kinds) > 2:  # one kind, or nothing at one of both times
+                raise _damaged(where, f"{name} is of another kind")
+            setattr(self, name, value)
 
 
 class _Writer:

@@ -12,9 +12,18 @@ import pytest
 
 from perception.errors import DriveError
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.snapshot import NotStorableError, read_snapshot, restore_attributes, write_snapshot
+from perception.snapshot import NotStorableError, Restorable, read_snapshot, write_snapshot
 from perception.types import HealthLevel
 from tests.faults import fault
+
+
+class Counter(Restorable):
+    """An object that remembers a number."""
+
+    memories = ("count",)
+
+    def __init__(self):
+        self.count = 0
 
 
 def again(value):
@@ -157,8 +166,8 @@ def test_a_file_of_a_stranger_runs_nothing_and_is_one_sentence(data):
 
 
 def test_a_state_of_another_kind_is_not_taken():
-    window = ScanWindow(previous_scans=1)
-    for state in ({"_scans": [1]}, {"others": 1}, 3):
-        with fault(DriveError, where="ScanWindow"):
-            restore_attributes(window, write_snapshot(state), ("_scans",))
-    assert len(window) == 0
+    counter = Counter()
+    for state in ({"count": "1"}, {"others": 1}, 3):
+        with fault(DriveError, where="Counter"):
+            counter.restore(write_snapshot(state))
+    assert counter.count == 0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.kitti.reading import read_bytes
-from perception.errors import MissingDependencyError, PerceptionError
+from perception.errors import PerceptionError, optional_package
 from perception.types import Float64
 
 
@@ -76,12 +76,8 @@ def read_feather(
 
 
 def _decode(path: Path, data: bytes, kind: type[PerceptionError], what: str) -> dict[str, Any]:
-    try:
+    with optional_package("pyarrow", needed_for=f"{path}", extra="tables"):
         from pyarrow import ArrowException, BufferReader, feather
-    except ImportError as error:
-        raise MissingDependencyError(
-            "pyarrow", needed_for=f"{path}", extra="tables", reason=error
-        ) from error
     try:
         table = feather.read_table(BufferReader(data))
         table.validate(full=True)

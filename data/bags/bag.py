@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from perception.errors import DriveError, MissingDependencyError, PerceptionError
+from perception.errors import DriveError, PerceptionError, optional_package
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -136,13 +136,9 @@ class Bag:
         return self._readers[topics]
 
     def _open(self) -> "AnyReader":
-        try:
+        with optional_package("rosbags", needed_for=str(self.path), extra="bags"):
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise MissingDependencyError(
-                "rosbags", needed_for=str(self.path), extra="bags", reason=error
-            ) from error
         with self.errors():
             # Bags of older distributions do not hold the definitions of their messages.
             reader = AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST))

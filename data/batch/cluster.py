@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from perception.errors import MissingDependencyError, UsageError
+from perception.errors import UsageError, optional_package
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -38,13 +38,9 @@ def open_cluster(
         UsageError: No scheduler answers at the address, or the number of workers is not positive.
         MissingDependencyError: distributed is not installed.
     """
-    try:
+    with optional_package("distributed", needed_for="trifuse batch", extra="cluster"):
         import dask
         from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise MissingDependencyError(
-            "distributed", needed_for="trifuse batch", extra="cluster", reason=error
-        ) from error
     if workers is not None and workers < 1:
         raise UsageError("--workers", expected="at least 1", found=str(workers))
     dask.config.set({"distributed.scheduler.allowed-failures": _ALLOWED_DEATHS})

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from perception.errors import MissingDependencyError, UsageError
+from perception.errors import UsageError, optional_package
 
 # Package and extra of each export, by its field.
 _PACKAGES: Mapping[str, tuple[str, str]] = {
@@ -46,12 +46,8 @@ class RunExports:
         for name, (package, extra) in _PACKAGES.items():
             if not getattr(self, name):
                 continue
-            try:
+            with optional_package(package, needed_for=f"--{name}", extra=extra):
                 import_module(package)
-            except ImportError as error:
-                raise MissingDependencyError(
-                    package, needed_for=f"--{name}", extra=extra, reason=error
-                ) from error
         if self.view:
             _require_display()
         if self.rerun is not None and self.rerun.suffix != ".rrd":

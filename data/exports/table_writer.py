@@ -13,12 +13,7 @@ from data.results.result_writer import ResultWriter
 from perception.atomic_file import atomic_file, part_of, writing
 from perception.errors import LabelError
 from perception.render.scene import SelectedObject
-from perception.snapshot import (
-    read_snapshot,
-    restore_attributes,
-    write_attributes,
-    write_snapshot,
-)
+from perception.snapshot import Restorable, read_snapshot, write_snapshot
 from perception.types import Result
 
 if TYPE_CHECKING:
@@ -26,7 +21,6 @@ if TYPE_CHECKING:
 
 # Frames whose rows wait in memory, some 20 MB; a row group holds them.
 _GROUP_FRAMES = 500
-_MEMORIES = ("_written",)
 
 
 class TableWriter(ResultWriter):
@@ -63,11 +57,13 @@ class TableWriter(ResultWriter):
                 stack.callback(table.close, is_complete=is_complete)
 
 
-class ParquetTable:
+class ParquetTable(Restorable):
     """One Parquet file: batches of rows in a stream of Arrow, which a killed process leaves, and the whole at the end.
 
     A Parquet file cannot be continued: what tells where its rows are is written last.
     """
+
+    memories = ("_written",)
 
     def __init__(self, path: Path) -> None:
         """Write nothing yet; make the folder.
@@ -100,7 +96,7 @@ class ParquetTable:
         """Write the rows that wait; return the length of the file of batches."""
         self._write_waiting()
         self._has_snapshot = True
-        return write_attributes(self, _MEMORIES)
+        return super().snapshot()
 
     def restore(self, snapshot: bytes) -> None:
         """Go on with the batches of an earlier process.
@@ -108,7 +104,7 @@ class ParquetTable:
         Raises:
             LabelError: The file of batches is gone, or shorter than it was.
         """
-        restore_attributes(self, snapshot, _MEMORIES)
+        super().restore(snapshot)
         self._has_snapshot = True
         found = self._batches.stat().st_size if self._batches.is_file() else 0
         if found < self._written:

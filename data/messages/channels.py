@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from data.messages.definitions import definition_of, encoded
 from data.messages.geometry import stamp_ns
 from data.messages.topics import Topic, topics
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 from perception.types import Result
 
 if TYPE_CHECKING:
@@ -21,12 +21,8 @@ def new_context(needed_for: str) -> "Context":
     Raises:
         MissingDependencyError: foxglove-sdk is not installed.
     """
-    try:
+    with optional_package("foxglove-sdk", needed_for=needed_for, extra="live"):
         from foxglove import Context
-    except ImportError as error:
-        raise MissingDependencyError(
-            "foxglove-sdk", needed_for=needed_for, extra="live", reason=error
-        ) from error
     return Context()
 
 

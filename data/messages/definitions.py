@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -131,12 +131,8 @@ def typestore() -> "Typestore":
     Raises:
         MissingDependencyError: rosbags is not installed.
     """
-    try:
+    with optional_package("rosbags", needed_for="messages of ROS 2", extra="live"):
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError as error:
-        raise MissingDependencyError(
-            "rosbags", needed_for="messages of ROS 2", extra="live", reason=error
-        ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in _DEFINITIONS.items():
         lines = "\n".join(line.strip() for line in text.splitlines())

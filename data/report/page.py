@@ -9,7 +9,7 @@ from pathlib import Path
 
 from data.report.markup import Plots, Section, json_markup
 from perception import __version__
-from perception.errors import MissingDependencyError
+from perception.errors import MissingDependencyError, optional_package
 
 log = logging.getLogger(__name__)
 
@@ -91,11 +91,9 @@ def require_plotly() -> None:
     Raises:
         MissingDependencyError: It is not.
     """
-    if find_spec("plotly") is None:
-        reason = ImportError("No module named 'plotly'")
-        raise MissingDependencyError(
-            "plotly", needed_for="the report", extra="report", reason=reason
-        )
+    with optional_package("plotly", needed_for="the report", extra="report"):
+        if find_spec("plotly") is None:
+            raise ImportError("No module named 'plotly'")
 
 
 def _plotly_script() -> str:

@@ -12,18 +12,19 @@ from perception.errors import PerceptionError
 from perception.render.composition import Composition
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
-from perception.snapshot import restore_attributes, write_attributes
+from perception.snapshot import Restorable
 from perception.types import Drive, Result
 
 log = logging.getLogger(__name__)
 
 # Size of the composition whose two panels are drawn where there is no video.
 _SMALL_PX = (1120, 630)
-_MEMORIES = ("_facts", "_skipped", "_errors", "_has_labels", "_history", "_row")
 
 
-class RunReportWriter(ResultWriter):
+class RunReportWriter(Restorable, ResultWriter):
     """Writes `report.html` of a run when all other results are there, and `report.json` with what they do not hold."""
+
+    memories = ("_facts", "_skipped", "_errors", "_has_labels", "_history", "_row")
 
     def __init__(
         self, out: Path, drive: Drive, composition: Composition, frames: int, *, has_video: bool
@@ -59,14 +60,6 @@ class RunReportWriter(ResultWriter):
         if self._draws:
             self._draw(result, selected)
         self._row += 1
-
-    def snapshot(self) -> bytes:
-        """Return what is known of the frames so far."""
-        return write_attributes(self, _MEMORIES)
-
-    def restore(self, snapshot: bytes) -> None:
-        """Go on with the frames so far."""
-        restore_attributes(self, snapshot, _MEMORIES)
 
     def close(self, *, is_complete: bool) -> None:
         """Write the report of all frames; of a run that stopped, only what `trifuse report` needs to write it."""

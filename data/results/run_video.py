@@ -9,14 +9,14 @@ from perception.render.composition import Composition
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
 from perception.render.video import VideoWriter
-from perception.snapshot import restore_attributes, write_attributes
+from perception.snapshot import Restorable
 from perception.types import Drive, Result, UInt8
 
-_MEMORIES = ("_count", "_history", "_video_snapshot")
 
-
-class RunVideo(ResultWriter):
+class RunVideo(Restorable, ResultWriter):
     """Writes `video.mp4` and `preview.jpg` of a run."""
+
+    memories = ("_count", "_history", "_video_snapshot")
 
     def __init__(self, out: Path, composition: Composition, drive: Drive, frames: int) -> None:
         """Begin the video.
@@ -50,11 +50,11 @@ class RunVideo(ResultWriter):
     def snapshot(self) -> bytes:
         """Return the history of the scene, and the state of the video."""
         self._video_snapshot = self._video.snapshot()
-        return write_attributes(self, _MEMORIES)
+        return super().snapshot()
 
     def restore(self, snapshot: bytes) -> None:
         """Go on with the images that are in the partial video."""
-        restore_attributes(self, snapshot, _MEMORIES)
+        super().restore(snapshot)
         self._video.restore(self._video_snapshot)
 
     def close(self, *, is_complete: bool) -> None:

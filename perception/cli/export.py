@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from data.results.command_config import SECTION, CommandConfig
 from data.splits.parts import Part
 from perception.cli.flags import require_split
-from perception.errors import MissingDependencyError, UsageError
+from perception.errors import UsageError, optional_package
 
 if TYPE_CHECKING:
     from data.recorded_drive import RecordedDrive
@@ -99,10 +99,6 @@ def _open_part(data: Path, sequence: str | None, split: Path | None, part: Part)
 
 def _import_exporters() -> ModuleType:
     """Import the exporters, which need PyTorch."""
-    try:
+    with optional_package("torch, onnx and onnxscript", needed_for="trifuse export", extra="train"):
         from export import exporters
-    except ImportError as error:
-        raise MissingDependencyError(
-            "torch, onnx and onnxscript", needed_for="trifuse export", extra="train", reason=error
-        ) from error
     return exporters

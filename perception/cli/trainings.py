@@ -11,7 +11,7 @@ from jsonargparse import ArgumentParser
 from perception.cli.help import help_formatter
 from perception.cli.parser import nested_types
 from perception.detection.config import FusionVariant
-from perception.errors import MissingDependencyError
+from perception.errors import optional_package
 from perception.types import Modality
 
 if TYPE_CHECKING:
@@ -118,13 +118,9 @@ class Training:
             MissingDependencyError: they are not installed.
         """
         module, _, name = self.kind.partition(":")
-        try:
+        package = "torch, lightning and tensorboard"
+        with optional_package(package, needed_for="training", extra="train"):
             return cast("TrainingKind", getattr(importlib.import_module(module), name))
-        except ImportError as error:
-            package = "torch, lightning and tensorboard"
-            raise MissingDependencyError(
-                package, needed_for="training", extra="train", reason=error
-            ) from error
 
 
 TRAININGS: Mapping[str, Training] = {

@@ -10,10 +10,10 @@ from typing import Annotated
 
 import numpy as np
 
-from perception.evaluation.intervals import interval_coverage, squared_mahalanobis
+from perception.evaluation.intervals import groups, interval_coverage, squared_mahalanobis
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.se3 import inverse, rotation_vector
-from perception.types import Float64, Result
+from perception.types import ArrayTable, Float64, Result
 
 # Time since the first scan in seconds, by name.
 _SPANS_S = {"up to 1 s": (0.0, 1.05), "1 to 5 s": (1.05, 5.05), "from 5 s": (5.05, np.inf)}
@@ -38,6 +38,38 @@ class PoseMetrics(Metrics):
     rotation_coverage: Annotated[float, Metric("rotations in 90 %", ".3f")]
 
 
+@dataclass(frozen=True)
+class PoseErrors(ArrayTable):
+    """Errors of N motions since the first scan, along its axes.
+
+    Attributes:
+        ages_s: (N,) Time since the first scan.
+        position_m: (N, 3) Errors of the positions.
+        rotation_rad: (N, 3) Errors of the rotations, as rotation vectors.
+        covariances: (N, 6, 6) Reported covariances of positions and rotations; NaN where they are not known.
+    """
+
+    ages_s: Float64
+    position_m: Annotated[Float64, 3]
+    rotation_rad: Annotated[Float64, 3]
+    covariances: Annotated[Float64, 6, 6]
+
+    def summary(self) -> PoseMetrics:
+        """Return the medians, and the shares within the intervals."""
+        position, rotation = slice(0, 3), slice(3, 6)
+        spread = [
+            squared_mahalanobis(errors, self.covariances[:, part, part])
+            for errors, part in ((self.position_m, position), (self.rotation_rad, rotation))
+        ]
+        return PoseMetrics(
+            frames=len(self),
+            position_m=float(np.median(np.linalg.norm(self.position_m, axis=1))),
+            rotation_deg=float(np.degrees(np.median(np.linalg.norm(self.rotation_rad, axis=1)))),
+            position_coverage=interval_coverage(spread[0], 3),
+            rotation_coverage=interval_coverage(spread[1], 3),
+        )
+
+
 class PoseIntervals:
     """Accumulates the errors of the poses of one drive."""
 
@@ -48,48 +80,32 @@ class PoseIntervals:
             true_poses: (4, 4) exact world_SE3_velo of every frame of the drive; None where they are not known.
         """
         self._true_poses = true_poses
-        self._results: list[tuple[float, int, Float64, Float64]] = []
+        self._first: Result | None = None
+        self._errors: list[PoseErrors] = []
 
     def update(self, result: Result) -> None:
         """Add the pose of one frame."""
-        if self._true_poses is not None:
-            frame = result.frame
-            self._results.append(
-                (frame.stamp_s, frame.index, result.world_SE3_velo, result.pose_covariance)
+        if self._true_poses is None:
+            return
+        if self._first is None:
+            self._first = result
+            return
+        start, pose = self._first.world_SE3_velo, result.world_SE3_velo
+        start_true, pose_true = (self._true_poses[r.frame.index] for r in (self._first, result))
+        found, true = inverse(start) @ pose, inverse(start_true) @ pose_true
+        turn = np.kron(np.eye(2), start[:3, :3])
+        self._errors.append(
+            PoseErrors(
+                ages_s=np.array([result.frame.stamp_s - self._first.frame.stamp_s]),
+                position_m=(found[:3, 3] - true[:3, 3])[None],
+                rotation_rad=rotation_vector(found[:3, :3] @ true[:3, :3].T)[None],
+                covariances=(turn.T @ result.pose_covariance @ turn)[None],
             )
+        )
 
     def compute(self) -> dict[str, PoseMetrics]:
         """Return the metrics by the time since the first scan; none without exact poses."""
-        if self._true_poses is None or len(self._results) < 2:
-            return {}
-        start_s, first, start, _ = self._results[0]
-        start_SE3_true = inverse(self._true_poses[first])
-        turn = np.kron(np.eye(2), start[:3, :3])
-        ages_s, errors, covariances = [], [], []
-        for stamp_s, index, pose, covariance in self._results[1:]:
-            found, true = inverse(start) @ pose, start_SE3_true @ self._true_poses[index]
-            between = rotation_vector(found[:3, :3] @ true[:3, :3].T)
-            ages_s.append(stamp_s - start_s)
-            errors.append(np.concatenate([found[:3, 3] - true[:3, 3], between]))
-            covariances.append(turn.T @ covariance @ turn)
-        ages = np.array(ages_s)
-        return {
-            name: _metrics(np.array(errors)[rows], np.array(covariances)[rows])
-            for name, (low_s, high_s) in _SPANS_S.items()
-            if (rows := (ages > low_s) & (ages <= high_s)).any()
-        }
-
-
-def _metrics(errors: Float64, covariances: Float64) -> PoseMetrics:
-    position, rotation = slice(0, 3), slice(3, 6)
-    spread = [
-        squared_mahalanobis(errors[:, part], covariances[:, part, part])
-        for part in (position, rotation)
-    ]
-    return PoseMetrics(
-        frames=len(errors),
-        position_m=float(np.median(np.linalg.norm(errors[:, position], axis=1))),
-        rotation_deg=float(np.degrees(np.median(np.linalg.norm(errors[:, rotation], axis=1)))),
-        position_coverage=interval_coverage(spread[0], 3),
-        rotation_coverage=interval_coverage(spread[1], 3),
-    )
+        errors = PoseErrors.concatenate(self._errors)
+        ages_s = errors.ages_s
+        spans = {name: (ages_s > low) & (ages_s <= high) for name, (low, high) in _SPANS_S.items()}
+        return {name: one.summary() for name, one in groups(errors, spans).items()}

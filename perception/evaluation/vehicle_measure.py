@@ -9,6 +9,7 @@ import numpy as np
 from perception.detection.vehicles.camera_views import views_of
 from perception.errors import PerceptionError
 from perception.evaluation.box_intervals import BoxIntervalMetrics, BoxIntervals, box_intervals
+from perception.evaluation.intervals import groups
 from perception.evaluation.multi_object.coverage import MIN_FRAMES, Coverage, CoverageMetrics
 from perception.evaluation.multi_object.ground_protocol import (
     GROUND_CLASSES,
@@ -307,7 +308,7 @@ class VehicleMeasure:
             name: (intervals.range_m >= low) & (intervals.range_m < high)
             for name, (low, high) in _RANGES_M.items()
         }
-        held = {name: intervals[rows].summary() for name, rows in by_kind.items() if rows.any()}
+        held = {name: one.summary() for name, one in groups(intervals, by_kind).items()}
         coverage = {name: self._coverage.compute(*ends_m) for name, ends_m in _RANGES_M.items()}
         tracking = {str(name): evaluate_tracks(one, MIN_IOU) for name, one in self._frames.items()}
         on_ground = {

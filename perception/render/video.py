@@ -15,7 +15,7 @@ from av.container import InputContainer, OutputContainer
 
 from perception.atomic_file import part_of, writing
 from perception.errors import ImageError
-from perception.snapshot import NotStorableError, restore_attributes, write_attributes
+from perception.snapshot import NotStorableError, Restorable
 from perception.types import UInt8
 
 _LOG = logging.getLogger(__name__)
@@ -28,7 +28,6 @@ _X264_OPTIONS = {"preset": "ultrafast", "qp": "25", "threads": "1", "forced-idr"
 _RESUMABLE = "libx264"
 # Images that FFmpeg has not written yet: a fragment is written when the next one begins.
 _UNWRITTEN = 2
-_MEMORIES = ("_images", "_newest", "_starts_segment")
 # From colour differences that span 0 to 255, as of images, to those of videos, 16 to 240.
 _STUDIO_SWING = np.rint(128 + (np.arange(256) - 128) * 224 / 255).astype(np.uint8)
 _MPEG4_BITS_PER_PIXEL = 2
@@ -56,12 +55,14 @@ class NullVideoWriter:
         """Drop the image."""
 
 
-class VideoWriter:
+class VideoWriter(Restorable):
     """Writer of an MP4 file; implements `ImageSink`.
 
     The file has the name `partial_path` until it is complete; where a run stops early, that file plays all images
     so far. Without images no file is written.
     """
+
+    memories = ("_images", "_newest", "_starts_segment")
 
     def __init__(self, path: Path, rate_hz: float = 10.0) -> None:
         """Start without a file.
@@ -137,7 +138,7 @@ class VideoWriter:
         self._starts_segment = True
         if self._container is not None and self._stream.codec.name != _RESUMABLE:
             raise NotStorableError(f"a video by {self._stream.codec.name}")
-        return write_attributes(self, _MEMORIES)
+        return super().snapshot()
 
     def restore(self, snapshot: bytes) -> None:
         """Go on from a snapshot: take over the images so far from the partial file, which a killed process has left.
@@ -145,7 +146,7 @@ class VideoWriter:
         Raises:
             ImageError: The partial file is gone, damaged, or has fewer images.
         """
-        restore_attributes(self, snapshot, _MEMORIES)
+        super().restore(snapshot)
         if not self._images:
             return
         earlier = self.partial_path if self.partial_path.is_file() else self.path
