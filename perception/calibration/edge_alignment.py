@@ -8,7 +8,6 @@ of the camera (x right, y down, z ahead):
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.image_edges import EdgeMaps
 from perception.geometry.se3 import from_rotation_translation, from_rotation_vector
 from perception.kernels.edge_sampling import add_map_sums
-from perception.types import Float32, Float64, Int
+from perception.types import Float64, Int
 
 # Maps are smoothed less and less: broad ones lead from afar, narrow ones to the place.
 SMOOTHINGS_PX = (8.0, 4.0, 2.0)
@@ -57,32 +56,28 @@ class EdgeAlignment:
     """Edges of several frames, whose calibration differs by one offset."""
 
     def __init__(self, frames: Sequence[FrameEdges], turn: SweepTurn = SweepTurn.NONE) -> None:
-        """Join the frames; their images must have one size.
+        """Join the frames.
 
         Args:
             frames: Edges of each frame, at least one.
             turn: Direction in which the LiDAR turns.
         """
-        self._frames, self.frames = frames, len(frames)
+        self.frames = len(frames)
         points = [frame.points_cam(turn) for frame in frames]
-        self._parts = [_Part.of(frames, points, upright) for upright in (True, False)]
-        self.edges = sum(len(part.frames) for part in self._parts)
+        self._parts = [
+            _Part(number, points[number][frame.scan.is_upright == upright], frame.image, upright)
+            for number, frame in enumerate(frames)
+            for upright in (True, False)
+        ]
         self._counts = np.array([len(one) for one in points])
-        self._smoothed: tuple[float, list[Float32]] = (0.0, [])
-
-    def with_turn(self, turn: SweepTurn) -> "EdgeAlignment":
-        """Return the alignment of the same frames for another direction, with the maps made so far."""
-        other = EdgeAlignment(self._frames, turn)
-        other._smoothed = self._smoothed
-        return other
+        self.edges = int(self._counts.sum())
 
     def score(self, offset: Float64, smoothing_px: float) -> AlignmentScore:
         """Return how well the edges lie on each other with an offset."""
         moved = offset_SE3(offset)
-        maps = self._maps(smoothing_px)
         sums = np.zeros((self.frames, 7))
-        for part, smooth in zip(self._parts, maps, strict=True):
-            part.add_sums(moved, smooth, sums)
+        for part in self._parts:
+            part.add_sums(moved, smoothing_px, sums[part.frame])
         mean = sums.sum(axis=0) / max(self.edges, 1)
         return AlignmentScore(float(mean[0]), mean[1:], sums[:, 0], sums[:, 1:], self._counts)
 
@@ -144,68 +139,33 @@ class EdgeAlignment:
             squared += float(np.nansum((after - before) ** 2))
         return float(np.sqrt(squared / max(self.edges, 1)))
 
-    def _maps(self, smoothing_px: float) -> list[Float32]:
-        """Return the (F, h, w) smoothed maps of both kinds of edges; the last ones are kept."""
-        if self._smoothed[0] != smoothing_px:
-            smoothed = [part.smoothed(smoothing_px) for part in self._parts]
-            self._smoothed = smoothing_px, smoothed
-        return self._smoothed[1]
-
 
 @dataclass(frozen=True)
 class _Part:
-    """Edges of one kind in all frames.
+    """Edges of one kind in one frame.
 
     Attributes:
-        points_cam: (K, 3) edges of the scans.
-        frames: (K,) frame of each edge.
-        maps: Edges of the images.
+        frame: Number of the frame.
+        points_cam: (K, 3) edges of the scan.
+        image: Edges of the image.
         is_upright: Whether the edges stand upright.
     """
 
+    frame: int
     points_cam: Float64
-    frames: Int
-    maps: list[EdgeMaps]
+    image: EdgeMaps
     is_upright: bool
 
-    @classmethod
-    def of(
-        cls, frames: Sequence[FrameEdges], points_cam: Sequence[Float64], is_upright: bool
-    ) -> "_Part":
-        used = [
-            points[frame.scan.is_upright == is_upright]
-            for frame, points in zip(frames, points_cam, strict=True)
-        ]
-        of_frame = np.repeat(np.arange(len(frames)), [len(points) for points in used])
-        return cls(np.concatenate(used), of_frame, [frame.image for frame in frames], is_upright)
-
-    @cached_property
-    def _map_P_cam(self) -> Float64:
-        """(F, 3, 4) projection to the maps of each frame."""
-        return np.stack([one.map_P_cam for one in self.maps])
-
-    def smoothed(self, smoothing_px: float) -> Float32:
-        """Return the (F, h, w) smoothed maps, as large as the smallest."""
-        images = [one.smoothed(smoothing_px)[0 if self.is_upright else 1] for one in self.maps]
-        height, width = np.min([image.shape for image in images], axis=0)
-        return np.stack([image[:height, :width] for image in images])
-
     def pixels(self, moved_SE3_cam: Float64) -> Float64:
-        """Return (K, 2) places in the maps, NaN behind the camera."""
+        """Return (K, 2) places in the map, NaN behind the camera."""
         points = self.points_cam @ moved_SE3_cam[:3, :3].T + moved_SE3_cam[:3, 3]
-        projections = self._map_P_cam[self.frames]
-        ahead = np.einsum("kij,kj->ki", projections[:, :, :3], points) + projections[:, :, 3]
+        projection = self.image.map_P_cam
+        ahead = points @ projection[:, :3].T + projection[:, 3]
         depths_m = np.where(ahead[:, 2] > _NEAREST_M, ahead[:, 2], np.nan)
         return np.asarray(ahead[:, :2] / depths_m[:, None])
 
-    def add_sums(self, moved_SE3_cam: Float64, maps: Float32, sums: Float64) -> None:
-        """Add the images' edges at those of the scans, and their gradients, to (F, 7) sums."""
-        add_map_sums(
-            maps,
-            self._map_P_cam,
-            self.points_cam,
-            self.frames,
-            moved_SE3_cam,
-            _NEAREST_M,
-            sums,
-        )
+    def add_sums(self, moved_SE3_cam: Float64, smoothing_px: float, sums: Float64) -> None:
+        """Add the image's edges at those of the scan, and their gradient, to (7,) sums."""
+        edges = self.image.smoothed(smoothing_px)[0 if self.is_upright else 1]
+        projection = self.image.map_P_cam
+        add_map_sums(edges, projection, self.points_cam, moved_SE3_cam, _NEAREST_M, sums)

@@ -15,6 +15,7 @@ FOCAL_PX = 720.0
 _NOISE_SIGMA_PX = 1.0
 _AROUND_PX = 49
 _MIN_SLOPE = 4.0  # grey levels a pixel times four, about the noise of a camera
+_KEPT = 2
 _MAX_RATIO = 3.0  # of the mean around, from which on an edge is as sure as it can be
 
 
@@ -34,9 +35,10 @@ class EdgeMaps:
     _smoothed: dict[float, tuple[Float32, Float32]] = field(default_factory=dict, repr=False)
 
     def smoothed(self, smoothing_px: float) -> tuple[Float32, Float32]:
-        """Return both maps from 0 to 1, smoothed by a Gaussian; those of the last smoothing are kept."""
+        """Return both maps from 0 to 1, smoothed by a Gaussian; those of the last two smoothings are kept."""
         if smoothing_px not in self._smoothed:
-            self._smoothed.clear()
+            if len(self._smoothed) == _KEPT:
+                del self._smoothed[next(iter(self._smoothed))]
             self._smoothed[smoothing_px] = (
                 _blurred(self.upright, smoothing_px),
                 _blurred(self.level, smoothing_px),

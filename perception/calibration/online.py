@@ -81,9 +81,11 @@ class OnlineCalibration:
         if frame.image is None or frame.calibration is None or self._count % _EVERY:
             return None
         motion = None if before is None else self._motion(frame, world_SE3_velo, *before)
-        self._frames.append(
-            FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES)
-        )
+        newest = FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES)
+        # Smoothed now, maps take no time of the frame that is aligned.
+        for smoothing_px in _SMOOTHINGS_PX:
+            newest.image.smoothed(smoothing_px)
+        self._frames.append(newest)
         self._observed += 1
         is_full = len(self._frames) == _FRAMES
         edges = sum(len(one.scan) for one in self._frames)
@@ -111,7 +113,7 @@ class OnlineCalibration:
             again = self._estimate(alignment, self._search(alignment))
             found = max(found, again, key=lambda one: one.contrast)
         for one in _TURNS:
-            score = alignment.with_turn(one).score(found.offset, _SMOOTHINGS_PX[-1]).value
+            score = EdgeAlignment(self._frames, one).score(found.offset, _SMOOTHINGS_PX[-1]).value
             self._turn_scores[one] = _MEMORY * self._turn_scores[one] + score
         return found
 
