@@ -1,6 +1,8 @@
 """Run tasks on a cluster: each drive once, again where its worker died, and a row where it failed."""
 
 import json
+import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 _RETRIES = 2  # after an error that is none of ours, such as a file server that does not answer
 # Documents of results whose numbers become columns.
 _DOCUMENTS = ("summary.json", "metrics.json")
+_WRITE_EVERY_S = 5.0
 
 
 def run_tasks(
@@ -38,24 +41,39 @@ def run_tasks(
             yield DriveOutcome(task.name, "failed", 0, 0.0, "", sentence_of(error))
 
 
-def write_outcomes(out: Path, outcomes: Sequence[DriveOutcome], tasks: Sequence[Task]) -> None:
-    """Write drives.jsonl, and drives.parquet where pyarrow is installed: a row a drive, with the numbers of its results."""
-    folder_of = {task.name: task.folder for task in tasks}
-    rows = [
-        {**vars(one), **_numbers(folder_of[one.name])} | vars(one)
-        for one in sorted(outcomes, key=lambda outcome: outcome.name)
-    ]
-    lines = "".join(f"{json.dumps(row)}\n" for row in rows)
-    write_atomically(out / DRIVES, lines.encode())
-    try:
-        import pyarrow as pa
-        from pyarrow import parquet
-    except ImportError:
-        return
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    table = pa.table({name: [row.get(name) for row in rows] for name in columns})
-    with atomic_file(out / "drives.parquet") as part:
-        parquet.write_table(table, part)
+class OutcomeRows:
+    """What became of the drives, with the numbers of their results: a row each in a folder's files."""
+
+    def __init__(self, out: Path, tasks: Sequence[Task]) -> None:
+        """Begin without rows; nothing is written yet."""
+        self._out = out
+        self._folder_of = {task.name: task.folder for task in tasks}
+        self._rows: dict[str, dict[str, Any]] = {}
+        self._written_s = -math.inf
+
+    def add(self, outcome: DriveOutcome) -> None:
+        """Take an outcome; write the rows where they have not been for a while."""
+        own = vars(outcome)
+        self._rows[outcome.name] = own | _numbers(self._folder_of[outcome.name]) | own
+        # Writing all rows at each drive would cost more and more.
+        if time.monotonic() > self._written_s + _WRITE_EVERY_S:
+            self.write()
+
+    def write(self) -> None:
+        """Write drives.jsonl, and drives.parquet where pyarrow is installed."""
+        self._written_s = time.monotonic()
+        rows = [self._rows[name] for name in sorted(self._rows)]
+        lines = "".join(f"{json.dumps(row)}\n" for row in rows)
+        write_atomically(self._out / DRIVES, lines.encode())
+        try:
+            import pyarrow as pa
+            from pyarrow import parquet
+        except ImportError:
+            return
+        columns = list(dict.fromkeys(name for row in rows for name in row))
+        table = pa.table({name: [row.get(name) for row in rows] for name in columns})
+        with atomic_file(self._out / "drives.parquet") as part:
+            parquet.write_table(table, part)
 
 
 def _numbers(folder: Path) -> dict[str, float]:

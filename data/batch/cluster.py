@@ -27,7 +27,7 @@ def dashboard(client: "Client") -> str:
 def open_cluster(
     workers: int | None = None, scheduler: str | None = None, memory_limit: str | None = None
 ) -> Iterator["Client"]:
-    """Connect to a scheduler, or start one with processes of one thread each.
+    """Connect to a scheduler, or start one with processes of one core each.
 
     Args:
         workers: Number of processes of this machine; else one a core.
@@ -63,6 +63,7 @@ def open_cluster(
             n_workers=workers,
             threads_per_worker=1,
             memory_limit=memory_limit or "auto",
+            preload="data.batch.one_core",
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,

@@ -175,20 +175,21 @@ def _synth_tasks(function: CommandFunction, words: Sequence[str], out: Path) -> 
 
 
 def _run_all(tasks: "Sequence[Task]", out: Path, cluster: ClusterFlags) -> None:
-    from data.batch.batch_run import run_tasks, write_outcomes
+    from data.batch.batch_run import OutcomeRows, run_tasks
     from data.batch.cluster import dashboard, open_cluster
     from data.report.page import can_write_report
     from data.report.report_file import write_report
     from perception.cli.progress import progress_bar
 
     start_s = time.perf_counter()
-    outcomes = []
+    outcomes, rows = [], OutcomeRows(out, tasks)
     with open_cluster(cluster.workers, cluster.scheduler, cluster.memory_limit) as client:
         print(f"workers: {len(client.nthreads())}; dashboard: {dashboard(client)}", flush=True)
         ended = run_tasks(client, run_task, tasks)
         for outcome in progress_bar(ended, "batch", len(tasks), unit="drive"):
             outcomes.append(outcome)
-            write_outcomes(out, outcomes, tasks)
+            rows.add(outcome)
+        rows.write()
     if can_write_report():
         print(f"report: {write_report(out)}")
     print(_summary(outcomes, time.perf_counter() - start_s, out))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from data.batch.batch_run import run_tasks, write_outcomes
+from data.batch.batch_run import OutcomeRows, run_tasks
 from data.batch.cluster import open_cluster
 from data.batch.drive_sources import DriveSource, find_drives, folder_names
 from data.batch.drive_task import DriveOutcome, DriveTask
@@ -52,6 +52,14 @@ def test_every_drive_has_a_row_though_workers_die(cluster, tmp_path):
         task.folder.mkdir(parents=True)
     found = sorted(run_tasks(cluster, die_once, tasks), key=lambda one: one.name)
     assert found == [outcome_of(task) for task in tasks]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="processes are bound on Linux")
+def test_each_worker_keeps_to_one_core(cluster):
+    cluster.wait_for_workers(2)  # those that died are started again
+    cores = cluster.run(os.sched_getaffinity, 0)
+    assert [len(one) for one in cores.values()] == [1, 1]
+    assert len(set.union(*cores.values())) == min(2, len(os.sched_getaffinity(0)))
 
 
 def test_an_error_is_the_row_of_its_drive_alone(cluster, tmp_path):
@@ -108,7 +116,10 @@ def test_numbers_of_results_are_columns(tmp_path):
     tasks = [task_in(tmp_path, name) for name in "ab"]
     tasks[0].folder.mkdir(parents=True)
     (tasks[0].folder / "metrics.json").write_text('{"metrics": {"mde_m": 0.25}, "ok": true}')
-    write_outcomes(tmp_path, [outcome_of(task) for task in tasks], tasks)
+    outcomes = OutcomeRows(tmp_path, tasks)
+    for task in reversed(tasks):
+        outcomes.add(outcome_of(task))
+    outcomes.write()
     rows = [json.loads(line) for line in (tmp_path / "drives.jsonl").read_text().splitlines()]
     assert [row["name"] for row in rows] == ["a", "b"]
     assert [row.get("metrics.mde_m") for row in rows] == [0.25, None]
