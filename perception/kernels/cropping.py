@@ -1,4 +1,4 @@
-"""Rows of a scan by place: those in or out of a rectangle, and those on or above the ground."""
+"""Rows of a scan by place: those in or out of a rectangle, in a view, and on or above the ground."""
 
 import numpy as np
 
@@ -28,6 +28,30 @@ def crop(points: Float32, rectangle: Rectangle, is_inside: bool) -> tuple[Int, F
             cropped[found, column] = points[row, column]
         found += int(is_in == is_inside)
     return rows[:found], cropped[:found]
+
+
+@compiled((_POINTS, array_of(np.float32, 2)))
+def rows_within_planes(points: Float32, planes: Float32) -> Int:
+    """Return the rows of (N, 3+) points that are on the inner sides of all four planes; never of those at the origin.
+
+    Args:
+        points: (N, 3+) points.
+        planes: (4, 4) normal and offset of each plane: a x + b y + c z + d > 0 on the inner side.
+    """
+    rows, found = np.empty(len(points), np.int64), 0
+    for row in range(len(points)):
+        x, y, z = points[row, 0], points[row, 1], points[row, 2]
+        is_inner = (x != 0) | (y != 0) | (z != 0)
+        # Neighbours in a scan are on the same side of most planes: the branch is foreseen rightly.
+        for plane in range(4):
+            along = x * planes[plane, 0] + y * planes[plane, 1] + z * planes[plane, 2]
+            if not along + planes[plane, 3] > 0:
+                is_inner = False
+                break
+        if is_inner:
+            rows[found] = row
+            found += 1
+    return rows[:found]
 
 
 @compiled((_POINTS, _ROWS, array_of(np.float32), NUMBER, NUMBER))

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
-import cv2
 import numpy as np
 
+from perception.kernels.cropping import rows_within_planes
 from perception.kernels.map_filling import project_nearest
 from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Frame, Int
 
@@ -93,17 +93,13 @@ def rows_near_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[i
 
     A revolution of the LiDAR has six times the returns that are in the image; only those are projected.
     """
-    if not len(points_velo):
-        return np.zeros(0, np.intp)
     # A point is in view if it lies on the inner side of the four planes through the image's edges:
     # with depth * (u, v, 1) = P p, u > -1 is the same as depth * u + depth > 0.
     width, height = size_px
     inner = np.array([[1, 0, 1], [-1, 0, width], [0, 1, 1], [0, -1, height]]) @ image_P_velo
-    sides = cv2.transform(points_velo[:, None], np.insert(inner, 3, 0, axis=1))
-    is_inner: Bool = sides.reshape(-1, 4) > 0
-    rows = np.flatnonzero(is_inner.view(np.uint32).ravel() == np.uint32(0x01010101))
-    # Points without a return lie at the origin, which a camera behind the LiDAR has in view.
-    return rows if (inner[:, 3] <= 0).any() else rows[points_velo[rows, :3].any(axis=1)]
+    # Points without a return lie at the origin, which a camera behind the LiDAR has in view: they are left out.
+    points = np.ascontiguousarray(points_velo, np.float32)
+    return rows_within_planes(points, inner.astype(np.float32))
 
 
 def _flat_indices(pixels: Int, size_px: tuple[int, int]) -> Int:

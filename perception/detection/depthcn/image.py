@@ -37,8 +37,9 @@ def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: flo
         1 + steps_per_m * (offset_m + lidar_height_m - _LOWEST_M),
         planes[1],
     )
+    # Unknown depths and reflectances are 0, and so are their numbers.
+    planes[1] *= dense.is_valid
     planes[2] = encode_reflectance(dense.reflectance)
-    planes *= dense.is_valid
     return planes.transpose(1, 2, 0)
 
 
