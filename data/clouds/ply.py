@@ -98,6 +98,8 @@ def _order_and_vertices(lines: list[list[str]]) -> tuple[str, _Element]:
             elements[-1].properties.append((words[2], _TYPES[words[1]]))
     if order is None or not elements or elements[0].name != "vertex" or elements[0].count < 0:
         raise ValueError(f"elements {', '.join(one.name for one in elements) or 'none'}")
+    if not elements[0].properties:  # any number of them would fit into the file
+        raise ValueError("vertices without a property")
     return order, elements[0]
 
 

@@ -231,6 +231,10 @@ MALFORMED = {
     "kind.ply": (
         b"ply\nformat ascii 1.0\nelement vertex 1\nproperty q x\nend_header\n", "vertices", "'q'",
     ),
+    "bare.ply": (
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 99999999999999999999\nend_header\n",
+        "one number a property", "vertices without a property",
+    ),
     "cut.ply": (ply_header(POINT, "binary_little_endian") + b"abc", "50 points", "3 bytes"),
     "rows.ply": (ply_header(POINT, "ascii") + b"1 2 3 4 5 6\n", "50 rows of 6", "1 rows"),
     "words.csv": (b"x,y,z\n1,2,q\n", "rows of numbers", "q"),
