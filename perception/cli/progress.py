@@ -10,6 +10,7 @@ from tqdm import tqdm
 from perception.types import Progress
 
 Step = TypeVar("Step")
+_TERMINAL_S, _LOG_S = 0.1, 10.0  # between two updates; a log keeps each of them
 
 _OPEN: WeakSet["tqdm[Any]"] = WeakSet()
 
@@ -48,7 +49,10 @@ def frame_progress_bar(description: str, delay_s: float = 2) -> Progress:
 def _open(
     steps: Iterable[Any] | None, description: str, total: int | None, unit: str, delay_s: float
 ) -> "tqdm[Any]":
-    bar = tqdm(steps, description, total, unit=unit, file=sys.stderr, delay=delay_s)
+    every_s = _TERMINAL_S if sys.stderr.isatty() else _LOG_S
+    bar = tqdm(
+        steps, description, total, unit=unit, file=sys.stderr, delay=delay_s, mininterval=every_s
+    )
     _OPEN.add(bar)
     return bar
 

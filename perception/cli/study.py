@@ -19,6 +19,7 @@ STUDIES: Mapping[str, str] = {
     "single-object": "challenges of tracking one object, on scenes with exact truth",
     "tracker-parameters": "gate of 3D-KF and iterations of 3D-MS (App. A.1)",
     "tracking-results": "tracked objects in the image and in 3D over time (Figs 7.7, 7.8)",
+    "fleet": "many drives by workers that share them: throughput, cost of the engine, deaths of processes",
     "thesis": "all of 7.2, trained and measured (Tables 7.8 to 7.10, Figs 7.8 to 7.16)",
     "augmentation": "DepthCN trained without and with augmentation (Table 7.8)",
     "reflectance-maps": "detectors of sparse, interpolated and wide reflectance maps (Tables B.1 to B.3)",
