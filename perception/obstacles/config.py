@@ -147,6 +147,7 @@ class MovingClusterConfig:
 
     Attributes:
         cell_m: Edge in metres of the ground cells in which voxels are joined to clusters.
+        gap_ratio: Largest distance over the ground between two parts of an object, relative to that of two beams there.
         min_voxels: Smallest number of voxels of a moving cluster that appeared in free space.
         min_voxels_near_moving: The same next to voxels that moved in the scan before.
         near_moving_m: Largest distance in metres to voxels that moved in the scan before; 0.5 m is 5 m/s at 10 Hz.
@@ -163,13 +164,16 @@ class MovingClusterConfig:
         clear_age_s: Age in seconds after which a pedestrian at 1 m/s no longer overlaps his earlier place.
         departed_gap_m: Largest distance in metres, extrapolated to now, between a cluster and the departed object
             before it that is the cluster itself.
+        departed_gap_ratio: The same, relative to that distance when it was observed last.
         whole_object_ratio: Share of an object's voxels that move from which on all of it moves, 0 to 1.
         whole_vehicle_m: Length in metres of the moving part of an object from which on it is a vehicle, not a person.
         person_margin_m: Largest distance in metres from the moving part of a person to the rest.
     """
 
     # Fewer than 10 voxels may be glass that returns only now and then. Cells of 25 cm keep a pedestrian's legs together.
+    # On a surface that leans by 30 degrees, returns are twice as far apart as the beams.
     cell_m: float = 0.25
+    gap_ratio: float = 2.0
     min_voxels: int = 10
     min_voxels_near_moving: int = 4
     near_moving_m: float = 0.5
@@ -182,6 +186,7 @@ class MovingClusterConfig:
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5
     departed_gap_m: float = 1.0
+    departed_gap_ratio: float = 0.25
     whole_object_ratio: float = 0.5
     whole_vehicle_m: float = 2.0
     person_margin_m: float = 0.3

@@ -55,8 +55,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         """
         config = config or MotionConfig()
         self._area, self._config = area, config
-        # Distance between two beams at the end of the area.
-        self._gap_m = area.ahead_m * sensor.elevation_step_rad
+        self._beam_step_rad = sensor.elevation_step_rad
         free_space = config.free_space
         self._memory = FreeSpaceMemory(
             sensor, free_space.horizon_s, free_space.max_travel_m, free_space.margin_m
@@ -87,7 +86,9 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
         history = self._memory.query(places)
-        moves = moving_voxels(places, history, before, self._config.moving_clusters, self._gap_m)
+        moves = moving_voxels(
+            places, history, before, self._config.moving_clusters, self._beam_step_rad
+        )
         moves |= self._moving_bodies(places, history, before, moves)
         self._moved_before, self._world_SE3_before = places[moves], pose
         self._memory.classify(above_ground.points_velo[moves[voxels.group_of]], places[~moves])

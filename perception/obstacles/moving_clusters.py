@@ -52,7 +52,7 @@ def moving_voxels(
     history: VisibilityHistory,
     moved_before_m: Float,
     config: MovingClusterConfig,
-    gap_m: float,
+    beam_step_rad: float,
 ) -> Bool:
     """Return which of V occupied voxels belong to moving clusters.
 
@@ -61,20 +61,21 @@ def moving_voxels(
         history: Visibility of these positions in earlier scans.
         moved_before_m: (B, 3) positions of voxels that moved in the scan before.
         config: Thresholds of moving clusters.
-        gap_m: Distance in metres between two beams at the end of the area; parts closer together may be one object.
+        beam_step_rad: Angle between two beams; between them, parts of one object lie apart.
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
     votes, static_weight = vote(history), _static_weight(history, config)
     columns = _VoxelColumns.over(centers_m, config.cell_m)
-    cluster = _cluster_appeared(columns, votes.persisted, gap_m, static_weight)
+    gap_rad = config.gap_ratio * beam_step_rad
+    cluster = _cluster_appeared(columns, votes.persisted, gap_rad, static_weight)
     clusters = int(cluster.max()) + 1
 
     def count_by_cluster(voxels: Bool) -> Float64:
         return np.asarray(np.bincount(cluster, voxels, clusters), np.float64)
 
     leaves = count_by_cluster(votes.uncovered) * _is_own_departure(
-        cluster, clusters, history, config.departed_gap_m
+        cluster, clusters, history, config
     )
     appeared = count_by_cluster(votes.appeared) + leaves
     was_near = np.zeros(len(cluster), bool)
@@ -112,7 +113,7 @@ def occupied_clusters(centers_m: Float, cell_m: float) -> Int:
     """Return the (V,) cluster of each of V voxels, from 1: voxels in neighbouring ground cells belong together."""
     columns = _VoxelColumns.over(centers_m, cell_m)
     occupied = columns.count(np.ones(len(centers_m), bool)) > 0
-    return columns.join(occupied, ~occupied, gap_m=0.0)
+    return columns.join(occupied, ~occupied, gap_rad=0.0)
 
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
@@ -135,44 +136,49 @@ class _VoxelColumns:
 
     Attributes:
         of: (V,) the column of each voxel.
-        shape: Number of columns along x and y.
+        ranges_m: (across, along) distance of each column from the sensor.
         cell_m: Edge of a column in metres.
     """
 
     of: Int
-    shape: tuple[int, int]
+    ranges_m: Float64
     cell_m: float
 
     @classmethod
     def over(cls, centers_m: Float, cell_m: float) -> "_VoxelColumns":
         x, y = np.floor(centers_m[:, :2].T / cell_m).astype(np.int64)
-        x, y = x - x.min(), y - y.min()
-        across, along = int(x.max()) + 1, int(y.max()) + 1
-        return cls(x * along + y, (across, along), cell_m)
+        rows, columns = (np.arange(one.min(), one.max() + 1) for one in (x, y))
+        ranges_m = cell_m * np.hypot(rows[:, None] + 0.5, columns + 0.5)
+        return cls((x - rows[0]) * len(columns) + y - columns[0], ranges_m, cell_m)
 
     def count(self, voxels: Bool) -> Float64:
         """Return how many of the chosen voxels each column holds."""
-        return np.asarray(np.bincount(self.of, voxels, self.shape[0] * self.shape[1]), np.float64)
+        return np.asarray(np.bincount(self.of, voxels, self.ranges_m.size), np.float64)
 
-    def join(self, chosen: Bool, passable: Bool, gap_m: float) -> Int:
+    def join(self, chosen: Bool, passable: Bool, gap_rad: float) -> Int:
         """Return the (V,) cluster of each voxel, 0 outside the chosen columns.
 
-        Columns are joined with their eight neighbours, and over a gap of passable ones.
+        Columns are joined with their eight neighbours, and over passable ones within that angle: a passing car is
+        not one with the parked car beside it.
         """
-        reach = int(gap_m / self.cell_m / 2)
-        block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-        grown = cv2.dilate(chosen.reshape(self.shape).astype(np.uint8), block) > 0
-        joined = grown & (chosen | passable).reshape(self.shape)
+        reaches = (self.ranges_m * gap_rad / self.cell_m / 2).astype(np.int64)
+        image = chosen.reshape(reaches.shape).astype(np.uint8)
+        grown = image > 0
+        for reach in range(1, int(reaches.max()) + 1):
+            block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+            grown |= (cv2.dilate(image, block) > 0) & (reaches >= reach)
+        joined = grown & (chosen | passable).reshape(reaches.shape)
         _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
         return np.asarray(np.where(chosen, labels.ravel(), 0)[self.of])
 
 
 def _cluster_appeared(
-    columns: _VoxelColumns, persisted: Bool, gap_m: float, static_weight: float
+    columns: _VoxelColumns, persisted: Bool, gap_rad: float, static_weight: float
 ) -> Int:
     """Return the (V,) cluster of each voxel, not joined through columns that mostly persisted."""
     static = columns.count(persisted)
-    return columns.join(columns.count(~persisted) > static * static_weight, static == 0, gap_m)
+    chosen = columns.count(~persisted) > static * static_weight
+    return columns.join(chosen, static == 0, gap_rad)
 
 
 def _complete(
@@ -188,7 +194,7 @@ def _complete(
     that he touches was hit in every queried scan.
     """
     occupied = columns.count(np.ones(len(moves), bool)) > 0
-    whole = columns.join(occupied, ~occupied, gap_m=0.0)
+    whole = columns.join(occupied, ~occupied, gap_rad=0.0)
     share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
     completed = moves.copy()
     for number in np.flatnonzero((share >= config.whole_object_ratio) & (share < 1)):
@@ -222,21 +228,23 @@ class _Rectangle:
 
 
 def _is_own_departure(
-    cluster: Int, clusters: int, history: VisibilityHistory, gap_m: float
+    cluster: Int, clusters: int, history: VisibilityHistory, config: MovingClusterConfig
 ) -> Bool:
     """Return for which clusters the departed object before them is their own back, observed earlier.
 
     An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
-    path is extrapolated to now. An object that appears behind a passer-by keeps its distance to him.
+    path is extrapolated to now. An object that appears behind a passer-by keeps some distance to him, even where
+    several sides of his occluded it in turn.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
-    behind, behind_twice = history.was_behind_departed[0], np.zeros(len(cluster), bool)
-    gap_now_m = history.gaps_m[0]
+    behind, gap_m = history.was_behind_departed[0], history.gaps_m[0]
+    comes, keeps_away = behind & (gap_m < config.departed_gap_m), np.zeros(len(cluster), bool)
     if old_s > young_s:
         behind_twice = behind & history.was_behind_departed[-1]
-        followed_m = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
-        gap_now_m = np.where(behind_twice, followed_m, gap_now_m)
+        gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1]) / (old_s - young_s)
+        limit_m = np.minimum(config.departed_gap_ratio * gap_m, config.departed_gap_m)
+        comes = np.where(behind_twice, gap_now_m <= limit_m, comes)
+        keeps_away = behind_twice & ~comes
     # One observation can only confirm: the gap may still be shrinking.
-    comes = np.bincount(cluster, behind & (gap_now_m < gap_m), clusters)
-    keeps_away = np.bincount(cluster, behind_twice & (gap_now_m >= gap_m), clusters)
-    return np.asarray((comes > 0) & (comes >= keeps_away))
+    came, kept_away = (np.bincount(cluster, one, clusters) for one in (comes, keeps_away))
+    return np.asarray((came > 0) & (came >= kept_away))

@@ -88,6 +88,7 @@ def test_obstacles(evaluate):
     )
     scene = evaluate("obstacles", "nuScenes")
     assert _moving_counts(scene) == pytest.approx(first + third - second)
+    assert scene["points_moving"]["precision"] > 0.9
     assert scene["objects"]["objects"] > 0
 
 

@@ -259,6 +259,21 @@ def test_what_comes_to_light_behind_a_passer_by_is_static():
             assert moving_share(owner, states, 1) == 0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_parked_car_that_a_passing_one_uncovers_stays_static_from_the_second_scan_on(seed):
+    """Few beams, and a history of 0.1 s: only that the passing car is another body tells what it uncovers."""
+    rng = np.random.default_rng(seed)
+
+    def scene(k):
+        noise_m = rng.normal(0, 0.002)
+        passing = box(3.0 + 0.8 * k, 2.2 + noise_m, 4.2, 1.7, 1.5)
+        return [passing, box(4.0, 4.7 + noise_m, 4.2, 1.7, 1.5)]
+
+    for k, (owner, states, _) in enumerate(drive(scene, 6, sensor=VLP_16)):
+        assert not (states[owner == 2] == PointState.MOVING).any()
+        assert k < 3 or moving_share(owner, states, 0) > 0.8
+
+
 def test_thin_posts_stay_static_under_pose_errors_of_5_cm():
     def scene(k):
         del k
