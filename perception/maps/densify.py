@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from perception.maps.column_filling import fill_columns
 from perception.maps.distance_filling import fill_natural, fill_nearest
+from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex
-from perception.types import Bool, Float32, MapMethod
+from perception.types import Bool, Float32, MapMethod, UInt8
 
 Fill = Callable[[SparseMaps], FilledMaps]
 
@@ -43,6 +45,17 @@ class DenseMaps:
     reflectance: Float32
     is_measured: Bool
     is_filled: Bool
+
+    @cached_property
+    def depth_image(self) -> UInt8:
+        """(H, W) depths as 8-bit numbers, 0 where unknown, made once for all networks."""
+        # An unknown depth is 0, which is encoded as the nearest: 0.
+        return encode_depth(self.depth_m)
+
+    @cached_property
+    def reflectance_image(self) -> UInt8:
+        """(H, W) reflectances as 8-bit numbers, 0 where unknown, made once for all networks."""
+        return encode_reflectance(self.reflectance)
 
     @property
     def is_valid(self) -> Bool:

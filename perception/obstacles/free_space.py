@@ -1,5 +1,6 @@
 """Visibility of a place in earlier scans: free, hit or occluded."""
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -167,8 +168,8 @@ class FreeSpaceMemory:
             is_passed = passes & ~ends
             left += ends & was_empty
             if age >= max(_OLD_RATIO * oldest, 3):
-                is_in_column = is_among(columns, scan.static_columns)
-                passed_in_column += was_free & is_passed & is_in_column
+                free = np.flatnonzero(was_free & is_passed)
+                passed_in_column[free] += is_among(columns[free], scan.static_columns)
             visible += ends | passes
             was_empty |= is_passed
         return PastReturns(left, passed_in_column, visible)
@@ -183,14 +184,11 @@ class FreeSpaceMemory:
 
     def _oldest_age(self) -> int:
         """Return the age of the oldest scan that is queried, in scans."""
-        here = self._scans[-1].world_SE3_velo[:3, 3]
-        travelled_m = [
-            float(np.linalg.norm(scan.world_SE3_velo[:3, 3] - here)) for scan in self._scans
-        ]
+        here = self._scans[-1].world_SE3_velo[:3, 3].tolist()
         usable = [
             age
-            for age, distance_m in enumerate(reversed(travelled_m))
-            if distance_m <= self._max_travel_m
+            for age, scan in enumerate(reversed(self._scans))
+            if math.dist(scan.world_SE3_velo[:3, 3].tolist(), here) <= self._max_travel_m
         ]
         # At a speed beyond the limit, the scan before is still the best one.
         return min(max(usable[-1], 1), len(self._scans) - 1)

@@ -9,7 +9,6 @@ import numpy as np
 
 from perception.kernels.crops import encode_heights
 from perception.maps.densify import DenseMaps
-from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.types import Float64, UInt8
 
 CHANNELS = ("depth", "height", "reflectance")
@@ -29,7 +28,7 @@ def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: flo
     steps_per_m = _HIGHEST / (_HIGHEST_M - _LOWEST_M)
     row_m, column_m, offset_m = _heights_by_depth(dense.depth_m.shape, image_P_velo)
     planes: UInt8 = np.empty((len(CHANNELS), *dense.depth_m.shape), np.uint8)
-    planes[0] = encode_depth(dense.depth_m)
+    planes[0] = dense.depth_image
     encode_heights(
         np.ascontiguousarray(dense.depth_m),
         (steps_per_m * row_m).astype(np.float32),
@@ -39,7 +38,7 @@ def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: flo
     )
     # Unknown depths and reflectances are 0, and so are their numbers.
     planes[1] *= dense.is_valid
-    planes[2] = encode_reflectance(dense.reflectance)
+    planes[2] = dense.reflectance_image
     return planes.transpose(1, 2, 0)
 
 

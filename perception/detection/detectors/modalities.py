@@ -12,7 +12,6 @@ from typing import Literal
 
 from perception.errors import ImageError
 from perception.maps.densify import DenseMaps, dense_maps, densify
-from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps, project_frame
 from perception.types import Frame, MapMethod, MapModality, Modality, UInt8
@@ -38,10 +37,8 @@ def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:
 
 def map_image(dense: DenseMaps, modality: MapModality) -> UInt8:
     """Return the (H, W, 1) depth or reflectance map as 8-bit numbers, 0 where unknown."""
-    if modality == "rm":
-        return encode_reflectance(dense.reflectance)[..., None]
-    # An unknown depth is 0, which is encoded as the nearest: 0.
-    return encode_depth(dense.depth_m)[..., None]
+    image = dense.reflectance_image if modality == "rm" else dense.depth_image
+    return image[..., None]
 
 
 def camera_image(frame: Frame) -> UInt8:
