@@ -1,7 +1,6 @@
 """The search on a few frames with cars: what it chooses, and that it can be ended at any time."""
 
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,6 @@ from perception.errors import (
     CalibrationError,
     DriveError,
     LabelError,
-    PerceptionError,
     ScanError,
     UsageError,
 )
@@ -25,7 +23,6 @@ from train.proposal_search.counting import run_search_task
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.search import SearchConfig, search
 from train.proposal_search.survey import survey
-from train.proposal_search.workers import run_parts
 
 # With the first radius each column of points stands alone; the second keeps a car in one piece.
 GRID = SearchGrid((0.4, 0.5), (0.01,), (2, 5), (0.05, 0.5))
@@ -270,10 +267,3 @@ def test_the_default_grid_holds_the_thesis_values():
     grid = SearchGrid()
     assert len(grid) == 400
     assert ProposalConfig(0.5, 0.01, 5, 0.5) in grid.combinations()
-
-
-def test_a_killed_worker_is_an_error():
-    with fault(PerceptionError, found="ended from outside"):
-        list(run_parts(os._exit, [1, 2, 3], workers=2))
-    with fault(UsageError, expected="at least 1", found="0"):
-        list(run_parts(os._exit, [1], workers=0))

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from data.batch.parts import run_parts
 from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
 from perception.detection.depthcn.proposals import propose
@@ -19,7 +20,6 @@ from perception.types import Detections, Frame, Labels, Method, OnBadFrame
 from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet
-from train.proposal_search.workers import run_parts
 
 
 @dataclass(frozen=True)

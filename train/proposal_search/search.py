@@ -7,6 +7,7 @@ from operator import add
 from pathlib import Path
 from typing import Any
 
+from data.batch.parts import run_parts
 from perception import __version__
 from perception.errors import LabelError, UsageError
 from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS, require_iou
@@ -15,7 +16,6 @@ from train.proposal_search.counting import ProposalCount, SearchTask, run_search
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.search_log import SearchLog
 from train.proposal_search.survey import Survey
-from train.proposal_search.workers import run_parts
 
 FinishedTasks = Iterable[tuple[SearchTask, list[ProposalCount]]]
 SearchProgress = Callable[[FinishedTasks, int, int], FinishedTasks]
