@@ -41,7 +41,7 @@ def decode_rgb_png(data: bytes) -> UInt8 | None:
 
 
 def has_whole_chunks(data: bytes) -> bool:
-    """Return whether every chunk of a PNG image ends within the file; OpenCV takes the memory that one states."""
+    """Return whether every chunk of a PNG image ends within the file; decoders may take the memory that one states."""
     return any(name == b"IEND" and not content for name, content in _chunks(data))
 
 

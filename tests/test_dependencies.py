@@ -21,7 +21,12 @@ CALLED = {
 }
 LOADED_BY_OTHERS = {"onnxscript", "myst-parser", "furo", "hatchling"}
 # Imported under another name; those that are installed say so themselves.
-DISTRIBUTIONS = {"cv2": "opencv-python-headless", "sklearn": "scikit-learn", "yaml": "pyyaml"}
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "cv2": "opencv-python-headless",
+    "sklearn": "scikit-learn",
+    "yaml": "pyyaml",
+}
 
 
 def normalized(name: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from data.kitti.sensor_files import decode_image
+from data.image_decoder import decode_image
 from perception.errors import ImageError
 from perception.types import UInt8
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data.clouds.ascii_points import ascii_points, filled_rows
 from data.clouds.cloud import Cloud, Table, cloud_of_columns, named_columns, unique_names
 from data.clouds.file_bytes import read_scan_bytes, require_scan_size, truncated_scan
 from perception.errors import ScanError
@@ -147,14 +148,4 @@ def _ascii(data: bytes, header: _Header, path: Path) -> Table:
     ]
     if not data.strip():
         raise truncated_scan(path, header.points, header.dtype.itemsize, 0)
-    try:
-        rows = np.loadtxt(io.BytesIO(data), np.float64, comments=None, ndmin=2)
-    except ValueError as error:
-        raise ScanError(path, expected="rows of numbers", found=str(error)) from error
-    if rows.shape != (header.points, len(names)):
-        raise ScanError(
-            path,
-            expected=f"{header.points} rows of {len(names)} numbers as its header says",
-            found=f"{len(rows)} rows of {rows.shape[1]}",
-        )
-    return {name: rows[:, place] for place, name in enumerate(names)}
+    return ascii_points(filled_rows(data), header.points, names, path)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from data.clouds.cloud import Cloud, cloud_of_columns, named_columns, unique_names
+from data.clouds.ascii_points import ascii_points, filled_rows
+from data.clouds.cloud import Cloud, Table, cloud_of_columns, named_columns, unique_names
 from data.clouds.file_bytes import read_scan_bytes, require_scan_size, truncated_scan
 from perception.errors import ScanError
 
@@ -56,10 +57,10 @@ def read_ply(path: Path, columns: Sequence[str] | None = None) -> Cloud:
         if found < vertices.count * dtype.itemsize:
             raise truncated_scan(path, vertices.count, dtype.itemsize, found)
         points = np.frombuffer(data, dtype, vertices.count, file.tell())
+        table: Table = {name: points[name] for name in dtype.names or ()}
     else:
-        points = _ascii(file, vertices, dtype, path)
-    names = dtype.names or ()
-    table = {name: points[name] for name in names}
+        rows = filled_rows(file.read())[: vertices.count]  # faces and other elements follow
+        table = ascii_points(rows, vertices.count, dtype.names or (), path)
     return cloud_of_columns(
         named_columns(list(table.values()), columns, path) if columns else table, path
     )
@@ -101,20 +102,3 @@ def _order_and_vertices(lines: list[list[str]]) -> tuple[str, _Element]:
     if not elements[0].properties:  # any number of them would fit into the file
         raise ValueError("vertices without a property")
     return order, elements[0]
-
-
-def _ascii(file: io.BytesIO, vertices: _Element, dtype: np.dtype[Any], path: Path) -> Any:  # noqa: ANN401 - a structured array
-    if vertices.count == 0:
-        return np.zeros(0, dtype)
-    try:
-        rows = np.loadtxt(file, np.float64, comments=None, ndmin=2, max_rows=vertices.count)
-    except ValueError as error:
-        raise ScanError(path, expected="rows of numbers", found=str(error)) from error
-    names = dtype.names or ()
-    if rows.shape != (vertices.count, len(names)):
-        raise ScanError(
-            path,
-            expected=f"{vertices.count} rows of {len(names)} numbers as its header says",
-            found=f"{len(rows)} rows of {rows.shape[1]}",
-        )
-    return {name: rows[:, place] for place, name in enumerate(names)}

@@ -80,7 +80,7 @@ def parse_text_table(
             else np.zeros((0, 0))
         )
     except ValueError as error:
-        raise kind(source, expected="rows of numbers", found=str(error)) from error
+        raise kind(source, expected="rows of numbers", found=str(error).rstrip(".")) from error
     if not has_name_row and len(names) != rows.shape[1]:
         names = ()
     if len(rows) == 0 or (names and len(names) != rows.shape[1]):

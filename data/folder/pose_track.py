@@ -120,18 +120,22 @@ def read_pose_track(
     )
     if "t" not in columns:
         return PoseTrack(_require_rows(poses, scans, path), None, path)
-    stamps_ns = _stamps_ns(columns["t"])
+    stamps_ns = _stamps_ns(columns["t"], path)
     if not (np.diff(stamps_ns) > 0).all():
         raise PoseError(path, expected="times that rise from row to row", found="others")
     return PoseTrack(poses, stamps_ns, path)
 
 
-def _stamps_ns(values: Float64) -> Int:
+def _stamps_ns(values: Float64, path: Path) -> Int:
     """Return times in nanoseconds: whole ones of 13, 16 and 19 digits are ms, us and ns."""
     scale = next(
         (s for limit, s in ((1e11, 1e9), (1e14, 1e6), (1e17, 1e3)) if abs(values[0]) < limit), 1.0
     )
-    return np.round(values * scale).astype(np.int64)
+    stamps_ns = np.round(values * scale)
+    if not (np.abs(stamps_ns) < 2.0**63).all():
+        found = f"{values[np.argmax(np.abs(values))]:g}"
+        raise PoseError(path, expected="times that 64 bits of nanoseconds hold", found=found)
+    return stamps_ns.astype(np.int64)
 
 
 def pose_column(name: str) -> str:

@@ -2,19 +2,16 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from data.kitti.image_header import MAX_PIXELS, PNG_START, stated_size_px
+from data.image_decoder import decode_image
 from data.kitti.reading import read_bytes
 from data.per_frame import PerFrame
-from data.png import decode_rgb_png, has_whole_chunks
 from perception.errors import DriveError, ImageError, LabelError, ScanError
 from perception.types import Float32, PointTruth, UInt8
 
@@ -34,7 +31,6 @@ _MAX_TIME_NS = 2**63  # in the year 2262
 # SemanticKITTI numbers the moving classes apart: car, bicyclist, person, motorcyclist, on rails,
 # bus, truck, other vehicle.
 _STATIC_CLASS = {252: 10, 253: 31, 254: 30, 255: 32, 256: 16, 257: 13, 258: 18, 259: 20}
-_JPEG_START, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 
 
 @dataclass(frozen=True)
@@ -237,53 +233,6 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
             found=f"{width}x{height}",
         )
     return decoded
-
-
-def decode_image(
-    data: bytes, where: Path | str, advice: str | None = None, stated_format: str | None = None
-) -> UInt8:
-    """Decode to RGB; OpenCV fills up an image that was cut off, so its end is looked for first.
-
-    Args:
-        data: Content of an image file.
-        where: Name of the image for errors.
-        advice: What to do about a damaged one.
-        stated_format: Format that a message states beside the data.
-
-    Raises:
-        ImageError: The image is damaged, or states a size that no camera has, for which no memory is taken.
-    """
-    width, height = stated_size_px(data) or (0, 0)
-    if width * height > MAX_PIXELS:
-        raise ImageError(
-            where,
-            expected=f"an image of at most {MAX_PIXELS} pixels",
-            found=f"{width}x{height} in its header",
-            advice=advice,
-        )
-    decoded = None
-    if _is_whole(data):
-        image = decode_rgb_png(data)
-        if image is not None:
-            return image
-        with suppress(cv2.error):  # of sizes beyond OpenCV's own bound
-            decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    if decoded is None:
-        of_format = "" if stated_format is None else f" of format {stated_format!r}"
-        raise ImageError(
-            where,
-            expected="a whole PNG or JPEG image",
-            found=f"{len(data)} bytes{of_format} that cannot be decoded",
-            advice=advice,
-        )
-    return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
-
-
-def _is_whole(data: bytes) -> bool:
-    """Return whether a PNG or JPEG image has its end; other images are left to OpenCV."""
-    if data.startswith(PNG_START):
-        return has_whole_chunks(data)
-    return bool(data) and (not data.startswith(_JPEG_START) or _JPEG_END in data[-1024:])
 
 
 def read_point_truth(path: Path, points: int) -> PointTruth:

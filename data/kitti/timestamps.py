@@ -1,5 +1,6 @@
 """Times of the files of one sensor: rows of KITTI's timestamps.txt, or Unix times in the names of the files."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,17 @@ from data.kitti.sensor_files import FrameFiles
 from perception.errors import DriveError
 from perception.types import Float64
 
+# A date, a time to nanoseconds with any digits behind them, and a time zone; UTC where none is stated.
+_TIME = re.compile(
+    r"([0-9]{4}-[0-9]{2}-[0-9]{2}(?:[ T][0-9]{2}(?::[0-9]{2}(?::[0-9]{2})?)?)?)"
+    r"(?:(\.[0-9]{1,9})[0-9]*)? ?(?:Z|([+-])([0-9]{2}):?([0-9]{2})?)?"
+)
+_YEARS = range(1678, 2262)  # that nanoseconds in 64 bits hold
 Times = NDArray[np.datetime64]  # in ns, NaT where unknown
 
 
 def read_timestamps(path: Path) -> Times:
-    """Read (R,) times, one a row; NaT for a row that is no time.
+    """Read (R,) times in UTC, one a row; NaT for a row that is no time.
 
     Raises:
         DriveError: The file is not text.
@@ -54,7 +61,13 @@ def first_known(times: Times) -> np.datetime64:
 
 
 def _parse_timestamp(line: str) -> np.datetime64:
-    try:
-        return np.datetime64(line.strip() or "NaT", "ns")
-    except ValueError:
+    match = _TIME.fullmatch(line.strip())
+    if match is None or int(line.strip()[:4]) not in _YEARS:
         return np.datetime64("NaT", "ns")
+    time, fraction, sign, hours, minutes = match.groups("")
+    ahead_min = 60 * int(hours or 0) + int(minutes or 0)
+    try:  # without the zone: NumPy reads it, too, but warns of each
+        local = np.datetime64(time + fraction, "ns")
+    except ValueError:  # no such day or hour
+        return np.datetime64("NaT", "ns")
+    return local - np.timedelta64(-ahead_min if sign == "-" else ahead_min, "m")

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from data.image_decoder import decode_image
 from perception.errors import ImageError
 from perception.render.panels import PanelArea
 from perception.types import UInt8
@@ -139,9 +140,7 @@ def _size_px(path: Path) -> tuple[int, int]:
     Raises:
         ImageError: It is damaged.
     """
-    image = cv2.imread(str(path))
-    if image is None:
-        raise ImageError(path, expected="an image that `trifuse run` wrote", found="a damaged one")
+    image = decode_image(path.read_bytes(), path, advice="run the drive again with --overwrite")
     return image.shape[1], image.shape[0]
 
 

@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from data.image_decoder import decode_image
 from data.kitti.image_header import MAX_PIXELS, stated_size_px
-from data.kitti.sensor_files import decode_image, read_image
+from data.kitti.sensor_files import read_image
 from perception.errors import ImageError
 from tests.faults import fault
 from tests.fuzz.refusal import memory_bound

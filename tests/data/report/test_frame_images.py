@@ -98,7 +98,7 @@ def test_a_damaged_panel_is_an_error(tmp_path):
     write_panels(tmp_path, 0, {"Camera": noise((20, 40))})
     (path,) = (tmp_path / "panels").iterdir()
     path.write_bytes(b"no image")
-    with fault(ImageError, where=path.name, expected="an image", found="damaged"):
+    with fault(ImageError, path.name, expected="a whole PNG or JPEG image", advice="--overwrite"):
         read_frame_images(tmp_path, {}, frames=1)
 
 

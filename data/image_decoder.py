@@ -1,0 +1,98 @@
+"""Images of any format as RGB, without a line of a library on the screen.
+
+About damaged images, OpenCV's libjpeg and libpng write to stderr, where no other code can read it. Pillow holds the same
+libraries: its pixels are the same, in the same time, and its errors are exceptions. OpenCV has the further formats, whose
+messages pass through its log.
+"""
+
+import io
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, ImageOps
+
+from data.kitti.image_header import MAX_PIXELS, PNG_START, stated_size_px
+from data.png import decode_rgb_png, has_whole_chunks
+from perception.errors import ImageError
+from perception.types import UInt8
+
+# These are about damaged properties of an image, not about its pixels.
+warnings.filterwarnings("ignore", module=r"PIL\.")
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+_JPEG_START, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
+
+
+def decode_image(
+    data: bytes, where: Path | str, advice: str | None = None, stated_format: str | None = None
+) -> UInt8:
+    """Decode to (H, W, 3) RGB.
+
+    Args:
+        data: Content of an image file.
+        where: Name of the image for errors.
+        advice: What to do about a damaged one.
+        stated_format: Format that a message states beside the data.
+
+    Raises:
+        ImageError: The image is damaged, or states a size that no camera has, for which no memory is taken.
+    """
+    width, height = stated_size_px(data) or (0, 0)
+    if width * height > MAX_PIXELS:
+        raise ImageError(
+            where,
+            expected=f"an image of at most {MAX_PIXELS} pixels",
+            found=f"{width}x{height} in its header",
+            advice=advice,
+        )
+    decoded = _decoded(data)
+    if decoded is None:
+        of_format = "" if stated_format is None else f" of format {stated_format!r}"
+        raise ImageError(
+            where,
+            expected="a whole PNG or JPEG image",
+            found=f"{len(data)} bytes{of_format} that cannot be decoded",
+            advice=advice,
+        )
+    return decoded
+
+
+def _decoded(data: bytes) -> UInt8 | None:
+    """Return the image, or None of a damaged one."""
+    if data.startswith(PNG_START):
+        if not has_whole_chunks(data):
+            return None
+        plain = decode_rgb_png(data)
+        return _by_pillow(data) if plain is None else plain
+    if data.startswith(_JPEG_START):
+        # Decoders fill up an image that was cut off, so its end is looked for first.
+        return _by_pillow(data) if _JPEG_END in data[-1024:] else None
+    return _by_opencv(data) if data else None
+
+
+def _by_pillow(data: bytes) -> UInt8 | None:
+    """Decode a JPEG or PNG image of any kind, turned as its Exif orientation says.
+
+    Of channels of 16 bits the upper byte is kept; an alpha channel is left out.
+    """
+    try:
+        with Image.open(io.BytesIO(data), formats=["JPEG", "PNG"]) as file:
+            if file.width * file.height > MAX_PIXELS:
+                return None
+            is_deep = file.mode.startswith(
+                "I"
+            )  # grey of 16 bits, which Pillow would cut off at 255
+            image = Image.fromarray((np.asarray(file) >> 8).astype(np.uint8)) if is_deep else file
+            return np.array(ImageOps.exif_transpose(image).convert("RGB"))
+    except Exception:
+        return None
+
+
+def _by_opencv(data: bytes) -> UInt8 | None:
+    with suppress(cv2.error):  # of sizes beyond OpenCV's own bound
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        return None if decoded is None else np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
+    return None
