@@ -99,6 +99,12 @@ def detected_scene(
     Raises:
         PerceptionError: the frame cannot be read or used.
     """
+    key = detections_key(drive, index, detectors.fingerprint)
+    return _to_scene(store.get(key, lambda: _detect(drive[index], detectors.detector)))
+
+
+def detections_key(drive: Drive, index: int, fingerprint: str) -> str:
+    """Return the key of the detections in one frame by detectors of a fingerprint."""
     code = code_fingerprint(
         perception.detection,
         perception.detection.detectors,
@@ -106,13 +112,9 @@ def detected_scene(
         perception.maps,
         Path(__file__),
     )
-    key = entry_key(
-        what="detections",
-        models=detectors.fingerprint,
-        code=code,
-        **frame_fingerprint(drive, index),
+    return entry_key(
+        what="detections", models=fingerprint, code=code, **frame_fingerprint(drive, index)
     )
-    return _to_scene(store.get(key, lambda: _detect(drive[index], detectors.detector)))
 
 
 def _detect(frame: Frame, detector: MultimodalDetector) -> Arrays:

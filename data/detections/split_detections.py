@@ -3,10 +3,18 @@
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 from data.array_store import ArrayStore
-from data.detections.cached_detections import FingerprintedDetector, detect_drives
+from data.batch.shared_cache import fill_together
+from data.detections.cached_detections import (
+    FingerprintedDetector,
+    detect_drives,
+    detected_scene,
+    detections_key,
+)
 from data.detections.config import DetectorModelPaths, FusionDataConfig
 from data.detections.detected_frames import DetectedFrames
 from data.detections.unlearned_frames import without_learned_frames
@@ -21,8 +29,8 @@ from data.splits.parts import SplitBy
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detector_fusion import detector_fingerprints
-from perception.errors import UsageError
-from perception.types import Modality, Progress
+from perception.errors import PerceptionError, UsageError
+from perception.types import Drive, Modality, Progress
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +82,13 @@ def split_detections(
     parts = fusion_parts(sources, config, seed, detectors)
     fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), fingerprints)
     store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
+    missing = [
+        (drive, index)
+        for drive in (*parts.train, *parts.val, *parts.test)
+        for index in range(len(drive))
+        if detections_key(drive, index, fingerprints) not in store
+    ]
+    fill_together(partial(_detect_in, models, store), missing, config.cache_workers, progress)
     training, validation, test = (
         detect_drives(drives, fingerprinted, store, config.on_bad_frame, progress)
         for drives in (parts.train, parts.val, parts.test)
@@ -84,6 +99,22 @@ def split_detections(
     return SplitDetections(
         training, validation, test, class_names, fingerprints, parts.provenance()
     )
+
+
+def _detect_in(
+    models: DetectorModelPaths, store: ArrayStore, frames: Sequence[tuple[Drive, int]]
+) -> None:
+    """Cache the detections in some frames; who needs those of a faulty one meets the fault again."""
+    detectors = _open(models)
+    for drive, index in frames:
+        with suppress(PerceptionError):
+            detected_scene(drive, index, detectors, store)
+
+
+@cache
+def _open(models: DetectorModelPaths) -> FingerprintedDetector:
+    detectors = models.open()
+    return FingerprintedDetector(MultimodalDetector(detectors), detector_fingerprints(detectors))
 
 
 def fusion_parts(

@@ -1,16 +1,19 @@
 """Frames of labelled drives, numbered from 0 over all drives, with arrays computed from them in a cache."""
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.frame_fingerprint import frame_fingerprint
 from data.frames import frame_name
+from perception.errors import PerceptionError
 from perception.types import Drive, Frame
 
 
-class CachedFrames:
+class CachedFrames(ABC):
     """F frames of some drives; what is computed from each is kept in an `ArrayStore`.
 
     An entry's key holds all that determines it: the frame's files, the settings, and the code.
@@ -66,7 +69,39 @@ class CachedFrames:
             PerceptionError: a file of the frame cannot be read, or it lacks the image or the calibration.
         """
         drive, index = self._frames[number]
+        key = self._key(number, what, settings)
+        return self.store.get(key, lambda: compute(drive[index]))
+
+    def _key(self, number: int, what: str, settings: dict[str, Any]) -> str:
+        """Return the key of arrays in the cache."""
+        drive, index = self._frames[number]
         if (number, what) not in self._keys:
             key = entry_key(what=what, **settings, **frame_fingerprint(drive, index))
             self._keys[number, what] = key
-        return self.store.get(self._keys[number, what], lambda: compute(drive[index]))
+        return self._keys[number, what]
+
+    @abstractmethod
+    def keys(self, number: int) -> Sequence[str]:
+        """Return the keys of all arrays of a frame."""
+
+    @abstractmethod
+    def make(self, number: int) -> None:
+        """Make all arrays of a frame that are not cached.
+
+        Raises:
+            PerceptionError: as `cached`.
+        """
+
+    def missing(self) -> list[int]:
+        """Return the numbers of the frames of which an array is not cached."""
+        return [
+            number
+            for number in range(len(self))
+            if any(key not in self.store for key in self.keys(number))
+        ]
+
+    def fill(self, numbers: Sequence[int]) -> None:
+        """Make the arrays of some frames; who needs those of a faulty one meets the fault again."""
+        for number in numbers:
+            with suppress(PerceptionError):
+                self.make(number)

@@ -53,6 +53,7 @@ class DriveDataConfig:
         on_bad_frame: Stop at a damaged frame, or skip it with a warning.
         cache: Cache folder of what is computed from the frames; else the user's cache folder.
         cache_gb: Size of the cache in GB, beyond which the least recently used entries are deleted.
+        cache_workers: Processes that fill the cache; else one a core where many frames are missing.
     """
 
     shares: tuple[float, ...] = (80, 20)
@@ -60,6 +61,7 @@ class DriveDataConfig:
     on_bad_frame: OnBadFrame = "stop"
     cache: Path | None = None
     cache_gb: float = 20.0
+    cache_workers: int | None = None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from data.array_store import ArrayStore
+from data.batch.shared_cache import fill_together
 from data.results.documents import usable_cores
 from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
@@ -66,7 +67,9 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
             PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
         """
         parts = self._parts()
-        self._fill_cache(self._frames([*parts.train, *parts.val, *parts.test]))
+        frames = self._frames([*parts.train, *parts.val, *parts.test])
+        fill_together(frames.fill, frames.missing(), self.config.cache_workers, self.progress)
+        self._fill_cache(frames)
 
     def setup(self, stage: str | None = None) -> None:
         """Make the datasets; a network that is trained notes the frames that it learns from.
@@ -152,7 +155,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
 
     @abstractmethod
     def _fill_cache(self, frames: Frames) -> None:
-        """Compute what training needs of all frames."""
+        """Make what is not cached yet of all frames, and meet their faults."""
 
     @abstractmethod
     def _make_dataset(self, frames: Frames, *, is_training: bool) -> Samples:

@@ -189,6 +189,22 @@ def test_detections_are_cached(drive, models, cache, monkeypatch):
         )
 
 
+@pytest.mark.slow
+def test_processes_detect_the_same(drive, models, cache, tmp_path):
+    files = DetectorModelPaths(*map(Path, models[1::2]))
+    alone, shared = (
+        split_detections(
+            TrainingDrives((drive,)), files, FusionDataConfig(cache=folder, cache_workers=count), 0
+        )
+        for folder, count in ((cache, 1), (tmp_path / "shared", 2))
+    )
+    for one, other in zip(alone.training.scenes, shared.training.scenes, strict=True):
+        np.testing.assert_array_equal(
+            one.merged.detections.boxes_px, other.merged.detections.boxes_px
+        )
+        np.testing.assert_array_equal(one.merged.detections.scores, other.merged.detections.scores)
+
+
 def test_a_model_of_another_modality_is_refused(drive, models, cache, tmp_path):
     words = ["--data.models.rgb", models[3], *models[2:]]
     with fault(ModelError, expected="a detector of modality rgb"):

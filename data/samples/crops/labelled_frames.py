@@ -98,8 +98,7 @@ class LabelledFrames(CachedFrames):
         def compute(frame: Frame) -> Arrays:
             return {"image": _make_image(frame, method, drive.sensor.height_m)}
 
-        settings = {"method": method, "code": _code()}
-        return self.cached(number, "image", settings, compute)["image"]
+        return self.cached(number, "image", self._image_settings, compute)["image"]
 
     def scene(self, number: int) -> ProposalScene:
         """Return proposals and labels of a frame.
@@ -113,9 +112,33 @@ class LabelledFrames(CachedFrames):
         def compute(frame: Frame) -> Arrays:
             return asdict(_scene(frame, drive.labels(index), config))
 
+        return _to_scene(self.cached(number, "scene", self._scene_settings, compute))
+
+    def keys(self, number: int) -> list[str]:
+        """Return the keys of image and scene of a frame."""
+        return [
+            self._key(number, "image", self._image_settings),
+            self._key(number, "scene", self._scene_settings),
+        ]
+
+    def make(self, number: int) -> None:
+        """Make image and scene of a frame where they are not cached.
+
+        Raises:
+            PerceptionError: as `scene`.
+        """
+        self.image(number)
+        self.scene(number)
+
+    @property
+    def _image_settings(self) -> dict[str, Any]:
+        return {"method": self.config.method, "code": _code()}
+
+    @property
+    def _scene_settings(self) -> dict[str, Any]:
+        config = self.config
         proposals = None if config.proposals is None else asdict(config.proposals)
-        settings = {"method": config.method, "proposals": proposals, "code": _code()}
-        return _to_scene(self.cached(number, "scene", settings, compute))
+        return {"method": config.method, "proposals": proposals, "code": _code()}
 
 
 def _make_image(frame: Frame, method: Method, lidar_height_m: float) -> UInt8:

@@ -91,8 +91,23 @@ class LabelledImages(CachedFrames):
         names = self.config.class_names
         return detection_targets(self.labels(number), names, self.placement(number))
 
+    def keys(self, number: int) -> list[str]:
+        """Return the key of the images of a frame."""
+        return [self._key(number, self._what, self._settings)]
+
+    def make(self, number: int) -> None:
+        """Make the images of a frame where they are not cached.
+
+        Raises:
+            PerceptionError: as `image`.
+        """
+        self._images(number)
+
+    @property
+    def _what(self) -> str:
+        return "camera image" if self.config.modality == "rgb" else "maps"
+
     def _images(self, number: int) -> Arrays:
-        what = "camera image" if self.config.modality == "rgb" else "maps"
         return self.cached(
-            number, what, self._settings, lambda frame: make_images(frame, self.config)
+            number, self._what, self._settings, lambda frame: make_images(frame, self.config)
         )

@@ -349,6 +349,31 @@ def test_a_bad_frame_stops_or_is_left_out(
     assert sorted(names) == ["000000", "000001", "000003", "000004"]
 
 
+def test_processes_fill_the_cache_with_the_same_bytes(
+    make_data: MakeData, make_frames: Callable[..., Path], tmp_path: Path, caplog
+):
+    root = make_frames("broken")
+    (root / "training/velodyne/000002.bin").write_bytes(b"short")
+
+    def filled(workers: int) -> dict[str, bytes]:
+        folder = tmp_path / str(workers)
+        data = make_data(training=(root,), on_bad_frame="skip", cache=folder, cache_workers=workers)
+        data.prepare_data()
+        assert caplog.messages == []
+        parts = data._parts()
+        frames = data._frames([*parts.train, *parts.val])
+        assert [frames.name(number) for number in frames.missing()] == ["000002"]
+        return {
+            str(path.relative_to(folder)): path.read_bytes()
+            for path in folder.rglob("*")
+            if path.is_file()
+        }
+
+    alone = filled(1)
+    assert filled(2) == alone
+    assert len({Path(name).parts[0] for name in alone}) == 4
+
+
 def test_a_set_that_lacks_the_class_is_refused(
     make_data: MakeData, make_frames: Callable[..., Path]
 ):
