@@ -42,6 +42,11 @@ def limit_blas_threads() -> Iterator[None]:
         _LIMIT.leave()
 
 
+def find_blas() -> None:
+    """Find the BLAS libraries that are loaded by now; else the first limit does, in 6 to 15 ms."""
+    _thread_pools()
+
+
 class _SharedLimit:
     """The limit that is shared by all threads of this process."""
 

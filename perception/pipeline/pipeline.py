@@ -14,7 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Self
 
-from perception.geometry.threads import limit_opencv_threads
+from perception.geometry.threads import find_blas, limit_opencv_threads
 from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
@@ -53,6 +53,7 @@ class Pipeline:
             loading = loader.submit(load_compiled)
             self._camera = CameraStages(sensor, config.detection, config.vehicles, config.budget_ms)
             loading.result()
+        find_blas()
         if config.parallel:
             limit_opencv_threads()
         kind = ThreadWorker if config.parallel else InlineWorker
