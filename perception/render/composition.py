@@ -1,15 +1,17 @@
 """The image of one frame of a run: camera, scene in 3D, bird's-eye view, and a strip of legend, maps and times."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from perception.detection.config import DetectionConfig
+from perception.detection.vehicles.camera_views import views_of
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, draw_scale, view_of_area
+from perception.render.camera_grid import CameraGrid, camera_grid
 from perception.render.canvas import blank_canvas, fill_canvas
 from perception.render.detector_views import draw_detector_boxes, map_insets
 from perception.render.health_lines import draw_health
@@ -124,16 +126,21 @@ class Composition:
     def _panels(self, result: Result) -> dict[str, PanelArea]:
         """Return where each view is drawn, by its name."""
         width, body_px = self.size_px[0], self._body_px(result)
-        image = None if result.frame.calibration is None else result.frame.image
-        left_px, camera_px = left_column_px((width, body_px), image, _CAMERA_SHARE)
-        # Left: the camera's image, and below it the scene in 3D; without a camera, 3D alone. Right: from above.
+        grid = self.camera_grid(result)
+        aspect = None if grid is None else grid.total_aspect
+        left_px, camera_px = left_column_px((width, body_px), aspect, _CAMERA_SHARE)
+        # Left: the cameras' images, and below them the scene in 3D; without a camera, 3D alone. Right: from above.
         panels, behind_px = {}, 0
-        if image is not None:
+        if grid is not None:
             panels[_CAMERA] = PanelArea(0, 0, left_px, camera_px)
             behind_px = camera_px + _GUTTER_PX
         panels[_BEHIND] = PanelArea(0, behind_px, left_px, body_px)
         panels[_ABOVE] = PanelArea(left_px + _GUTTER_PX, 0, width, body_px)
         return panels
+
+    def camera_grid(self, result: Result) -> CameraGrid | None:
+        """Return the cells of the cameras' images; None without any."""
+        return camera_grid(result, (self.size_px[0], self._body_px(result)), _CAMERA_SHARE)
 
     def _body_px(self, result: Result) -> int:
         """Return the height above the strip."""
@@ -174,37 +181,62 @@ class _Views:
     def draw(self, name: str, panel: UInt8) -> None:
         """Draw the view of a name."""
         if name == _CAMERA:
-            frame = self._scene.result.frame
-            assert frame.image is not None  # else there is no panel of this name
-            assert frame.calibration is not None
-            self.draw_camera(panel, frame.image, frame.calibration)
+            self.draw_cameras(panel)
         elif name == _BEHIND:
             self.draw_from_behind(panel)
         else:
             self.draw_from_above(panel)
 
-    def draw_camera(self, panel: UInt8, image: UInt8, calibration: Calibration) -> None:
-        """Draw the camera image with ground, obstacles and objects, centred."""
-        fitted, result = FittedImage.onto(panel, image), self._scene.result
+    def draw_cameras(self, panel: UInt8) -> None:
+        """Draw the image of each camera in a cell of its own; the cell of one without an image stays empty."""
+        grid, views = self._layout.camera_grid(self._scene.result), views_of(self._scene.result)
+        assert grid is not None  # else there is no panel of this name
+        cells = grid.cells((panel.shape[1], panel.shape[0]))
+        for number, (view, cell) in enumerate(zip(views, cells, strict=True)):
+            frame, cell_of = view.frame, cell.of(panel)
+            title = self._title(frame.camera)
+            if frame.image is None or frame.calibration is None:
+                fill_canvas(cell_of, palette.PANEL)
+                draw_title(cell_of, f"{title}: no image", self._style.text_px)
+                continue
+            fitted = FittedImage.onto(cell_of, frame.image)
+            self._draw_in_camera(fitted, frame.calibration, view, number)
+            draw_title(cell_of, title, self._style.text_px)
+
+    def _draw_in_camera(
+        self, fitted: FittedImage, calibration: Calibration, view: Result, number: int
+    ) -> None:
+        """Draw ground, obstacles and objects over the image of a camera.
+
+        Args:
+            fitted: Image of the camera.
+            calibration: Calibration of the camera.
+            view: Result as the camera shows it.
+            number: Number of the camera in `Frame.views`.
+        """
         # Everything is drawn after resizing, so that lines and text keep their size.
         image_P_velo, canvas = fitted.resizing.project(calibration.image_P_velo), fitted.canvas
-        draw_overlay(canvas, image_P_velo, self._surface, result.obstacles)
-        if self._scene.tracked is not None:
+        draw_overlay(canvas, image_P_velo, self._surface, view.obstacles)
+        if self._scene.tracked is not None and number == 0:
             line_px = self._style.line_px
             draw_tracked_in_image(canvas, self._scene.tracked, fitted.resizing, line_px)
-        labels = draw_objects(canvas, image_P_velo, self._figures, self._style, fitted.resizing)
+        figures = replace(self._figures, objects=self._figures.objects.in_camera(number))
+        labels = draw_objects(canvas, image_P_velo, figures, self._style, fitted.resizing)
         if self._layout.detector_views:
-            for modality in result.modality_detections:
+            for modality in view.modality_detections:
                 draw_detector_boxes(
                     canvas,
-                    self._scene,
+                    replace(self._scene, result=view),
                     modality,
                     fitted.resizing,
                     display_score=self._layout.display_score,
                     pattern=palette.LINE_PATTERNS[modality],
                 )
-        self._draw_labels(canvas, labels, _CAMERA)
-        draw_title(panel, _CAMERA, self._style.text_px)
+        self._draw_labels(canvas, labels, self._title(view.frame.camera))
+
+    def _title(self, camera: str) -> str:
+        """Return the title of a camera's image: its name where there are several."""
+        return camera if self._scene.result.frame.further_cameras else _CAMERA
 
     def draw_from_behind(self, panel: UInt8) -> None:
         """Draw the scene in 3D from behind the vehicle."""

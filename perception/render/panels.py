@@ -61,18 +61,17 @@ class LegendEntry:
 
 
 def left_column_px(
-    body_px: tuple[int, int], image: UInt8 | None, max_image_share: float
+    body_px: tuple[int, int], aspect: float | None, max_image_share: float
 ) -> tuple[int, int]:
-    """Return the width of the left column and the height of the camera image that fills it; 0 without an image.
+    """Return the width of the left column and the height of the image that fills it; 0 without an image.
 
     Args:
         body_px: (width, height) of both columns.
-        image: (H, W, 3) camera image, or None.
+        aspect: Width of the image over its height, or None without one.
         max_image_share: Share of the height that the image takes at most.
     """
-    if image is None:
+    if aspect is None:
         return round(_COLUMN_SHARE * body_px[0]), 0
-    aspect = image.shape[1] / image.shape[0]
     low, high = (share * body_px[0] for share in _COLUMN_SHARES)
     width = min(max(max_image_share * body_px[1] * aspect, low), high)
     return round(width), round(min(width / aspect, max_image_share * body_px[1]))

@@ -37,7 +37,8 @@ class SceneObjects(ArrayTable):
     Attributes:
         ids: (T,) track ids, -1 of objects without a track.
         boxes: (T) 3D boxes; rows of NaN where the LiDAR has too few points.
-        boxes_px: (T, 4) x1 y1 x2 y2 of the fused detection in the main camera's image, NaN without one.
+        boxes_px: (T, 4) x1 y1 x2 y2 of the fused detection in the image of its camera, NaN without one.
+        cameras: (T,) camera of `Frame.views` that this image is of.
         velocities_m_s: (T, 2) velocities over the ground along x and y, 0 where unknown.
         is_observed: (T,) whether the object was observed in this scan, or is predicted.
         is_moving: (T,) whether the object is drawn with speed and arrow.
@@ -51,6 +52,7 @@ class SceneObjects(ArrayTable):
     ids: Int
     boxes: Boxes3D
     boxes_px: Annotated[Float64, 4]
+    cameras: Int
     velocities_m_s: Annotated[Float64, 2]
     is_observed: Bool
     is_moving: Bool
@@ -102,6 +104,7 @@ class SceneObjects(ArrayTable):
             ids=tracks.ids,
             boxes=tracks.boxes,
             boxes_px=np.full((count, 4), np.nan),
+            cameras=np.zeros(count, np.int64),
             velocities_m_s=velocities_m_s,
             is_observed=tracks.is_observed,
             is_moving=is_moving,
@@ -115,17 +118,17 @@ class SceneObjects(ArrayTable):
     def _with_vehicles(self, vehicles: Vehicles, display_score: float) -> Self:
         """Add the vehicles from a score on; one with the id of a track gives it its box in the image."""
         scores = vehicles.fused.detections.scores
-        is_main = vehicles.cameras[:, None] == 0
-        found_px = np.where(is_main, vehicles.fused.detections.boxes_px, np.nan)
+        found_px = vehicles.fused.detections.boxes_px
         rows = np.flatnonzero(scores >= display_score)
         ids = vehicles.ids[rows]
         is_same = (ids[:, None] == self.ids) & (ids[:, None] >= 0)
-        boxes_px = self.boxes_px.copy()
+        boxes_px, cameras = self.boxes_px.copy(), self.cameras.copy()
         found, track = np.nonzero(is_same)
-        boxes_px[track] = found_px[rows[found]]
+        boxes_px[track], cameras[track] = found_px[rows[found]], vehicles.cameras[rows[found]]
         new = rows[~is_same.any(axis=1)]
-        others = replace(self.of_tracks(vehicles.as_tracks(new)), boxes_px=found_px[new])
-        return replace(self, boxes_px=boxes_px).joined(others)
+        others = self.of_tracks(vehicles.as_tracks(new))
+        others = replace(others, boxes_px=found_px[new], cameras=vehicles.cameras[new])
+        return replace(self, boxes_px=boxes_px, cameras=cameras).joined(others)
 
     def _with_selected(self, selected: SelectedObject) -> Self:
         """Replace the object of an id by that of the one-object tracker, which knows no class."""
@@ -135,8 +138,19 @@ class SceneObjects(ArrayTable):
         is_same = self.ids == selected.track_id
         if is_same.any():
             same = self[np.flatnonzero(is_same)[:1]]
-            chosen = replace(chosen, types=same.types, scores=same.scores, boxes_px=same.boxes_px)
+            chosen = replace(
+                chosen,
+                types=same.types,
+                scores=same.scores,
+                boxes_px=same.boxes_px,
+                cameras=same.cameras,
+            )
         return self[~is_same].joined(chosen)
+
+    def in_camera(self, camera: int) -> Self:
+        """Return the objects with the detections in the image of one camera of `Frame.views`."""
+        is_own = self.cameras[:, None] == camera
+        return replace(self, boxes_px=np.where(is_own, self.boxes_px, np.nan))
 
     def colors_of(self, ids: Int) -> list[Color]:
         """Return the colours of (K,) track ids; grey of one without a track."""

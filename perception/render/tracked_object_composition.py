@@ -8,6 +8,7 @@ import numpy as np
 
 from perception.geometry.se3 import wrap
 from perception.render import palette
+from perception.render.camera_grid import aspect_of
 from perception.render.canvas import Align, blank_canvas, draw_text, text_width_px
 from perception.render.palette import Style
 from perception.render.panels import LegendEntry, draw_legend, left_column_px, place_panel
@@ -52,7 +53,8 @@ class TrackedObjectComposition:
         body_px = round(height * (1 - _FOOTER_SHARE))
         frame = scene.result.frame
         image = None if frame.calibration is None else frame.image
-        left_px, camera_px = left_column_px((width, body_px), image, _CAMERA_SHARE)
+        aspect = None if image is None else aspect_of(image)
+        left_px, camera_px = left_column_px((width, body_px), aspect, _CAMERA_SHARE)
         # Above: the camera image and the object in it; below: the scene from behind and from above.
         right_px, below_px = left_px + _GUTTER_PX, camera_px + _GUTTER_PX if camera_px else 0
         rest_px, low_px = width - right_px, body_px - below_px

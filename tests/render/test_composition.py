@@ -6,8 +6,8 @@ import pytest
 from perception.errors import UsageError
 from perception.render.composition import Composition
 from perception.render.panels import left_column_px
-from perception.render.scene import Scene
-from perception.types import Obstacles
+from perception.render.scene import Scene, SceneObjects
+from perception.types import Boxes3D, CameraImage, Obstacles, Tracks
 from tests.render.conftest import voxels_at
 
 SMALL = Composition(size_px=(800, 450))
@@ -86,8 +86,8 @@ def test_sizes_that_no_video_can_have_are_refused(size_px):
     ],
 )
 def test_the_camera_image_fills_its_column(camera_px, column_px, image_px):
-    image = np.zeros((camera_px[1], camera_px[0], 3), np.uint8)
-    assert left_column_px((1600, 800), image, 0.58) == (column_px, image_px)
+    aspect = camera_px[0] / camera_px[1]
+    assert left_column_px((1600, 800), aspect, 0.58) == (column_px, image_px)
 
 
 def test_without_a_camera_both_columns_are_filled(scene):
@@ -105,7 +105,57 @@ def test_a_camera_of_any_aspect_leaves_no_empty_half(scene):
         calibration = replace(scene.frame.calibration, image_size_px=size_px)
         frame = replace(scene.frame, image=image, calibration=calibration)
         canvas = drawn(replace(scene, frame=frame))
-        column_px, image_px = left_column_px((800, 407), image, 0.58)
+        column_px, image_px = left_column_px((800, 407), size_px[0] / size_px[1], 0.58)
         bright = (canvas[:image_px, :column_px] == 200).all(axis=2)
         # Ground, title and voxels cover the rest.
         assert bright[:, [2, -3]].mean() > 0.3
+
+
+def with_further_cameras(scene, images):
+    further = tuple(
+        CameraImage(f"camera_{number}", scene.frame.calibration, image)
+        for number, image in enumerate(images)
+    )
+    return replace(scene, frame=replace(scene.frame, camera="front", further_cameras=further))
+
+
+def test_each_camera_has_a_cell_of_the_same_size(scene):
+    image = np.full_like(scene.frame.image, 250)
+    several = with_further_cameras(scene, [image, image, None])
+    grid = SMALL.camera_grid(several)
+    area = SMALL.main_panels(several)["Camera"]
+    cells = grid.cells(area.size_px)
+    assert (grid.columns, grid.rows) == (2, 2)
+    assert len({cell.size_px for cell in cells}) == 1
+    panel = SMALL.draw_main_panels(Scene.of(several))["Camera"]
+    bright = [(cell.of(panel) == 250).all(axis=2).mean() for cell in cells]
+    assert min(bright[1:3]) > 0.2
+    assert max(bright[0], bright[3]) < 0.05
+    np.testing.assert_array_equal(area.of(drawn(several)), panel)
+
+
+def test_the_image_of_a_single_camera_fills_its_panel(scene):
+    grid = SMALL.camera_grid(scene)
+    assert [cell.size_px for cell in grid.cells((300, 100))] == [(300, 100)]
+
+
+def test_a_rectangle_is_drawn_in_the_image_of_its_camera_alone(scene):
+    image = np.full_like(scene.frame.image, 128)
+    several = with_further_cameras(scene, [image])
+    objects = replace(
+        SceneObjects.of_tracks(flat_track()),
+        boxes_px=np.array([[100.0, 50, 300, 150]]),
+        cameras=np.array([1]),
+    )
+    empty = Scene(several, SceneObjects.empty(), [])
+    one = Scene(several, objects, [np.zeros((0, 3))])
+    panels = [SMALL.draw_main_panels(each)["Camera"] for each in (empty, one)]
+    cells = SMALL.camera_grid(several).cells(SMALL.main_panels(several)["Camera"].size_px)
+    changed = [bool((cell.of(panels[0]) != cell.of(panels[1])).any()) for cell in cells]
+    assert changed == [False, True]
+
+
+def flat_track():
+    """Return a track of a detection without a 3D box."""
+    nowhere = Boxes3D(np.full((1, 3), np.nan), np.full((1, 3), np.nan), np.full(1, np.nan))
+    return Tracks.unclassified(np.array([3]), nowhere, np.zeros((1, 2)), np.array([True]))
