@@ -28,6 +28,13 @@ def frame_name(drive: Drive, index: int) -> str:
     return drive.frame_names[index] if isinstance(drive, RecordedDrive) else f"{index:06d}"
 
 
+def further_camera_names(drive: Drive) -> tuple[str, ...]:
+    """Return the names of the cameras beside the main one."""
+    if not isinstance(drive, RecordedDrive):
+        return ()
+    return tuple(one.name for one in drive.further_cameras.cameras)
+
+
 def clock_origin_ns(drive: Drive) -> int:
     """Return the time by the recording's clock at which stamps are 0, in nanoseconds; 0 where it is not known."""
     return drive.origin_ns if isinstance(drive, RecordedDrive) else 0

@@ -1,6 +1,6 @@
 """Results as an MCAP file, which Foxglove and the tools of ROS 2 open."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -16,13 +16,16 @@ from perception.types import Result
 class McapWriter(ResultWriter):
     """Writes one file; a partial one until it is closed."""
 
-    def __init__(self, path: Path, min_score: float, origin_ns: int = 0) -> None:
+    def __init__(
+        self, path: Path, min_score: float, origin_ns: int = 0, cameras: Sequence[str] = ()
+    ) -> None:
         """Open the partial file; make its folder.
 
         Args:
             path: Path of the whole file, `.mcap`.
             min_score: Score from which detections and vehicles are shown.
             origin_ns: Time in nanoseconds at which the stamps of the drive are 0.
+            cameras: Names of the further cameras.
 
         Raises:
             MissingDependencyError: foxglove-sdk or rosbags is not installed.
@@ -32,7 +35,7 @@ class McapWriter(ResultWriter):
         from foxglove import open_mcap
         from foxglove.mcap import MCAPWriteOptions
 
-        self._path, self._channels = path, ResultChannels(context, min_score)
+        self._path, self._channels = path, ResultChannels(context, min_score, cameras)
         self._origin_s = origin_ns / 1e9
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,6 @@
 """Results for live viewers: a WebSocket server that speaks Foxglove's protocol."""
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -8,14 +9,17 @@ from data.messages.topics import topics
 from perception.errors import UsageError
 from perception.types import Result
 
-# Messages that wait for a slow viewer: those of two frames; the oldest are dropped, so that no viewer lags.
-_BACKLOG = 2 * len(topics(min_score=0))
+_WAITING_FRAMES = (
+    2  # whose messages wait for a slow viewer; the oldest are dropped, so that none lags
+)
 
 
 class ResultServer:
     """Publishes results to all viewers that are connected; a context manager, which disconnects them."""
 
-    def __init__(self, name: str, host: str, port: int, *, min_score: float) -> None:
+    def __init__(
+        self, name: str, host: str, port: int, *, min_score: float, cameras: Sequence[str] = ()
+    ) -> None:
         """Open the port.
 
         Args:
@@ -23,18 +27,20 @@ class ResultServer:
             host: Address of the network interface; 127.0.0.1 for viewers on this computer alone.
             port: Port; 0 for any that is free.
             min_score: Score from which detections and vehicles are shown.
+            cameras: Names of the further cameras.
 
         Raises:
             MissingDependencyError: foxglove-sdk or rosbags is not installed.
             UsageError: The port cannot be opened.
         """
         context = new_context("trifuse serve")
-        self._channels = ResultChannels(context, min_score)
+        self._channels = ResultChannels(context, min_score, cameras)
         from foxglove import start_server
 
+        backlog = _WAITING_FRAMES * len(topics(min_score, cameras))
         try:
             self._server = start_server(
-                name=name, host=host, port=port, context=context, message_backlog_size=_BACKLOG
+                name=name, host=host, port=port, context=context, message_backlog_size=backlog
             )
         except (RuntimeError, OverflowError) as error:
             raise UsageError(

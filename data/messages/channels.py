@@ -1,5 +1,6 @@
 """Channels of one context of Foxglove's SDK: whatever sinks it has, files or live viewers, get the messages."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from data.messages.definitions import definition_of, encoded
@@ -29,16 +30,17 @@ def new_context(needed_for: str) -> "Context":
 class ResultChannels:
     """Publishes results on the topics of `data.messages.topics`."""
 
-    def __init__(self, context: "Context", min_score: float) -> None:
+    def __init__(self, context: "Context", min_score: float, cameras: Sequence[str] = ()) -> None:
         """Open the channels of all topics, so that viewers know them before the first result.
 
         Args:
             context: Context, best without sinks yet: a viewer that is connected when a channel is opened may subscribe
                 before the server is ready for it.
             min_score: Score from which detections and vehicles are shown.
+            cameras: Names of the further cameras.
         """
         self._context = context  # its channels are closed when it is gone
-        self._channels = [(topic, _open(context, topic)) for topic in topics(min_score)]
+        self._channels = [(topic, _open(context, topic)) for topic in topics(min_score, cameras)]
         self._last: Result | None = None
 
     def publish(self, result: Result) -> None:

@@ -13,6 +13,11 @@ from perception.types import Float, Float64
 WORLD, LIDAR, CAMERA = "world", "lidar", "camera"
 
 
+def further_camera(name: str) -> str:
+    """Return the frame of reference of a further camera, and the start of its topics behind a slash."""
+    return f"cameras/{name.strip('/').replace('/', '_')}"
+
+
 def stamp_ns(stamp_s: float) -> int:
     """Return a time in nanoseconds; messages know no time before 0."""
     return max(round(stamp_s * 1e9), 0)

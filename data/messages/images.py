@@ -15,30 +15,39 @@ _LINE_LOOP = 2  # of foxglove_msgs/PointsAnnotation
 _TEXT_PX = 14.0
 
 
-def compressed_image(stamp_s: float, image: UInt8) -> Any:  # noqa: ANN401 - a message
-    """Return an (H, W, 3) RGB image or an (H, W) grey one as JPEG."""
+def compressed_image(stamp_s: float, image: UInt8, frame_id: str = CAMERA) -> Any:  # noqa: ANN401 - a message
+    """Return an (H, W, 3) RGB image or an (H, W) grey one as JPEG.
+
+    Args:
+        stamp_s: Time of the frame.
+        image: Image.
+        frame_id: Frame of reference of the camera.
+    """
     bgr = image[:, :, ::-1] if image.ndim == 3 else image
     _, data = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
     return message(
         "sensor_msgs/CompressedImage",
-        header=header(stamp_s, CAMERA),
+        header=header(stamp_s, frame_id),
         format="jpeg",
         data=data.ravel(),
     )
 
 
-def camera_info(stamp_s: float, calibration: Calibration, size_px: tuple[int, int]) -> Any:  # noqa: ANN401
+def camera_info(
+    stamp_s: float, calibration: Calibration, size_px: tuple[int, int], frame_id: str = CAMERA
+) -> Any:  # noqa: ANN401 - a message
     """Return the calibration of a rectified camera.
 
     Args:
         stamp_s: Time of the frame.
         calibration: Calibration of the camera.
         size_px: Width and height of its image.
+        frame_id: Frame of reference of the camera.
     """
     intrinsics = calibration.image_P_cam[:, :3]
     return message(
         "sensor_msgs/CameraInfo",
-        header=header(stamp_s, CAMERA),
+        header=header(stamp_s, frame_id),
         height=size_px[1],
         width=size_px[0],
         distortion_model="plumb_bob",

@@ -5,7 +5,16 @@ from typing import Any
 import numpy as np
 
 from data.messages.definitions import message
-from data.messages.geometry import CAMERA, LIDAR, WORLD, header, point, quaternion, vector
+from data.messages.geometry import (
+    CAMERA,
+    LIDAR,
+    WORLD,
+    further_camera,
+    header,
+    point,
+    quaternion,
+    vector,
+)
 from perception.geometry.se3 import from_rotation_translation, inverse, rotation_vector
 from perception.types import Calibration, Float64, Result
 
@@ -21,12 +30,14 @@ def camera_SE3_velo(calibration: Calibration) -> Float64:
 
 
 def transforms(result: Result) -> Any:  # noqa: ANN401 - a message
-    """Return the pose of the LiDAR in the world, and of the camera on the vehicle."""
-    frame = result.frame
-    tree = [_transform(frame.stamp_s, WORLD, LIDAR, result.world_SE3_velo)]
-    if frame.calibration is not None:
-        velo_SE3_camera = inverse(camera_SE3_velo(frame.calibration))
-        tree.append(_transform(frame.stamp_s, LIDAR, CAMERA, velo_SE3_camera))
+    """Return the pose of the LiDAR in the world, and of each camera on the vehicle."""
+    stamp_s = result.frame.stamp_s
+    tree = [_transform(stamp_s, WORLD, LIDAR, result.world_SE3_velo)]
+    for number, view in enumerate(result.frame.views):
+        if view.calibration is not None:
+            name = further_camera(view.camera) if number else CAMERA
+            velo_SE3_camera = inverse(camera_SE3_velo(view.calibration))
+            tree.append(_transform(stamp_s, LIDAR, name, velo_SE3_camera))
     return message("tf2_msgs/TFMessage", transforms=tree)
 
 

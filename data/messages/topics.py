@@ -1,16 +1,18 @@
 """Topics of a result: their names and types, and the message of each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from data.messages import images, objects
 from data.messages.diagnostics import diagnostics
+from data.messages.geometry import CAMERA, further_camera
 from data.messages.motion import odometry, transforms
 from data.messages.points import point_cloud
-from perception.detection.vehicles.camera_views import views_of
+from perception.detection.vehicles.camera_views import view_of
 from perception.types import MAP_MODALITIES, MODALITIES, MapModality, Modality, Result, Tracks
 
 # Makes a message of a result and the one before; None where the result has no such part.
@@ -32,40 +34,65 @@ class Topic:
     message_of: MessageFunction
 
 
-def _image(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
-    del last
-    frame = result.frame
-    return None if frame.image is None else images.compressed_image(frame.stamp_s, frame.image)
+@dataclass(frozen=True)
+class _CameraTopics:
+    """Topics of one camera.
 
+    Attributes:
+        number: Number of the camera in `Frame.views`.
+        frame_id: Its frame of reference, which its topics begin with.
+        min_score: Score from which detections are shown.
+    """
 
-def _camera_info(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
-    del last
-    frame = result.frame
-    calibration = frame.calibration
-    if calibration is None:
-        return None
-    size_px = calibration.image_size_px
-    if frame.image is not None:
-        size_px = frame.image.shape[1], frame.image.shape[0]
-    return None if size_px is None else images.camera_info(frame.stamp_s, calibration, size_px)
+    number: int
+    frame_id: str
+    min_score: float
 
+    def topics(self) -> tuple[Topic, ...]:
+        """Return calibration, image and detections."""
+        annotations = "foxglove_msgs/msg/ImageAnnotations"
+        return (
+            self._topic("camera_info", "sensor_msgs/msg/CameraInfo", self._camera_info),
+            self._topic("image/compressed", "sensor_msgs/msg/CompressedImage", self._image),
+            self._topic("detections/fused", annotations, partial(self._detections, None)),
+            *(
+                self._topic(f"detections/{one}", annotations, partial(self._detections, one))
+                for one in MODALITIES
+            ),
+        )
 
-def _detections(modality: Modality | None, min_score: float) -> MessageFunction:
-    """Return the function of a modality's detections, or of the fused ones."""
+    def _topic(self, name: str, kind: str, message_of: Callable[[Result], Any]) -> Topic:
+        return Topic(f"/{self.frame_id}/{name}", kind, lambda result, _: message_of(result))
 
-    def message_of(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
-        del last
-        result = views_of(result)[0]
+    def _image(self, result: Result) -> Any:  # noqa: ANN401 - a message
+        frame = result.frame.views[self.number]
+        if frame.image is None:
+            return None
+        return images.compressed_image(frame.stamp_s, frame.image, self.frame_id)
+
+    def _camera_info(self, result: Result) -> Any:  # noqa: ANN401 - a message
+        frame = result.frame.views[self.number]
+        calibration = frame.calibration
+        if calibration is None:
+            return None
+        size_px = calibration.image_size_px
+        if frame.image is not None:
+            size_px = frame.image.shape[1], frame.image.shape[0]
+        if size_px is None:
+            return None
+        return images.camera_info(frame.stamp_s, calibration, size_px, self.frame_id)
+
+    def _detections(self, modality: Modality | None, result: Result) -> Any:  # noqa: ANN401 - a message
+        """Return the detections of a modality, or the fused ones."""
+        result = view_of(result, self.number)
         if modality is not None:
             detections = result.modality_detections.get(modality)
         else:
             detections = None if result.vehicles is None else result.vehicles.fused.detections
         if detections is None or result.frame.calibration is None:
             return None
-        rows = detections.scores >= min_score
+        rows = detections.scores >= self.min_score
         return images.annotations(result.frame.stamp_s, detections[rows])
-
-    return message_of
 
 
 def _map(modality: MapModality) -> MessageFunction:
@@ -105,13 +132,14 @@ def _object_topics(name: str, tracks_of: Callable[[Result], Tracks | None]) -> t
     )
 
 
-def topics(min_score: float) -> tuple[Topic, ...]:
+def topics(min_score: float, cameras: Sequence[str] = ()) -> tuple[Topic, ...]:
     """Return all topics.
 
     Args:
         min_score: Score from which detections and vehicles are shown.
+        cameras: Names of the further cameras, in the order of `Frame.further_cameras`.
     """
-    annotations = "foxglove_msgs/msg/ImageAnnotations"
+    frame_ids = (CAMERA, *map(further_camera, cameras))
     image = "sensor_msgs/msg/CompressedImage"
     return (
         Topic("/tf", "tf2_msgs/msg/TFMessage", lambda result, _: transforms(result)),
@@ -121,12 +149,10 @@ def topics(min_score: float) -> tuple[Topic, ...]:
         ),
         *_object_topics("/tracks", lambda result: result.tracks),
         *_object_topics("/vehicles", _vehicles(min_score)),
-        Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", _camera_info),
-        Topic("/camera/image/compressed", image, _image),
-        Topic("/camera/detections/fused", annotations, _detections(None, min_score)),
         *(
-            Topic(f"/camera/detections/{one}", annotations, _detections(one, min_score))
-            for one in MODALITIES
+            topic
+            for number, frame_id in enumerate(frame_ids)
+            for topic in _CameraTopics(number, frame_id, min_score).topics()
         ),
         *(Topic(f"/maps/{one}/compressed", image, _map(one)) for one in MAP_MODALITIES),
         Topic(

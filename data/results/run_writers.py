@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from data.frames import clock_origin_ns, frame_count
+from data.frames import clock_origin_ns, frame_count, further_camera_names
 from data.report.page import can_write_report
 from data.results.background_writer import BackgroundWriter
 from data.results.result_writer import ResultWriter
@@ -42,7 +42,10 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
 
         min_score = config.pipeline.detection.display_score
         yield BackgroundWriter(
-            McapWriter(out / "results.mcap", min_score, clock_origin_ns(drive)), "mcap"
+            McapWriter(
+                out / "results.mcap", min_score, clock_origin_ns(drive), further_camera_names(drive)
+            ),
+            "mcap",
         )
     if config.exports.tables:
         from data.exports.table_writer import TableWriter

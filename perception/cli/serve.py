@@ -41,6 +41,7 @@ def serve(
     Raises:
         UsageError: There is no drive or one too many, or a port is not free.
     """
+    from data.frames import further_camera_names
     from data.live.serve import LiveCounts, serve_results
     from data.live.server import ResultServer
     from data.live.source import LiveSource, PacedDrive
@@ -56,16 +57,18 @@ def serve(
     if rate <= 0:
         raise UsageError("--rate", expected="a number above 0", found=f"{rate:g}")
     live: LiveSource
+    cameras: tuple[str, ...] = ()
     if drive is None:
         print(f"waiting for packets at UDP port {udp_port}", flush=True)
         live = UdpLidar(UdpAddress(udp_port), load_sensor(frames.sensor) if frames.sensor else None)
     else:
         opened = open_drive(drive, sequence=frames.sequence, config=frames.reading)
+        cameras = further_camera_names(opened)
         live = PacedDrive(opened, rate=rate, is_endless=loop)
     counts = LiveCounts()
     min_score = pipeline.detection.display_score
     with (
-        ResultServer(live.name, host, port, min_score=min_score) as server,
+        ResultServer(live.name, host, port, min_score=min_score, cameras=cameras) as server,
         Pipeline(live.sensor, pipeline) as stages,
     ):
         print(

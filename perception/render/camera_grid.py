@@ -78,7 +78,7 @@ def camera_grid(
 
 def aspect_of(image: UInt8) -> float:
     """Return width over height of an (H, W, 3) image."""
-    return image.shape[1] / image.shape[0]
+    return float(image.shape[1] / image.shape[0])
 
 
 def _image_px(grid: CameraGrid, body_px: tuple[int, int], max_image_share: float) -> float:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from perception.detection.vehicles.camera_views import views_of
+from perception.detection.vehicles.camera_views import view_of
 from perception.render import palette
 from perception.render.palette import LinePattern
 from perception.render.panels import Resizing
@@ -36,7 +36,7 @@ def draw_detector_boxes(
         display_score: Score from which a detection is drawn.
         pattern: Pattern of the lines; else they are solid.
     """
-    result = views_of(scene.result)[0]
+    result = view_of(scene.result, 0)
     found, vehicles = result.modality_detections[modality], result.vehicles
     ids = np.full(len(found), -1)
     if vehicles is not None:

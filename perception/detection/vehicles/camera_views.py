@@ -15,12 +15,13 @@ def views_of(result: Result) -> tuple[Result, ...]:
     Vehicles are those in the image. The box in the image of one that another camera shows better is the outline of its
     3D box, and comes from no detector.
     """
+    return tuple(view_of(result, camera) for camera in range(len(result.frame.views)))
+
+
+def view_of(result: Result, camera: int) -> Result:
+    """Return one of these, by the number of its camera in `Frame.views`."""
     if not result.frame.further_cameras:
-        return (result,)
-    return tuple(_in_view(result, camera) for camera in range(len(result.frame.views)))
-
-
-def _in_view(result: Result, camera: int) -> Result:
+        return result
     view = replace(result.frame.views[camera], further_cameras=())
     is_main = camera == 0
     return replace(

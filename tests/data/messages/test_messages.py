@@ -15,7 +15,7 @@ from data.messages.topics import topics
 from perception.errors import MissingDependencyError
 from perception.geometry import se3
 from perception.geometry.boxes import corners
-from perception.types import Calibration
+from perception.types import Calibration, CameraImage
 from tests.known_result import IMAGE, POINTS_VELO, TRACKS, VEHICLES, known_result
 
 STAMP_S = 1_700_000_000.5
@@ -50,6 +50,36 @@ def test_the_document_lists_all_topics():
     assert sorted(names) == sorted(topic.name for topic in topics(min_score=0.0))
     kinds = {kind.strip("` ").rpartition("/")[2] for row in rows for kind in row[1].split(",")}
     assert kinds == {topic.kind.rpartition("/")[2] for topic in topics(min_score=0.0)}
+
+
+def test_each_further_camera_has_topics_of_its_own():
+    result = known_result(0)
+    image = np.full((32, 64, 3), 128, np.uint8)
+    side = replace(CALIBRATION, cam_SE3_velo=se3.from_euler(0, 0, 0, np.array([0.0, 0, 0.5])))
+    further = (CameraImage("/left/image", side, image), CameraImage("rear", CALIBRATION))
+    views = replace(
+        result,
+        frame=replace(result.frame, further_cameras=further),
+        further_detections=(result.modality_detections, {}),
+    )
+    names = ["/left/image", "rear"]
+    of = {topic.name: topic.message_of for topic in topics(min_score=0.0, cameras=names)}
+    own = {topic.name for topic in topics(min_score=0.0)}
+    parts = {name.removeprefix("/camera/") for name in own if name.startswith("/camera/")}
+    left, rear = ({f"/cameras/{name}/{part}" for part in parts} for name in ("left_image", "rear"))
+    assert set(of) == own | left | rear
+    jpeg = reread(of["/cameras/left_image/image/compressed"](views, None))
+    assert cv2.imdecode(jpeg.data, cv2.IMREAD_COLOR).shape == image.shape
+    assert jpeg.header.frame_id == "cameras/left_image"
+    assert len(of["/cameras/left_image/detections/rgb"](views, None).points) == 1
+    assert of["/cameras/rear/image/compressed"](views, None) is None
+    tree = of["/tf"](views, None).transforms
+    assert [one.child_frame_id for one in tree] == [
+        "lidar",
+        "camera",
+        "cameras/left_image",
+        "cameras/rear",
+    ]
 
 
 def test_faint_detections_and_vehicles_are_left_out():
