@@ -177,7 +177,8 @@ class VehicleTracker:
         on_ground, gate = position_distances(tracks, observations), config.motion.gate
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
-        in_image = _side_distances(expected_px, detections.boxes_px, config)
+        deviations_px = self._side_deviations_px(expected_px)
+        in_image = _side_distances(expected_px, detections.boxes_px, deviations_px)
         is_other = types[:, None] != detections.types
         # A van may be taken for a car, but no person for a vehicle.
         is_allowed &= (
@@ -185,6 +186,21 @@ class VehicleTracker:
         )
         costs = in_image + on_ground + config.class_change_cost * is_other
         return np.where(is_allowed, costs, np.inf)
+
+    def _side_deviations_px(self, expected_px: Float64) -> Float64:
+        """Return (T, 4) standard deviations of the sides of expected boxes.
+
+        What was hidden for a second may be a metre from where its last velocity takes it, which shifts its box across
+        the image.
+        """
+        tracks, config = self._tracks, self._config
+        sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
+        deviations_px = config.side_deviation_share * sizes_px
+        unseen_s = 0.0 if self._stamp_s is None else self._stamp_s - tracks.last_seen_s
+        heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], config.assumed_height_m)
+        moved_px = unseen_s * tracks.speed_deviations_m_s / heights_m * sizes_px[:, 1]
+        deviations_px[:, 0] = np.hypot(deviations_px[:, 0], moved_px)
+        return np.tile(deviations_px, 2)
 
     def _give_ids(
         self, frame_geometry: FrameGeometry, types: NDArray[np.str_], moving: Tracks
@@ -276,16 +292,12 @@ def _with_evidence(
     return replace(fused, detections=detections, existence=existence)
 
 
-def _side_distances(
-    expected_px: Float64, seen_px: Float64, config: VehicleTrackerConfig
-) -> Float64:
+def _side_distances(expected_px: Float64, seen_px: Float64, deviations_px: Float64) -> Float64:
     """Return (T, D) squared distances of the four sides, in standard deviations.
 
     Cars in a row overlap much in the image, but differ in position and size.
     """
-    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
-    deviations_px = config.side_deviation_share * np.tile(sizes_px, 2)[:, None]
-    off = (seen_px - expected_px[:, None]) / deviations_px
+    off = (seen_px - expected_px[:, None]) / deviations_px[:, None]
     return np.asarray((off**2).sum(axis=2))
 
 

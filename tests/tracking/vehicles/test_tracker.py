@@ -352,6 +352,17 @@ def test_a_gap_is_bridged(blind):
     assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
 
 
+@pytest.mark.parametrize(("gap", "ids"), [(0, [-1]), (10, [0])])
+def test_what_was_hidden_for_a_second_is_found_again_beside_its_expected_box(gap, ids):
+    drive = Drive(speed_m_s=0.0)
+    for _ in range(4):
+        drive.observe(cars((22.0, -4.0, 0.0)))
+    for _ in range(gap):
+        drive.observe(cars((22.0, -4.0, 0.0)), missed=(0,), blind=True)
+    found = drive.observe(cars((22.0, -2.4, 0.0))).vehicles
+    assert found.ids.tolist() == ids
+
+
 def test_in_a_row_no_car_takes_the_id_of_a_missed_neighbour():
     drive, world = (
         Drive(speed_m_s=8.0),
