@@ -197,13 +197,12 @@ def _block_minima(ranges: Float32, blocks: list[tuple[int, int]]) -> Float32:
     """Return (levels, pixels) the nearest return in the block around each pixel, round the full turn."""
     wrap = max(columns for _, columns in blocks)
     turned = np.concatenate([ranges[:, -wrap:], ranges, ranges[:, :wrap]], axis=1)
-    minima = [
-        cv2.erode(
+    minima: Float32 = np.empty((len(blocks), *ranges.shape), np.float32)
+    for level, (rows, columns) in enumerate(blocks):
+        minima[level] = cv2.erode(
             turned,
             np.ones((2 * rows + 1, 2 * columns + 1), np.uint8),
             borderType=cv2.BORDER_CONSTANT,
             borderValue=float(_NOTHING),
-        )[:, wrap:-wrap].ravel()
-        for rows, columns in blocks
-    ]
-    return np.stack(minima)
+        )[:, wrap:-wrap]
+    return minima.reshape(len(blocks), -1)
