@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from data.folder.config import FILE_NAME, CameraConfig, Extrinsics, FolderConfig
+from data.folder.config import FILE_NAME, CameraConfig, FolderConfig
 from data.folder.description import description_text
 from data.folder.observation import FolderObservation
+from data.folder.stated_cameras import StatedCamera, camera_names, stated_extrinsics
 from perception.atomic_file import write_atomically
 from perception.errors import UsageError
 
@@ -38,11 +39,9 @@ class StatedConfig:
         axes: Directions of x, y and z of the files.
         rate_hz: Scans per second.
         reflectance_scale: Value of a reflectance of 1.
-        intrinsics: Focal lengths and principal point fx, fy, cx, cy in pixels.
-        distortion: Distortion coefficients.
-        is_fisheye: Whether they are those of OpenCV's fisheye model.
-        lidar_to_camera: Transform as 12 or 16 numbers of a matrix, 7 of translation and quaternion, or 6 of translation and angles.
-        body_to_lidar: Transform from the body of the poses to the LiDAR, in the same forms.
+        cameras: What is stated of the first cameras.
+        body_to_lidar: Transform from the body of the poses to the LiDAR as 12 or 16 numbers of a matrix, 7 of translation and quaternion,
+            or 6 of translation and angles.
     """
 
     sensor: str | None = None
@@ -50,43 +49,83 @@ class StatedConfig:
     axes: tuple[str, ...] = ()
     rate_hz: float | None = None
     reflectance_scale: float | None = None
-    intrinsics: tuple[float, ...] = ()
-    distortion: tuple[float, ...] = ()
-    is_fisheye: bool = False
-    lidar_to_camera: tuple[float, ...] = ()
+    cameras: tuple[StatedCamera, ...] = ()
     body_to_lidar: tuple[float, ...] = ()
 
 
-def open_questions(observed: FolderObservation, stated: StatedConfig) -> tuple[str, ...]:
-    """Return the fields that can neither be seen nor are stated."""
+@dataclass(frozen=True)
+class Question:
+    """A value that can neither be seen nor is stated.
+
+    Attributes:
+        field: Field of `StatedConfig`, or of `StatedCamera`.
+        camera: Number of the camera, or None.
+        name: Name for the user, with that of the camera where there are several.
+    """
+
+    field: str
+    camera: int | None = None
+    name: str = ""
+
+    def __str__(self) -> str:
+        return self.name or self.field
+
+    @property
+    def text(self) -> str:
+        """The question as a sentence."""
+        of_camera = self.name.removesuffix(self.field).removesuffix(".")
+        return f"{of_camera}: {_QUESTIONS[self.field]}" if of_camera else _QUESTIONS[self.field]
+
+
+def open_questions(observed: FolderObservation, stated: StatedConfig) -> tuple[Question, ...]:
+    """Return what can neither be seen nor is stated."""
     guessed = {one.field for one in observed.guesses}
-    asked: list[str] = [
-        name for name in ("height_m", "axes", "sensor", "rate_hz") if name in guessed
-    ]
-    if observed.images is not None:
-        asked += _CAMERA if not stated.intrinsics else _CAMERA[2:]
-    if observed.config.poses is not None:
-        asked.append("body_to_lidar")
-    return tuple(name for name in asked if not getattr(stated, name))
+    asked = [name for name in ("height_m", "axes", "sensor", "rate_hz") if name in guessed]
+    questions = [Question(name) for name in asked if not getattr(stated, name)]
+    names = camera_names(observed.images)
+    for number, name in enumerate(names):
+        camera = _stated_camera(stated, number)
+        fields = _CAMERA if not camera.intrinsics else _CAMERA[2:]
+        start = f"{name}." if len(names) > 1 else ""
+        questions += [
+            Question(field, number, f"{start}{field}")
+            for field in fields
+            if not getattr(camera, field)
+        ]
+    if observed.config.poses is not None and not stated.body_to_lidar:
+        questions.append(Question("body_to_lidar"))
+    return tuple(questions)
+
+
+def _stated_camera(stated: StatedConfig, number: int) -> StatedCamera:
+    return stated.cameras[number] if number < len(stated.cameras) else StatedCamera()
 
 
 def ask(
-    questions: Sequence[str], stated: StatedConfig, reply_to: Callable[[str], str]
+    questions: Sequence[Question], stated: StatedConfig, reply_to: Callable[[str], str]
 ) -> StatedConfig:
     """Ask for what cannot be seen; nothing is stated by an empty reply.
 
     Args:
-        questions: Fields to ask for.
+        questions: Values to ask for.
         stated: What the user states already.
         reply_to: Function that puts a question to the user and returns the reply.
 
     Raises:
         UsageError: A reply is no number.
     """
-    for name in questions:
-        words = reply_to(f"{_QUESTIONS[name]} (empty: not known) ").replace(",", " ").split()
-        if words:
-            stated = replace(stated, **{name: _parsed(name, words)})
+    for question in questions:
+        words = reply_to(f"{question.text} (empty: not known) ").replace(",", " ").split()
+        if not words:
+            continue
+        value = {question.field: _parsed(question.field, words)}
+        if question.camera is None:
+            stated = replace(stated, **value)
+        else:
+            count = max(len(stated.cameras), question.camera + 1)
+            cameras = [_stated_camera(stated, number) for number in range(count)]
+            cameras[question.camera] = replace(cameras[question.camera], **value)
+            stated = replace(stated, cameras=tuple(cameras))
     return stated
 
 
@@ -119,45 +158,45 @@ def adopted_config(observed: FolderObservation, stated: StatedConfig) -> FolderC
         changes |= {} if stated.axes == lidar.axes else {"roll_deg": 0.0, "pitch_deg": 0.0}
     poses = observed.config.poses
     if poses is not None and stated.body_to_lidar:
-        poses = replace(poses, body_to_lidar=_extrinsics(stated.body_to_lidar, "body_to_lidar"))
-    camera = _camera(observed, stated)
-    return replace(observed.config, lidar=replace(lidar, **changes), camera=camera, poses=poses)
-
-
-def _camera(observed: FolderObservation, stated: StatedConfig) -> CameraConfig | None:
-    if observed.images is None or not (stated.intrinsics and stated.lidar_to_camera):
-        return None
-    if len(stated.intrinsics) != 4:
-        raise UsageError(
-            "intrinsics", expected="4 numbers, fx fy cx cy", found=str(len(stated.intrinsics))
+        poses = replace(
+            poses, body_to_lidar=stated_extrinsics(stated.body_to_lidar, "body_to_lidar")
         )
-    fx_px, fy_px, cx_px, cy_px = stated.intrinsics
-    return CameraConfig(
-        images=observed.images,
-        fx_px=fx_px,
-        fy_px=fy_px,
-        cx_px=cx_px,
-        cy_px=cy_px,
-        lidar_to_camera=_extrinsics(stated.lidar_to_camera, "lidar_to_camera"),
-        model="fisheye" if stated.is_fisheye else "pinhole",
-        distortion=stated.distortion,
+    cameras = _cameras(observed, stated)
+    is_single = len(observed.images) == 1
+    return replace(
+        observed.config,
+        lidar=replace(lidar, **changes),
+        camera=next(iter(cameras.values()), None) if is_single else None,
+        cameras={} if is_single else cameras,
+        poses=poses,
     )
 
 
-def _extrinsics(numbers: tuple[float, ...], name: str) -> Extrinsics:
-    if len(numbers) in (12, 16):
-        return Extrinsics(matrix=tuple(numbers[row : row + 4] for row in range(0, len(numbers), 4)))
-    if len(numbers) == 7:
-        return Extrinsics(translation_m=numbers[:3], quaternion_xyzw=numbers[3:])
-    if len(numbers) == 6:
-        return Extrinsics(translation_m=numbers[:3], roll_pitch_yaw_deg=numbers[3:])
-    raise UsageError(name, expected="6, 7, 12 or 16 numbers", found=str(len(numbers)))
+def _cameras(observed: FolderObservation, stated: StatedConfig) -> dict[str, CameraConfig]:
+    """Return the cameras that are known, by name.
+
+    Raises:
+        UsageError: More cameras are stated than there are folders of images.
+    """
+    if len(stated.cameras) > max(len(observed.images), 1):
+        raise UsageError(
+            "cameras",
+            expected=f"numbers of at most {max(len(observed.images), 1)}, as there are folders of images",
+            found=f"those of {len(stated.cameras)}",
+        )
+    names = camera_names(observed.images)
+    known = {}
+    for number, (name, images) in enumerate(zip(names, observed.images, strict=True)):
+        config = _stated_camera(stated, number).config(images)
+        if config is not None:
+            known[name] = config
+    return known
 
 
 def write_description(
     root: Path, observed: FolderObservation, stated: StatedConfig, *, overwrite: bool
-) -> tuple[Path, tuple[str, ...]]:
-    """Write drive.yaml; return its path, and the fields that are left as questions in it.
+) -> tuple[Path, tuple[Question, ...]]:
+    """Write drive.yaml; return its path, and what is left as a question in it.
 
     Raises:
         PerceptionError: A stated value cannot be, or the file exists or cannot be written.
@@ -174,9 +213,9 @@ def write_description(
     return path, left
 
 
-def _comments(fields: Sequence[str]) -> Mapping[str, str]:
-    comments = {name: _QUESTIONS[name] for name in fields if name not in _NUMBERS}
-    if set(fields) & set(_CAMERA):
+def _comments(questions: Sequence[Question]) -> Mapping[str, str]:
+    comments = {one.field: one.text for one in questions if one.field not in _NUMBERS}
+    if any(one.camera is not None for one in questions):
         comments["camera"] = (
             "The calibration of a camera cannot be seen. To use the images, fill in and uncomment:"
         )

@@ -6,19 +6,20 @@ from typing import Any
 
 from data.folder.config import FolderConfig, LidarConfig
 from data.folder.observation import FolderObservation, Observation
+from data.folder.stated_cameras import camera_names
 
 _CAMERA_TEMPLATE = """\
-# camera:
-#   images: {images}
-#   fx_px: 700.0            # focal lengths and principal point in pixels
-#   fy_px: 700.0
-#   cx_px: 640.0
-#   cy_px: 360.0
-#   model: pinhole          # or fisheye
-#   distortion: []          # k1 k2 p1 p2 k3 of OpenCV's pinhole, k1 k2 k3 k4 of its fisheye; none of rectified images
-#   lidar_to_camera:        # from the LiDAR, axes as in the files, to the camera with x right, y down, z forward
-#     translation_m: [0.0, 0.0, 0.0]
-#     quaternion_xyzw: [0.0, 0.0, 0.0, 1.0]    # or roll_pitch_yaw_deg: [...], or a matrix: [[...], ...]
+{name}:
+  images: {images}
+  fx_px: 700.0            # focal lengths and principal point in pixels
+  fy_px: 700.0
+  cx_px: 640.0
+  cy_px: 360.0
+  model: pinhole          # or fisheye
+  distortion: []          # k1 k2 p1 p2 k3 of OpenCV's pinhole, k1 k2 k3 k4 of its fisheye; none of rectified images
+  lidar_to_camera:        # from the LiDAR, axes as in the files, to the camera with x right, y down, z forward
+    translation_m: [0.0, 0.0, 0.0]
+    quaternion_xyzw: [0.0, 0.0, 0.0, 1.0]    # or roll_pitch_yaw_deg: [...], or a matrix: [[...], ...]
 """
 
 
@@ -47,11 +48,7 @@ def description_text(
         config.lidar, LidarConfig(), reasons, {"axes", "height_m", "reflectance_scale"}
     )
     lines += [f"  # {name}:    # {text}" for name, text in questions.items() if name != "camera"]
-    if config.camera is not None:
-        lines += ["camera:", *_section(config.camera, None, reasons, set())]
-    elif observed.images is not None:
-        lines += [f"# {questions.get('camera', 'The camera is not described.')}"]
-        lines += _CAMERA_TEMPLATE.format(images=observed.images).splitlines()
+    lines += _camera_lines(config, observed, questions.get("camera", ""), reasons)
     if config.poses is not None:
         lines += ["poses:", *_section(config.poses, None, reasons, set())]
         if config.poses.body_to_lidar is None:
@@ -61,6 +58,36 @@ def description_text(
     if config.labels is not None:
         lines.append(f"labels: {_inline(config.labels)}")
     return "\n".join(lines) + "\n"
+
+
+def _camera_lines(
+    config: FolderConfig,
+    observed: FolderObservation,
+    question: str,
+    reasons: Mapping[str, Observation],
+) -> Iterator[str]:
+    """Yield the cameras that are known, and as comments to be filled in those that are not."""
+    names = camera_names(observed.images)
+    if len(names) < 2:
+        if config.camera is not None:
+            yield from ("camera:", *_section(config.camera, None, reasons, set()))
+        elif names:
+            yield f"# {question}"
+            yield from (f"# {line}" for line in _template("camera", observed.images[0]))
+        return
+    if len(config.cameras) < len(names):
+        yield f"# {question}"
+    yield "cameras:" if config.cameras else "# cameras:"
+    for name, images in zip(names, observed.images, strict=True):
+        if name in config.cameras:
+            yield f"  {_inline(name)}:"
+            yield from (f"  {line}" for line in _section(config.cameras[name], None, {}, set()))
+        else:
+            yield from (f"#   {line}" for line in _template(_inline(name), images))
+
+
+def _template(name: str, images: str) -> list[str]:
+    return _CAMERA_TEMPLATE.format(name=name, images=_inline(images)).splitlines()
 
 
 def _section(

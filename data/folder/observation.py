@@ -61,12 +61,12 @@ class FolderObservation:
     Attributes:
         config: What drive.yaml states of it.
         observations: The same with reasons.
-        images: Folder of the images of a camera below that of the drive; None without images.
+        images: Folder of the images of each camera below that of the drive, the likely main one first.
     """
 
     config: FolderConfig
     observations: tuple[Observation, ...]
-    images: str | None
+    images: tuple[str, ...]
 
     @property
     def guesses(self) -> tuple[Observation, ...]:
@@ -116,10 +116,10 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
     poses = find_poses(root)
     if poses is not None:
         found.append(Observation("poses", f"{poses[1]} format", "likely", poses[0].name, "file"))
-    images = next(iter(find_images(root, len(files))), None)
-    if images is not None:
-        count = len(image_files(images))
-        found.append(Observation("images", f"{count} images", "likely", images.name, "images"))
+    images = tuple(_relative(one, root) for one in find_images(root, len(files)))
+    for one in images:
+        count = len(image_files(root / one))
+        found.append(Observation("images", f"{count} images", "likely", one, "images"))
     labels = next(
         (path for path in sorted(list_folder(root)) if path.name.startswith("label_0")), None
     )
@@ -130,12 +130,12 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
             labels=None if labels is None else labels.name,
         ),
         tuple(found),
-        None if images is None else _relative(images, root),
+        images,
     )
 
 
 def _relative(path: Path, root: Path) -> str:
-    return str(path.relative_to(root))
+    return path.relative_to(root).as_posix()
 
 
 def _columns(

@@ -111,9 +111,9 @@ def _description(root: Path, columns: tuple[str, ...]) -> tuple[FolderConfig, tu
     notes += [
         f"{root}: {one.what} {one.value} is a guess: {one.reason}" for one in observed.guesses
     ]
-    if observed.images is not None:
+    if observed.images:
         notes.append(
-            f"{root / observed.images}: images are not used, as no {FILE_NAME} has a camera"
+            f"{root / observed.images[0]}: images are not used, as no {FILE_NAME} has a camera"
         )
     return observed.config, tuple(notes)
 

@@ -23,6 +23,7 @@ def adopt(
     """Describe a folder of scans of any format: look at it, print what was seen, write its drive.yaml.
 
     What cannot be seen is asked on a terminal; without one it is a question in a comment of drive.yaml.
+    Of several cameras, the numbers of the first ones stand one camera after another, in the order in which they are printed.
 
     Example: trifuse adopt my_drive --intrinsics 721.5,721.5,609.6,172.9 --lidar-to-camera 0,-0.08,-0.27,90,-90,0
 
@@ -53,6 +54,7 @@ def adopt(
     )
     from data.folder.description import observation_table
     from data.folder.observation import observe_folder
+    from data.folder.stated_cameras import split_cameras
 
     if (layout := other_layout_of(folder)) is not None:
         print(f"{folder}: {layout}, which needs no drive.yaml")
@@ -60,8 +62,14 @@ def adopt(
     if columns:
         require_column_names(columns, "--columns")
     stated = StatedConfig(
-        sensor, height, axes, rate, reflectance_scale, intrinsics, distortion, fisheye, lidar_to_camera, body_to_lidar
-    )  # fmt: skip
+        sensor,
+        height,
+        axes,
+        rate,
+        reflectance_scale,
+        split_cameras(intrinsics, distortion, lidar_to_camera, is_fisheye=fisheye),
+        body_to_lidar,
+    )
     observed = observe_folder(folder, columns or None)
     print(observation_table(observed.observations))
     if sys.stdin.isatty():
@@ -69,5 +77,5 @@ def adopt(
     path, left = write_description(folder, observed, stated, overwrite=overwrite)
     print(f"\nwrote {path}")
     if left:
-        print(f"could not be seen, and is a question in that file: {', '.join(left)}")
+        print(f"could not be seen, and is a question in that file: {', '.join(map(str, left))}")
     print(f"next: trifuse check {folder}")

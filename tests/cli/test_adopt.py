@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from data.layouts import OpenConfig
 from data.open_drive import open_drive
 from perception.cli.main import main
 from perception.errors import DriveError, PerceptionError, UsageError
@@ -86,6 +87,54 @@ def test_questions_are_asked_on_a_terminal(folder, monkeypatch):
     monkeypatch.setattr(builtins, "input", lambda text: "many")
     with fault(UsageError, where="rate_hz", expected="numbers", found="many"):
         command("adopt", folder, "--overwrite")
+
+
+def add_cameras(folder, *names):
+    for name in names:
+        (folder / name).mkdir(parents=True)
+        for index in range(3):
+            image = np.zeros((20, 40, 3), np.uint8)
+            cv2.imwrite(str(folder / name / f"{index:06d}.png"), image)
+
+
+def test_several_cameras_are_questions_each(folder, capsys):
+    add_cameras(folder, "left", "rear")
+    command("adopt", folder)
+    table = capsys.readouterr().out
+    assert "left.intrinsics, left.distortion, left.lidar_to_camera, camera.intrinsics" in table
+    text = (folder / "drive.yaml").read_text()
+    filled = text[text.index("# cameras:") :].replace("\n# ", "\n").removeprefix("# ")
+    (folder / "drive.yaml").write_text(text[: text.index("# cameras:")] + filled)
+    frame = open_drive(folder, config=OpenConfig(camera="camera,left,rear"))[0]
+    assert [view.camera for view in frame.views] == ["camera", "left", "rear"]
+
+
+def test_numbers_of_several_cameras_stand_one_after_another(folder, capsys):
+    add_cameras(folder, "left", "rear/data")
+    numbers = "30,30,20,10,40,40,20,10"
+    turns = "0,0,0,90,-90,0,0,1,0,90,-90,0"
+    command("adopt", folder, "--intrinsics", numbers, "--lidar-to-camera", turns)
+    assert "rear.intrinsics" in capsys.readouterr().out
+    text = (folder / "drive.yaml").read_text()
+    assert "\ncameras:\n  left:\n    images: left\n    fx_px: 30.0" in text
+    assert "\n#   rear:\n#     images: rear/data\n" in text
+    frame = open_drive(folder, config=OpenConfig(camera="camera,left"))[0]
+    assert [view.calibration.image_P_cam[0, 0] for view in frame.views] == [40, 30]
+    assert frame.calibration.cam_SE3_velo[:3, 3].tolist() == [0, 1, 0]
+    many = ",".join([numbers] * 2)
+    with fault(UsageError, where="lidar_to_camera", expected="each of the 4 cameras", found="6"):
+        command("adopt", folder, "--overwrite", "--intrinsics", many, *CAMERA[2:])
+
+
+def test_each_camera_is_asked_for_on_a_terminal(folder, monkeypatch):
+    add_cameras(folder, "left")
+    replies = iter(["20", "", "", "", "30 30 20 10", "", "1,0,0,0, 0,1,0,0, 0,0,1,0", ""])
+    asked = []
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    monkeypatch.setattr(builtins, "input", lambda text: asked.append(text) or next(replies))
+    command("adopt", folder)
+    assert [text.partition(":")[0] for text in asked[1:7]] == ["left"] * 3 + ["camera"] * 3
+    assert open_drive(folder).calibration.image_P_cam[0, 0] == 30
 
 
 def test_an_earlier_description_is_kept_unless_it_is_to_be_replaced(folder):
