@@ -10,6 +10,7 @@ from perception.types.arrays import Float32, Float64, UInt8, require_shape
 
 _MAX_COORDINATE_M = 10_000.0  # far beyond any LiDAR; larger numbers overflow where they are squared
 _MAX_POINT_TIME_S = 1.0  # sweeps take 0.05 to 0.2 s; larger numbers are of another unit or origin
+_KINDS = {"points_velo": np.float32, "world_SE3_velo": np.float64, "point_times_s": np.float32}
 _MAX_INVALID_SHARE = 0.5  # with more, the file is of another format rather than a scan with gaps
 
 
@@ -69,7 +70,8 @@ class Frame:
 
     A scan keeps the number and order of its points, so that labels of points fit to its file. A point that is no
     measurement (NaN, infinity or beyond 10 km, usual in organised clouds) becomes a point without a return, which has
-    x = y = z = reflectance = 0; no stage uses it, and its state is `PointState.OUTSIDE`.
+    x = y = z = reflectance = 0; no stage uses it, and its state is `PointState.OUTSIDE`. Arrays of other types are
+    converted once, here.
 
     Attributes:
         index: Position of the frame within its drive, from 0.
@@ -126,6 +128,7 @@ class Frame:
             object.__setattr__(self, "number", self.index)
         if not self.name:
             object.__setattr__(self, "name", f"{self.number:06d}")
+        self._convert_arrays()
         require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
         self._zero_invalid_points()
         self._check_scan()
@@ -140,6 +143,15 @@ class Frame:
         names = [self.camera, *(one.name for one in self.further_cameras)]
         if len(set(names)) < len(names):
             raise UsageError("cameras", expected="each camera once", found=", ".join(names))
+
+    def _convert_arrays(self) -> None:
+        """Give arrays the one type and order of memory that all stages, and their compiled functions, are for."""
+        for name, kind in _KINDS.items():
+            values = getattr(self, name)
+            if values is not None:
+                with np.errstate(over="ignore"):  # infinite from here on, and no measurement
+                    converted = np.asarray(values, kind, order="C")
+                object.__setattr__(self, name, converted)
 
     def _zero_invalid_points(self) -> None:
         points = self.points_velo
