@@ -1,18 +1,25 @@
 """Faults as data: named, sized, and the same for the same seed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from data.faults.injection import Fault, inject
 from data.faults.kinds import FAULT_KINDS
 from perception.errors import UsageError
+from perception.geometry.camera import project
+from tests.car_frames import CALIBRATION
 from tests.faults import fault
 from tests.health.scenes import frames
+
+# Of any size of the images.
+OF_SIZE = replace(CALIBRATION, image_size_px=None)
 
 
 @pytest.fixture(scope="module")
 def clean():
-    return frames(8)
+    return [replace(frame, calibration=OF_SIZE) for frame in frames(8)]
 
 
 def is_same(one, other) -> bool:
@@ -21,6 +28,7 @@ def is_same(one, other) -> bool:
         and np.array_equal(one.points_velo, other.points_velo)
         and np.array_equal(np.asarray(one.image), np.asarray(other.image))
         and np.array_equal(np.asarray(one.world_SE3_velo), np.asarray(other.world_SE3_velo))
+        and np.array_equal(one.calibration.cam_SE3_velo, other.calibration.cam_SE3_velo)
     )
 
 
@@ -45,6 +53,19 @@ def test_a_fault_of_another_form_or_name_is_refused():
         Fault.parse("camera-drunk:1-2")
     with fault(UsageError, "--fault", "a first frame not after the last", "4-2"):
         Fault.parse("camera-dark:4-2")
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "pixels"), [("yaw", 1.0, (6.3, 0.0)), ("pitch", -2.0, (0.0, 12.6)), ("shift", 0.5, (9.0, 0.0))]
+)  # fmt: skip
+def test_a_calibration_fault_moves_points_in_the_image(clean, kind, size, pixels):
+    point_cam = np.array([0.0, 0.0, 20.0, 1.0])
+    point_velo = np.linalg.solve(CALIBRATION.cam_SE3_velo, point_cam)[None, :3]
+    faulty = next(inject(clean, [Fault(f"calibration-{kind}", 0, 0, size)])).calibration
+    (moved_px,), (true_px,) = (
+        project(one.image_P_cam @ one.cam_SE3_velo, point_velo)[0] for one in (faulty, CALIBRATION)
+    )
+    assert np.abs(moved_px - true_px) == pytest.approx(np.abs(pixels), abs=0.5)
 
 
 def test_faults_of_two_sensors_meet(clean):
