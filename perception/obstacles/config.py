@@ -164,7 +164,8 @@ class MovingClusterConfig:
         clear_age_s: Age in seconds after which a pedestrian at 1 m/s no longer overlaps his earlier place.
         departed_gap_m: Largest distance in metres, extrapolated to now, between a cluster and the departed object
             before it that is the cluster itself.
-        departed_gap_ratio: The same, relative to that distance when it was observed last.
+        departed_gap_ratio: The same at a steady speed, relative to that distance when it was observed last.
+        departed_acceleration_m_s2: Acceleration in m/s² that is allowed beside; half of that distance always is too far.
         whole_object_ratio: Share of an object's voxels that move from which on all of it moves, 0 to 1.
         whole_vehicle_m: Length in metres of the moving part of an object from which on it is a vehicle, not a person.
         person_margin_m: Largest distance in metres from the moving part of a person to the rest.
@@ -187,6 +188,7 @@ class MovingClusterConfig:
     clear_age_s: float = 0.5
     departed_gap_m: float = 1.0
     departed_gap_ratio: float = 0.25
+    departed_acceleration_m_s2: float = 2.0
     whole_object_ratio: float = 0.5
     whole_vehicle_m: float = 2.0
     person_margin_m: float = 0.3

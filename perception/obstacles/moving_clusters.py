@@ -242,7 +242,10 @@ def _is_own_departure(
     if old_s > young_s:
         behind_twice = behind & history.was_behind_departed[-1]
         gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1]) / (old_s - young_s)
-        limit_m = np.minimum(config.departed_gap_ratio * gap_m, config.departed_gap_m)
+        # By how much an object that speeds up falls short of its steady path.
+        short_m = young_s * old_s / 2 * config.departed_acceleration_m_s2
+        limit_m = np.minimum(gap_m / 2, config.departed_gap_ratio * gap_m + short_m)
+        limit_m = np.minimum(limit_m, config.departed_gap_m)
         comes = np.where(behind_twice, gap_now_m <= limit_m, comes)
         keeps_away = behind_twice & ~comes
     # One observation can only confirm: the gap may still be shrinking.
