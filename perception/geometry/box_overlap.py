@@ -33,6 +33,13 @@ def paired_intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
     return shared_m2
 
 
+def paired_iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M,) shared area over joint area of each box and the one in the same row of b; 0 without an area."""
+    shared_m2 = paired_intersection_areas_m2(a, b)
+    joint_m2 = areas_m2(a) + areas_m2(b) - shared_m2
+    return np.divide(shared_m2, joint_m2, out=np.zeros_like(shared_m2), where=joint_m2 > 0)
+
+
 def center_distances_m(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (A, B) distances between the centres over the ground plane."""
     apart = a.bottom_m[:, None, :2] - b.bottom_m[None, :, :2]

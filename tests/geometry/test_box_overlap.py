@@ -9,6 +9,7 @@ from perception.geometry.box_overlap import (
     intersection_areas_m2,
     iou_bev,
     paired_intersection_areas_m2,
+    paired_iou_bev,
 )
 from perception.types import Boxes3D
 
@@ -43,6 +44,12 @@ def area_by_opencv(a: Boxes3D, b: Boxes3D) -> float:
     ]
     _, outline = cv2.rotatedRectangleIntersection(*rectangles)
     return 0.0 if outline is None else float(cv2.contourArea(cv2.convexHull(outline)))
+
+
+def test_pairs_have_the_overlap_that_all_with_all_have():
+    rng = np.random.default_rng(10)
+    a, b = random_boxes(200, rng), random_boxes(200, rng)
+    np.testing.assert_allclose(paired_iou_bev(a, b), np.diag(iou_bev(a, b)), atol=1e-12)
 
 
 def test_random_boxes_share_what_opencv_says():

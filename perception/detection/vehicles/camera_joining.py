@@ -6,18 +6,18 @@ the LiDAR tell whether both parts are of one object; the camera that shows more 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations
 
 import numpy as np
 
 from perception.detection.vehicles.config import CameraJoiningConfig, VehicleConfig
-from perception.geometry.box_overlap import iou_bev
+from perception.geometry.box_overlap import center_distances_m, paired_iou_bev
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.observations import FrameGeometry
-from perception.types import Bool, Float64, Frame, Int, Vehicles
+from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
 
 def join_cameras(
@@ -72,9 +72,11 @@ def _concatenated(located: Mapping[int, Vehicles]) -> tuple[Vehicles, Int]:
 def _share_returns(owners: Int, count: int, min_shared: float) -> Bool:
     """Return (M, M) whether two vehicles have most returns of one of them in common."""
     shared = np.zeros((count, count), np.int64)
-    for first, second in permutations(owners, 2):
+    claimed = owners[:, (owners >= 0).sum(axis=0) > 1]  # few points are in two images
+    for first, second in combinations(claimed, 2):
         both = np.flatnonzero((first >= 0) & (second >= 0))
         np.add.at(shared, (first[both], second[both]), 1)
+    shared += shared.T
     counts = np.bincount(owners[owners >= 0], minlength=count)
     fewer = np.minimum(counts[:, None], counts)
     return np.asarray((fewer > 0) & (shared >= min_shared * fewer))
@@ -84,24 +86,21 @@ def _overlap(
     vehicles: Vehicles, cameras: Sequence[FrameGeometry], config: CameraJoiningConfig
 ) -> Bool:
     """Return (M, M) whether two vehicles overlap on the ground, or in an image where one has no place there."""
-    is_same = np.zeros((len(vehicles), len(vehicles)), bool)
-    is_located = np.asarray(np.isfinite(vehicles.boxes.yaw_rad))
+    numbers, boxes = vehicles.cameras, vehicles.boxes
     boxes_px = vehicles.fused.detections.boxes_px
-    for camera, other in permutations(np.unique(vehicles.cameras).tolist(), 2):
-        rows = np.flatnonzero(vehicles.cameras == camera)
-        others = np.flatnonzero(vehicles.cameras == other)
-        if camera < other:
-            located, others_located = rows[is_located[rows]], others[is_located[others]]
-            on_ground = iou_bev(vehicles.boxes[located], vehicles.boxes[others_located])
-            is_same[np.ix_(located, others_located)] = on_ground >= config.min_iou
-        if is_located[rows].all() and is_located[others].all():
-            continue
-        moved_px = _moved_px(
-            boxes_px[rows], cameras[camera], cameras[other], config.assumed_height_m
-        )
-        outlines_px = box_outlines_px(
-            cameras[other].image_P_velo, vehicles.boxes[rows], cameras[other].image_size_px
-        )
+    is_located = np.asarray(np.isfinite(boxes.yaw_rad))
+    is_same = np.zeros((len(vehicles), len(vehicles)), bool)
+    located = np.flatnonzero(is_located)
+    first, second = (located[one] for one in _near_pairs(boxes[located]))
+    is_same[first, second] = paired_iou_bev(boxes[first], boxes[second]) >= config.min_iou
+    corners_velo = _corners_velo(vehicles, cameras, config.assumed_height_m)
+    for number in np.unique(numbers).tolist():
+        others, rows = np.flatnonzero(numbers == number), np.flatnonzero(numbers != number)
+        if is_located.all() or not len(rows):
+            break
+        camera = cameras[number]
+        moved_px = _moved_px(corners_velo[:, rows], camera)
+        outlines_px = box_outlines_px(camera.image_P_velo, boxes[rows], camera.image_size_px)
         seen_px = np.where(is_located[rows, None], outlines_px, moved_px)
         in_image = iou_px(np.nan_to_num(seen_px), boxes_px[others]) >= config.min_iou_px
         in_image &= ~(is_located[rows, None] & is_located[others])
@@ -109,14 +108,30 @@ def _overlap(
     return is_same | is_same.T
 
 
-def _moved_px(
-    boxes_px: Float64, camera: FrameGeometry, other: FrameGeometry, height_m: float
-) -> Float64:
-    """Return (M, 4) boxes of objects of a height in one image as another shows them; NaN behind its camera."""
+def _near_pairs(boxes: Boxes3D) -> tuple[Int, Int]:
+    """Return the rows of the pairs of boxes that may touch."""
+    reach_m = np.linalg.norm(boxes.size_m[:, :2], axis=1).max(initial=0.0)
+    first, second = np.nonzero(np.triu(center_distances_m(boxes, boxes) <= reach_m, 1))
+    return first, second
+
+
+def _corners_velo(vehicles: Vehicles, cameras: Sequence[FrameGeometry], height_m: float) -> Float64:
+    """Return (4, M, 3) where the corners of boxes in the images are, of objects of a height."""
+    boxes_px = vehicles.fused.detections.boxes_px
     heights_px = np.maximum(boxes_px[:, 3] - boxes_px[:, 1], 1.0)
-    depths_m = camera.focal_px * height_m / heights_px
-    corners = (boxes_px[:, [column, row]] for column in (0, 2) for row in (1, 3))
-    moved = np.stack([other.project(camera.unproject(corner, depths_m)) for corner in corners])
+    corners = np.empty((4, len(vehicles), 3))
+    for number in np.unique(vehicles.cameras).tolist():
+        rows, camera = np.flatnonzero(vehicles.cameras == number), cameras[number]
+        depths_m = camera.focal_px * height_m / heights_px[rows]
+        places = ([column, row] for column in (0, 2) for row in (1, 3))
+        for corner, place in zip(corners, places, strict=True):
+            corner[rows] = camera.unproject(boxes_px[rows][:, place], depths_m)
+    return corners
+
+
+def _moved_px(corners_velo: Float64, other: FrameGeometry) -> Float64:
+    """Return (M, 4) boxes around (4, M, 3) corners in the image of a camera; NaN behind it."""
+    moved = np.stack([other.project(corner) for corner in corners_velo])
     return other.clip(np.hstack([moved[..., :2].min(axis=0), moved[..., :2].max(axis=0)]))
 
 
@@ -151,8 +166,9 @@ def _merged_owners(owners: Int, leaders: Int, quality: Float64) -> Int:
     merged = np.full(owners.shape[1], -1)
     best = np.full(owners.shape[1], -np.inf)
     for of_camera in owners:
-        vehicle = np.append(leaders, -1)[of_camera]
-        rank = np.append(quality, -np.inf)[vehicle]
-        is_better = rank > best
-        merged[is_better], best[is_better] = vehicle[is_better], rank[is_better]
+        rows = np.flatnonzero(of_camera >= 0)
+        vehicle = leaders[of_camera[rows]]
+        is_better = quality[vehicle] > best[rows]
+        rows, vehicle = rows[is_better], vehicle[is_better]
+        merged[rows], best[rows] = vehicle, quality[vehicle]
     return merged
