@@ -51,6 +51,8 @@ class StageRatio(Metrics):
         ratio: Median over the frames of the time in this source tree, relative to that in the other revision.
         ratio_p25: First quartile of the same ratio.
         ratio_p75: Third quartile of the same ratio.
+        ratio_of_means: Mean time in this source tree, relative to that in the other revision: unlike medians, it counts
+            what only some frames do.
     """
 
     other_ms: Annotated[float | None, Metric("other [ms]", ".2f")]
@@ -58,6 +60,7 @@ class StageRatio(Metrics):
     ratio: Annotated[float | None, Metric("this / other", ".2f")]
     ratio_p25: Annotated[float | None, Metric("p25", ".2f")]
     ratio_p75: Annotated[float | None, Metric("p75", ".2f")]
+    ratio_of_means: Annotated[float | None, Metric("of means", ".2f")]
 
 
 def compare_with_revision(
@@ -200,8 +203,16 @@ def _seconds(frames: StageSeconds, stage: str) -> "np.ndarray[Any, np.dtype[np.f
 
 def _ratio(other_s: Any, this_s: Any) -> StageRatio:  # noqa: ANN401 - arrays, as above
     """Return the comparison of one stage, frame by frame."""
-    medians = (_percentile(1e3 * seconds, 50) for seconds in (other_s, this_s))
-    return StageRatio(*medians, *(_percentile(this_s / other_s, q) for q in (50, 25, 75)))
+    middle, low, high = (_percentile(this_s / other_s, q) for q in (50, 25, 75))
+    of_means = float(np.mean(this_s) / np.mean(other_s))
+    return StageRatio(
+        other_ms=_percentile(1e3 * other_s, 50),
+        this_ms=_percentile(1e3 * this_s, 50),
+        ratio=middle,
+        ratio_p25=low,
+        ratio_p75=high,
+        ratio_of_means=of_means if np.isfinite(of_means) else None,
+    )
 
 
 def _percentile(values: Any, percent: float) -> float | None:  # noqa: ANN401 - an array, as above

@@ -46,3 +46,11 @@ def test_both_revisions_run_every_stage(tmp_path):
     stages = json.loads((tmp_path / "times.json").read_text())["stages"]
     assert {"registration", "ground", "maps", "rgb detector", "vehicles", FRAME} <= stages.keys()
     assert all(row["other_ms"] > 0 and row["this_ms"] > 0 for row in stages.values())
+
+
+def test_the_ratio_of_means_counts_what_few_frames_do():
+    other = [{FRAME: 0.1, SORTED: 0.01}] * 9
+    this = [*other[:8], {FRAME: 1.0, SORTED: 0.01}]
+    row = stage_ratios("", other, this).rows[FRAME]
+    assert row.ratio == pytest.approx(1)
+    assert row.ratio_of_means == pytest.approx(2)
