@@ -63,8 +63,15 @@ class McapWriter(ResultWriter):
             WriteError: The disk is full; no file is left.
         """
         del is_complete
-        self._writer.close()
-        self._file.close()
+        try:
+            self._writer.close()
+        except (
+            RuntimeError
+        ):  # the SDK's own error about a write that failed, which the file has kept
+            if self._file.error is None:
+                raise
+        finally:
+            self._file.close()
         self._check()
         with writing(self._path):
             part_of(self._path).replace(self._path)

@@ -83,3 +83,13 @@ def test_a_small_disk_is_one_sentence_and_what_was_finished_stays(words, size, f
     assert left
     assert not [path for path in left if ".part" in path]
     assert all((out / path).stat().st_size for path in left)
+
+
+def test_a_recording_without_room_leaves_the_results_so_far(frames, tmp_path):
+    words = ["run", str(frames), "--out", str(tmp_path), "--mcap", "--no-video", "--no-report"]
+    path = tmp_path / "results.mcap"
+    fill_disk([*words, "--pipeline.no-parallel"], 60_000, path)
+    assert not [name for name in files_in(tmp_path) if "mcap" in name]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    lines = (tmp_path / "frames.jsonl").read_text().splitlines()
+    assert [json.loads(line)["frame"] for line in lines] == list(range(summary["frames"]))

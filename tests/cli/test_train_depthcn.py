@@ -6,8 +6,8 @@ import pytest
 import torch
 import yaml
 
-from perception.cli.main import main
-from perception.errors import ModelError, UsageError
+from perception.cli.main import main, run_command_line
+from perception.errors import ModelError, UsageError, WriteError
 from tests.faults import command, fault
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import load_verifier
@@ -70,6 +70,21 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     ):
         assert train(drive, cache, out, "--epochs", "3", "--resume", "last", *words) == 2
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_full_disk_leaves_the_last_whole_epoch(drive, cache, small_disk):
+    """There is room for three checkpoints of 2.6 MB and the events of an epoch."""
+    small_disk.resize("11m")
+    out = small_disk.path / "out"
+    words = words_of(drive, cache, out, "--epochs", "3")
+    with fault(WriteError, where=str(out), found="No space left on device", advice="--resume last"):
+        run_command_line(words)
+    whole = read_checkpoint(out / "last.ckpt", "depthcn")["epoch"]
+    assert whole < 2
+    assert load_verifier(out / "best.ckpt")[1]["method"] == "default"
+    small_disk.resize("40m")
+    assert train(drive, cache, out, "--epochs", "3", "--resume", "last") == 0
+    assert read_checkpoint(out / "last.ckpt", "depthcn")["epoch"] == 2
 
 
 def test_a_checkpoint_is_evaluated_by_the_configuration_beside_it(drive, cache, tmp_path, capsys):

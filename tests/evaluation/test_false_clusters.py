@@ -69,6 +69,8 @@ def test_what_a_cluster_touches_decides_what_it_is():
     assert clusters.object_motions[order].tolist() == expected
     assert clusters.points.tolist() == [6, 6, 6, 6]
     assert clusters.frames.tolist() == [4, 4, 4, 4]
+    centers_m = [[10.03, 0.03], [15.23, 0.03], [20.03, 0.03], [24.03, 5.03]]
+    np.testing.assert_allclose(clusters.centers_m[order], centers_m, atol=1e-9)
     false = clusters.is_false(5, ignore_dont_care=True)[order]
     assert false.tolist() == [False, True, False, True]
 

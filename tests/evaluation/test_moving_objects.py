@@ -295,5 +295,7 @@ def test_what_cannot_be_is_refused():
         MovingObjectConfig(min_points=0)
     with pytest.raises(UsageError):
         MovingObjectConfig(min_similarity=0.0)
+    ends = MovingObjectConfig(min_points=1, min_similarity=1.0)
+    assert (ends.min_points, ends.min_similarity) == (1, 1.0)
     with fault(PerceptionError, where="MovingScene.points", found="shape (2,)"):
         replace(scene_of(boxes_at((1, 1))), points=np.zeros(2, np.int64))

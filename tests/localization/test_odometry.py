@@ -334,6 +334,15 @@ def test_a_scan_that_does_not_match_is_extrapolated_without_ins() -> None:
     assert apart(truth[3], found.world_SE3_velo)[0] < 0.03
 
 
+def test_steady_motion_at_speed_is_no_jump() -> None:
+    odometry, random = LidarOdometry(), np.random.default_rng(0)
+    for index in range(4):
+        pose = from_euler(0, 0, 0, np.array([4.0 * index, 0, 0]))  # 40 m/s
+        scan = random.uniform(200, 300, (500, 4)).astype(np.float32)  # fits to none before
+        found = odometry.update(scan, index * STEP_S, pose)
+        np.testing.assert_allclose(found.world_SE3_velo, pose, atol=1e-9)
+
+
 @pytest.mark.parametrize("jump_m", [4.0, 20.0])
 def test_an_ins_jump_of_metres_is_refused_by_name(jump_m: float) -> None:
     truth = path(3)

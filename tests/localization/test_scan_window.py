@@ -92,6 +92,9 @@ def test_thesis_registration_pulls_the_scans_together() -> None:
     window = ScanWindow(previous_scans=1)
     window.push(PosedScan(points, wrong))
     window.push(PosedScan(points, np.eye(4)))
-    before, after = (scan.world_SE3_velo for scan in register_window(window))
+    registered = register_window(window)
+    before, after = (scan.world_SE3_velo for scan in registered)
     np.testing.assert_array_equal(after, np.eye(4))
     np.testing.assert_allclose(before, np.eye(4), atol=0.005)
+    registered.push(PosedScan(points, np.eye(4)))
+    assert len(registered) == 2  # as long as the window before
