@@ -1,9 +1,11 @@
 """Dask's workers: processes of this machine, or those of a scheduler that runs already."""
 
+import json
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from perception.errors import UsageError, optional_package
@@ -31,7 +33,8 @@ def open_cluster(
 
     Args:
         workers: Number of processes of this machine; else one a core.
-        scheduler: Address of a running scheduler, such as tcp://10.0.0.5:8786; else this machine.
+        scheduler: Address of a running scheduler, such as tcp://10.0.0.5:8786, or the .json file that it wrote for its
+            workers; else this machine.
         memory_limit: Memory of a process, such as 4GiB, above which it is started again; else an equal share.
 
     Raises:
@@ -46,8 +49,9 @@ def open_cluster(
     dask.config.set({"distributed.scheduler.allowed-failures": _ALLOWED_DEATHS})
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a death is answered, not reported
     if scheduler is not None:
+        address = _address(scheduler)
         try:
-            client = Client(scheduler, timeout=_CONNECT_S)
+            client = Client(address, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
             raise UsageError(
                 f"--scheduler {scheduler}",
@@ -70,3 +74,22 @@ def open_cluster(
         Client(cluster) as client,
     ):
         yield client
+
+
+def _address(scheduler: str) -> str:
+    """Return the address that a scheduler file names, or the address itself.
+
+    Raises:
+        UsageError: The file is missing, or no scheduler wrote it.
+    """
+    if not scheduler.endswith(".json"):
+        return scheduler
+    try:
+        return str(json.loads(Path(scheduler).read_text())["address"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(
+            f"--scheduler {scheduler}",
+            expected="the file of a Dask scheduler",
+            found="none that can be read",
+            advice=f"start one with: dask scheduler --scheduler-file {scheduler}",
+        ) from error

@@ -28,12 +28,12 @@ class DriveSource:
 
 
 def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
-    """Return every drive of folders, globs, and list files, which hold one of these a line.
+    """Return every drive of folders, globs, and list files, which hold one of these a line; by absolute paths.
 
     Raises:
         DriveError: A pattern matches no path, or a path holds no drive.
     """
-    roots = [root for pattern in patterns for root in _paths(pattern)]
+    roots = [root.absolute() for pattern in patterns for root in _paths(pattern)]
     return [DriveSource(root, name) for root in roots for name in sequences_in(root)]
 
 

@@ -30,7 +30,8 @@ class ClusterFlags(FlagGroup):
 
     Attributes:
         workers: Number of processes on this machine; else one a core.
-        scheduler: Address of a running Dask scheduler, such as tcp://10.0.0.5:8786, whose workers are used instead.
+        scheduler: Running Dask scheduler whose workers are used instead: its address, such as tcp://10.0.0.5:8786, or the
+            .json file that it wrote.
         memory_limit: Memory of a process, such as 4GiB, above which it is started again; else an equal share.
     """
 
@@ -85,11 +86,12 @@ def run_batch(
         DriveError: A source holds no drive, or a drive failed.
     """
     flags, of_command = parse_batch(own, command, function, words)
+    out = flags["out"].absolute()  # a worker that was started elsewhere has another current folder
     if own is batch_synth:
-        tasks = _synth_tasks(function, of_command, flags["out"])
+        tasks = _synth_tasks(function, of_command, out)
     else:
-        tasks = _drive_tasks(command, function, of_command, flags["sources"], flags["out"])
-    _run_all(tasks, flags["out"], flags["cluster"])
+        tasks = _drive_tasks(command, function, of_command, flags["sources"], out)
+    _run_all(tasks, out, flags["cluster"])
 
 
 def parse_batch(

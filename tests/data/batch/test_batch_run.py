@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,39 @@ def test_each_worker_keeps_to_one_core(cluster):
     assert len(set.union(*cores.values())) == min(2, len(os.sched_getaffinity(0)))
 
 
+def test_a_scheduler_is_found_by_its_file(cluster, tmp_path):
+    path = tmp_path / "scheduler.json"
+    cluster.write_scheduler_file(path)
+    with open_cluster(scheduler=str(path)) as client:
+        assert client.scheduler.address == cluster.scheduler.address
+
+
+@pytest.mark.parametrize("content", [None, "", "[]", "{}"])
+def test_a_file_of_no_scheduler_is_named(tmp_path, content):
+    path = tmp_path / "scheduler.json"
+    if content is not None:
+        path.write_text(content)
+    with (
+        fault(UsageError, f"--scheduler {path}", advice="dask scheduler --scheduler-file"),
+        open_cluster(scheduler=str(path)),
+    ):
+        pass
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="processes are bound on Linux")
+@pytest.mark.parametrize(("name", "bound"), [("node7-1", True), ("tcp://10.0.0.5:40123", False)])
+def test_workers_of_other_machines_are_bound_by_their_numbers(name, bound):
+    code = (
+        "import os, sys, types; from data.batch.one_core import dask_setup; "
+        "dask_setup(types.SimpleNamespace(name=sys.argv[1])); print(sorted(os.sched_getaffinity(0)))"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code, name], capture_output=True, text=True, check=True
+    )
+    cores = sorted(os.sched_getaffinity(0))
+    assert json.loads(said.stdout) == ([cores[1 % len(cores)]] if bound else cores)
+
+
 def test_an_error_is_the_row_of_its_drive_alone(cluster, tmp_path):
     tasks = [task_in(tmp_path, name) for name in "abc"]
     found = {one.name: one for one in run_tasks(cluster, fail_at_b, tasks)}
@@ -104,6 +139,12 @@ def test_drives_are_found_by_folders_globs_and_lists(tmp_path):
         assert [one.root.name for one in find_drives(patterns)] == ["a", "b"]
     with fault(DriveError, "nowhere/*", found="no path"):
         find_drives(["nowhere/*"])
+
+
+def test_drives_have_paths_that_hold_in_every_folder(tmp_path, monkeypatch):
+    write_car_frames(tmp_path / "a", frames=1)
+    monkeypatch.chdir(tmp_path)
+    assert [one.root for one in find_drives(["a"])] == [tmp_path / "a"]
 
 
 def test_folders_of_drives_of_one_name_differ():
