@@ -72,7 +72,11 @@ def read_feather(
     incomplete = [name for name, column in found.items() if table[column].null_count]
     if incomplete:
         raise kind(path, expected=f"a {incomplete[0]} in every row", found="rows without it")
-    return FeatherTable(path, {name: _to_numpy(table[column]) for name, column in found.items()})
+    try:
+        values = {name: _to_numpy(table[column]) for name, column in found.items()}
+    except NotImplementedError as error:  # such as months
+        raise kind(path, expected=f"{what} of numbers and texts", found=str(error)) from error
+    return FeatherTable(path, values)
 
 
 def _decode(path: Path, data: bytes, kind: type[PerceptionError], what: str) -> dict[str, Any]:
