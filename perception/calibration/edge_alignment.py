@@ -23,6 +23,8 @@ SMOOTHINGS_PX = (8.0, 4.0, 2.0)
 STEP = np.array([np.radians(0.5)] * 3 + [0.05] * 3)
 # Translations move far edges little: what no edge tells stays as it is.
 TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
+# Steps up to which an offset is drawn back the more, the larger it is; shifts are never large.
+_TAIL = np.array([2.0] * 3 + [1e3] * 3)
 _MAX_ITERATIONS = 60
 _PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
 _NEAREST_M = 0.1
@@ -92,7 +94,8 @@ class EdgeAlignment:
         Args:
             start: (6,) offset to start from; else none.
             smoothings_px: Smoothings of the maps, one after another.
-            prior: (6,) twice the score that an offset by one `STEP` in each direction must gain.
+            prior: (6,) twice the score that an offset by one `STEP` in each direction must gain; far offsets are drawn
+                back less, as they are no small errors of the mounting.
         """
         from scipy.optimize import minimize
 
@@ -101,9 +104,9 @@ class EdgeAlignment:
 
             def loss(steps: Float64, smoothing_px: float = smoothing_px) -> tuple[float, Float64]:
                 score = self.score(steps * STEP, smoothing_px)
-                pull = prior * steps
-                lost = float(pull @ steps) / 2
-                gradient = pull - score.gradient * STEP
+                beyond = np.square(steps / _TAIL)
+                lost = float(prior @ (np.square(_TAIL) * np.log1p(beyond))) / 2
+                gradient = prior * steps / (1 + beyond) - score.gradient * STEP
                 return _PERCENT * (lost - score.value), _PERCENT * gradient
 
             found = minimize(

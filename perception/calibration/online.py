@@ -14,7 +14,7 @@ from perception.types import Float64, Frame
 
 # Every third frame of 18: six frames. Half the focal length of the recalibration's images is as good at this accuracy.
 _EVERY, _FRAMES = 3, 6
-_ALIGNED_EVERY = 3  # of these frames
+_ALIGNED_EVERY = _NEWEST = 3  # of these frames
 _FOCAL_PX, _SMOOTHINGS_PX = 360.0, (2.5, 1.25)
 _MIN_EDGES = 400
 _MAX_EDGES = 260  # of a frame, spread evenly
@@ -23,7 +23,7 @@ _PRIOR = np.full(6, 0.006)
 _MAX_GAP_S = 1.0
 _TURNS = tuple(SweepTurn)
 # Rotations that are tried where edges do not fit: pitch and yaw.
-_SEARCH_RAD = np.radians(np.arange(-4.5, 5.0, 1.5))
+_SEARCH_RAD = np.radians(np.arange(-6.0, 6.5, 1.5))
 _CONTRAST_RAD = np.radians(1.5)
 _MIN_CONTRAST = 0.06
 _MEMORY = 0.9  # of earlier scores of the turns, at each alignment
@@ -111,6 +111,11 @@ class OnlineCalibration:
         found = self._estimate(alignment, start)
         if not found.is_determined:
             again = self._estimate(alignment, self._search(alignment))
+            found = max(found, again, key=lambda one: one.contrast)
+        if not found.is_determined:
+            # The calibration may have changed meanwhile: what the newest frames alone tell.
+            newest = EdgeAlignment(list(self._frames)[-_NEWEST:], turn)
+            again = self._estimate(newest, self._search(newest))
             found = max(found, again, key=lambda one: one.contrast)
         for one in _TURNS:
             score = EdgeAlignment(self._frames, one).score(found.offset, _SMOOTHINGS_PX[-1]).value
