@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ class FleetConfig(FlagGroup):
     Attributes:
         deaths: Number of workers that are killed while they work; the scheduler is killed once, and the command repeated.
         seed: Seed of the moments.
-        alone: Whether the drives are also run one by one in this process.
+        alone: Whether the drives are also run one by one in one process.
     """
 
     deaths: int = 5
@@ -145,36 +146,29 @@ def fleet(drives: list[str], *, config: FleetConfig, out: Path = RESULTS / "flee
 
 
 def _alone(words_of: dict[str, list[str]], out: Path) -> FleetRun:
-    """Run drives in this process, on one core."""
+    """Run drives one after another in one process of one core."""
+    shutil.rmtree(out, ignore_errors=True)
+    start_s = time.time()
+    process = get_context("spawn").Process(target=_run_all, args=(words_of, out))
+    process.start()
+    process.join()
+    if process.exitcode:
+        found = f"a process that ended with {process.exitcode}"
+        raise DriveError(out, expected="drives that run", found=found)
+    ended_s = sorted(path.stat().st_mtime - start_s for path in out.glob("drives/*/summary.json"))
+    return FleetRun(time.time() - start_s, ended_s, _content(out))
+
+
+def _run_all(words_of: dict[str, list[str]], out: Path) -> None:
+    # Before anything is imported that starts threads.
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     from perception.cli.main import run_command_line
 
-    shutil.rmtree(out, ignore_errors=True)
-    start_s, ended_s = time.time(), []
     for name, words in words_of.items():
         folder = out / "drives" / name
-        with (
-            _one_core(),
-            Path(os.devnull).open("w") as log,
-            redirect_stdout(log),
-            redirect_stderr(log),
-        ):
+        with Path(os.devnull).open("w") as log, redirect_stdout(log), redirect_stderr(log):
             run_command_line(["run", *words, "--out", str(folder), "--no-video"])
-        ended_s.append(time.time() - start_s)
-    return FleetRun(ended_s[-1], ended_s, _content(out))
-
-
-@contextmanager
-def _one_core() -> Iterator[None]:
-    """Bind this thread, and those that it starts meanwhile, to one core where the system can."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(cores)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, cores)
 
 
 def _batch(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _CONNECT_S = 10
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 # Deaths of workers that a drive may be part of before it is given up: machines of a fleet come and go.
 _ALLOWED_DEATHS = 10
 
@@ -46,7 +47,15 @@ def open_cluster(
         from distributed import Client, LocalCluster
     if workers is not None and workers < 1:
         raise UsageError("--workers", expected="at least 1", found=str(workers))
-    dask.config.set({"distributed.scheduler.allowed-failures": _ALLOWED_DEATHS})
+    dask.config.set(
+        {
+            "distributed.scheduler.allowed-failures": _ALLOWED_DEATHS,
+            # Its profiler interrupts Python a hundred times a second.
+            "distributed.worker.profile.enabled": False,
+            # Without its threshold of malloc, which gives memory back many times a frame: a fifth of the time.
+            "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREAD_VARIABLES, 1),
+        }
+    )
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a death is answered, not reported
     if scheduler is not None:
         address = _address(scheduler)
