@@ -72,14 +72,14 @@ SYNTH := results/weights/synth
 SHIPPED := perception/detection/weights
 CLASSES := Car,Van,Truck,Pedestrian,Cyclist
 weights: $(VENV)/.installed-dev
-	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 800 --seed 1000
-	$(BIN)/trifuse synth $(SYNTH)/train2 --layout object --frames 400 --seed 40000
-	$(BIN)/trifuse synth $(SYNTH)/train3 --layout object --frames 360 --seed 60000
-	$(BIN)/trifuse synth $(SYNTH)/depthcn --layout object --frames 1600 --seed 1000
-	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --seed 5000
-	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 240 --seed 9000
-	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
-	$(BIN)/trifuse synth $(SYNTH)/fusion2 --layout object --frames 120 --seed 80000
+	$(BIN)/trifuse batch synth $(SYNTH)/train --layout object --frames 800 --seed 1000
+	$(BIN)/trifuse batch synth $(SYNTH)/train2 --layout object --frames 400 --seed 40000
+	$(BIN)/trifuse batch synth $(SYNTH)/train3 --layout object --frames 360 --seed 60000
+	$(BIN)/trifuse batch synth $(SYNTH)/depthcn --layout object --frames 1600 --seed 1000
+	$(BIN)/trifuse batch synth $(SYNTH)/val --layout object --frames 100 --seed 5000
+	$(BIN)/trifuse batch synth $(SYNTH)/test --layout object --frames 240 --seed 9000
+	$(BIN)/trifuse batch synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
+	$(BIN)/trifuse batch synth $(SYNTH)/fusion2 --layout object --frames 120 --seed 80000
 	$(MAKE) $(PUBLIC_WEIGHTS)
 	$(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 $(SYNTH)/train3 --validation $(SYNTH)/val \
 	  --modality rgb --config yolox \

@@ -27,7 +27,9 @@ class PerceptionError(Exception):
         self.where, self.expected, self.found, self.advice = str(where), expected, found, advice
         sentence = f"{where}: expected {expected}, found {found}"
         # No full stop: an advice often ends with a command, which is copied.
-        super().__init__(f"{sentence}; {advice}" if advice else sentence)
+        sentence = f"{sentence}; {advice}" if advice else sentence
+        # Names from a file may hold line breaks, or codes that a terminal obeys.
+        super().__init__("".join(one if one.isprintable() else " " for one in sentence))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep all fields when the error is sent from a worker process."""

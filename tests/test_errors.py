@@ -80,3 +80,8 @@ def test_what_a_flag_lacks_is_said_without_a_full_stop():
     with pytest.raises(UsageError) as caught:
         run_command_line(["run", "x", "--frames"])
     assert str(caught.value).endswith("; see trifuse run --help")
+
+
+def test_what_a_file_holds_breaks_no_line_and_commands_no_terminal():
+    error = PerceptionError("a.feather", expected="x", found="no y among \n, \x1b[2J, é")
+    assert str(error) == "a.feather: expected x, found no y among  ,  [2J, é"
