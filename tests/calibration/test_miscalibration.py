@@ -16,6 +16,7 @@ ERRORS = {
     "yaw": [0, -0.5, 0, 0, 0, 0],
     "roll": [0, 0, 0.6, 0, 0, 0],
     "all": [0.4, 1.2, -0.5, 0, 0, 0],
+    "far": [0.5, -5.0, 0.3, 0, 0, 0],
 }
 
 
@@ -49,6 +50,14 @@ def test_an_error_is_named_within_two_seconds(board_frames, name):
     assert finding.reason.endswith("recalibrate with: trifuse calibrate DRIVE")
     left = (monitor.correction @ error_of(name))[:3, :3]
     assert np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1, 1))) < 0.25
+
+
+def test_a_far_error_amid_a_drive_is_corrected_within_three_and_a_half_seconds(board_frames):
+    monitor = MiscalibrationMonitor(HDL_64E)
+    assert not any(findings(monitor, board_frames, count=27))
+    findings(monitor, board_frames, error_of("far"), count=35, first=27)
+    left = (monitor.correction @ error_of("far"))[:3, :3]
+    assert np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1, 1))) < 0.4
 
 
 def test_an_error_is_over_when_the_calibration_is_true_again(board_frames):
