@@ -104,7 +104,7 @@ def search(
             done before, and how many there are.
 
     Raises:
-        PerceptionError: a frame cannot be read, or the ledger is of another search.
+        PerceptionError: a frame cannot be read, or the counts are of another search.
     """
     counts = SearchLog(search_log, config.identity())
     parts = config.parts()
