@@ -6,7 +6,7 @@ from pathlib import Path
 from data.results.command_config import CommandConfig
 from data.results.evaluated import EvaluationDocument
 from perception.cli.evaluate_detection import PrecisionFlags, protocol
-from perception.cli.evaluation import open_labelled_drive, publish_report
+from perception.cli.evaluation import publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.detection.config import DetectionConfig
 from perception.evaluation.detection.config import CorruptionLevels
@@ -40,6 +40,7 @@ def evaluate_robustness(
     class_name: str = "Car",
     plot: Path | None = None,
     faults: tuple[str, ...] = (),
+    runs: Path | None = None,
     levels: CorruptionLevels = _LEVELS,
     detection: DetectionConfig = _DETECTION,
 ) -> None:
@@ -54,12 +55,25 @@ def evaluate_robustness(
         root: Object folder, tracking folder with --sequence, or synthetic drive.
         class_name: Class to measure.
         plot: PNG file for average precision over the levels, or the metrics over the sizes of the faults.
-        faults: Kinds of faults for all stages, such as camera-dark,lidar-fog, or all.
+        faults: Kinds of faults for all stages, such as camera-dark,lidar-fog:0.1, or all; without a size all sizes.
+        runs: JSON file that keeps the metrics of each finished run with a fault; the same command goes on from it.
         levels: Levels of each corruption.
         detection: Detectors: networks and suppression.
     """
     if faults:
-        _evaluate_faults(root, faults, drive, metric.seed, detection, (report, config, plot))
+        from perception.cli.fault_costs import FaultRuns
+
+        # Further kinds go on from the file of those before.
+        values = {name: value for name, value in config.values.items() if name != "faults"}
+        fault_runs = FaultRuns.of(root, drive, detection, metric.seed)
+        costs, document, heading = fault_runs.measure(faults, values, runs)
+        publish_report(heading, costs, document, config, report)
+        if plot is not None:
+            from perception.render.curve_plots import plot_curves
+
+            title = f"{fault_runs.drive.name}: cost of faults"
+            panels = costs.panels()
+            plot_curves(plot, title, panels, columns=min(4, len(panels)))
         return
     from data.corruptions import sensor_corruptions
     from data.detections.measured_detectors import open_fusions, open_modalities
@@ -93,65 +107,3 @@ def evaluate_robustness(
 
         panels = measured.drives[0][1].panels()
         plot_curves(plot, f"{info.title}, {heading}", panels, columns=len(panels), share_y="all")
-
-
-def _evaluate_faults(
-    root: Path,
-    kinds: tuple[str, ...],
-    drive: LabelledDriveFlags,
-    seed: int,
-    detection: DetectionConfig,
-    output: tuple[ReportFlags, CommandConfig, Path | None],
-) -> None:
-    """Run the pipeline once without a fault, and once for each kind and size."""
-    from data.faults.injection import Fault
-    from data.faults.kinds import FAULT_KINDS
-    from data.frames import frame_count
-    from data.results.evaluated import EvaluatedDrive
-    from perception.cli.drive_results import drive_results
-    from perception.evaluation.fault_cost import (
-        CLEAN,
-        PROTOCOL,
-        FaultCost,
-        FaultCostMeasure,
-        FaultCostReport,
-    )
-    from perception.pipeline import PipelineConfig
-
-    labelled = open_labelled_drive(root, drive, images=True)
-    pipeline = PipelineConfig(detection=detection)
-    count = frame_count(labelled, drive.frames)
-    first, last = count // 3, count - 1
-    names = tuple(FAULT_KINDS) if kinds == ("all",) else kinds
-    runs: dict[str, Fault | None] = {CLEAN: None}
-    for name in names:
-        for size in Fault(name, first, last).definition.sizes:
-            runs[f"{name} {size:g}"] = Fault(name, first, last, size, seed)
-    costs: dict[str, FaultCost] = {}
-    for run, fault in runs.items():
-        part = "" if fault is None else fault.definition.part
-        size = 0.0 if fault is None or fault.size is None else fault.size
-        kind = CLEAN if fault is None else fault.kind
-        measure = FaultCostMeasure(kind, size, first, part, pipeline.area, detection.display_score)
-        results = drive_results(
-            labelled,
-            pipeline,
-            limit=drive.frames,
-            on_bad_frame=drive.on_bad_frame,
-            faults=() if fault is None else (fault,),
-        )
-        for result in results:
-            index = result.frame.index
-            labels = labelled.labels(index) if labelled.has_labels else None
-            measure.update(result, labels, labelled.point_truth(index))
-        costs[run] = measure.compute()
-    report, config, plot = output
-    measured = FaultCostReport(costs)
-    data = EvaluatedDrive.of(labelled, drive.frames, count)
-    document = EvaluationDocument("robustness", data, PROTOCOL)
-    publish_report(f"{data}, faults from frame {first} on", measured, document, config, report)
-    if plot is not None:
-        from perception.render.curve_plots import plot_curves
-
-        panels = measured.panels()
-        plot_curves(plot, f"{labelled.name}: cost of faults", panels, columns=min(4, len(panels)))

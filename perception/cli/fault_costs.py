@@ -1,0 +1,123 @@
+"""The pipeline over a drive once for each fault and size: `trifuse evaluate robustness --faults`."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.faults.injection import Fault
+from data.faults.kinds import FAULT_KINDS
+from data.frames import frame_count
+from data.results.evaluated import EvaluatedDrive, EvaluationDocument
+from data.results.finished_runs import FinishedRuns
+from perception.cli.drive_results import drive_results
+from perception.cli.evaluation import open_labelled_drive
+from perception.cli.flags import LabelledDriveFlags
+from perception.detection.config import DetectionConfig
+from perception.errors import UsageError
+from perception.evaluation.fault_cost import (
+    CLEAN,
+    PROTOCOL,
+    FaultCost,
+    FaultCostMeasure,
+    FaultCostReport,
+)
+from perception.pipeline import PipelineConfig
+from perception.types import Drive
+
+_ALL = ("all",)
+
+
+@dataclass(frozen=True)
+class FaultRuns:
+    """Runs over one drive, one without a fault and one for each fault and size.
+
+    Attributes:
+        drive: Drive with labels or exact truth.
+        flags: How many frames are read, and what a damaged one does.
+        detection: Detectors of the pipeline.
+        seed: Seed of the faults.
+    """
+
+    drive: Drive
+    flags: LabelledDriveFlags
+    detection: DetectionConfig
+    seed: int
+
+    @classmethod
+    def of(
+        cls, root: Path, flags: LabelledDriveFlags, detection: DetectionConfig, seed: int
+    ) -> "FaultRuns":
+        """Open the drive.
+
+        Raises:
+            DriveError: The path holds no drive with labels or exact truth.
+        """
+        return cls(open_labelled_drive(root, flags, images=True), flags, detection, seed)
+
+    def measure(
+        self, kinds: tuple[str, ...], values: Mapping[str, object], finished: Path | None
+    ) -> tuple[FaultCostReport, EvaluationDocument, str]:
+        """Make all runs but those that are finished; return their cost, what it rests on, and a heading.
+
+        Args:
+            kinds: `KIND` for all its sizes or `KIND:SIZE`; `all` for all kinds.
+            values: Configuration of the command; runs of another one are refused.
+            finished: JSON file that keeps each finished run; None for none.
+        """
+        count = frame_count(self.drive, self.flags.frames)
+        first, last = count // 3, count - 1
+        runs = FinishedRuns.open(finished, values, FaultCost)
+        wanted: dict[str, Fault | None] = {CLEAN: None}
+        wanted |= {
+            f"{kind} {size:g}": Fault(kind, first, last, size, self.seed)
+            for kind, size in kinds_and_sizes(kinds)
+        }
+        for row, (name, fault) in enumerate(wanted.items()):
+            if name not in runs.metrics:
+                print(f"{name}: run {row + 1} of {len(wanted)}", flush=True)
+                runs.add(name, self._run(fault, first))
+        measured = FaultCostReport({name: runs.metrics[name] for name in wanted})
+        data = EvaluatedDrive.of(self.drive, self.flags.frames, count)
+        document = EvaluationDocument("robustness", data, PROTOCOL)
+        return measured, document, f"{data}, faults from frame {first} on"
+
+    def _run(self, fault: Fault | None, first: int) -> FaultCost:
+        pipeline = PipelineConfig(detection=self.detection)
+        kind, size = (CLEAN, 0.0) if fault is None else (fault.kind, fault.size or 0.0)
+        part = "" if fault is None else fault.definition.part
+        measure = FaultCostMeasure(
+            kind, size, first, part, pipeline.area, self.detection.display_score
+        )
+        results = drive_results(
+            self.drive,
+            pipeline,
+            limit=self.flags.frames,
+            on_bad_frame=self.flags.on_bad_frame,
+            faults=() if fault is None else (fault,),
+        )
+        for result in results:
+            index = result.frame.index
+            labels = self.drive.labels(index) if self.drive.has_labels else None
+            measure.update(result, labels, self.drive.point_truth(index))
+        return measure.compute()
+
+
+def kinds_and_sizes(kinds: tuple[str, ...]) -> Iterator[tuple[str, float]]:
+    """Yield kind and size of each fault of `--faults`.
+
+    Args:
+        kinds: `KIND` for all its sizes or `KIND:SIZE`; `all` for all kinds.
+
+    Raises:
+        UsageError: There is no such kind, or the size is no number.
+    """
+    for text in FAULT_KINDS if kinds == _ALL else kinds:
+        kind, _, size = text.partition(":")
+        if kind not in FAULT_KINDS:
+            expected = f"all, or of {', '.join(FAULT_KINDS)}"
+            raise UsageError("--faults", expected=expected, found=kind)
+        try:
+            sizes = (float(size),) if size else FAULT_KINDS[kind].sizes
+        except ValueError as error:
+            raise UsageError("--faults", expected="KIND or KIND:SIZE", found=text) from error
+        yield from ((kind, one) for one in sizes)
