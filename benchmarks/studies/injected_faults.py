@@ -7,25 +7,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from benchmarks.studies.monitored_recording import WARM_UP, MonitoredRecording
 from benchmarks.studies.report import publish
-from data.faults.injection import Fault, inject
+from data.faults.injection import Fault
 from data.faults.kinds import FAULT_KINDS, FaultKind
 from data.open_drive import open_drive, sequences_in
+from data.synthetic.collection import SynthConfig, draw_drive
+from perception.cli.progress import progress_bar
+from perception.errors import UsageError
 from perception.evaluation.report import Metric, Metrics, Table
-from perception.geometry.grids import EgoVehicle
-from perception.health.camera_monitors import CameraMonitors
-from perception.health.ins_monitor import InsMonitor
-from perception.health.monitors import ScanAndInsMonitors
-from perception.health.scan_statistics import ScanMeter
-from perception.localization.odometry import LidarOdometry
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
-from perception.types import CAMERA, INS, Drive, Float64, Frame, HealthFinding
+from perception.sensor.files import load_sensor
+from perception.types import CALIBRATION, Drive
 
 if TYPE_CHECKING:
     from benchmarks.studies.fault_detection import InjectionConfig
     from perception.cli.flags import SourceFlags
 
-_WARM_UP = 15  # frames from which monitors learn what is usual
 _MIN_SPEED_M_S = 1.0  # a frozen pose of a vehicle that stands is no fault yet
 
 
@@ -86,88 +84,6 @@ class CleanDriving(Metrics):
         return float(chi2.ppf(0.95, 2 * len(self.alarms) + 2) / 2 / max(self.seconds, 1e-9) * 3600)
 
 
-class _Monitors:
-    """The monitors of one part, fed with frames and their registered poses."""
-
-    def __init__(self, part: str, meter: ScanMeter) -> None:
-        self._camera = CameraMonitors() if part == CAMERA else None
-        self._ins = InsMonitor() if part == INS else None
-        self._scans = ScanAndInsMonitors(meter) if part not in (CAMERA, INS) else None
-
-    def update(self, frame: Frame, pose: Float64) -> Sequence[HealthFinding]:
-        if self._camera is not None:
-            return self._camera.update(frame)
-        if self._ins is not None:
-            found = self._ins.update(frame)
-            self._ins.register(frame, pose, is_trusted=True)
-            return found
-        assert self._scans is not None
-        return self._scans.update(frame).findings
-
-
-@dataclass(frozen=True)
-class _Recording:
-    """Frames of a drive in memory, with the poses that registration gives them."""
-
-    name: str
-    frames: Sequence[Frame]
-    poses: Sequence[Float64]
-    meter: ScanMeter
-
-    @classmethod
-    def of(cls, drive: Drive, limit: int) -> "_Recording":
-        odometry, ego = LidarOdometry(), EgoVehicle()
-        count = min(limit or len(drive), len(drive))
-        frames = [drive[index] for index in range(count)]
-        poses = [
-            odometry.update(
-                ego.crop(one.points_velo).points_velo, one.stamp_s, one.world_SE3_velo, one.source
-            ).world_SE3_velo
-            for one in frames
-        ]
-        return cls(drive.name, frames, poses, ScanMeter(drive.sensor))
-
-    @property
-    def parts(self) -> list[str]:
-        first = self.frames[0]
-        present = {
-            "lidar": True,
-            CAMERA: first.image is not None,
-            INS: first.world_SE3_velo is not None,
-        }
-        return [part for part, is_present in present.items() if is_present]
-
-    def speed_m_s(self, row: int) -> float:
-        step = np.linalg.norm(self.poses[row][:3, 3] - self.poses[row - 1][:3, 3])
-        return float(step / (self.frames[row].stamp_s - self.frames[row - 1].stamp_s))
-
-    def alarms(self) -> Iterator[str]:
-        """Yield the beginning of each finding in the clean drive."""
-        for part in self.parts:
-            monitors, before = _Monitors(part, self.meter), set[str]()
-            for frame, pose in zip(self.frames, self.poses, strict=True):
-                found = monitors.update(frame, pose)
-                yield from (
-                    f"{self.name} frame {frame.index}: {one}"
-                    for one in found
-                    if one.fault not in before
-                )
-                before = {one.fault for one in found}
-
-    def delay(self, fault: Fault, within: int) -> int | None:
-        """Return after how many frames a fault is named, None where it is not in time."""
-        first = max(0, fault.first - _WARM_UP)
-        part = slice(first, fault.first + within)
-        monitors = _Monitors(fault.definition.part, self.meter)
-        injected = inject(self.frames[part], [fault])
-        for frame, pose in zip(injected, self.poses[part], strict=True):
-            found = monitors.update(frame, pose)
-            is_named = any(one.fault in fault.definition.reported for one in found)
-            if frame.index >= fault.first and is_named:
-                return frame.index - fault.first
-        return None
-
-
 def measure_faults(
     roots: Sequence[str], source: "SourceFlags", config: "InjectionConfig", out: Path
 ) -> None:
@@ -179,46 +95,63 @@ def measure_faults(
         config: Faults that are injected.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    if not roots and not config.worlds:
+        raise UsageError(
+            "ROOTS",
+            expected="folders of drives, or --worlds",
+            found="neither",
+            advice="name a drive, or add --worlds 20 for synthetic ones",
+        )
     clean, detections = CleanDriving(), dict[str, FaultDetection]()
-    for root in roots:
-        names = sequences_in(Path(root)) if source.sequence is None else [source.sequence]
-        for name in names:
-            drive = open_drive(Path(root), sequence=name, config=source.reading, images=True)
-            recording = _Recording.of(drive, config.frames)
-            clean.frames += len(recording.frames)
-            clean.seconds += recording.frames[-1].stamp_s - recording.frames[0].stamp_s
-            clean.alarms += recording.alarms()
-            _inject_all(recording, config, detections)
+    for drive in progress_bar(_drives(roots, source, config), "drives", unit="drive"):
+        recording = MonitoredRecording.of(drive, config.frames)
+        clean.frames += len(recording.frames)
+        clean.seconds += recording.frames[-1].stamp_s - recording.frames[0].stamp_s
+        clean.alarms += recording.alarms()
+        _inject_all(recording, config, detections)
     for alarm in clean.alarms:
         print(alarm)
     tables: dict[str, Table[Any]] = {
         "clean": Table("clean driving", CleanDriving.columns(), {"all": clean}),
         "faults": Table("faults", FaultDetection.columns(), detections),
     }
-    plot_curves(
-        out, "Faults named within five frames", _panels(detections), columns=5, share_y="all"
-    )
+    plot_curves(out, "Faults named in time", _panels(detections), columns=5, share_y="all")
     publish(out, "faults of sensors", tables, {"config": config, "drives": roots})
 
 
+def _drives(
+    roots: Sequence[str], source: "SourceFlags", config: "InjectionConfig"
+) -> Iterator[Drive]:
+    """Yield the recorded drives, and the synthetic ones."""
+    for root in roots:
+        names = sequences_in(Path(root)) if source.sequence is None else [source.sequence]
+        for name in names:
+            yield open_drive(Path(root), sequence=name, config=source.reading, images=True)
+    for number in range(config.worlds):
+        sensor = load_sensor(config.world_sensors[number % len(config.world_sensors)])
+        synth = SynthConfig(sensor=sensor, seed=config.seed + 1)
+        yield draw_drive(synth, number + 1, config.frames or synth.frames)
+
+
 def _inject_all(
-    recording: _Recording, config: "InjectionConfig", detections: dict[str, FaultDetection]
+    recording: MonitoredRecording, config: "InjectionConfig", detections: dict[str, FaultDetection]
 ) -> None:
     """Inject faults of each kind and size at random frames."""
     rng = np.random.default_rng(config.seed)
-    last = len(recording.frames) - config.within
-    if last <= _WARM_UP:
-        return
     for kind, size in _cases(config):
-        if FAULT_KINDS[kind].part not in recording.parts:
+        part = FAULT_KINDS[kind].part
+        # Edges tell the calibration over two seconds.
+        within = config.calibration_within if part == CALIBRATION else config.within
+        last = len(recording.frames) - within
+        if part not in recording.parts or last <= WARM_UP:
             continue
         detection = detections.setdefault(f"{kind} {size:g}", FaultDetection())
         for _ in range(config.injections):
-            first, seed = int(rng.integers(_WARM_UP, last)), int(rng.integers(1 << 30))
+            first, seed = int(rng.integers(WARM_UP, last)), int(rng.integers(1 << 30))
             if kind == "ins-frozen" and recording.speed_m_s(first) < _MIN_SPEED_M_S:
                 continue
-            fault = Fault(kind, first, first + config.within - 1, size, seed)
-            delay = recording.delay(fault, config.within)
+            fault = Fault(kind, first, first + within - 1, size, seed)
+            delay = recording.delay(fault, within)
             detection.faults += 1
             if delay is not None:
                 detection.named += 1

@@ -1,0 +1,138 @@
+"""Frames of a drive in memory, and what the monitors of each part say of them, clean or with a fault."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from data.faults.injection import Fault, inject
+from perception.geometry.grids import EgoVehicle
+from perception.health.camera_monitors import CameraMonitors
+from perception.health.ins_monitor import InsMonitor
+from perception.health.miscalibration import MiscalibrationMonitor
+from perception.health.monitors import ScanAndInsMonitors
+from perception.health.scan_statistics import ScanMeter
+from perception.localization.odometry import LidarOdometry
+from perception.sensor import LidarModel
+from perception.types import (
+    CALIBRATION,
+    CAMERA,
+    INS,
+    LIDAR,
+    Drive,
+    Float64,
+    Frame,
+    HealthFinding,
+)
+
+WARM_UP = 15  # frames from which monitors learn what is usual
+
+
+class _Monitor(Protocol):  # of one part
+    def __call__(self, frame: Frame, pose: Float64, /) -> Sequence[HealthFinding]:
+        """Return the findings of a frame with its registered pose."""
+
+
+@dataclass(frozen=True)
+class MonitoredRecording:
+    """Frames of a drive in memory, with the poses that registration gives them.
+
+    Attributes:
+        name: Name of the drive.
+        frames: Frames.
+        poses: (4, 4) registered pose of each frame.
+        sensor: LiDAR model.
+    """
+
+    name: str
+    frames: Sequence[Frame]
+    poses: Sequence[Float64]
+    sensor: LidarModel
+
+    @classmethod
+    def of(cls, drive: Drive, limit: int) -> "MonitoredRecording":
+        """Read and register the first frames of a drive, all where the limit is 0."""
+        odometry, ego = LidarOdometry(), EgoVehicle()
+        count = min(limit or len(drive), len(drive))
+        frames = [drive[index] for index in range(count)]
+        poses = [
+            odometry.update(
+                ego.crop(one.points_velo).points_velo, one.stamp_s, one.world_SE3_velo, one.source
+            ).world_SE3_velo
+            for one in frames
+        ]
+        return cls(drive.name, frames, poses, drive.sensor)
+
+    @property
+    def parts(self) -> list[str]:
+        """Parts of the vehicle whose monitors have something to measure."""
+        first = self.frames[0]
+        has_image = first.image is not None
+        present = {
+            LIDAR: True,
+            CAMERA: has_image,
+            INS: first.world_SE3_velo is not None,
+            CALIBRATION: has_image and first.calibration is not None,
+        }
+        return [part for part, is_present in present.items() if is_present]
+
+    def speed_m_s(self, row: int) -> float:
+        """Return the speed of the vehicle up to a frame in metres per second."""
+        step = np.linalg.norm(self.poses[row][:3, 3] - self.poses[row - 1][:3, 3])
+        return float(step / (self.frames[row].stamp_s - self.frames[row - 1].stamp_s))
+
+    def alarms(self) -> Iterator[str]:
+        """Yield the beginning of each finding in the clean drive."""
+        for part in self.parts:
+            monitor, before = self._monitor(part), set[str]()
+            for frame, pose in zip(self.frames, self.poses, strict=True):
+                found = monitor(frame, pose)
+                yield from (
+                    f"{self.name} frame {frame.index}: {one}"
+                    for one in found
+                    if one.fault not in before
+                )
+                before = {one.fault for one in found}
+
+    def delay(self, fault: Fault, within: int) -> int | None:
+        """Return after how many frames a fault is named, None where it is not in time."""
+        first = max(0, fault.first - WARM_UP)
+        part = slice(first, fault.first + within)
+        monitor = self._monitor(fault.definition.part)
+        injected = inject(self.frames[part], [fault])
+        for frame, pose in zip(injected, self.poses[part], strict=True):
+            found = monitor(frame, pose)
+            is_named = any(one.fault in fault.definition.reported for one in found)
+            if frame.index >= fault.first and is_named:
+                return frame.index - fault.first
+        return None
+
+    @cached_property
+    def _meter(self) -> ScanMeter:
+        return ScanMeter(self.sensor)
+
+    def _monitor(self, part: str) -> _Monitor:
+        """Return the monitors of one part, at the beginning of a drive."""
+        if part == CAMERA:
+            camera = CameraMonitors()
+            return lambda frame, _: camera.update(frame)
+        if part == CALIBRATION:
+            return MiscalibrationMonitor(self.sensor).update_pose
+        if part == INS:
+            return _InsOfRegisteredScans().update
+        scans = ScanAndInsMonitors(self._meter)
+        return lambda frame, _: scans.update(frame).findings
+
+
+class _InsOfRegisteredScans:
+    """The monitor of the INS beside poses of scans without a fault."""
+
+    def __init__(self) -> None:
+        self._ins = InsMonitor()
+
+    def update(self, frame: Frame, pose: Float64) -> Sequence[HealthFinding]:
+        found = self._ins.update(frame)
+        self._ins.register(frame, pose, is_trusted=True)
+        return found
