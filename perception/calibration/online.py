@@ -10,7 +10,7 @@ from perception.calibration.frame_edges import FrameEdges, SweepTurn, steady_mot
 from perception.geometry.se3 import inverse
 from perception.localization.deskew import SweepMotion
 from perception.sensor import LidarModel
-from perception.types import Float64, Frame
+from perception.types import Bool, Float64, Frame
 
 # Every third frame of 18: six frames. Half the focal length of the recalibration's images is as good at this accuracy.
 _EVERY, _FRAMES = 3, 6
@@ -20,13 +20,21 @@ _MIN_EDGES = 400
 _MAX_EDGES = 260  # of a frame, spread evenly
 # What six frames do not tell stays as it is: a change by half a degree or 5 cm must gain 0.003 of score.
 _PRIOR = np.full(6, 0.006)
+# Beams that are far apart tell neither pitch nor roll nor height: these stay as they are.
+_MAX_BEAM_STEP_RAD = np.radians(1.0)
+_HELD = np.array([True, False, True, False, True, False])
+_HELD_PRIOR = 10.0
 _MAX_GAP_S = 1.0
 _TURNS = tuple(SweepTurn)
 # Rotations that are tried where edges do not fit: pitch and yaw.
 _SEARCH_RAD = np.radians(np.arange(-6.0, 6.5, 1.5))
 _CONTRAST_RAD = np.radians(1.5)
 _MIN_CONTRAST = 0.06
+# Alignments between two searches of a scene that tells nothing, such as a night: 0, 1, 3 and 7.
+_MAX_REST = 7
 _MEMORY = 0.9  # of earlier scores of the turns, at each alignment
+# Information of street scenes on KITTI, in edges times contrast.
+_USUAL_INFORMATION = 150.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +44,7 @@ class OffsetEstimate:
     Attributes:
         offset: (6,) change of the calibration with which edges fit: rotation vector in rad, translation in m, along the
             axes of the camera.
-        contrast: Share of the score that is lost where the calibration is turned by 1.5 degrees.
+        contrast: Share of the score that is lost where pitch or yaw is turned by 1.5 degrees.
         edges: Number of edges.
     """
 
@@ -48,6 +56,12 @@ class OffsetEstimate:
     def is_determined(self) -> bool:
         """Whether the edges fit better here than around."""
         return self.contrast >= _MIN_CONTRAST
+
+    @property
+    def uncertainty(self) -> float:
+        """How much less certain it is than in a usual street, from 1."""
+        information = max(self.edges * self.contrast, 1e-9)
+        return float(np.sqrt(max(_USUAL_INFORMATION / information, 1.0)))
 
 
 class OnlineCalibration:
@@ -63,10 +77,14 @@ class OnlineCalibration:
         import scipy.optimize  # noqa: F401
 
         self._sensor = sensor
+        is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
+        self._held: Bool = _HELD if is_sparse else np.zeros_like(_HELD)
         self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)
         self._pose: tuple[float, Float64] | None = None
         self._count = self._observed = 0
         self._turn_scores = dict.fromkeys(_TURNS, 0.0)
+        self._determined = np.zeros(6)
+        self._failed = self._rest = 0  # searches without success; alignments until the next one
         self.estimate: OffsetEstimate | None = None
 
     def update(self, frame: Frame, world_SE3_velo: Float64) -> OffsetEstimate | None:
@@ -107,36 +125,41 @@ class OnlineCalibration:
     def _align(self) -> OffsetEstimate:
         turn = max(self._turn_scores, key=lambda one: self._turn_scores[one])
         alignment = EdgeAlignment(self._frames, turn)
-        start = self.estimate.offset if self.estimate is not None else np.zeros(6)
-        found = self._estimate(alignment, start)
-        if not found.is_determined:
-            again = self._estimate(alignment, self._search(alignment))
-            found = max(found, again, key=lambda one: one.contrast)
-        if not found.is_determined:
+        found = self._estimate(alignment, self._determined)
+        if not found.is_determined and self._rest:
+            self._rest -= 1
+        elif not found.is_determined:
             # The calibration may have changed meanwhile: what the newest frames alone tell.
             newest = EdgeAlignment(list(self._frames)[-_NEWEST:], turn)
-            again = self._estimate(newest, self._search(newest))
-            found = max(found, again, key=lambda one: one.contrast)
+            found = max(found, self._far(alignment), key=lambda one: one.contrast)
+            if not found.is_determined:
+                found = max(found, self._far(newest), key=lambda one: one.contrast)
+            self._rest = min(2**self._failed - 1, _MAX_REST)
+            self._failed += 1
+        if found.is_determined:
+            self._determined, self._failed, self._rest = found.offset, 0, 0
         for one in _TURNS:
             score = EdgeAlignment(self._frames, one).score(found.offset, _SMOOTHINGS_PX[-1]).value
             self._turn_scores[one] = _MEMORY * self._turn_scores[one] + score
         return found
 
-    @staticmethod
-    def _estimate(alignment: EdgeAlignment, start: Float64) -> OffsetEstimate:
-        offset = alignment.align(start, _SMOOTHINGS_PX, _PRIOR)
+    def _estimate(self, alignment: EdgeAlignment, start: Float64) -> OffsetEstimate:
+        prior = np.where(self._held, _HELD_PRIOR, _PRIOR)
+        offset = alignment.align(start, _SMOOTHINGS_PX, prior)
         here = alignment.score(offset, _SMOOTHINGS_PX[-1]).value
         turned = [
             alignment.score(
                 offset + sign * _CONTRAST_RAD * np.eye(6)[axis], _SMOOTHINGS_PX[-1]
             ).value
-            for axis in (0, 1)
+            for axis in np.flatnonzero(~self._held[:2])
             for sign in (-1, 1)
         ]
         contrast = 1 - max(turned) / here if here > 0 else 0.0
         return OffsetEstimate(offset, float(contrast), alignment.edges)
 
-    @staticmethod
-    def _search(alignment: EdgeAlignment) -> Float64:
-        tried = [np.array([pitch, yaw, 0, 0, 0, 0]) for pitch in _SEARCH_RAD for yaw in _SEARCH_RAD]
-        return max(tried, key=lambda offset: alignment.score(offset, 2 * _SMOOTHINGS_PX[0]).value)
+    def _far(self, alignment: EdgeAlignment) -> OffsetEstimate:
+        """Estimate an offset of any size, from the best of many rotations."""
+        pitches = np.zeros(1) if self._held[0] else _SEARCH_RAD
+        tried = [np.array([pitch, yaw, 0, 0, 0, 0]) for pitch in pitches for yaw in _SEARCH_RAD]
+        start = max(tried, key=lambda offset: alignment.score(offset, 2 * _SMOOTHINGS_PX[0]).value)
+        return self._estimate(alignment, start)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.online import OnlineCalibration
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.sensor import HDL_64E
 from perception.snapshot import read_snapshot, write_snapshot
@@ -94,3 +95,34 @@ def test_a_monitor_goes_on_from_a_snapshot(board_frames):
     assert first == second
     assert first[-1]
     np.testing.assert_array_equal(monitor.correction, again.correction)
+
+
+def test_a_scene_that_tells_nothing_is_searched_seldom(board_frames, monkeypatch):
+    """Ten alignments, of which the first two, the fourth and the eighth search; each search of all and of the newest."""
+    searched = []
+    far = OnlineCalibration._far
+    monkeypatch.setattr(
+        OnlineCalibration,
+        "_far",
+        lambda self, alignment: searched.append(alignment.frames) or far(self, alignment),
+    )
+    night = [replace(one, image=np.full_like(one.image, 20)) for one in board_frames]
+    assert not any(findings(MiscalibrationMonitor(HDL_64E), night, count=18 + 9 * 9))
+    assert searched == [6, 3] * 4
+
+
+@pytest.mark.parametrize(("name", "is_named"), [("pitch", False), ("far", True)])
+def test_beams_far_apart_tell_yaw_alone(board_frames, name, is_named):
+    elevations_rad = HDL_64E.elevations_rad[::4]
+    sensor = replace(HDL_64E, elevations_rad=elevations_rad)
+    sparse = []
+    for frame in board_frames:
+        rows = frame.points_velo.reshape(len(HDL_64E.elevations_rad), -1, 4)[::4]
+        sparse.append(replace(frame, points_velo=rows.reshape(-1, 4)))
+    monitor = MiscalibrationMonitor(sensor)
+    findings(monitor, sparse, error_of(name), count=27)
+    assert (monitor.correction is not None) == is_named
+    if is_named:
+        np.testing.assert_allclose(monitor.correction[1, :3], [0, 1, 0], atol=0.01)
+        left = np.degrees((monitor.correction @ error_of(name))[0, 2])
+        assert abs(left) < 0.4
