@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -137,3 +138,27 @@ def test_a_stage_that_is_left_out_speaks_through_health():
     (left_out,) = StageTimeMonitor(0.05).update((), ("DepthCN",))
     assert (left_out.part, left_out.fault) == ("DepthCN", "DepthCN left out")
     assert StageTimeMonitor(None).update((), ("DepthCN",)) == []
+
+
+def blurred_in_cells(frame, cells):
+    """Return a frame of which some cells of the grid of six by sixteen are out of focus."""
+    image = frame.image.copy()
+    soft = cv2.GaussianBlur(image, (0, 0), 6)
+    for row, column in cells:
+        part = np.s_[32 * row : 32 * (row + 1), 77 * column : 77 * (column + 1)]
+        image[part] = soft[part]
+    return replace(frame, image=image)
+
+
+@pytest.mark.parametrize(
+    ("cells", "reported"),
+    [
+        ([(row, column) for row in range(3) for column in range(4, 8)], {"camera blurred"}),
+        ([(row, column) for row in range(0, 6, 2) for column in range(0, 16, 2)], set()),
+    ],
+)
+def test_cells_side_by_side_are_dirt_and_scattered_ones_are_not(clean, cells, reported):
+    monitors = CameraMonitors()
+    drive = [*clean[:FIRST], *[blurred_in_cells(one, cells) for one in clean[FIRST:]]]
+    found = [monitors.update(frame) for frame in drive]
+    assert {one.fault for findings in found for one in findings} == reported
