@@ -19,7 +19,7 @@ CALLED = {
     "twine": "/twine check",
     "mutmut": "/mutmut run",
 }
-LOADED_BY_OTHERS = {"onnxscript", "myst-parser", "furo", "hatchling"}
+LOADED_BY_OTHERS = {"onnxscript", "myst-parser", "furo", "hatchling", "s3fs"}
 # Imported under another name; those that are installed say so themselves.
 DISTRIBUTIONS = {
     "PIL": "pillow",

@@ -15,7 +15,7 @@ from benchmarks.studies.variant_report import (
 from perception.evaluation.report import Table
 
 if TYPE_CHECKING:
-    from perception.detection.detectors.modalities import MapFilling
+    from perception.types import MapFilling
 
 SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
 TRIFUSE, WIDE = "Trifuse", "nearest, wide"

@@ -18,14 +18,19 @@ class TrainingDrives:
         training: Drives, or folders of drives or sequences, all of which are taken; with a split, those of its drives.
         validation: Drives for validation; none keeps a share of the training frames back.
         split: Split file of `trifuse split`, whose parts train, validate and test; else a split is drawn.
+        shards: Folders or URLs of shards that train in place of drives; then drives validate.
     """
 
     training: tuple[Path, ...] = ()
     validation: tuple[Path, ...] = ()
     split: Path | None = None
+    shards: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validate that there are drives, and one choice of those for validation."""
+        """Validate that there are drives or shards, and one choice of those for validation."""
+        if self.shards:
+            self._require_drives_for_validation_alone()
+            return
         if not self.training and self.split is None:
             raise UsageError("drives", expected="at least one", found="none")
         if self.validation and self.split is not None:
@@ -39,7 +44,16 @@ class TrainingDrives:
     @property
     def names(self) -> str:
         """Names of the training drives, as model files state them."""
-        return ", ".join(map(str, self.training or [self.split]))
+        return ", ".join(map(str, self.shards or self.training or [self.split]))
+
+    def _require_drives_for_validation_alone(self) -> None:
+        if self.training or self.split is not None or not self.validation:
+            raise UsageError(
+                "--shards",
+                expected="drives by --validation alone, which choose the best epoch",
+                found=", ".join(map(str, [*self.training, *filter(None, [self.split])])) or "none",
+                advice="pass --validation DRIVES, and neither drives nor --split for training",
+            )
 
 
 @dataclass(frozen=True)

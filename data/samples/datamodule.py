@@ -37,7 +37,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
     """
 
     config: Any
-    training: Samples
+    training: Any
     validation: Samples
     test: Samples | None
     collate: Callable[[Sequence[Any]], Any] | None = None
@@ -80,7 +80,7 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
             PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
         """
         parts = self._parts()
-        self.training = self._make_dataset(self._frames(parts.train), is_training=True)
+        self.training = self._training_samples(parts)
         self.validation = self._make_dataset(self._frames(parts.val), is_training=False)
         self.test = None
         if parts.test:
@@ -160,6 +160,10 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
     @abstractmethod
     def _make_dataset(self, frames: Frames, *, is_training: bool) -> Samples:
         """Return the samples of all frames of a part."""
+
+    def _training_samples(self, parts: LabelledParts) -> Any:  # noqa: ANN401 - the subclass' own
+        """Return the samples to learn from."""
+        return self._make_dataset(self._frames(parts.train), is_training=True)
 
     @abstractmethod
     def _require_labels(self) -> None:

@@ -24,12 +24,14 @@ class LabelledParts:
         val: Drives that choose the best epoch.
         test: Drives on which the result is measured, maybe none.
         split: Fingerprint of the split.
+        streamed: Frames of the shards to learn from beside the drives; None where they are not known.
     """
 
     train: Sequence[RecordedDrive]
     val: Sequence[RecordedDrive]
     test: Sequence[RecordedDrive] = ()
     split: str = _NO_SPLIT
+    streamed: TrainingFrames | None = _NO_FRAMES
 
     @classmethod
     def of(cls, split: FrameSplit, drives: Sequence[RecordedDrive]) -> "LabelledParts":
@@ -48,7 +50,9 @@ class LabelledParts:
         Args:
             earlier: Frames that its initial weights learned from; None where they are not known.
         """
-        frames = UNKNOWN if earlier is None else TrainingFrames.of(self.train).joined(earlier).text
+        frames = UNKNOWN
+        if earlier is not None and self.streamed is not None:
+            frames = TrainingFrames.of(self.train).joined(earlier).joined(self.streamed).text
         return {"split": self.split, "part": "train", ENTRY: frames}
 
 
@@ -64,6 +68,8 @@ def open_parts(sources: TrainingDrives, config: DriveDataConfig, seed: int) -> L
         UsageError: The split is of other drives, or leaves a part without frames.
         DriveError: A folder holds no drive, or lacks a frame of the split.
     """
+    if sources.shards:
+        return LabelledParts((), open_drives(sources.validation))
     if sources.split is not None:
         split = read_split(sources.split)
         return LabelledParts.of(split, split.open(sources.training))

@@ -140,6 +140,7 @@ SUMMARIES: Mapping[str, str] = {
     "maps": "write dense depth and reflectance maps as the camera sees them",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "split": "split labelled frames into training, validation and test",
+    "shards": "write labelled frames as tar files from which trainings stream, here or in an object store",
     "report": "write the HTML report of results, or compare two runs",
     "adopt": "describe a folder of scans of any format by looking at it",
     "calibrate": "find the calibration of LiDAR and camera by the edges of both",

@@ -22,6 +22,7 @@ FULL_NAMES = {
     "drives": "data.drives",
     "validation": "data.validation",
     "split": "data.split",
+    "shards": "data.shards",
     "modality": "model.modality",
     "variant": "model.variant",
     "epochs": "trainer.max_epochs",
@@ -53,6 +54,7 @@ class EverydayFlags:
         drives: Labelled drives of any layout; of a folder of several, all are taken.
         validation: Labelled drives for validation, with commas between them; else a part of the frames.
         split: File of `trifuse split` that says which frames train, validate and test.
+        shards: Folders or URLs of `trifuse shards` that train in place of drives, with commas between them; of a detector.
         modality: Camera image, rgb; depth map, dm; or reflectance map, rm; of a detector.
         variant: Features of a combination of boxes: default, features or scores; of the fusion.
         epochs: Number of epochs.
@@ -69,6 +71,7 @@ class EverydayFlags:
     drives: list[Path] | None = None
     validation: list[Path] | None = None
     split: Path | None = None
+    shards: list[str] | None = None
     modality: Modality | None = None
     variant: FusionVariant | None = None
     epochs: int | None = None

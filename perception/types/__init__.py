@@ -39,7 +39,9 @@ from perception.types.objects import BoxDeviations, Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import PipelineSnapshot, Result
 from perception.types.stages import (
+    Fit,
     KittiLayout,
+    MapFilling,
     MapMethod,
     Method,
     OnBadFrame,
@@ -67,6 +69,7 @@ __all__ = [
     "Complex64",
     "Detections",
     "Drive",
+    "Fit",
     "Float",
     "Float32",
     "Float64",
@@ -79,6 +82,7 @@ __all__ = [
     "Int",
     "KittiLayout",
     "Labels",
+    "MapFilling",
     "MapMethod",
     "MapModality",
     "Method",

@@ -8,6 +8,10 @@ from typing import Literal
 Method = Literal["default", "thesis"]
 # Method of filling sparse depth and reflectance maps.
 MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
+# Method of filling maps for a detector; sparse leaves the returns alone.
+MapFilling = MapMethod | Literal["sparse"]
+# Letterbox keeps the aspect of an image in the input of a network.
+Fit = Literal["letterbox", "stretch"]
 # Treatment of a frame that cannot be read.
 OnBadFrame = Literal["stop", "skip"]
 # Folder layouts of KITTI.

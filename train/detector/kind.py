@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.samples.images.datamodule import ImageDataModule
-from data.samples.images.dataset import ImageDataset
+from data.samples.images.dataset import Samples
 from perception.evaluation.detection.class_precision import level_columns
 from perception.evaluation.report import Table
 from train.checkpoints import read_checkpoint
@@ -54,9 +54,9 @@ def report(
     names = ("training", "validation") if stage == "fit" else (part,)
     counts: dict[str, int] = {}
     for name in names:
-        samples: ImageDataset = getattr(data, name)
+        samples: Samples = getattr(data, name)
         counts[f"{name}_frames"] = len(samples)
-        counts[f"{name}_labels"] = len(samples.label_sizes_px())
+        counts[f"{name}_labels"] = samples.target_types().total()
     precision = content["precision"]  # of its own validation
     if stage != "fit" and module.metrics is not None:
         precision = precision_table(module.metrics)

@@ -14,13 +14,11 @@ from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset
 from data.splits.training_frames import ENTRY, UNKNOWN
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import MapFilling
-from perception.detection.detectors.network_input import Fit
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
-from perception.types import Detections, Modality
+from perception.types import Detections, Fit, MapFilling, Modality
 from train.best_epoch import Criterion, Ranking
 from train.checkpoints import program_revision, read_checkpoint
 from train.detector.anchors import fit_anchors

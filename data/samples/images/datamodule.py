@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,15 @@ import numpy as np
 from data.array_store import ArrayStore
 from data.samples.config import TrainingDrives
 from data.samples.datamodule import SampleDataModule
-from data.samples.epoch_samplers import ShuffledSampler
+from data.samples.epoch_samplers import EpochSampler, ShuffledSampler
 from data.samples.images.config import ImageDataConfig
-from data.samples.images.dataset import ImageDataset, collate
+from data.samples.images.dataset import ImageDataset, Samples, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.labelled_classes import require_classes, warn_of_few
+from data.samples.labelled_parts import LabelledParts
+from data.samples.shards.dataset import ShardedImages, ShardSet
+from data.samples.shards.sampler import ShardSampler
 from perception.errors import PerceptionError
 from perception.types import Drive, Int
 
@@ -31,6 +35,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
     """
 
     config: ImageDataConfig
+    training: Samples
     collate = staticmethod(collate)
 
     def __init__(
@@ -39,6 +44,7 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         validation: Sequence[Path] = (),
         *,
         split: Path | None = None,
+        shards: Sequence[str] = (),
         image: ImageConfig = _IMAGE,
         seed: int = 0,
         **config: Any,  # noqa: ANN401 - jsonargparse reads the fields from the class
@@ -49,11 +55,12 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
             drives: Labelled drives of any layout; of a folder of several, all are taken.
             validation: Labelled drives for validation; else a fraction of the frames is kept back.
             split: File of `trifuse split`, which names the frames of each part, and drives where none are given.
+            shards: Folders or URLs of shards, as `trifuse shards` writes them, that train in place of drives.
             image: Input of the network.
             seed: Seed of split, order and augmentation.
             config: Fields of `ImageDataConfig`.
         """
-        sources = TrainingDrives(tuple(drives), tuple(validation), split)
+        sources = TrainingDrives(tuple(drives), tuple(validation), split, tuple(shards))
         super().__init__(sources, ImageDataConfig(**config), seed)
         self.image = image
 
@@ -64,7 +71,10 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
             LabelError: no label is of one of the classes.
             PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
         """
-        labels = self._frames(self._parts().train).label_types()
+        if self.drives.shards:
+            labels = ShardSet(self.drives.shards, self.image).label_counts
+        else:
+            labels = self._frames(self._parts().train).label_types()
         require_classes(self.image.class_names, labels, f"labels of {self.drives.names}")
         super().prepare_data()
 
@@ -78,6 +88,18 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
         found = self._readable(frames, range(len(frames)))
         return ImageDataset(frames, found, self.augmentation if is_training else None, self.seed)
 
+    def _parts(self) -> LabelledParts:
+        parts = super()._parts()
+        if not self.drives.shards:
+            return parts
+        return replace(parts, streamed=ShardSet(self.drives.shards, self.image).frames)
+
+    def _training_samples(self, parts: LabelledParts) -> Samples:
+        if not self.drives.shards:
+            return self._make_dataset(self._frames(parts.train), is_training=True)
+        shards = ShardSet(self.drives.shards, self.image)
+        return ShardedImages(shards, self.image, self.augmentation, self.seed)
+
     def _require_labels(self) -> None:
         names, seen = self.image.class_names, "labels that are visible enough"
         require_classes(names, self.training.target_types(), f"{seen} of the training images")
@@ -86,8 +108,16 @@ class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
             require_classes(names, measured, where)
         warn_of_few(names, measured, where)
 
-    def _epoch_sampler(self) -> ShuffledSampler:
-        return ShuffledSampler(len(self.training), self.seed)
+    def _epoch_sampler(self) -> EpochSampler:
+        if not isinstance(self.training, ShardedImages):
+            return ShuffledSampler(len(self.training), self.seed)
+        return ShardSampler(
+            self.training.shards.sizes,
+            self.seed,
+            processes=1 if self.trainer is None else self.trainer.world_size,
+            workers=max(self.workers, 1),
+            batch_size=self.config.batch_size,
+        )
 
     def _readable(
         self, frames: LabelledImages, numbers: Iterable[int], *, is_logged: bool = True

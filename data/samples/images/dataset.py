@@ -1,5 +1,6 @@
 """Images and their targets as tensors: a torch `Dataset` that augments each whenever it is indexed."""
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
@@ -12,6 +13,7 @@ from torch.utils.data import Dataset
 from data.samples.epoch_samplers import SampleIndex
 from data.samples.images.augmentation import augment
 from data.samples.images.config import ImageAugmentationConfig
+from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.images.targets import DetectionTargets
 from perception.detection.detectors.network_input import ImagePlacement
@@ -21,8 +23,8 @@ from perception.types import Float64, Int, UInt8
 Sample = Mapping[str, Tensor]
 
 
-class ImageDataset(Dataset[Sample]):
-    """Some frames of labelled drives, by row (unchanged) or by `SampleIndex` (augmented).
+class Samples(Dataset[Sample], ABC):
+    """Images and targets of some frames, by row (unchanged) or by `SampleIndex` (augmented).
 
     A sample holds
 
@@ -34,29 +36,10 @@ class ImageDataset(Dataset[Sample]):
     """
 
     def __init__(
-        self,
-        frames: LabelledImages,
-        numbers: Int,
-        augmentation: ImageAugmentationConfig | None = None,
-        seed: int = 0,
+        self, config: ImageConfig, augmentation: ImageAugmentationConfig | None, seed: int
     ) -> None:
-        """Read the labels of some frames.
-
-        Args:
-            frames: Frames with the images.
-            numbers: (F,) numbers of the frames that are samples.
-            augmentation: Magnitudes of the augmentation; None leaves samples unchanged.
-            seed: Seed of the augmentation.
-
-        Raises:
-            PerceptionError: labels or images cannot be read.
-        """
-        self.frames, self.numbers = frames, np.asarray(numbers, np.int64)
-        self.augmentation, self.seed = augmentation, seed
-        self._labels = [frames.targets(number) for number in self.numbers.tolist()]
-
-    def __len__(self) -> int:
-        return len(self.numbers)
+        """Take the input of the network, the magnitudes of the augmentation and its seed."""
+        self.config, self.augmentation, self.seed = config, augmentation, seed
 
     def __getitem__(self, index: SampleIndex | int) -> Sample:
         """Return one sample.
@@ -81,11 +64,63 @@ class ImageDataset(Dataset[Sample]):
             PerceptionError: as `[]`.
         """
         row = index.row if isinstance(index, SampleIndex) else index
-        image, labels = self.frames.image(int(self.numbers[row])), self._labels[row]
+        image, labels = self.unchanged(row)
         if self.augmentation is None or not isinstance(index, SampleIndex):
             return image, labels
         rng = np.random.default_rng([self.seed, *index.view])
-        return augment(image, labels, self.frames.config, self.augmentation, rng)
+        return augment(image, labels, self.config, self.augmentation, rng)
+
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    @abstractmethod
+    def unchanged(self, row: int) -> tuple[UInt8, DetectionTargets]:
+        """Return the (h, w, C) image and the targets of a sample, as they are.
+
+        Raises:
+            PerceptionError: as `[]`.
+        """
+
+    @abstractmethod
+    def target_types(self) -> Counter[str]:
+        """Return the number of targets of each class, which excludes objects that are hard to see."""
+
+    @abstractmethod
+    def label_sizes_px(self) -> Float64:
+        """Return (M, 2) widths and heights of targets in pixels of the input."""
+
+
+class ImageDataset(Samples):
+    """Samples of frames of labelled drives."""
+
+    def __init__(
+        self,
+        frames: LabelledImages,
+        numbers: Int,
+        augmentation: ImageAugmentationConfig | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Read the labels of some frames.
+
+        Args:
+            frames: Frames with the images.
+            numbers: (F,) numbers of the frames that are samples.
+            augmentation: Magnitudes of the augmentation; None leaves samples unchanged.
+            seed: Seed of the augmentation.
+
+        Raises:
+            PerceptionError: labels or images cannot be read.
+        """
+        super().__init__(frames.config, augmentation, seed)
+        self.frames, self.numbers = frames, np.asarray(numbers, np.int64)
+        self._labels = [frames.targets(number) for number in self.numbers.tolist()]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def unchanged(self, row: int) -> tuple[UInt8, DetectionTargets]:
+        """Return the (h, w, C) image and the targets of a sample, as they are."""
+        return self.frames.image(int(self.numbers[row])), self._labels[row]
 
     def placement(self, row: int) -> ImagePlacement:
         """Return where an image lies in the input."""
@@ -97,7 +132,7 @@ class ImageDataset(Dataset[Sample]):
 
     def target_types(self) -> Counter[str]:
         """Return the number of targets of each class, which excludes objects that are hard to see."""
-        names = self.frames.config.class_names
+        names = self.config.class_names
         classes = [labels.classes[~labels.is_ignored].tolist() for labels in self._labels]
         return Counter(names[number] for of_image in classes for number in of_image)
 

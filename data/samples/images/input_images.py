@@ -12,13 +12,11 @@ from perception.detection.detectors import image_region, modalities, network_inp
 from perception.detection.detectors.image_region import detection_region
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import (
-    MapFilling,
     camera_image,
     fill_maps,
     map_image,
 )
 from perception.detection.detectors.network_input import (
-    Fit,
     ImagePlacement,
     PixelRectangle,
     place,
@@ -26,7 +24,7 @@ from perception.detection.detectors.network_input import (
 )
 from perception.errors import UsageError
 from perception.maps.projection import project_frame
-from perception.types import MODALITIES, Frame, Int, Modality, UInt8
+from perception.types import MODALITIES, Fit, Frame, Int, MapFilling, Modality, UInt8
 
 _SIZE = InputSize(192, 640)
 

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import MapFilling
 from perception.detection.detectors.network_input import Alignment, Resize
 from perception.detection.detectors.output_forms import (
     OUTPUT_FORMS,
@@ -26,7 +25,7 @@ from perception.detection.detectors.output_forms import (
 )
 from perception.errors import UsageError
 from perception.maps.densify import FILL_METHODS
-from perception.types import MODALITIES, Modality
+from perception.types import MODALITIES, MapFilling, Modality
 
 YAML_SUFFIXES = (".yaml", ".yml")
 FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILL_METHODS)

@@ -20,7 +20,6 @@ from perception.detection.detectors.detector_description import (
 )
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import CHANNELS
-from perception.detection.detectors.network_input import Fit
 from perception.detection.detectors.output_forms import (
     FORMS,
     OUTPUT_FORMS,
@@ -33,7 +32,7 @@ from perception.detection.detectors.output_forms import (
 )
 from perception.detection.onnx_model import Array, ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
-from perception.types import MODALITIES, Float32, Modality, UInt8
+from perception.types import MODALITIES, Fit, Float32, Modality, UInt8
 
 # Requirements on a detector that `trifuse export` writes.
 KIND = "detector"

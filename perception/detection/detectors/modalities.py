@@ -8,13 +8,12 @@ Unknown pixels of a map are 0.
 """
 
 from collections.abc import Mapping
-from typing import Literal
 
 from perception.errors import ImageError
 from perception.maps.densify import DenseMaps, dense_maps, densify
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps, project_frame
-from perception.types import Frame, MapMethod, MapModality, Modality, UInt8
+from perception.types import Frame, MapFilling, MapModality, Modality, UInt8
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
 # Detectors of this package, by the names of their files without suffix.
@@ -25,7 +24,6 @@ SHIPPED_DETECTORS: Mapping[Modality, str] = {
 }
 
 # Filling of a detector's maps: a method, or the returns alone (Table B.2).
-MapFilling = MapMethod | Literal["sparse"]
 
 
 def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:

@@ -13,7 +13,7 @@ from perception.detection.config import DEFAULT_NMS, NmsConfig
 from perception.detection.detectors.detector_description import DescribedFile
 from perception.detection.detectors.detector_network import open_network
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import CHANNELS, SHIPPED_DETECTORS, MapFilling
+from perception.detection.detectors.modalities import CHANNELS, SHIPPED_DETECTORS
 from perception.detection.detectors.network_input import (
     ImagePlacement,
     PixelRectangle,
@@ -29,7 +29,7 @@ from perception.detection.detectors.postprocess import (
 from perception.detection.detectors.riders import join_riders
 from perception.detection.onnx_model import Array, shipped_model
 from perception.errors import ImageError
-from perception.types import Detections, Modality, UInt8
+from perception.types import Detections, MapFilling, Modality, UInt8
 
 
 class ModalityDetector:

@@ -18,7 +18,6 @@ from typing import Generic, NamedTuple, TypeVar
 
 from perception.detection.detectors.image_region import detection_region, first_observed_row
 from perception.detection.detectors.modalities import (
-    MapFilling,
     camera_image,
     fill_maps,
     map_image,
@@ -38,6 +37,7 @@ from perception.types import (
     Detections,
     Frame,
     FusedDetections,
+    MapFilling,
     Modality,
     StageSpan,
     UInt8,

@@ -22,10 +22,9 @@ import cv2
 import numpy as np
 
 from perception.detection.detectors.input_size import SIZE_STEP_PX, InputSize
-from perception.types import Bool, Float, Float64, Modality, UInt8
+from perception.types import Bool, Fit, Float, Float64, Modality, UInt8
 
 # How a region gets the shape of the input: scaled and padded, or stretched.
-Fit = Literal["letterbox", "stretch"]
 # Where the padding of a letterbox is: right and below, or on all sides.
 Alignment = Literal["top-left", "center"]
 Resize = Literal["letterbox", "stretch", "tiles"]

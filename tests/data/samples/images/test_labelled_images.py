@@ -16,7 +16,6 @@ from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import (
-    MapFilling,
     fill_maps,
     map_image,
     modality_image,
@@ -25,7 +24,7 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.network_input import PixelRectangle, place, prepare_image
 from perception.errors import ImageError, LabelError, ScanError, UsageError
 from perception.maps.projection import project_frame
-from perception.types import MODALITIES, Modality
+from perception.types import MODALITIES, MapFilling, Modality
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.data.samples.images.conftest import SMALL
 from tests.detection.bright_cells import bright_cells
