@@ -44,7 +44,7 @@ class _Watch:
         pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
         from perception.health.miscalibration import corrected
 
-        found = self._monitor.update_pose(corrected(frame, self._error_SE3_cam), pose)
+        found = self._monitor.update(corrected(frame, self._error_SE3_cam), pose)
         if found and not self._is_done:
             self.delays.append(self._frames)
             self._is_done = True

@@ -119,7 +119,7 @@ class MonitoredRecording:
             camera = CameraMonitors()
             return lambda frame, _: camera.update(frame)
         if part == CALIBRATION:
-            return MiscalibrationMonitor(self.sensor).update_pose
+            return MiscalibrationMonitor(self.sensor).update
         if part == INS:
             return _InsOfRegisteredScans().update
         scans = ScanAndInsMonitors(self._meter)

@@ -1,6 +1,13 @@
-"""The calibration while driving: estimated from the edges of the last two seconds, at little cost."""
+"""The calibration while driving: estimated from the edges of the last two seconds, at little cost.
+
+The work is spread over frames, of which each waits about as long:
+
+    frame   18     19      20      21     24     27     28      29
+           edges  coarse  fine   edges  edges  edges  coarse  fine
+"""
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +21,8 @@ from perception.types import Bool, Float64, Frame
 
 # Every third frame of 18: six frames. Half the focal length of the recalibration's images is as good at this accuracy.
 _EVERY, _FRAMES = 3, 6
+# Frames after the newest of them, in which the offset is found on broad, then on narrow maps.
+_COARSE, _FINE = 1, 2
 _ALIGNED_EVERY = _NEWEST = 3  # of these frames
 _FOCAL_PX, _SMOOTHINGS_PX = 360.0, (2.5, 1.25)
 _MIN_EDGES = 400
@@ -85,6 +94,8 @@ class OnlineCalibration:
         self._turn_scores = dict.fromkeys(_TURNS, 0.0)
         self._determined = np.zeros(6)
         self._failed = self._rest = 0  # searches without success; alignments until the next one
+        self._is_due = False
+        self._coarse: Float64 | None = None
         self.estimate: OffsetEstimate | None = None
 
     def update(self, frame: Frame, world_SE3_velo: Float64) -> OffsetEstimate | None:
@@ -96,22 +107,29 @@ class OnlineCalibration:
         """
         before, self._pose = self._pose, (frame.stamp_s, world_SE3_velo)
         self._count += 1
-        if frame.image is None or frame.calibration is None or self._count % _EVERY:
-            return None
-        motion = None if before is None else self._motion(frame, world_SE3_velo, *before)
-        newest = FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES)
-        # Smoothed now, maps take no time of the frame that is aligned.
+        phase = self._count % _EVERY
+        if phase == 0 and frame.image is not None and frame.calibration is not None:
+            motion = None if before is None else self._motion(frame, world_SE3_velo, *before)
+            self._take_in(FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES))
+        elif phase == _COARSE and self._is_due:
+            self._is_due = False
+            self._coarse = self._align_coarsely()
+        elif phase == _FINE and self._coarse is not None:
+            self.estimate, self._coarse = self._align(self._coarse), None
+            return self.estimate
+        return None
+
+    def _take_in(self, newest: FrameEdges) -> None:
+        """Add the edges of a frame, and note whether they shall be aligned."""
+        # Smoothed now, maps take no time of the frames in which they are aligned.
         for smoothing_px in _SMOOTHINGS_PX:
             newest.image.smoothed(smoothing_px)
         self._frames.append(newest)
         self._observed += 1
         is_full = len(self._frames) == _FRAMES
         edges = sum(len(one.scan) for one in self._frames)
-        is_due = (self._observed - _FRAMES) % _ALIGNED_EVERY == 0
-        if not (is_full and is_due and edges >= _MIN_EDGES):
-            return None
-        self.estimate = self._align()
-        return self.estimate
+        is_turn = (self._observed - _FRAMES) % _ALIGNED_EVERY == 0
+        self._is_due = is_full and is_turn and edges >= _MIN_EDGES
 
     def _motion(
         self, frame: Frame, world_SE3_velo: Float64, before_s: float, world_SE3_before: Float64
@@ -122,10 +140,23 @@ class OnlineCalibration:
             return None
         return steady_motion(inverse(world_SE3_velo) @ world_SE3_before, -gap_s, self._sensor)
 
-    def _align(self) -> OffsetEstimate:
-        turn = max(self._turn_scores, key=lambda one: self._turn_scores[one])
+    @property
+    def _turn(self) -> SweepTurn:
+        """Direction of the sweep with which edges have fitted best."""
+        return max(self._turn_scores, key=lambda one: self._turn_scores[one])
+
+    @property
+    def _prior(self) -> Float64:
+        return np.where(self._held, _HELD_PRIOR, _PRIOR)
+
+    def _align_coarsely(self) -> Float64:
+        alignment = EdgeAlignment(self._frames, self._turn)
+        return alignment.align(self._determined, _SMOOTHINGS_PX[:1], self._prior)
+
+    def _align(self, coarse: Float64) -> OffsetEstimate:
+        turn = self._turn
         alignment = EdgeAlignment(self._frames, turn)
-        found = self._estimate(alignment, self._determined)
+        found = self._estimate(alignment, coarse, _SMOOTHINGS_PX[1:])
         if not found.is_determined and self._rest:
             self._rest -= 1
         elif not found.is_determined:
@@ -143,9 +174,13 @@ class OnlineCalibration:
             self._turn_scores[one] = _MEMORY * self._turn_scores[one] + score
         return found
 
-    def _estimate(self, alignment: EdgeAlignment, start: Float64) -> OffsetEstimate:
-        prior = np.where(self._held, _HELD_PRIOR, _PRIOR)
-        offset = alignment.align(start, _SMOOTHINGS_PX, prior)
+    def _estimate(
+        self,
+        alignment: EdgeAlignment,
+        start: Float64,
+        smoothings_px: Sequence[float] = _SMOOTHINGS_PX,
+    ) -> OffsetEstimate:
+        offset = alignment.align(start, smoothings_px, self._prior)
         here = alignment.score(offset, _SMOOTHINGS_PX[-1]).value
         turned = [
             alignment.score(

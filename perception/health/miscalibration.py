@@ -8,7 +8,7 @@ import numpy as np
 from perception.calibration.edge_alignment import offset_SE3
 from perception.calibration.online import OffsetEstimate, OnlineCalibration
 from perception.sensor import LidarModel
-from perception.types import CALIBRATION, Float64, Frame, HealthFinding, HealthLevel, Result
+from perception.types import CALIBRATION, Float64, Frame, HealthFinding, HealthLevel
 
 FAULT = "calibration off"
 # Clean drives stay below (docs/method/calibration.md). Scenes of few or faint edges widen the limits.
@@ -44,17 +44,8 @@ class MiscalibrationMonitor:
             return None
         return offset_SE3(self._found.offset)
 
-    def update(self, frame: Frame, result: Result) -> Sequence[HealthFinding]:
+    def update(self, frame: Frame, world_SE3_velo: Float64) -> Sequence[HealthFinding]:
         """Return a warning or an error while the calibration is off.
-
-        Args:
-            frame: Frame as it came from the sensors.
-            result: Result of the frame.
-        """
-        return self.update_pose(frame, result.world_SE3_velo)
-
-    def update_pose(self, frame: Frame, world_SE3_velo: Float64) -> Sequence[HealthFinding]:
-        """Return a warning or an error while the calibration is off, where there is a pose but no result.
 
         Args:
             frame: Frame as it came from the sensors.

@@ -115,20 +115,20 @@ class CameraStages(Restorable):
                 tracks=vehicles.tracks,
                 further_detections=tuple(further),
             )
+        # What it finds changes later frames alone.
+        off = clock.run("calibration", self._miscalibration.update, usable, result.world_SE3_velo)
         skipped = () if is_in_time or self._depthcn is None else ("DepthCN",)
         spans = result.spans + clock.spans
-        result = replace(
+        return replace(
             result,
             depthcn=depthcn,
             timings_s=result.timings_s | clock.seconds,
             spans=spans,
             skipped=skipped,
             health=result.health.joined(
-                (*camera.findings, *self._stage_times.update(spans, skipped))
+                (*camera.findings, *self._stage_times.update(spans, skipped), *off)
             ),
         )
-        found = self._miscalibration.update(usable, result)
-        return replace(result, health=result.health.joined(found)) if found else result
 
     def _note_missing(self, frame: Frame) -> None:
         """Log once each what the detectors have to do without."""

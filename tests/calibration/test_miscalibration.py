@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.edge_alignment import EdgeAlignment, offset_SE3
+from perception.calibration.frame_edges import FrameEdges
 from perception.calibration.online import OnlineCalibration
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.sensor import HDL_64E
@@ -30,7 +31,7 @@ def findings(monitor, frames, error=None, count=20, first=0):
     found = []
     for index in range(first, first + count):
         frame = replace(frames[index % len(frames)], index=index, stamp_s=0.1 * index)
-        found.append(monitor.update_pose(corrected(frame, error), np.eye(4)))
+        found.append(monitor.update(corrected(frame, error), np.eye(4)))
     return found
 
 
@@ -45,12 +46,29 @@ def test_an_error_is_named_within_two_seconds(board_frames, name):
     (finding,) = found[-1]
     assert (finding.part, finding.level) == (CALIBRATION, HealthLevel.WARN)
     assert monitor.correction is None
-    (finding,) = findings(monitor, board_frames, error_of(name), count=7, first=20)[-1]
+    (finding,) = findings(monitor, board_frames, error_of(name), count=9, first=20)[-1]
     assert (finding.part, finding.level) == (CALIBRATION, HealthLevel.ERROR)
     assert finding.fault == "calibration off"
     assert finding.reason.endswith("recalibrate with: trifuse calibrate DRIVE")
     left = (monitor.correction @ error_of(name))[:3, :3]
     assert np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1, 1))) < 0.25
+
+
+def test_edges_and_both_alignments_are_work_of_three_frames(board_frames, monkeypatch):
+    done, of, align = [], FrameEdges.of, EdgeAlignment.align
+    monkeypatch.setattr(FrameEdges, "of", lambda *given: (done.append("edges"), of(*given))[1])
+    monkeypatch.setattr(
+        EdgeAlignment, "align", lambda *given: (done.append(len(given[2])), align(*given))[1]
+    )
+    monitor = MiscalibrationMonitor(HDL_64E)
+    findings(monitor, board_frames, count=17)
+    done.clear()
+    by_frame = []
+    for index in range(17, 22):
+        findings(monitor, board_frames, count=1, first=index)
+        by_frame.append([*done])
+        done.clear()
+    assert by_frame == [["edges"], [1], [1], ["edges"], []]
 
 
 def test_a_far_error_amid_a_drive_is_corrected_within_three_and_a_half_seconds(board_frames):
@@ -90,7 +108,7 @@ def test_a_monitor_goes_on_from_a_snapshot(board_frames):
     findings(monitor, board_frames, error_of("yaw"), count=15)
     again = read_snapshot(write_snapshot(monitor), "snapshot")
     first, second = (
-        findings(one, board_frames, error_of("yaw"), count=13, first=15) for one in (monitor, again)
+        findings(one, board_frames, error_of("yaw"), count=15, first=15) for one in (monitor, again)
     )
     assert first == second
     assert first[-1]
@@ -107,7 +125,7 @@ def test_a_scene_that_tells_nothing_is_searched_seldom(board_frames, monkeypatch
         lambda self, alignment: searched.append(alignment.frames) or far(self, alignment),
     )
     night = [replace(one, image=np.full_like(one.image, 20)) for one in board_frames]
-    assert not any(findings(MiscalibrationMonitor(HDL_64E), night, count=18 + 9 * 9))
+    assert not any(findings(MiscalibrationMonitor(HDL_64E), night, count=20 + 9 * 9))
     assert searched == [6, 3] * 4
 
 
@@ -120,7 +138,7 @@ def test_beams_far_apart_tell_yaw_alone(board_frames, name, is_named):
         rows = frame.points_velo.reshape(len(HDL_64E.elevations_rad), -1, 4)[::4]
         sparse.append(replace(frame, points_velo=rows.reshape(-1, 4)))
     monitor = MiscalibrationMonitor(sensor)
-    findings(monitor, sparse, error_of(name), count=27)
+    findings(monitor, sparse, error_of(name), count=29)
     assert (monitor.correction is not None) == is_named
     if is_named:
         np.testing.assert_allclose(monitor.correction[1, :3], [0, 1, 0], atol=0.01)

@@ -20,8 +20,7 @@ from perception.pipeline.lidar_stages import LidarStages
 from perception.types import MODALITIES
 
 STAGES = {
-    "scan health",
-    "image health",
+    *("scan health", "image health", "calibration"),
     *("registration", "ground", "voxels", "static and moving", "moving objects", "DepthCN"),
     *("maps", "rgb detector", "dm detector", "rm detector", "fusion", "vehicles"),
 }
@@ -70,7 +69,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
         result = pipeline.step(street_frames[0])
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
-        *("image health", "maps", "fusion", "DepthCN", "vehicles")
+        *("image health", "maps", "fusion", "DepthCN", "vehicles", "calibration")
     ]
     workers = {span.worker for span in result.spans}
     assert {"obstacles", "vehicles"} < workers
