@@ -23,8 +23,8 @@ SMOOTHINGS_PX = (8.0, 4.0, 2.0)
 STEP = np.array([np.radians(0.5)] * 3 + [0.05] * 3)
 # Translations move far edges little: what no edge tells stays as it is.
 TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
-# Steps up to which an offset is drawn back the more, the larger it is; shifts are never large.
-_TAIL = np.array([2.0] * 3 + [1e3] * 3)
+# Steps up to which an offset is drawn back the more, the larger it is: 1 degree, 20 cm.
+_TAIL = np.array([2.0] * 3 + [4.0] * 3)
 _MAX_ITERATIONS = 60
 _PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
 _NEAREST_M = 0.1

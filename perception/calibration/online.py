@@ -35,8 +35,9 @@ _HELD = np.array([True, False, True, False, True, False])
 _HELD_PRIOR = 10.0
 _MAX_GAP_S = 1.0
 _TURNS = tuple(SweepTurn)
-# Rotations that are tried where edges do not fit: pitch and yaw.
+# What is tried where edges do not fit: rotations by pitch and yaw together, and shifts to the right and down.
 _SEARCH_RAD = np.radians(np.arange(-6.0, 6.5, 1.5))
+_SEARCH_M = np.arange(-0.6, 0.7, 0.15)
 _CONTRAST_RAD = np.radians(1.5)
 _MIN_CONTRAST = 0.06
 # Alignments between two searches of a scene that tells nothing, such as a night: 0, 1, 3 and 7.
@@ -193,8 +194,10 @@ class OnlineCalibration:
         return OffsetEstimate(offset, float(contrast), alignment.edges)
 
     def _far(self, alignment: EdgeAlignment) -> OffsetEstimate:
-        """Estimate an offset of any size, from the best of many rotations."""
-        pitches = np.zeros(1) if self._held[0] else _SEARCH_RAD
+        """Estimate an offset of any size, from the best of many rotations and shifts."""
+        pitches, downs = (np.zeros(1),) * 2 if self._held[0] else (_SEARCH_RAD, _SEARCH_M)
         tried = [np.array([pitch, yaw, 0, 0, 0, 0]) for pitch in pitches for yaw in _SEARCH_RAD]
+        tried += [np.array([0, 0, 0, right, 0, 0]) for right in _SEARCH_M]
+        tried += [np.array([0, 0, 0, 0, down, 0]) for down in downs]
         start = max(tried, key=lambda offset: alignment.score(offset, 2 * _SMOOTHINGS_PX[0]).value)
         return self._estimate(alignment, start)

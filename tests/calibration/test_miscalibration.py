@@ -79,6 +79,13 @@ def test_a_far_error_amid_a_drive_is_corrected_within_three_and_a_half_seconds(b
     assert np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1, 1))) < 0.4
 
 
+def test_a_far_shift_is_no_rotation(board_frames):
+    monitor = MiscalibrationMonitor(HDL_64E)
+    shift_SE3 = offset_SE3(np.array([0, 0, 0, 0.5, 0, 0]))
+    findings(monitor, board_frames, shift_SE3, count=30)
+    np.testing.assert_allclose(monitor.correction @ shift_SE3, np.eye(4), atol=0.06)
+
+
 def test_an_error_is_over_when_the_calibration_is_true_again(board_frames):
     monitor = MiscalibrationMonitor(HDL_64E)
     assert findings(monitor, board_frames, error_of("yaw"))[-1]
