@@ -1,7 +1,9 @@
 """Folders at URLs such as `s3://bucket/frames`, by fsspec; a plain path is a folder of this machine."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from perception.errors import DriveError, UsageError, optional_package, pip_command
 
@@ -9,7 +11,7 @@ _KINDS = "a path, or a URL such as s3://bucket/folder"
 
 
 class RemoteFolder:
-    """Files by name under a URL; another process that is given it opens its own connection."""
+    """Files by name under a URL; a process that is forked, such as one that loads samples, opens its own connection."""
 
     def __init__(self, url: str) -> None:
         """Take the URL.
@@ -22,7 +24,7 @@ class RemoteFolder:
         with optional_package("fsspec", needed_for=url, extra="train"):
             import fsspec
         try:
-            self._files, self._root = fsspec.url_to_fs(self.url)
+            self._here, self._root = fsspec.url_to_fs(self.url)
         except ImportError as error:
             raise UsageError(
                 url,
@@ -32,6 +34,7 @@ class RemoteFolder:
             ) from error
         except ValueError as error:
             raise UsageError(url, expected=_KINDS, found=str(error)) from error
+        self._process = os.getpid()
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.
@@ -49,8 +52,9 @@ class RemoteFolder:
             DriveError: It cannot be written.
         """
         with self._reaching(name, "a place that can be written to"):
-            self._files.makedirs(self._root, exist_ok=True)
-            with self._files.transaction, self._files.open(self._path(name), "wb") as file:
+            files = self._files
+            files.makedirs(self._root, exist_ok=True)
+            with files.transaction, files.open(self._path(name), "wb") as file:
                 file.write(content)
 
     def has(self, name: str) -> bool:
@@ -61,6 +65,15 @@ class RemoteFolder:
         """
         with self._reaching(name, "a place that can be reached"):
             return bool(self._files.exists(self._path(name)))
+
+    @property
+    def _files(self) -> Any:  # noqa: ANN401 - of fsspec
+        if self._process != os.getpid():
+            import fsspec
+
+            self._here, self._root = fsspec.url_to_fs(self.url, skip_instance_cache=True)
+            self._process = os.getpid()
+        return self._here
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}"

@@ -223,3 +223,12 @@ def test_shards_train_and_drives_validate(write, drive, tmp_path):
     assert len(list(data.val_dataloader())) == 3
     with fault(UsageError, "--shards", found="none", advice="--validation"):
         ImageDataModule(shards=["somewhere"])
+
+
+def test_a_forked_process_opens_its_own_connection(write, monkeypatch):
+    folder = RemoteFolder(write())
+    index, connection = folder.read(NAME), folder._files
+    assert folder._files is connection
+    monkeypatch.setattr("data.remote_folder.os.getpid", lambda: -1)
+    assert folder._files is not connection
+    assert folder.read(NAME) == index
