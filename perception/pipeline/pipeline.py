@@ -2,7 +2,8 @@
 
     LiDAR worker   | registration - ground - voxels - static and moving - moving objects -.
                    |                                                                      |
-    camera worker  | maps - three detectors, fusion - DepthCN ---------------------------- vehicles - Result
+    camera worker  | maps -.- DepthCN --------.- fusion ---------------------------------- vehicles - Result
+    its threads    |       `- three detectors -'
 
 Each worker is a thread, which takes one frame after another; a stage waits for the stages whose results it needs.
 Compiled functions, NumPy, OpenCV and the networks release Python's lock, so that both threads run at once.

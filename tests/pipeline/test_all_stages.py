@@ -12,6 +12,7 @@ from perception.detection.depthcn import detector as depthcn_detector
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors import modalities
 from perception.detection.detectors.modalities import modality_image
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import ModelError, PoseError
 from perception.maps.densify import densify
 from perception.maps.projection import VIRTUAL_CAMERA
@@ -69,7 +70,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
         result = pipeline.step(street_frames[0])
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
-        *("image health", "maps", "fusion", "DepthCN", "vehicles", "calibration")
+        *("image health", "maps", "DepthCN", "fusion", "vehicles", "calibration")
     ]
     workers = {span.worker for span in result.spans}
     assert {"obstacles", "vehicles"} < workers
@@ -104,6 +105,28 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
         result = pipeline.step(street_frames[0])
     assert waited == [True]
     assert result.depthcn is not None
+
+
+def test_depthcn_runs_while_the_networks_of_images_and_maps_run(
+    street_frames, stages_in_turn, monkeypatch
+):
+    has_verified, waited = threading.Event(), []
+    verify_frame, detect = DepthCn.verify_frame, ModalityDetector.detect
+
+    def verify_and_signal(*given):
+        verified = verify_frame(*given)
+        has_verified.set()
+        return verified
+
+    def detect_late(*given):
+        waited.append(has_verified.wait(timeout=20))
+        return detect(*given)
+
+    monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
+    monkeypatch.setattr(ModalityDetector, "detect", detect_late)
+    with Pipeline(config=stages_in_turn) as pipeline:
+        pipeline.step(street_frames[0])
+    assert waited == [True] * len(MODALITIES)
 
 
 def test_maps_are_made_once_for_all_detectors(street_frames, stages_in_turn, monkeypatch):

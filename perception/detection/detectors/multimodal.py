@@ -107,6 +107,15 @@ class MultimodalDetector:
             ImageError: the only detector needs an image, and the frame has none.
             ModelError: an output of a network is not finite.
         """
+        return self.start(frame, dense)()
+
+    def start(self, frame: Frame, dense: DenseMaps | None = None) -> Callable[[], MultimodalOutput]:
+        """Start the detectors in threads of their own; return a function that waits for them and fuses.
+
+        Args:
+            frame: Scan and camera, as in `detect`, whose errors the function raises.
+            dense: Dense maps of the frame by the default filling, where they exist already.
+        """
         start_s = time.perf_counter()
         size_px = self._image_size_px(frame)
         region = detection_region(frame.calibration, size_px)
@@ -120,20 +129,26 @@ class MultimodalDetector:
                 first_row = first_observed_row(dense_maps.is_measured)
                 image = partial(map_image, dense_maps, modality)
                 running[modality] = self._start(modality, image, region, first_row)
-        outputs = {name: running[name].result() for name in MODALITIES if name in running}
-        detections = {name: one.value.detections for name, one in outputs.items()}
-        used = next(iter(maps.value.values()), dense)
-        class_names = {name: one.class_names for name, one in self.detectors.items()}
-        scene = DetectedScene(detections, size_px, class_names)
-        fused = _time(lambda: self._fusion.fuse(scene))
-        timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
-        timings_s |= {str(name): one.seconds for name, one in outputs.items()}
-        images: dict[Modality, UInt8] = {
-            name: outputs[name].value.image[..., 0] for name in MAP_MODALITIES if name in outputs
-        }
-        spans = [one.span(f"{name} detector", start_s) for name, one in outputs.items()]
-        spans.append(replace(fused.span("fusion", start_s), worker=""))
-        return MultimodalOutput(scene, fused.value, used, images, timings_s, tuple(spans))
+
+        def finish() -> MultimodalOutput:
+            outputs = {name: running[name].result() for name in MODALITIES if name in running}
+            detections = {name: one.value.detections for name, one in outputs.items()}
+            used = next(iter(maps.value.values()), dense)
+            class_names = {name: one.class_names for name, one in self.detectors.items()}
+            scene = DetectedScene(detections, size_px, class_names)
+            fused = _time(lambda: self._fusion.fuse(scene))
+            timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
+            timings_s |= {str(name): one.seconds for name, one in outputs.items()}
+            images: dict[Modality, UInt8] = {
+                name: outputs[name].value.image[..., 0]
+                for name in MAP_MODALITIES
+                if name in outputs
+            }
+            spans = [one.span(f"{name} detector", start_s) for name, one in outputs.items()]
+            spans.append(replace(fused.span("fusion", start_s), worker=""))
+            return MultimodalOutput(scene, fused.value, used, images, timings_s, tuple(spans))
+
+        return finish
 
     def _uses_image(self, frame: Frame) -> bool:
         if self._needs_no_maps:
