@@ -68,40 +68,46 @@ wheel: $(VENV)/.installed-dev
 # What the shipped networks have learned from: other worlds than they are judged by, none of them real. The camera
 # view starts from public weights of photographs: fetched, or PUBLIC_WEIGHTS=PATH.
 PUBLIC_WEIGHTS ?= results/weights/yolox_nano.onnx
-SYNTH := results/weights/synth
-SHIPPED := perception/detection/weights
+# With TRIAL=20 every line runs with 20 frames of each kind and one epoch, and what ships stays as it is.
+TRIAL ?=
+WEIGHTS ?= results/$(if $(TRIAL),weights-trial,weights)
+SYNTH := $(WEIGHTS)/synth
+SHIPPED := $(if $(TRIAL),$(WEIGHTS)/shipped,perception/detection/weights)
 CLASSES := Car,Van,Truck,Pedestrian,Cyclist
 weights: $(VENV)/.installed-dev
-	$(BIN)/trifuse batch synth $(SYNTH)/train --layout object --frames 800 --seed 1000
-	$(BIN)/trifuse batch synth $(SYNTH)/train2 --layout object --frames 400 --seed 40000
-	$(BIN)/trifuse batch synth $(SYNTH)/train3 --layout object --frames 360 --seed 60000
-	$(BIN)/trifuse batch synth $(SYNTH)/depthcn --layout object --frames 1600 --seed 1000
-	$(BIN)/trifuse batch synth $(SYNTH)/val --layout object --frames 100 --seed 5000
-	$(BIN)/trifuse batch synth $(SYNTH)/test --layout object --frames 240 --seed 9000
-	$(BIN)/trifuse batch synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
-	$(BIN)/trifuse batch synth $(SYNTH)/fusion2 --layout object --frames 120 --seed 80000
+	mkdir -p $(SHIPPED)
+	$(BIN)/trifuse batch synth $(SYNTH)/train --layout object --frames $(or $(TRIAL),800) --seed 1000
+	$(BIN)/trifuse batch synth $(SYNTH)/train2 --layout object --frames $(or $(TRIAL),400) --seed 40000
+	$(BIN)/trifuse batch synth $(SYNTH)/train3 --layout object --frames $(or $(TRIAL),360) --seed 60000
+	$(BIN)/trifuse batch synth $(SYNTH)/depthcn --layout object --frames $(or $(TRIAL),1600) --seed 1000
+	$(BIN)/trifuse batch synth $(SYNTH)/val --layout object --frames $(or $(TRIAL),100) --seed 5000
+	$(BIN)/trifuse batch synth $(SYNTH)/test --layout object --frames $(or $(TRIAL),240) --seed 9000
+	$(BIN)/trifuse batch synth $(SYNTH)/fusion --layout object --frames $(or $(TRIAL),200) --seed 20000
+	$(BIN)/trifuse batch synth $(SYNTH)/fusion2 --layout object --frames $(or $(TRIAL),120) --seed 80000
 	$(MAKE) $(PUBLIC_WEIGHTS)
 	$(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 $(SYNTH)/train3 --validation $(SYNTH)/val \
-	  --modality rgb --config yolox \
-	  --model.weights.public $(PUBLIC_WEIGHTS) --out results/weights/rgb
-	$(BIN)/trifuse export results/weights/rgb/best.ckpt --size 256x896 --out $(SHIPPED)/rgb_yolox.onnx \
+	  --modality rgb --config yolox $(if $(TRIAL),--epochs 1) \
+	  --model.weights.public $(PUBLIC_WEIGHTS) --out $(WEIGHTS)/rgb
+	$(BIN)/trifuse export $(WEIGHTS)/rgb/best.ckpt --size 256x896 --out $(SHIPPED)/rgb_yolox.onnx \
 	  --data $(SYNTH)/val
 	for modality in dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 --validation $(SYNTH)/val --modality $$modality \
-	    --model.classes $(CLASSES) --epochs 7 --out results/weights/$$modality-first && \
+	    --model.classes $(CLASSES) --epochs $(if $(TRIAL),1,7) --out $(WEIGHTS)/$$modality-first && \
 	  $(BIN)/trifuse train detector $(SYNTH)/train $(SYNTH)/train2 $(SYNTH)/train3 --validation $(SYNTH)/val \
-	    --modality $$modality --model.classes $(CLASSES) --epochs 9 --seed 1 \
-	    --model.weights.checkpoint results/weights/$$modality-first/best.ckpt --out results/weights/$$modality && \
-	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
+	    --modality $$modality --model.classes $(CLASSES) --epochs $(if $(TRIAL),1,9) --seed 1 \
+	    --model.weights.checkpoint $(WEIGHTS)/$$modality-first/best.ckpt --out $(WEIGHTS)/$$modality && \
+	  $(BIN)/trifuse export $(WEIGHTS)/$$modality/best.ckpt --out $(WEIGHTS)/$$modality.onnx \
 	    --data $(SYNTH)/val --int8 && \
-	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
+	  cp $(WEIGHTS)/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
 	done
 	$(BIN)/trifuse train fusion $(SYNTH)/fusion $(SYNTH)/fusion2 --data.shares 75,15,10 \
-	  --out results/weights/fusion
-	cp results/weights/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
-	$(BIN)/trifuse train depthcn $(SYNTH)/depthcn --validation $(SYNTH)/val --epochs 6 --out results/weights/depthcn
-	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test
-	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
+	  --data.models.rgb $(SHIPPED)/rgb_yolox.onnx --data.models.dm $(SHIPPED)/dm_compact.onnx \
+	  --data.models.rm $(SHIPPED)/rm_compact.onnx \
+	  --out $(WEIGHTS)/fusion
+	cp $(WEIGHTS)/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
+	$(BIN)/trifuse train depthcn $(SYNTH)/depthcn --validation $(SYNTH)/val --epochs $(if $(TRIAL),1,6) --out $(WEIGHTS)/depthcn
+	$(BIN)/trifuse export $(WEIGHTS)/depthcn/best.ckpt --out $(WEIGHTS)/depthcn.onnx --data $(SYNTH)/test
+	cp $(WEIGHTS)/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
 
