@@ -200,7 +200,7 @@ FUSION = TrainingKind(
     report,
     # Levenberg-Marquardt needs doubles, and so small a network is no slower by them.
     defaults={
-        "trainer.max_epochs": 20,
+        "trainer.max_epochs": 10,
         "trainer.precision": "64-true",
         "trainer.accelerator": "cpu",
     },

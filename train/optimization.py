@@ -118,7 +118,9 @@ def configure_optimizers(
     lr_scheduler: LRSchedulerCallable | None,
 ) -> dict[str, Any]:
     """Return optimizer and schedule of a network's weights, for `LightningModule.configure_optimizers`."""
-    made = optimizer(decay_groups(network))
+    made = optimizer(network.parameters())
+    if "weight_decay" in made.defaults:  # else all weights are one group, which LBFGS needs
+        made = optimizer(decay_groups(network))
     if lr_scheduler is None:
         return {"optimizer": made}
     schedule = lr_scheduler(made)

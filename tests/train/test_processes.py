@@ -20,9 +20,9 @@ from train.detector.networks import MODEL, load_detector
 
 EPOCHS = 2
 # Batches of an epoch of each training.
-BATCHES = {"detector": 2, "depthcn": 4, "fusion LM": 1, "fusion AdamW": 4}
+BATCHES = {"detector": 2, "depthcn": 4, "fusion LM": 1, "fusion LBFGS": 1, "fusion AdamW": 4}
 # Two processes of the fusion sum their halves of a batch, in another order than one process.
-SHARES_BATCHES = ("fusion LM", "fusion AdamW")
+SHARES_BATCHES = ("fusion LM", "fusion LBFGS", "fusion AdamW")
 # Pictures over and over, of which each process gets a half.
 SHARED = ("--data.count=4", "--data.repeats=16", "--optimizer.lr=0.02", "--model.scales=[1.0,1.0]")
 
@@ -40,6 +40,7 @@ def words(tmp_path_factory) -> dict[str, list[str]]:
         "detector": [*TINY],
         "depthcn": [*crops, "--data.shares=[60,40]", "--model.dropout=0"],
         "fusion LM": toy_words(LM, EPOCHS),
+        "fusion LBFGS": toy_words("LBFGS", EPOCHS, "--optimizer.line_search_fn=strong_wolfe"),
         "fusion AdamW": toy_words("AdamW", EPOCHS),
     }
 

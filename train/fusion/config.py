@@ -36,12 +36,13 @@ class FusionRowsConfig(FusionDataConfig):
 
     Attributes:
         models: Model files of the detectors; else those that ship.
-        batch_size: Combinations per batch; null takes all at once, as LevenbergMarquardt needs them.
+        batch_size: Combinations per batch; null takes all at once, as LBFGS and
+            LevenbergMarquardt need them.
         corrupted_copies: Copies of each training frame with corrupted detections, for the default variant.
     """
 
     models: DetectorModelPaths = _MODELS
-    batch_size: int | None = 4096
+    batch_size: int | None = None
     corrupted_copies: int = 3
 
     def __post_init__(self) -> None:

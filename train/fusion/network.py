@@ -19,6 +19,10 @@ from train.checkpoints import Content, load_network
 from train.fusion.config import MODEL
 
 _MIN_SCORE = 1e-5  # of a probability whose logarithm is taken
+_START_SLOPE = math.log(0.5)
+# Weight of the squared distances of all weights from where they start. The error changes along some directions by next
+# to no amount, and weights of rare classes would grow without an end; with it there is one minimum.
+_DECAY = 1e-5
 
 
 class RescoringMlp(nn.Module):
@@ -58,6 +62,10 @@ class RescoringMlp(nn.Module):
         for layer in self.linear_layers:
             nn.init.xavier_normal_(layer.weight)
             nn.init.zeros_(layer.bias)
+
+    def penalty(self) -> Tensor:
+        """Return what is added to the error for the size of the weights: 0."""
+        return self.lows.new_zeros(())
 
     @property
     def linear_layers(self) -> list[nn.Linear]:
@@ -128,7 +136,7 @@ class NaiveBayes(nn.Module):
         sets = 2**modalities
         self.register_buffer("bits", 2.0 ** torch.arange(modalities), persistent=False)
         # a, b and m as logarithms, so that they stay above 0.
-        self.log_slopes = nn.Parameter(torch.full((sets, 2, modalities), math.log(0.5)))
+        self.log_slopes = nn.Parameter(torch.full((sets, 2, modalities), _START_SLOPE))
         self.log_misses = nn.Parameter(torch.zeros(sets, modalities))
         self.offsets = nn.Parameter(torch.zeros(sets, modalities))
         self.class_offsets = nn.Parameter(torch.zeros(sets, len(CLASSES), modalities))
@@ -136,6 +144,12 @@ class NaiveBayes(nn.Module):
 
     def fit_inputs(self, features: Float32) -> None:
         """Scale nothing: scores are probabilities."""
+
+    def penalty(self) -> Tensor:
+        """Return what is added to the error for the distance of the weights from where they start."""
+        others = (self.log_misses, self.offsets, self.class_offsets, self.prior)
+        distances = [self.log_slopes - _START_SLOPE, *others]
+        return _DECAY * torch.stack([one.square().sum() for one in distances]).sum()
 
     @property
     def input_range(self) -> tuple[Tensor, Tensor]:

@@ -7,7 +7,7 @@ import torch
 from lightning.pytorch import LightningModule
 from lightning.pytorch.cli import LRSchedulerCallable, OptimizerCallable
 from torch import Tensor
-from torch.optim import AdamW
+from torch.optim import LBFGS
 
 from perception.detection.config import FusionVariant
 from perception.errors import UsageError
@@ -22,7 +22,7 @@ from train.fusion.gauss_newton import (
 )
 from train.fusion.levenberg_marquardt import LevenbergMarquardt, NormalEquations
 from train.fusion.network import RescoringMlp, fusion_network
-from train.optimization import WarmupCosine, configure_optimizers
+from train.optimization import configure_optimizers
 
 _NO_SWEEP = SweepConfig()
 
@@ -47,8 +47,14 @@ class FusionTraining(LightningModule):
         max_partners: int | None = None,
         sweep: SweepConfig = _NO_SWEEP,
         seed: int = 0,
-        optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.03, weight_decay=0.0),
-        lr_scheduler: LRSchedulerCallable | None = WarmupCosine,
+        optimizer: OptimizerCallable = lambda weights: LBFGS(
+            weights,
+            max_iter=10,
+            history_size=30,
+            tolerance_grad=1e-6,
+            line_search_fn="strong_wolfe",
+        ),
+        lr_scheduler: LRSchedulerCallable | None = None,
     ) -> None:
         """Make the network with random weights.
 
@@ -60,8 +66,8 @@ class FusionTraining(LightningModule):
                 combinations; else that of the variant.
             sweep: Sizes of the network to try first; the best of them is taken in place of `hidden`.
             seed: Seed of the initial weights.
-            optimizer: Optimizer of the weights; LevenbergMarquardt takes all rows at once.
-            lr_scheduler: Schedule of the learning rate; LevenbergMarquardt has none.
+            optimizer: Optimizer of the weights; LBFGS and LevenbergMarquardt take all rows at once.
+            lr_scheduler: Schedule of the learning rate, for optimizers that take batches.
         """
         super().__init__()
         torch.manual_seed(seed)
@@ -127,8 +133,11 @@ class FusionTraining(LightningModule):
         is_probability = self.network.is_probability
         loss = weighted_entropy if is_probability else weighted_squares
         total, weight = loss(self.network, batch)
-        # The gradient is the mean of those of all processes.
-        error: Tensor = self.trainer.world_size * total / self._sum(weight).clamp(min=1e-6)
+        # The gradient is the mean of those of all processes, and the value is that of all, as LBFGS compares values.
+        whole = self._sum(weight).clamp(min=1e-6)
+        share = self.trainer.world_size * total / whole
+        error: Tensor = share + (self._sum(total) / whole - share).detach()
+        error = error + self.network.penalty()
         self._log("train/cross_entropy" if is_probability else "train/mse", error, len(batch[0]))
         return error
 

@@ -9,7 +9,7 @@ from export.fusion import export_fusion
 from export.result import ExportConfig
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
-from tests.train.fusion.toy_rows import toy_words, train_toy
+from tests.train.fusion.toy_rows import train_toy
 from train.fusion.datamodule import FusionDataModule
 
 
@@ -24,9 +24,19 @@ class SimulatedRows(FusionDataModule):
 
 @pytest.fixture(scope="session")
 def fitted(tmp_path_factory):
-    """Return the default fusion, fitted by AdamW to 50 frames."""
+    """Return the default fusion, fitted to 50 frames."""
     out = tmp_path_factory.mktemp("fitted")
-    words = toy_words("AdamW", 20, "--model.variant=default", "--data.batch_size=100")
+    return train_default(out)
+
+
+def train_default(out, *more):
+    """Return the fusion that the default training makes of the simulated detectors."""
+    words = [
+        "--data.drives=[simulated]",
+        "--data.corrupted_copies=1",
+        "--trainer.enable_progress_bar=false",
+        *more,
+    ]
     train_toy(out, words, data=SimulatedRows)
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(ExportConfig(out / "best.ckpt")).models["fp32"])

@@ -8,14 +8,14 @@ from export.result import ExportConfig
 from perception.errors import ModelError, UsageError
 from tests.faults import fault
 from tests.train.events import hyperparameters_of
-from tests.train.fusion.toy_rows import LM, KilledFusion, toy_rows, toy_words, train_toy
+from tests.train.fusion.toy_rows import LM, WHOLE, KilledFusion, toy_rows, toy_words, train_toy
 from train.checkpoints import read_checkpoint
 from train.events import read_scalars
 from train.fusion.datamodule import RowBatches, row_tensors
 from train.fusion.gauss_newton import mean_square
 from train.fusion.network import RescoringMlp, load_fusion
 
-OPTIMIZERS = [LM, "AdamW"]
+OPTIMIZERS = [LM, "LBFGS", "AdamW"]
 
 
 def state_of(folder, name="last.ckpt"):
@@ -73,11 +73,11 @@ def test_a_killed_training_resumes_exactly(tmp_path, optimizer, monkeypatch):
     words = toy_words(optimizer, 5)
     train_toy(tmp_path / "whole", words)
     # Four batches an epoch by AdamW.
-    monkeypatch.setattr(KilledFusion, "at", 3 if optimizer == LM else 10, raising=False)
+    monkeypatch.setattr(KilledFusion, "at", 3 if optimizer in WHOLE else 10, raising=False)
     out = tmp_path / "killed"
     with pytest.raises(KeyboardInterrupt):
         train_toy(out, words, module=KilledFusion)
-    assert state_of(out)["epoch"] == (2 if optimizer == LM else 1)
+    assert state_of(out)["epoch"] == (2 if optimizer in WHOLE else 1)
     train_toy(out, words, resume=out / "last.ckpt")
     for name in ("best.ckpt", "last.ckpt"):
         require_equal(state_of(out, name), state_of(tmp_path / "whole", name))

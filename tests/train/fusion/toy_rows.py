@@ -14,6 +14,7 @@ from train.fusion.targets import FusionRows
 from train.fusion.training import FusionTraining
 
 LM = "LevenbergMarquardt"
+WHOLE = (LM, "LBFGS")  # take all rows at once
 
 
 def toy_rows(count: int = 60, seed: int = 0, features: int = 3) -> FusionRows:
@@ -64,7 +65,7 @@ def toy_words(optimizer: str = LM, epochs: int = 8, *more: str) -> list[str]:
         f"--trainer.max_epochs={epochs}",
     ]
     words += [f"--optimizer={optimizer}", "--trainer.enable_progress_bar=false"]
-    words += [f"--data.batch_size={'null' if optimizer == LM else 20}"]
+    words += [f"--data.batch_size={'null' if optimizer in WHOLE else 20}"]
     return [*words, *more]
 
 
