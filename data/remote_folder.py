@@ -1,13 +1,16 @@
 """Folders at URLs such as `s3://bucket/frames`, by fsspec; a plain path is a folder of this machine."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from perception.errors import DriveError, UsageError, optional_package, pip_command
 
 _KINDS = "a path, or a URL such as s3://bucket/folder"
+
+_VERSIONS = ("ETag", "etag", "md5Hash", "mtime", "LastModified", "last_modified", "created")
 
 
 class RemoteFolder:
@@ -21,7 +24,7 @@ class RemoteFolder:
             MissingDependencyError: fsspec is not installed.
         """
         self.url = url.rstrip("/")
-        with optional_package("fsspec", needed_for=url, extra="train"):
+        with optional_package("fsspec", needed_for=url, extra="cluster"):
             import fsspec
         try:
             self._here, self._root = fsspec.url_to_fs(self.url)
@@ -66,6 +69,32 @@ class RemoteFolder:
         with self._reaching(name, "a place that can be reached"):
             return bool(self._files.exists(self._path(name)))
 
+    def listing(self) -> list[tuple[str, int, str]]:
+        """Return (name, bytes, version) of every file below the URL, by name; the version changes with the content.
+
+        Raises:
+            DriveError: There is no file, or the place cannot be reached.
+        """
+        with self._reaching("", "files that can be listed"):
+            found = self._files.find(self._root, detail=True)
+        if not found:
+            raise DriveError(self.url, expected="files of a drive", found="none")
+        return [
+            (path.removeprefix(self._root), int(entry["size"] or 0), _version(entry))
+            for path, entry in sorted(found.items())
+        ]
+
+    def fetch(self, folder: Path) -> None:
+        """Copy every file below the URL into a folder of this machine, or the one file at the URL.
+
+        Raises:
+            DriveError: A file cannot be read, or the folder has no room.
+        """
+        with self._reaching("", "files that can be fetched"):
+            is_file = self._files.isfile(self._root)
+            source = self._root if is_file else f"{self._root}/"
+            self._files.get(source, str(folder), recursive=not is_file)
+
     @property
     def _files(self) -> Any:  # noqa: ANN401 - of fsspec
         if self._process != os.getpid():
@@ -74,6 +103,18 @@ class RemoteFolder:
             self._here, self._root = fsspec.url_to_fs(self.url, skip_instance_cache=True)
             self._process = os.getpid()
         return self._here
+
+    def matches(self) -> list[str]:
+        """Return the URLs that this one matches, where it is a pattern such as `s3://bucket/drives/*`, in order.
+
+        Raises:
+            DriveError: The place cannot be reached.
+        """
+        with self._reaching("", "a place that can be reached"):
+            return [
+                str(self._files.unstrip_protocol(one))
+                for one in sorted(self._files.glob(self._root))
+            ]
 
     def _path(self, name: str) -> str:
         return f"{self._root}/{name}"
@@ -85,5 +126,17 @@ class RemoteFolder:
         except Exception as error:  # each kind of store has errors of its own
             found = str(error) if str(error) not in ("", self._path(name)) else "no such file"
             raise DriveError(
-                f"{self.url}/{name}", expected=expected, found=f"{type(error).__name__}: {found}"
+                f"{self.url}/{name}".rstrip("/"),
+                expected=expected,
+                found=f"{type(error).__name__}: {found}",
             ) from error
+
+
+def is_url(text: str) -> bool:
+    """Return whether a text is a URL and not a path."""
+    return "://" in text
+
+
+def _version(entry: Mapping[str, Any]) -> str:
+    """Return what changes with the content of a file, by the name that its kind of store has for it."""
+    return next((str(entry[name]) for name in _VERSIONS if entry.get(name) is not None), "")

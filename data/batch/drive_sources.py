@@ -6,6 +6,7 @@ from glob import glob
 from pathlib import Path
 
 from data.open_drive import sequences_in
+from data.remote_folder import RemoteFolder, is_url
 from perception.errors import DriveError
 
 
@@ -14,12 +15,14 @@ class DriveSource:
     """A drive that a batch was given.
 
     Attributes:
-        root: Folder or file of the drive, or of all sequences.
+        root: Folder or file of the drive, or of all sequences; of one at a URL, the path there.
         sequence: Name of the sequence, where the root holds several.
+        url: URL of the drive, from which its worker fetches it; empty where it lies in a folder.
     """
 
     root: Path
     sequence: str | None
+    url: str = ""
 
     @property
     def name(self) -> str:
@@ -28,23 +31,33 @@ class DriveSource:
 
 
 def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
-    """Return every drive of folders, globs, and list files, which hold one of these a line; by absolute paths.
+    """Return every drive of folders, URLs, globs of these, and list files, which hold one of these a line.
+
+    Paths become absolute. What is at a URL is one drive: nothing of it is read before its worker fetches it.
 
     Raises:
         DriveError: A pattern matches no path, or a path holds no drive.
+        UsageError: There is no such kind of URL, or its package is not installed.
     """
-    roots = [root.absolute() for pattern in patterns for root in _paths(pattern)]
-    return [DriveSource(root, name) for root in roots for name in sequences_in(root)]
+    return [source for pattern in patterns for source in _sources(pattern)]
 
 
-def _paths(pattern: str) -> list[Path]:
-    path = Path(pattern)
-    if path.suffix == ".txt" and path.is_file():
-        lines = path.read_text().splitlines()
-        named = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-        return [found for line in named for found in _paths(line)]
-    # Path.glob takes no absolute pattern.
-    found = [path] if path.exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
+def _sources(pattern: str) -> list[DriveSource]:
+    if is_url(pattern):
+        found = [
+            DriveSource(Path(f"/{url.partition('://')[2]}"), None, url)
+            for url in RemoteFolder(pattern).matches()
+        ]
+    else:
+        path = Path(pattern)
+        if path.suffix == ".txt" and path.is_file():
+            lines = path.read_text().splitlines()
+            named = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+            return find_drives(named)
+        # Path.glob takes no absolute pattern.
+        paths = [path] if path.exists() else [Path(name) for name in sorted(glob(pattern))]  # noqa: PTH207
+        roots = [one.absolute() for one in paths]
+        found = [DriveSource(root, name) for root in roots for name in sequences_in(root)]
     if not found:
         raise DriveError(pattern, expected="a drive, a glob of drives, or a list", found="no path")
     return found

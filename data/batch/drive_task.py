@@ -2,13 +2,17 @@
 
 import hashlib
 import json
+import tempfile
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from data.frame_fingerprint import frame_fingerprint
 from data.open_drive import open_drive
+from data.remote_folder import RemoteFolder
 from data.results.records import read_record
 from perception import __version__
 from perception.atomic_file import write_atomically
@@ -79,6 +83,18 @@ class Task(ABC):
         content = json.dumps([__version__, self.settings, inputs], default=str)
         return hashlib.blake2b(content.encode(), digest_size=16).hexdigest(), frames
 
+    @contextmanager
+    def ready(self, frames: int) -> Iterator[tuple[tuple[str, ...], int]]:
+        """Make what is read ready for as long as the `with` lasts; return the words of the command and the frames.
+
+        Args:
+            frames: Number of frames, as `key` returns it.
+
+        Raises:
+            PerceptionError: The inputs cannot be fetched.
+        """
+        yield self.words, frames
+
     def finished(self, key: str) -> DriveOutcome | None:
         """Return the outcome of an earlier batch that the same inputs led to."""
         if not self.record.is_file():
@@ -110,6 +126,30 @@ class DriveTask(Task):
         """Return names, sizes and times of the files; reading a fleet's scans twice would take hours."""
         drive = open_drive(self.root, sequence=self.sequence)
         return [frame_fingerprint(drive, index) for index in range(len(drive))], len(drive)
+
+
+@dataclass(frozen=True)
+class RemoteDriveTask(Task):
+    """A command on a drive at a URL, which is fetched for as long as the command runs.
+
+    Attributes:
+        url: URL of the drive; the word of the command in its place.
+    """
+
+    url: str
+
+    def inputs(self) -> tuple[object, int]:
+        """Return names, sizes and versions of the files; the number of frames is known when they are here."""
+        return RemoteFolder(self.url).listing(), 0
+
+    @contextmanager
+    def ready(self, frames: int) -> Iterator[tuple[tuple[str, ...], int]]:
+        """Fetch the drive into a temporary folder, which the words name in place of the URL."""
+        with tempfile.TemporaryDirectory(prefix="trifuse-") as folder:
+            root = Path(folder) / self.url.rpartition("/")[2]
+            RemoteFolder(self.url).fetch(root)
+            words = tuple(str(root) if word == self.url else word for word in self.words)
+            yield words, len(open_drive(root))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from perception.cli.parser import CommandFunction, FlagGroup, flag_types, parse
-from perception.errors import DriveError, PerceptionError
+from perception.errors import DriveError, PerceptionError, UsageError
 
 if TYPE_CHECKING:
     from data.batch.drive_task import DriveOutcome, Task
@@ -50,7 +50,8 @@ def batch(sources: list[str], *, out: Path, cluster: ClusterFlags) -> None:
     Example: trifuse batch run kitti/raw/2011_09_26/*_sync --out results/fleet --no-video
 
     Args:
-        sources: Drives, globs of drives, or .txt lists of them; all sequences of each.
+        sources: Drives, globs of drives, URLs of both such as s3://bucket/drives/*, or .txt lists of them; all sequences
+            of each that is no URL.
         out: Folder of the results of all drives.
         cluster: Workers.
     """  # Its flags alone: `run_batch` knows the command, which no flag names.
@@ -86,6 +87,7 @@ def run_batch(
         DriveError: A source holds no drive, or a drive failed.
     """
     flags, of_command = parse_batch(own, command, function, words)
+    _require_folder(flags["out"])
     out = flags["out"].absolute()  # a worker that was started elsewhere has another current folder
     if own is batch_synth:
         tasks = _synth_tasks(function, of_command, out)
@@ -122,6 +124,17 @@ def _split(words: Sequence[str], own: CommandFunction) -> tuple[list[str], list[
     return of_batch, of_command
 
 
+def _require_folder(out: Path) -> None:
+    """Validate that the folder of all results is none at a URL, whose slashes a path has joined."""
+    if out.parts and out.parts[0].endswith(":") and len(out.parts[0]) > len("C:"):
+        raise UsageError(
+            "--out",
+            expected="a folder that all workers see",
+            found=f"a URL of {out.parts[0]}",
+            advice="write to a folder, and copy what is whole",
+        )
+
+
 def _drive_tasks(
     command: str,
     function: CommandFunction,
@@ -130,7 +143,7 @@ def _drive_tasks(
     out: Path,
 ) -> "list[Task]":
     from data.batch.drive_sources import find_drives, folder_names
-    from data.batch.drive_task import DriveTask, results_folder
+    from data.batch.drive_task import DriveTask, RemoteDriveTask, results_folder
 
     sources = find_drives(patterns)
     tasks: list[Task] = []
@@ -139,13 +152,15 @@ def _drive_tasks(
         chosen = [] if source.sequence is None else ["--sequence", source.sequence]
         flag, file = _OUTPUTS.get(command.partition(" ")[0], ("", ""))
         output = [flag, str(folder / file)] if flag else []
-        line = [str(source.root), *chosen, *output, *words]
+        line = [source.url or str(source.root), *chosen, *output, *words]
         _, config = parse(f"trifuse {command}", function, line)
         again = ["--overwrite"] if "overwrite" in flag_types(function) else []
         all_words = (*command.split(), *line, *again)
-        tasks.append(
-            DriveTask(name, all_words, folder, config.text(), source.root, source.sequence)
-        )
+        of_all = (name, all_words, folder, config.text())
+        if source.url:
+            tasks.append(RemoteDriveTask(*of_all, source.url))
+        else:
+            tasks.append(DriveTask(*of_all, source.root, source.sequence))
     return tasks
 
 
@@ -217,11 +232,12 @@ def run_task(task: "Task") -> "DriveOutcome":
             return replace(earlier, state="skipped")
         task.folder.mkdir(parents=True, exist_ok=True)
         with (
+            task.ready(frames) as (words, frames),
             (task.folder / "log.txt").open("w") as log,
             redirect_stdout(log),
             redirect_stderr(log),
         ):
-            run_command_line(task.words)
+            run_command_line(words)
     except PerceptionError as error:
         seconds = round(time.perf_counter() - start_s, 3)
         return DriveOutcome(task.name, "failed", frames, seconds, key, sentence_of(error))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from perception.cli.main import main, run_command_line
-from perception.errors import UsageError
+from perception.errors import DriveError, UsageError
 from tests.car_frames import write_car_frames
 from tests.faults import fault
 
@@ -47,6 +47,40 @@ def test_maps_of_a_fleet(fleet, tmp_path, capsys):
     assert states(out) == {"a": "skipped", "b": "failed", "c": "skipped"}
     assert main([*words, "--on-bad-frame", "skip"]) == 0  # another configuration
     assert states(out) == dict.fromkeys("abc", "done")
+
+
+def test_drives_at_urls_are_fetched_for_as_long_as_they_are_read(
+    fleet, tmp_path, monkeypatch, capsys
+):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    out = tmp_path / "fleet"
+    sources = [f"file://{fleet}/[ab]", f"file://{fleet}/c"]
+    words = ["batch", "maps", *sources, "--out", str(out), "--workers", "1", "--all"]
+    assert main(words) == 2
+    said = capsys.readouterr()
+    assert states(out) == {"a": "done", "b": "failed", "c": "done"}
+    assert "4 frames in" in said.out
+    assert list(temporary.glob("trifuse-*")) == []
+    run_command_line(["maps", str(fleet / "a"), "--all", "--out", str(tmp_path / "alone")])
+    written = list((tmp_path / "alone").rglob("*.png"))
+    assert len(written) == 4
+    for path in written:
+        of_batch = out / "drives/a" / path.relative_to(tmp_path / "alone")
+        assert of_batch.read_bytes() == path.read_bytes()
+    assert main(words) == 2  # what is done is kept, what failed is tried again
+    assert states(out) == {"a": "skipped", "b": "failed", "c": "skipped"}
+
+
+def test_urls_that_lead_nowhere_are_refused_before_any_worker(fleet, tmp_path):
+    line = ["batch", "maps", "--out", str(tmp_path / "out")]
+    with fault(DriveError, "file:///nowhere/*", expected="a drive", found="no path"):
+        run_command_line([*line, "file:///nowhere/*"])
+    with fault(UsageError, "odd://x", expected="a path, or a URL", found="odd"):
+        run_command_line([*line, "odd://x"])
+    with fault(UsageError, "--out", found="a URL of s3:", advice="copy"):
+        run_command_line(["batch", "maps", str(fleet), "--out", "s3://bucket/out"])
 
 
 @pytest.mark.slow
