@@ -24,6 +24,9 @@ DOCUMENTS = (
 
 def commands(document: str) -> list[str]:
     text = (ROOT / document).read_text().replace("\\\n", " ").replace("$(BIN)/", "")
+    # Of make's conditions, what holds where nothing is set.
+    text = re.sub(r"\$\(or \$\(\w+\),([^)]*)\)", r"\1", text)
+    text = re.sub(r"\$\(if \$\(\w+\),[^,)]*,?([^)]*)\)", r"\1", text)
     found = re.findall(r"(?:^|`|\s)(trifuse [a-z][^`\n|&]*)", text)
     return [command.replace("$$modality", "dm") for command in found]
 
