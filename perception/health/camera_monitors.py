@@ -26,7 +26,9 @@ _MAX_DETAIL = 0.75  # of what the cell has had; a blur of 2 pixels leaves 0.6, o
 _MIN_USUAL_COARSE = 6.0
 _MAX_CHANGE = 20.0  # grey levels, of a covered cell
 _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
-_MIN_CELLS, _ERROR_SHARE = 10, 0.4  # side by side, of 96; clean frames have up to 7
+_MIN_CELLS = 10  # side by side, of 96; clean frames have up to 7
+# A fault stays until most of its cells have their detail again, so many frames in a row.
+_RECOVERED_SHARE, _RECOVERED_FRAMES = 0.5, 3
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
 _NEWEST, _NEWEST_LOST = 0.1, 0.02
 
@@ -56,7 +58,12 @@ class CameraMonitors:
         self._has_seen = True
         image = ImageStatistics.of(frame.image)
         repeats = self._frozen.update(image.sample)
-        finding = _dark(image) or repeats or _washed_out(image) or self._blurred.update(image)
+        finding = _dark(image) or repeats or _washed_out(image)
+        if finding is None or finding[0] < HealthLevel.ERROR:
+            blurred = self._blurred.update(image)
+            if finding and blurred:  # which it explains, and which makes it worse
+                finding = (blurred[0], *finding[1:])
+            finding = finding or blurred
         return [HealthFinding(self._part, *finding)] if finding else []
 
 
@@ -115,7 +122,8 @@ class _BlurredImage:
     """Finds parts of an image that lose their detail at once, and stay so: no wall and no lorry comes so suddenly.
 
     The fine detail of a cell is the difference of pixels that are near by that of pixels that are far apart. Both fall
-    alike where a smooth wall comes into view, but a blur takes the fine one; an opaque spot takes both.
+    alike where a smooth wall comes into view, but a blur takes the fine one; an opaque spot takes both. The cells of a
+    fault keep what they have had to compare with until they recover: dirt that stays is not learned as the scene.
     """
 
     def __init__(self) -> None:
@@ -123,6 +131,8 @@ class _BlurredImage:
         self._coarse: Float = np.zeros(0)
         self._detail = self._edges_seen = self._lasts = self._coarse
         self._mean: Float = self._coarse
+        self._held: Bool = np.zeros(0, bool)
+        self._recovered = 0
 
     def update(self, image: ImageStatistics) -> _Fault | None:
         """Return the fault where so many cells have lost their detail in the same frame."""
@@ -132,6 +142,7 @@ class _BlurredImage:
             self._coarse, self._detail = image.coarse.copy(), detail
             self._mean = image.mean
             self._edges_seen, self._lasts = np.zeros_like(detail), np.zeros_like(detail)
+            self._held = np.zeros(detail.shape, bool)
         self._frames += 1
         is_known = (self._edges_seen >= _LEARNING_FRAMES) & (self._coarse >= _MIN_USUAL_COARSE)
         is_blurred = has_edges & (detail < _MAX_DETAIL * self._detail)
@@ -142,30 +153,43 @@ class _BlurredImage:
         self._mean = np.where(is_lost & (self._lasts > 0), self._mean, image.mean)
         self._lasts = np.where(is_lost, self._lasts + 1, 0)
         rate = np.where(is_lost, _NEWEST_LOST, np.maximum(_NEWEST, 1 / (self._edges_seen + 1)))
+        rate = np.where(self._held, 0, rate)
         self._coarse = self._coarse + rate * (image.coarse - self._coarse)
         self._detail = self._detail + rate * has_edges * (detail - self._detail)
         self._edges_seen = self._edges_seen + (has_edges & ~is_lost)
-        return self._fault()
+        self._held |= self._lost_at_once()
+        return self._fault(is_lost)
 
-    def _fault(self) -> _Fault | None:
-        """Return the fault of the cells side by side that were lost within two frames, some frames ago."""
+    def _fault(self, is_lost: Bool) -> _Fault | None:
+        """Return the fault of the cells that are held, and let go of them where most have recovered."""
+        held = int(self._held.sum())
+        if not held:
+            return None
+        lost = int((self._held & is_lost).sum())
+        self._recovered = self._recovered + 1 if lost < _RECOVERED_SHARE * held else 0
+        if self._recovered >= _RECOVERED_FRAMES:
+            self._held[:], self._recovered = False, 0
+            return None
+        share = held / self._held.size
+        reason = f"{share:.0%} of the image have lost their detail at once, as behind dirt, water or a lens out of focus"
+        # A detector makes more false boxes of such an image than the maps lack without it.
+        return HealthLevel.ERROR, "camera blurred", reason
+
+    def _lost_at_once(self) -> Bool:
+        """Return the cells side by side that were lost within two frames, some frames ago; none where they are few."""
         lasts = self._lasts.astype(np.int64)
         ages = np.bincount(lasts.ravel())
         together = np.append(ages[:-1] + ages[1:], ages[-1])
         together[:_DETAIL_FRAMES] = 0
         age = int(together.argmax())
         if together[age] < _MIN_CELLS:
-            return None
-        blurred = _largest_group((lasts == age) | (lasts == age + 1))
-        if blurred < _MIN_CELLS:
-            return None
-        share = blurred / lasts.size
-        reason = f"{share:.0%} of the image have lost their detail at once, as behind dirt, water or a lens out of focus"
-        is_error = share >= _ERROR_SHARE
-        return HealthLevel.ERROR if is_error else HealthLevel.WARN, "camera blurred", reason
+            return np.zeros(lasts.shape, bool)
+        largest = _largest_group((lasts == age) | (lasts == age + 1))
+        return largest if largest.sum() >= _MIN_CELLS else np.zeros(lasts.shape, bool)
 
 
-def _largest_group(cells: Bool) -> int:
-    """Return the number of cells of the largest group that hangs together, by sides or corners."""
+def _largest_group(cells: Bool) -> Bool:
+    """Return the cells of the largest group that hangs together, by sides or corners."""
     _, groups = cv2.connectedComponents(cells.astype(np.uint8))
-    return int(np.bincount(groups.ravel())[1:].max(initial=0))
+    sizes = np.bincount(groups.ravel())[1:]
+    return np.asarray(groups == 1 + int(sizes.argmax())) if len(sizes) else cells

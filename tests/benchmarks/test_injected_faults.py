@@ -28,7 +28,7 @@ def test_a_turned_calibration_is_named_in_time():
     recording = boards_recording()
     assert recording.parts == ["lidar", "camera", "calibration"]
     turned = Fault("calibration-yaw", FIRST, FIRST + WITHIN - 1, 2.0)
-    assert recording.delay(turned, WITHIN) == 11
+    assert recording.delay(turned, WITHIN) == 13
     assert recording.delay(replace(turned, size=0.0), WITHIN) is None
 
 

@@ -15,7 +15,7 @@ from perception.health.scan_statistics import ScanMeter
 from perception.health.scan_times import ScanTimeMonitor
 from perception.health.stage_times import StageTimeMonitor
 from perception.types import CALIBRATION, CAMERA, HealthLevel, StageSpan
-from tests.health.scenes import SENSOR, frames, pose
+from tests.health.scenes import SENSOR, frames, image, pose
 
 FIRST, WITHIN = 15, 5
 
@@ -140,6 +140,9 @@ def test_a_stage_that_is_left_out_speaks_through_health():
     assert StageTimeMonitor(None).update((), ("DepthCN",)) == []
 
 
+SIDE_BY_SIDE = [(row, column) for row in range(3) for column in range(4, 8)]
+
+
 def blurred_in_cells(frame, cells):
     """Return a frame of which some cells of the grid of six by sixteen are out of focus."""
     image = frame.image.copy()
@@ -153,7 +156,7 @@ def blurred_in_cells(frame, cells):
 @pytest.mark.parametrize(
     ("cells", "reported"),
     [
-        ([(row, column) for row in range(3) for column in range(4, 8)], {"camera blurred"}),
+        (SIDE_BY_SIDE, {"camera blurred"}),
         ([(row, column) for row in range(0, 6, 2) for column in range(0, 16, 2)], set()),
     ],
 )
@@ -162,3 +165,29 @@ def test_cells_side_by_side_are_dirt_and_scattered_ones_are_not(clean, cells, re
     drive = [*clean[:FIRST], *[blurred_in_cells(one, cells) for one in clean[FIRST:]]]
     found = [monitors.update(frame) for frame in drive]
     assert {one.fault for findings in found for one in findings} == reported
+
+
+def test_dirt_that_stays_is_not_learned_and_ends_with_it(clean):
+    monitors, last = CameraMonitors(), clean[-1].index
+    for frame in clean:
+        assert monitors.update(frame) == []
+    drive = [replace(clean[0], image=image(last + 1 + number)) for number in range(110)]
+    dirty = [blurred_in_cells(frame, SIDE_BY_SIDE) for frame in drive[:100]]
+    levels = [[one.level for one in monitors.update(frame)] for frame in [*dirty, *drive[100:]]]
+    assert levels[:4] == [[]] * 4
+    assert levels[5:100] == [[HealthLevel.ERROR]] * 95
+    assert levels[103:] == [[]] * 7
+
+
+def test_an_image_that_is_pale_and_blurred_is_not_used(clean):
+    monitors = CameraMonitors()
+    for frame in clean[:FIRST]:
+        assert monitors.update(frame) == []
+    found = []
+    for frame in clean[FIRST:]:
+        soft = cv2.GaussianBlur(frame.image, (0, 0), 6)
+        pale = (128 + 60.0 * (soft - soft.mean()) / np.ptp(soft)).astype(np.uint8)
+        found += monitors.update(replace(frame, image=pale))
+    assert {one.fault for one in found} == {"camera washed out"}
+    assert [one.level.name for one in found] == ["WARN"] * 4 + ["ERROR"] * (len(found) - 4)
+    assert len(found) > 6
