@@ -155,8 +155,9 @@ def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
         named |= {f"{of_set}:{name}": curve for name, curve in of_classes.items()}
     for modality in frames.modalities:
         boxes = frames.of_modality(modality)
-        correctness = class_correctness(frames, boxes, np.unique(boxes.types).tolist())
-        named[modality] = fit_calibration(correctness)
+        # A detector without a box in these frames keeps its scores.
+        if detected := np.unique(boxes.types).tolist():
+            named[modality] = fit_calibration(class_correctness(frames, boxes, detected))
     calibration = str(FusionCalibration(named=named))
     write_checkpoint(checkpoint, content | {"calibration": calibration})
 
