@@ -21,6 +21,7 @@ SHORT = {
     "run": ["--frames", "3"],
     "track": ["--frames", "3"],
     "evaluate": ["--frames", "3"],
+    "shards": ["--size", "64x224"],
     "train": ["--epochs", "1"],
     "train detector": ["--model.size", "64x224", "--trainer.max_steps", "2"],
 }

@@ -24,6 +24,7 @@ OUTPUTS = {
     "synth": "out",
     **dict.fromkeys(("export", "split", *(one for one in COMMANDS if one.startswith("batch "))), "--out out"),
     "batch synth": "out",
+    "shards": "--out out --modality dm",
 }  # fmt: skip
 
 
