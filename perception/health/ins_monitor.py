@@ -10,7 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.se3 import inverse, rotation_angle_rad
+from perception.geometry.se3 import (
+    from_rotation_translation,
+    from_rotation_vector,
+    inverse,
+    rotation_angle_rad,
+    rotation_vector,
+)
 from perception.types import INS, Float64, Frame, HealthFinding, HealthLevel
 
 _WINDOW = 10  # frames over which drift adds up
@@ -126,10 +132,11 @@ class InsMonitor:
         if len(self._past) <= _WINDOW // 2:
             return None
         first, before, last = self._past[0], self._past[-2], self._past[-1]
-        if first.ins is None or not 0 < stamp_s - last.stamp_s < _MAX_GAP_S:
+        gap_s, last_gap_s = stamp_s - last.stamp_s, last.stamp_s - before.stamp_s
+        if first.ins is None or not (0 < gap_s < _MAX_GAP_S and last_gap_s > 0):
             return None
-        # The scan of this frame is not registered yet: it goes on as the last one.
-        last_SE3_next = _motion(before.registered, last.registered)
+        # The scan of this frame is not registered yet: it goes on as fast as the last one.
+        last_SE3_next = _share_of(_motion(before.registered, last.registered), gap_s / last_gap_s)
         by_ins = _motion(first.ins, pose)
         by_scans = _motion(first.registered, last.registered) @ last_SE3_next
         off_m = float(np.linalg.norm(by_ins[:3, 3] - by_scans[:3, 3]))
@@ -149,6 +156,12 @@ def _error(fault: str, reason: str) -> HealthFinding:
 
 def _motion(before: Float64, after: Float64) -> Float64:
     return inverse(before) @ after
+
+
+def _share_of(motion: Float64, share: float) -> Float64:
+    """Return a motion over so many times its time, at constant velocity."""
+    turn = from_rotation_vector(share * rotation_vector(motion[:3, :3]))
+    return from_rotation_translation(turn, share * motion[:3, 3])
 
 
 def _length_m(motion: Float64) -> float:

@@ -20,6 +20,7 @@ from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.health.all_cameras import AllCameraMonitors, without_failed_cameras
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
+from perception.health.monitors import is_scan_usable
 from perception.health.stage_times import StageTimeMonitor
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
@@ -32,6 +33,7 @@ from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerR
 from perception.types import (
     Detections,
     Frame,
+    Health,
     ModalityDetections,
     Result,
 )
@@ -81,11 +83,18 @@ class CameraStages(Restorable):
         self._stage_times = StageTimeMonitor(self._budget_s)
         self._miscalibration = MiscalibrationMonitor(self._sensor)
 
-    def step(self, frame: Frame, lidar: "Future[LidarResult]", clock: StageClock) -> Result:
+    def step(
+        self,
+        frame: Frame,
+        health: "Future[Health]",
+        lidar: "Future[LidarResult]",
+        clock: StageClock,
+    ) -> Result:
         """Run the stages on a frame in their order, beside those of the LiDAR worker.
 
         Args:
             frame: Frame of the drive.
+            health: Health of LiDAR and INS, which the LiDAR worker finds out first.
             lidar: Result of the LiDAR stages, once they are done.
             clock: Clock of the stages.
         """
@@ -94,23 +103,28 @@ class CameraStages(Restorable):
         measured = frame
         camera = clock.run("image health", self._camera_monitors.update, frame)
         usable = without_failed_cameras(frame, camera)
+        has_scan = is_scan_usable(health.result())
         # By the frames before: camera and LiDAR are joined by what their edges tell, not by a calibration that is off.
         frame = corrected(usable, self._miscalibration.correction)
         has_detector = self._detectors is not None or self._depthcn is not None
-        maps = clock.run("maps", _make_maps, frame) if has_detector else None
+        maps = clock.run("maps", _make_maps, frame) if has_detector and has_scan else None
         # Image and map detectors run in threads of their own, beside DepthCN in this one; then fusion.
         with clock.nested() as detector_spans:
-            finish = self._start_detectors(frame, maps)
+            finish = self._start_detectors(frame, maps, has_scan=has_scan)
             is_in_time = self._budget.allows(
                 "DepthCN", clock, "other detectors", "further cameras", "vehicles"
             )
-            depthcn = self._detect_by_depthcn(frame, maps, clock) if is_in_time else None
+            depthcn = (
+                self._detect_by_depthcn(frame, maps, clock) if is_in_time and has_scan else None
+            )
             # Without DepthCN the wait is longer, which says nothing of the wait after it.
             with self._budget.measured("other detectors", clock) if is_in_time else nullcontext():
                 detections = [finish()]
             detector_spans.extend(detections[0].spans if detections[0] else ())
         with self._budget.measured("further cameras", clock):
-            detections += [self._detect_further(view, clock) for view in frame.views[1:]]
+            detections += [
+                self._detect_further(view, clock, has_scan=has_scan) for view in frame.views[1:]
+            ]
         with self._budget.measured("vehicles", clock):
             lidar_result = lidar.result()
             vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
@@ -126,7 +140,8 @@ class CameraStages(Restorable):
                 further_detections=tuple(further),
             )
         # What it finds changes later frames alone.
-        off = clock.run("calibration", self._miscalibration.update, usable, result.world_SE3_velo)
+        compared = usable if has_scan else replace(usable, image=None)
+        off = clock.run("calibration", self._miscalibration.update, compared, result.world_SE3_velo)
         skipped = () if is_in_time or self._depthcn is None else ("DepthCN",)
         spans = result.spans + clock.spans
         return replace(
@@ -160,27 +175,29 @@ class CameraStages(Restorable):
             self._noted.add((frame.camera, missing))
 
     def _start_detectors(
-        self, frame: Frame, maps: DenseMaps | None
+        self, frame: Frame, maps: DenseMaps | None, *, has_scan: bool
     ) -> Callable[[], MultimodalOutput | None]:
         """Start the detectors of three modalities; return a function that waits for them and fuses.
 
-        It returns None where they are off or lack an image.
+        It returns None where they are off or lack what they look at. Without a scan, that of the image runs alone.
         """
         detectors = self._detectors
         if detectors is None:
             return lambda: None
         has_image = frame.image is not None and frame.calibration is not None
-        if not has_image and detectors.detectors.keys() == {"rgb"}:
+        if not has_image and (not has_scan or detectors.detectors.keys() == {"rgb"}):
             return lambda: None
-        return detectors.start(frame, maps)
+        return detectors.start(frame, maps, uses_maps=has_scan)
 
-    def _detect_further(self, view: Frame, clock: StageClock) -> MultimodalOutput | None:
+    def _detect_further(
+        self, view: Frame, clock: StageClock, *, has_scan: bool
+    ) -> MultimodalOutput | None:
         """Return the same of the frame as a further camera sees it."""
         if self._detectors is None:
             return None
-        maps = clock.run("maps", _make_maps, view)
+        maps = clock.run("maps", _make_maps, view) if has_scan else None
         with clock.nested() as spans:
-            output = self._start_detectors(view, maps)()
+            output = self._start_detectors(view, maps, has_scan=has_scan)()
             spans.extend(output.spans if output else ())
         return output
 
@@ -218,6 +235,7 @@ class CameraStages(Restorable):
                     frame.views[camera],
                     lidar.ground,
                     self._vehicles,
+                    uses_scan=not lidar.is_predicted,
                 )
                 for camera, one in enumerate(detections)
                 if one is not None

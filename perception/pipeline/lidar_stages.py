@@ -38,7 +38,6 @@ from perception.types import (
     Voxels,
 )
 
-# Stages that remember earlier frames.
 # Time after the last scan at which a scan without a valid stamp is taken to be.
 _NEXT_S = 1e-3
 
@@ -128,11 +127,23 @@ class LidarStages(Restorable):
         self._motion = motion_segmenter(motion, config.method_of(motion), sensor, config.area)
         self._datmo = datmo_stage(config.datmo, sensor, config.area)
 
-    def step(self, frame: Frame, clock: StageClock, *, with_datmo: bool = True) -> LidarResult:
+    def check(self, frame: Frame, clock: StageClock) -> Health:
+        """Return the health of LiDAR and INS in a frame, by which its scan is used or not.
+
+        Args:
+            frame: Frame of the drive.
+            clock: Clock of the stages.
+        """
+        return clock.run("scan health", self._monitors.update, frame)
+
+    def step(
+        self, frame: Frame, health: Health, clock: StageClock, *, with_datmo: bool = True
+    ) -> LidarResult:
         """Run the stages on a frame, in their order.
 
         Args:
             frame: Frame of the drive.
+            health: Health of LiDAR and INS in it, by `check`.
             clock: Clock of the stages.
             with_datmo: Whether moving objects are detected and tracked, where DATMO is on.
 
@@ -140,7 +151,6 @@ class LidarStages(Restorable):
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
         measured = frame
-        health = clock.run("scan health", self._monitors.update, frame)
         if is_clock_set(health):
             self._reset_stages()
         if health.level_of(INS) is HealthLevel.ERROR and self._may_lack_ins:
@@ -211,8 +221,9 @@ class LidarStages(Restorable):
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
+        clock = StageClock()
         with limit_blas_threads():
-            result = self.step(frame, StageClock(), with_datmo=False)
+            result = self.step(frame, self.check(frame, clock), clock, with_datmo=False)
         return result.of_frame(frame), result.scan
 
     def _register(self, frame: Frame) -> RegisteredScans:

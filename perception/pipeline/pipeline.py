@@ -1,9 +1,9 @@
 """One frame through every stage, in real time and in bounded memory.
 
-    LiDAR worker   | registration - ground - voxels - static and moving - moving objects -.
-                   |                                                                      |
-    camera worker  | maps -.- DepthCN --------.- fusion ---------------------------------- vehicles - Result
-    its threads    |       `- three detectors -'
+    LiDAR worker   | scan health - registration - ground - voxels - static and moving - moving objects -.
+                   |     |                                                                            |
+    camera worker  | image health - maps -.- DepthCN --------.- fusion ------------------------------- vehicles - Result
+    its threads    |                      `- three detectors -'
 
 Each worker is a thread, which takes one frame after another; a stage waits for the stages whose results it needs.
 Compiled functions, NumPy, OpenCV and the networks release Python's lock, so that both threads run at once.
@@ -24,7 +24,7 @@ from perception.pipeline.memory import exempt_from_collection, limit_heaps
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Frame, PipelineSnapshot, Result
+from perception.types import Frame, Health, PipelineSnapshot, Result
 
 # One frame for each worker.
 _MAX_IN_FLIGHT = 2
@@ -134,19 +134,30 @@ class Pipeline:
         self, frame: Frame, arrival_s: float, *, has_snapshot: bool = False
     ) -> "Future[Result]":
         """Give the stages of a frame to the two workers."""
-        lidar = self._lidar_worker.submit(self._run_lidar_stages, frame, arrival_s, has_snapshot)
-        return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, lidar)
+        clock = StageClock(self._lidar_worker.name, arrival_s)
+        health = self._lidar_worker.submit(self._lidar.check, frame, clock)
+        lidar = self._lidar_worker.submit(
+            self._run_lidar_stages, frame, health, clock, has_snapshot
+        )
+        return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, health, lidar)
 
-    def _run_lidar_stages(self, frame: Frame, arrival_s: float, has_snapshot: bool) -> LidarResult:
+    def _run_lidar_stages(
+        self, frame: Frame, health: "Future[Health]", clock: StageClock, has_snapshot: bool
+    ) -> LidarResult:
         """Run registration, ground, voxels, static and moving, and moving objects."""
-        result = self._lidar.step(frame, StageClock(self._lidar_worker.name, arrival_s))
+        result = self._lidar.step(frame, health.result(), clock)
         return replace(result, snapshot=self._lidar.snapshot()) if has_snapshot else result
 
     def _run_camera_stages(
-        self, frame: Frame, arrival_s: float, lidar: "Future[LidarResult]"
+        self,
+        frame: Frame,
+        arrival_s: float,
+        health: "Future[Health]",
+        lidar: "Future[LidarResult]",
     ) -> Result:
         """Run maps, detectors, fusion and DepthCN; then, with the LiDAR stages' result, vehicles."""
-        result = self._camera.step(frame, lidar, StageClock(self._camera_worker.name, arrival_s))
+        clock = StageClock(self._camera_worker.name, arrival_s)
+        result = self._camera.step(frame, health, lidar, clock)
         snapshot = lidar.result().snapshot
         if snapshot is None:
             return result

@@ -121,6 +121,17 @@ def test_a_frozen_ins_is_noticed_by_the_way_of_the_scans(clean):
     )
 
 
+def test_an_ins_agrees_with_the_scans_across_a_gap(clean):
+    """Three scans that cannot be used make a step of four periods, which is as far at the same velocity."""
+    monitor = InsMonitor()
+    for frame in clean[:10]:
+        monitor.update(frame)
+        monitor.register(frame, pose(frame.index), is_trusted=True)
+    after = replace(clean[13], world_SE3_velo=pose(13))
+    assert after.stamp_s - clean[9].stamp_s == pytest.approx(0.4)
+    assert not monitor.update(after)
+
+
 def test_a_stage_over_its_budget_is_an_error_after_five_frames():
     monitor = StageTimeMonitor(0.1)
     spans = (StageSpan("maps", "camera", 0.0, 0.02), StageSpan("fusion", "camera", 0.02, 0.13))

@@ -36,6 +36,26 @@ def test_a_dark_camera_is_not_used(street_frames, stages_in_turn):
     assert results[1].frame is dark
 
 
+@pytest.mark.parametrize("has_image", [True, False])
+def test_a_repeated_scan_is_not_used_and_the_image_is(street_frames, stages_in_turn, has_image):
+    first, second, third = street_frames
+    image = second.image if has_image else None
+    repeated = replace(second, points_velo=first.points_velo, image=image)
+    with Pipeline(config=stages_in_turn) as pipeline:
+        results = [pipeline.step(frame) for frame in (first, repeated, third)]
+    levels = [one.health.level_of(LIDAR) for one in results]
+    assert levels == [HealthLevel.OK, HealthLevel.ERROR, HealthLevel.OK]
+    used = [set(one.modality_detections) for one in results]
+    assert used == [{"rgb", "dm", "rm"}, {"rgb"} if has_image else set(), {"rgb", "dm", "rm"}]
+    assert [one.depthcn is None for one in results] == [False, True, False]
+    assert results[1].frame is repeated
+    found = results[1].vehicles
+    assert (found is not None) == has_image
+    if has_image:
+        assert len(found) > 0 and np.isnan(found.distances_m).all()
+        assert found.owners.tolist() == [-1] * len(repeated.points_velo)
+
+
 def test_an_ins_that_jumps_is_not_used(drive):
     clean, faulty = results_with(drive), results_with(drive, Fault("ins-jumping", 6, 6, 30.0))
     assert [one.health.level_of(INS).name for one in faulty] == ["OK"] * 6 + ["ERROR"] + ["OK"] * 3

@@ -109,12 +109,15 @@ class MultimodalDetector:
         """
         return self.start(frame, dense)()
 
-    def start(self, frame: Frame, dense: DenseMaps | None = None) -> Callable[[], MultimodalOutput]:
+    def start(
+        self, frame: Frame, dense: DenseMaps | None = None, *, uses_maps: bool = True
+    ) -> Callable[[], MultimodalOutput]:
         """Start the detectors in threads of their own; return a function that waits for them and fuses.
 
         Args:
             frame: Scan and camera, as in `detect`, whose errors the function raises.
             dense: Dense maps of the frame by the default filling, where they exist already.
+            uses_maps: Whether the detectors of maps run; a map of a scan that failed is no evidence against an object.
         """
         start_s = time.perf_counter()
         size_px = self._image_size_px(frame)
@@ -122,9 +125,9 @@ class MultimodalDetector:
         running: dict[Modality, Future[_Timed[_ModalityOutput]]] = {}
         if self._uses_image(frame):
             running["rgb"] = self._start("rgb", lambda: camera_image(frame), region)
-        maps = _time(lambda: self._make_maps(frame, dense))
+        maps = _time(lambda: self._make_maps(frame, dense) if uses_maps else {})
         for modality in MAP_MODALITIES:
-            if modality in self.detectors:
+            if uses_maps and modality in self.detectors:
                 dense_maps = maps.value[self.detectors[modality].filling]
                 first_row = first_observed_row(dense_maps.is_measured)
                 image = partial(map_image, dense_maps, modality)

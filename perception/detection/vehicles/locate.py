@@ -39,6 +39,8 @@ def locate(
     frame: Frame,
     ground: GroundModel | None,
     config: VehicleConfig | None = None,
+    *,
+    uses_scan: bool = True,
 ) -> Vehicles:
     """Locate each detection in the scan.
 
@@ -52,6 +54,7 @@ def locate(
         frame: Frame of the detections.
         ground: Ground model; None takes the lowest points around an object for its ground.
         config: Points, boxes and minimum score.
+        uses_scan: Whether the returns are of the frame's time; else each detection stays without a place.
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     detections, sizes = fused.detections, SizePriors.of(fused.detections.types)
@@ -59,7 +62,8 @@ def locate(
     objects = ImageObjects(detections.boxes_px, fused.existence, sizes)[likely]
     leaders = objects.leaders(config.points.same_place_iou)
     leading = np.flatnonzero(leaders == np.arange(len(leaders)))
-    found = find_points(frame.points_velo, objects[leading], camera, ground, config.points)
+    points_velo = frame.points_velo if uses_scan else frame.points_velo[:0]
+    found = find_points(points_velo, objects[leading], camera, ground, config.points)
     owners = np.full(len(frame.points_velo), -1)
     owners[found.rows] = likely[leading[found.owners]]
     found = found.shared(np.searchsorted(leading, leaders))

@@ -57,6 +57,14 @@ def test_its_points_are_those_of_its_sides_and_its_distance_is_to_the_nearest():
     assert np.isnan(found.velocities_m_s).all()
 
 
+def test_a_scan_of_another_time_locates_no_car():
+    true = cars((12.0, 2.0, 0.4))
+    frame = frame_of(road(), sides(true))
+    found = locate(detected(true), frame, _GROUND, uses_scan=False)
+    assert np.isnan(found.distances_m).all() and np.isnan(found.boxes.bottom_m).all()
+    assert found.owners.tolist() == [-1] * len(frame.points_velo)
+
+
 def test_without_a_ground_model_the_lowest_points_are_the_ground():
     true = cars((12.0, 2.0, 0.4))
     found = locate(detected(true), frame_of(road(), sides(true)), None)
