@@ -93,7 +93,7 @@ class LidarStages(Restorable):
 
     memories = (
         *("_registration", "_ground", "_motion", "_datmo"),
-        *("_monitors", "_last", "_last_s", "_now_s", "_velocity"),
+        *("_monitors", "_last", "_last_ins", "_last_s", "_now_s", "_velocity"),
     )
 
     def __init__(self, sensor: LidarModel, config: PipelineConfig) -> None:
@@ -116,6 +116,7 @@ class LidarStages(Restorable):
         sensor, config = self._sensor, self._config
         self._last: LidarResult | None = None
         self._last_s = self._now_s = -np.inf
+        self._last_ins: Float64 | None = None
         self._velocity: Float64 = np.zeros(6)  # rotation vector and translation a second
         registration, ground, motion = config.registration, config.ground, config.motion
         self._registration = Registration(
@@ -173,7 +174,7 @@ class LidarStages(Restorable):
         result = LidarResult(
             pose, ground, obstacles, tracks, is_reset, spans, scan, covariance, health=health
         )
-        self._remember(result, frame.stamp_s)
+        self._remember(result, frame)
         return result
 
     @property
@@ -181,8 +182,9 @@ class LidarStages(Restorable):
         """Whether scans are registered without INS, too; the thesis' window is not."""
         return self._config.method_of(self._config.registration) == "default"
 
-    def _remember(self, result: LidarResult, stamp_s: float) -> None:
+    def _remember(self, result: LidarResult, frame: Frame) -> None:
         """Keep what a scan that cannot be used is predicted from."""
+        stamp_s, self._last_ins = frame.stamp_s, frame.world_SE3_velo
         if self._last is not None and not result.is_reset:
             step = inverse(self._last.world_SE3_velo) @ result.world_SE3_velo
             motion = np.concatenate([rotation_vector(step[:3, :3]), step[:3, 3]])
@@ -192,11 +194,10 @@ class LidarStages(Restorable):
     def _predict(
         self, frame: Frame, last: LidarResult, health: Health, clock: StageClock
     ) -> LidarResult:
-        """Go on without a scan: constant velocity, the ground as it was, and predicted tracks."""
+        """Go on without a scan: the motion of the INS, the ground as it was, and predicted tracks."""
         # A scan out of order takes no time; the next one in order is registered with those before it.
         self._now_s = stamp_s = max(frame.stamp_s, self._now_s + _NEXT_S)
-        turn, way_m = np.split(self._velocity * (stamp_s - self._last_s), 2)
-        pose = last.world_SE3_velo @ from_rotation_translation(from_rotation_vector(turn), way_m)
+        pose = last.world_SE3_velo @ self._motion_since(last, frame, stamp_s)
         scan = replace(
             last.scan, stamp_s=stamp_s, world_SE3_velo=pose, ins_world_SE3_velo=pose, is_reset=False
         )
@@ -214,6 +215,14 @@ class LidarStages(Restorable):
             scan=scan,
             health=health,
         )
+
+    def _motion_since(self, last: LidarResult, frame: Frame, stamp_s: float) -> Float64:
+        """Return the (4, 4) motion since the last scan by the INS, else at constant velocity."""
+        is_in_order = frame.stamp_s == stamp_s
+        if frame.world_SE3_velo is not None and self._last_ins is not None and is_in_order:
+            return inverse(self._last_ins) @ frame.world_SE3_velo
+        turn, way_m = np.split(self._velocity * (stamp_s - self._last_s), 2)
+        return from_rotation_translation(from_rotation_vector(turn), way_m)
 
     def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
         """Run the stages before moving objects, to compare methods of DATMO on the same scans.

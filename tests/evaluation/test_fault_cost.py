@@ -10,12 +10,12 @@ from perception.types import Health, HealthFinding, HealthLevel
 from tests.known_result import known_result
 
 DARK = Health.of([HealthFinding("camera", HealthLevel.ERROR, "camera dark", "black")])
+DIM = Health.of([HealthFinding("camera", HealthLevel.WARN, "camera dark", "dim")])
 
 
 def test_named_frames_are_those_of_the_fault():
     measure = FaultCostMeasure("camera-dark", 9.0, 2, "camera", LocalArea(), 0.5)
-    for index in range(6):
-        health = DARK if index >= 3 else Health()
+    for index, health in enumerate([Health(), DARK, Health(), DIM, DARK, DARK]):
         measure.update(replace(known_result(index), health=health), None, None)
     cost = measure.compute()
     assert cost.named == 0.75

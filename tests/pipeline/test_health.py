@@ -8,6 +8,7 @@ import pytest
 from data.faults.injection import Fault, inject
 from data.synthetic.drive import SyntheticDrive
 from perception.detection.config import NO_DETECTION
+from perception.geometry.se3 import inverse
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import CAMERA, INS, LIDAR, HealthLevel, PointState
 
@@ -82,6 +83,14 @@ def test_scans_out_of_order_and_repeated_are_predicted(drive):
         assert np.linalg.norm(off_m) < 0.15
     states = faulty[9].obstacles.point_states
     assert np.count_nonzero(states == PointState.GROUND) > 0.3 * len(states)
+
+
+def test_without_scans_the_pose_is_that_of_the_ins(drive):
+    lost = results_with(drive, Fault("lidar-lost", 6, 9))
+    for row in range(6, 10):
+        by_ins = inverse(drive[5].world_SE3_velo) @ drive[row].world_SE3_velo
+        found = inverse(lost[5].world_SE3_velo) @ lost[row].world_SE3_velo
+        np.testing.assert_allclose(found, by_ins, atol=1e-9)
 
 
 def test_a_lost_scan_and_a_clock_that_was_set_do_not_stop_the_pipeline(drive):

@@ -138,6 +138,7 @@ class VehicleTrackerConfig:
         outline_weight: Weight of the outline of a 3D box in the reported box of a vehicle in the image.
         max_outline_share: Maximum difference of their sides, as a share of width and height, of boxes that agree.
         relocate_after_s: Time located elsewhere than predicted after which a track moves there.
+        max_unlocated_s: Time without returns after which a track has the place and the class of its image alone.
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
         front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
@@ -178,6 +179,7 @@ class VehicleTrackerConfig:
     outline_weight: float = 0.5
     max_outline_share: float = 0.4
     relocate_after_s: float = 0.35
+    max_unlocated_s: float = 2.0
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0
     front_speed_m_s: float = 1.0

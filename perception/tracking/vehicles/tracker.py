@@ -112,9 +112,13 @@ class VehicleTracker:
         limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
         goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
         goes_on &= (tracks.ids >= 0) | (tracks.evidence > 0)
-        self._tracks = predict(tracks[goes_on], elapsed_s, config)
-        evidence = config.evidence.memory * self._tracks.evidence
-        self._tracks = replace(self._tracks, evidence=evidence)
+        tracks = predict(tracks[goes_on], elapsed_s, config)
+        unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
+        self._tracks = replace(
+            tracks,
+            evidence=config.evidence.memory * tracks.evidence,
+            is_located=tracks.is_located & (unlocated_s <= config.max_unlocated_s + _ROUNDING_S),
+        )
 
     def _learn_classes(self, types: NDArray[np.str_]) -> None:
         """Add a column of evidence for each class that was never detected before."""

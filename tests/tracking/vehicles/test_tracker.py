@@ -269,6 +269,15 @@ def test_without_returns_the_class_is_that_of_the_detections():
     assert vehicles.fused.detections.types.tolist() == ["Car", "Van"]
 
 
+def test_height_tells_no_class_of_what_has_had_no_returns_for_long():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0), size_m=(5.0, 1.9, 2.1))
+    for _ in range(5):
+        reported = drive.observe(world).vehicles
+    assert reported.fused.detections.types.tolist() == ["Van"]
+    types = [drive.observe(world, blind=True).vehicles.fused.detections.types[0] for _ in range(25)]
+    assert types == ["Van"] * 20 + ["Car"] * 5
+
+
 def test_a_box_that_is_cut_in_the_image_is_completed_by_its_3d_box():
     drive, world = Drive(speed_m_s=0.0), cars((15.0, 5.0, 0.0))
     true_px = detected(observed_from(0.0, world)[1]).detections.boxes_px
