@@ -30,22 +30,28 @@ class StageTimeMonitor:
         if self._budget_s is None:
             return []
         budget_ms = 1e3 * self._budget_s
-        reasons: dict[str, tuple[str, str]] = {}
-        for stage in skipped:
-            reasons[LEFT_OUT] = stage, f"the budget of {budget_ms:.0f} ms would not be kept"
+        found: dict[str, tuple[str, str]] = {
+            f"{stage} {LEFT_OUT}": (stage, f"the budget of {budget_ms:.0f} ms would not be kept")
+            for stage in skipped
+        }
         late_ms = 1e3 * max((span.stop_s for span in spans), default=0.0)
         if late_ms > budget_ms:
             longest = max(spans, key=lambda span: span.stop_s - span.start_s)
             longest_ms = 1e3 * (longest.stop_s - longest.start_s)
-            reasons[OVER_BUDGET] = (
+            found[OVER_BUDGET] = (
                 longest.stage,
                 f"the result came {late_ms:.0f} ms after the frame, the budget is {budget_ms:.0f} ms; "
                 f"this stage took most, {longest_ms:.0f} ms",
             )
-        self._lasts = {fault: self._lasts.get(fault, 0) + 1 for fault in reasons}
+        self._lasts = {fault: self._lasts.get(fault, 0) + 1 for fault in found}
         return [
-            HealthFinding(stage, self._level(fault), f"{stage} {fault}", reason)
-            for fault, (stage, reason) in reasons.items()
+            HealthFinding(
+                stage,
+                self._level(fault),
+                f"{stage} {OVER_BUDGET}" if fault == OVER_BUDGET else fault,
+                reason,
+            )
+            for fault, (stage, reason) in found.items()
         ]
 
     def _level(self, fault: str) -> HealthLevel:

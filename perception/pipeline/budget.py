@@ -1,18 +1,20 @@
-"""The time budget of a frame: a stage that nothing needs is left out where the frame would be late."""
+"""The time budget of a frame: where it would be late, stages are left out that others do without."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
 
 from perception.pipeline.workers import StageClock
 
-# Weight of the newest frame in the typical time of a stage.
+Stage = TypeVar("Stage", bound=str)
+# Weight of the newest frame in the typical time.
 _NEWEST = 0.3
-# Share of the typical time that remains when a stage is left out, so that one slow frame does not stop it for good.
+# Share of the typical time that remains where stages are left out, so that one slow frame does not stop them for good.
 _REMAINS = 0.9
 
 
 class TimeBudget:
-    """Decides whether a frame would still be in time with a stage, by the times of earlier frames."""
+    """Decides which stages a frame goes without so as to be in time, by the times of earlier frames."""
 
     def __init__(self, budget_s: float | None) -> None:
         """Start without earlier frames.
@@ -21,27 +23,34 @@ class TimeBudget:
             budget_s: Time from the arrival of a frame to its result in seconds; None without a limit.
         """
         self._budget_s = budget_s
+        # From the decision to the result, by what was left out.
         self._typical_s: dict[str, float] = {}
 
-    def allows(self, stage: str, clock: StageClock, *following: str) -> bool:
-        """Return whether a stage and those that follow it are expected to end in time.
+    def stages_to_skip(self, order: Sequence[Stage], clock: StageClock) -> tuple[Stage, ...]:
+        """Return the stages to leave out: as few as keep the budget, all where even these do not suffice.
 
         Args:
-            stage: Stage that is about to run.
+            order: Stages that may be left out, the first of them first.
             clock: Clock of the frame.
-            *following: Stages that run in any case.
         """
-        typical_s = [self._typical_s.get(name, 0.0) for name in (stage, *following)]
-        if self._budget_s is None or clock.elapsed_s + sum(typical_s) <= self._budget_s:
-            return True
-        self._typical_s[stage] = _REMAINS * typical_s[0]
-        return False
+        for count in range(len(order)):
+            name = _name(order[:count])
+            typical_s = self._typical_s.get(name, 0.0)
+            if self._budget_s is None or clock.elapsed_s + typical_s <= self._budget_s:
+                return tuple(order[:count])
+            self._typical_s[name] = _REMAINS * typical_s
+        return tuple(order)
 
     @contextmanager
-    def measured(self, stage: str, clock: StageClock) -> Iterator[None]:
-        """Measure the time of a stage, waiting for others included."""
-        start_s = clock.elapsed_s
+    def measured(self, skipped: Sequence[str], clock: StageClock) -> Iterator[None]:
+        """Measure the rest of a frame that goes without some stages, waiting for others included."""
+        name, start_s = _name(skipped), clock.elapsed_s
         yield
         taken_s = clock.elapsed_s - start_s
-        typical_s = self._typical_s.get(stage, taken_s)
-        self._typical_s[stage] = typical_s + _NEWEST * (taken_s - typical_s)
+        typical_s = self._typical_s.get(name, taken_s)
+        self._typical_s[name] = typical_s + _NEWEST * (taken_s - typical_s)
+
+
+def _name(skipped: Sequence[str]) -> str:
+    """Return the name by which the times of frames without some stages are kept."""
+    return ", ".join(skipped)

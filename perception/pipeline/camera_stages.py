@@ -5,9 +5,8 @@ networks. Each camera's detections are located in the scan, those of one object 
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Future
-from contextlib import nullcontext
 from dataclasses import replace
 
 from perception.detection.config import DetectionConfig
@@ -26,14 +25,23 @@ from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.pipeline.budget import TimeBudget
 from perception.pipeline.lidar_stages import LidarResult
+from perception.pipeline.skipped_stages import (
+    DEPTHCN,
+    SkippableStage,
+    modalities_without,
+    skippable_stages,
+)
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.snapshot import Restorable
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import (
+    MAP_MODALITIES,
+    MODALITIES,
     Detections,
     Frame,
     Health,
+    Modality,
     ModalityDetections,
     Result,
 )
@@ -55,6 +63,7 @@ class CameraStages(Restorable):
         detection: DetectionConfig,
         vehicles: VehicleConfig,
         budget_ms: float | None = None,
+        budget_skips: Sequence[SkippableStage] = (),
     ) -> None:
         """Open the networks.
 
@@ -63,6 +72,7 @@ class CameraStages(Restorable):
             detection: Detection configuration.
             vehicles: Configuration of location and tracking.
             budget_ms: Time from the arrival of a frame to its result in milliseconds; None without a limit.
+            budget_skips: Stages that a late frame goes without, the first of them first.
 
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.
@@ -72,7 +82,7 @@ class CameraStages(Restorable):
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = vehicles
         self._budget_s = None if budget_ms is None else budget_ms / 1e3
-        self._budget = TimeBudget(self._budget_s)
+        self._budget, self._skips = TimeBudget(self._budget_s), tuple(budget_skips)
         self._noted: set[tuple[str, str]] = set()  # a camera and what it lacks
         self.reset()
 
@@ -108,24 +118,21 @@ class CameraStages(Restorable):
         frame = corrected(usable, self._miscalibration.correction)
         has_detector = self._detectors is not None or self._depthcn is not None
         maps = clock.run("maps", _make_maps, frame) if has_detector and has_scan else None
-        # Image and map detectors run in threads of their own, beside DepthCN in this one; then fusion.
-        with clock.nested() as detector_spans:
-            finish = self._start_detectors(frame, maps, has_scan=has_scan)
-            is_in_time = self._budget.allows(
-                "DepthCN", clock, "other detectors", "further cameras", "vehicles"
-            )
-            depthcn = (
-                self._detect_by_depthcn(frame, maps, clock) if is_in_time and has_scan else None
-            )
-            # Without DepthCN the wait is longer, which says nothing of the wait after it.
-            with self._budget.measured("other detectors", clock) if is_in_time else nullcontext():
+        skippable = self._skippable(frame, has_scan=has_scan)
+        skipped = self._budget.stages_to_skip(skippable, clock)
+        # A map of a scan that failed is no evidence against an object.
+        modalities = modalities_without(skipped, MODALITIES if has_scan else ("rgb",))
+        with self._budget.measured(skipped, clock):
+            # Image and map detectors run in threads of their own, beside DepthCN in this one; then fusion.
+            with clock.nested() as detector_spans:
+                finish = self._start_detectors(frame, maps, modalities)
+                uses_depthcn = has_scan and DEPTHCN not in skipped
+                depthcn = self._detect_by_depthcn(frame, maps, clock) if uses_depthcn else None
                 detections = [finish()]
-            detector_spans.extend(detections[0].spans if detections[0] else ())
-        with self._budget.measured("further cameras", clock):
+                detector_spans.extend(detections[0].spans if detections[0] else ())
             detections += [
-                self._detect_further(view, clock, has_scan=has_scan) for view in frame.views[1:]
+                self._detect_further(view, modalities, clock) for view in frame.views[1:]
             ]
-        with self._budget.measured("vehicles", clock):
             lidar_result = lidar.result()
             vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
         result = lidar_result.of_frame(measured)
@@ -142,7 +149,6 @@ class CameraStages(Restorable):
         # What it finds changes later frames alone.
         compared = usable if has_scan else replace(usable, image=None)
         off = clock.run("calibration", self._miscalibration.update, compared, result.world_SE3_velo)
-        skipped = () if is_in_time or self._depthcn is None else ("DepthCN",)
         spans = result.spans + clock.spans
         return replace(
             result,
@@ -174,8 +180,19 @@ class CameraStages(Restorable):
             log.warning("%s: no %s: %s", _named(frame), missing, vehicles)
             self._noted.add((frame.camera, missing))
 
+    def _skippable(self, frame: Frame, *, has_scan: bool) -> list[SkippableStage]:
+        """Return the stages that this frame may go without, the first of them first."""
+        sources = {"rgb": frame.image is not None and frame.calibration is not None}
+        detecting = [
+            name
+            for name in (self._detectors.detectors if self._detectors else ())
+            if sources.get(name, has_scan)
+        ]
+        has_depthcn = self._depthcn is not None and has_scan
+        return skippable_stages(self._skips, detecting, has_depthcn=has_depthcn)
+
     def _start_detectors(
-        self, frame: Frame, maps: DenseMaps | None, *, has_scan: bool
+        self, frame: Frame, maps: DenseMaps | None, modalities: Collection[Modality]
     ) -> Callable[[], MultimodalOutput | None]:
         """Start the detectors of three modalities; return a function that waits for them and fuses.
 
@@ -185,19 +202,21 @@ class CameraStages(Restorable):
         if detectors is None:
             return lambda: None
         has_image = frame.image is not None and frame.calibration is not None
-        if not has_image and (not has_scan or detectors.detectors.keys() == {"rgb"}):
+        has_maps = maps is not None and detectors.detectors.keys() != {"rgb"}
+        if not has_image and not has_maps:
             return lambda: None
-        return detectors.start(frame, maps, uses_maps=has_scan)
+        return detectors.start(frame, maps, modalities)
 
     def _detect_further(
-        self, view: Frame, clock: StageClock, *, has_scan: bool
+        self, view: Frame, modalities: Collection[Modality], clock: StageClock
     ) -> MultimodalOutput | None:
         """Return the same of the frame as a further camera sees it."""
         if self._detectors is None:
             return None
-        maps = clock.run("maps", _make_maps, view) if has_scan else None
+        uses_maps = any(name in MAP_MODALITIES for name in modalities)
+        maps = clock.run("maps", _make_maps, view) if uses_maps else None
         with clock.nested() as spans:
-            output = self._start_detectors(view, maps, has_scan=has_scan)()
+            output = self._start_detectors(view, maps, modalities)()
             spans.extend(output.spans if output else ())
         return output
 
@@ -209,7 +228,7 @@ class CameraStages(Restorable):
             return None
         # A network that was trained on maps of another method makes its own.
         is_same = self._depthcn.verifier.method == "default"
-        with self._budget.measured("DepthCN", clock), clock.stage("DepthCN"):
+        with clock.stage("DepthCN"):
             return self._depthcn.verify_frame(frame, maps if is_same else None).detections
 
     def _locate_and_track(

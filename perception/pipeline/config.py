@@ -10,6 +10,7 @@ from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
 from perception.localization.config import RegistrationConfig
 from perception.obstacles.config import GroundConfig, MotionConfig
+from perception.pipeline.skipped_stages import DEPTHCN, SkippableStage
 from perception.types import Method
 
 
@@ -26,7 +27,9 @@ class PipelineConfig:
         detection: Detection of vehicles in frames with a camera.
         vehicles: Location of detected vehicles in the scan, and their tracks.
         budget_ms: Time from the arrival of a frame to its result in milliseconds, for live use: a frame that would
-            be later goes without DepthCN. None to run every stage.
+            be later goes without some stages. None to run every stage.
+        budget_skips: Stages that a late frame goes without, as many as it takes, the first of them first; one of the
+            detectors always runs.
         area: Area around the vehicle in which ground, obstacles and moving objects are found.
         ego_vehicle: Outline of the vehicle itself; its returns are left out of every stage.
         seed: Seed of RANSAC.
@@ -41,6 +44,7 @@ class PipelineConfig:
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     vehicles: VehicleConfig = field(default_factory=VehicleConfig)
     budget_ms: float | None = None
+    budget_skips: tuple[SkippableStage, ...] = (DEPTHCN,)
     area: LocalArea = MOVING_OBJECT_AREA
     ego_vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     seed: int = 0

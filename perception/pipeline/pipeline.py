@@ -52,7 +52,9 @@ class Pipeline:
         self._lidar = LidarStages(sensor, config)
         with ThreadPoolExecutor(1) as loader:
             loading = loader.submit(load_compiled)
-            self._camera = CameraStages(sensor, config.detection, config.vehicles, config.budget_ms)
+            self._camera = CameraStages(
+                sensor, config.detection, config.vehicles, config.budget_ms, config.budget_skips
+            )
             loading.result()
         find_blas()
         if config.parallel:

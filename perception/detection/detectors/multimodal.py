@@ -10,7 +10,7 @@ run side by side, which is faster than one after the other with two threads (mea
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -110,28 +110,31 @@ class MultimodalDetector:
         return self.start(frame, dense)()
 
     def start(
-        self, frame: Frame, dense: DenseMaps | None = None, *, uses_maps: bool = True
+        self,
+        frame: Frame,
+        dense: DenseMaps | None = None,
+        modalities: Collection[Modality] = MODALITIES,
     ) -> Callable[[], MultimodalOutput]:
         """Start the detectors in threads of their own; return a function that waits for them and fuses.
 
         Args:
             frame: Scan and camera, as in `detect`, whose errors the function raises.
             dense: Dense maps of the frame by the default filling, where they exist already.
-            uses_maps: Whether the detectors of maps run; a map of a scan that failed is no evidence against an object.
+            modalities: Modalities whose detectors run; a map of a scan that failed is no evidence against an object.
         """
         start_s = time.perf_counter()
         size_px = self._image_size_px(frame)
         region = detection_region(frame.calibration, size_px)
         running: dict[Modality, Future[_Timed[_ModalityOutput]]] = {}
-        if self._uses_image(frame):
+        if "rgb" in modalities and self._uses_image(frame):
             running["rgb"] = self._start("rgb", lambda: camera_image(frame), region)
-        maps = _time(lambda: self._make_maps(frame, dense) if uses_maps else {})
-        for modality in MAP_MODALITIES:
-            if uses_maps and modality in self.detectors:
-                dense_maps = maps.value[self.detectors[modality].filling]
-                first_row = first_observed_row(dense_maps.is_measured)
-                image = partial(map_image, dense_maps, modality)
-                running[modality] = self._start(modality, image, region, first_row)
+        by_maps = [name for name in MAP_MODALITIES if name in self.detectors and name in modalities]
+        maps = _time(lambda: self._make_maps(frame, dense, by_maps))
+        for modality in by_maps:
+            dense_maps = maps.value[self.detectors[modality].filling]
+            first_row = first_observed_row(dense_maps.is_measured)
+            image = partial(map_image, dense_maps, modality)
+            running[modality] = self._start(modality, image, region, first_row)
 
         def finish() -> MultimodalOutput:
             outputs = {name: running[name].result() for name in MODALITIES if name in running}
@@ -170,11 +173,11 @@ class MultimodalDetector:
             return width_px, height_px
         return camera_of(frame)[1]
 
-    def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
-        """Return the dense maps by each filling that a detector needs."""
-        required = {
-            self.detectors[name].filling for name in MAP_MODALITIES if name in self.detectors
-        }
+    def _make_maps(
+        self, frame: Frame, dense: DenseMaps | None, modalities: Iterable[Modality]
+    ) -> dict[MapFilling, DenseMaps]:
+        """Return the dense maps by each filling that the detectors of some modalities need."""
+        required = {self.detectors[name].filling for name in modalities}
         made: dict[MapFilling, DenseMaps] = {}
         if dense is not None and "default" in required:
             made["default"] = dense
