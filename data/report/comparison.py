@@ -79,7 +79,7 @@ def _player(runs: Mapping[str, RunData]) -> Player:
     images: dict[int, Sequence[bytes]] = {}
     for one in player_frames(first):
         other = rows.get(one.frame)
-        frames.append(replace(one, objects=()))
+        frames.append(one)
         if other is not None and other in found[1].images and one.row in found[0].images:
             images[one.row] = _interleaved(found[0].images[one.row], found[1].images[other])
     titles = [

@@ -1,6 +1,6 @@
 """Images of the player: panels of the video as JPEGs, of so many frames that a page stays below 30 MB."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 from data.image_decoder import decode_image
 from perception.errors import ImageError
 from perception.render.panels import PanelArea
-from perception.types import UInt8
+from perception.types import Progress, UInt8
 
 # Of all frames together, before base64 makes a third more of them: with Plotly's 5 MB a page stays below 30 MB.
 MAX_IMAGE_BYTES = 16_500_000
@@ -83,7 +83,11 @@ class ImageCollection:
 
 
 def read_frame_images(
-    folder: Path, areas: Mapping[str, PanelArea], frames: int, max_bytes: int = MAX_IMAGE_BYTES
+    folder: Path,
+    areas: Mapping[str, PanelArea],
+    frames: int,
+    max_bytes: int = MAX_IMAGE_BYTES,
+    progress: Progress = iter,
 ) -> FrameImages:
     """Return the images of a run: of its video, else of the panels that it left; none where there are neither.
 
@@ -92,6 +96,7 @@ def read_frame_images(
         areas: Panels of an image of the video by name; the whole image where none is known.
         frames: Number of frames of the run.
         max_bytes: Number of bytes of all images.
+        progress: Progress bar around the rows of the video.
 
     Raises:
         ImageError: The video is damaged.
@@ -101,7 +106,7 @@ def read_frame_images(
     if video is None:
         return _read_panels(folder / _PANELS, collection)
     names, sizes = tuple(areas), [area.size_px for area in areas.values()]
-    for row, image in _video_images(video, collection):
+    for row, image in _video_images(video, collection, progress(range(frames))):
         if not names:
             names, sizes = (_WHOLE,), [(image.shape[1], image.shape[0])]
         panels = [area.of(image) for area in areas.values()] or [image]
@@ -144,7 +149,9 @@ def _size_px(path: Path) -> tuple[int, int]:
     return image.shape[1], image.shape[0]
 
 
-def _video_images(video: Path, collection: ImageCollection) -> Iterator[tuple[int, UInt8]]:
+def _video_images(
+    video: Path, collection: ImageCollection, rows: Iterable[int]
+) -> Iterator[tuple[int, UInt8]]:
     """Yield row and image of each frame of a video that is taken."""
     import av
 
@@ -152,7 +159,7 @@ def _video_images(video: Path, collection: ImageCollection) -> Iterator[tuple[in
         with av.open(str(video)) as container:
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
-            for row, frame in enumerate(container.decode(stream)):
+            for row, frame in zip(rows, container.decode(stream), strict=False):
                 if collection.takes(row):
                     yield row, np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
     except (av.FFmpegError, IndexError) as error:

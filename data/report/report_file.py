@@ -7,6 +7,7 @@ from data.results.folder import DRIVES
 from data.results.run_folder import FRAMES
 from perception.atomic_file import write_atomically
 from perception.errors import DriveError
+from perception.types import Progress
 
 REPORT, COMPARISON = "report.html", "comparison.html"
 
@@ -22,7 +23,9 @@ def write_page(page: Page, path: Path) -> Path:
     return path
 
 
-def write_report(results: Path, other: Path | None = None, out: Path | None = None) -> Path:
+def write_report(
+    results: Path, other: Path | None = None, out: Path | None = None, progress: Progress = iter
+) -> Path:
     """Write the report of results, or of two runs beside each other; return its path.
 
     Args:
@@ -30,6 +33,7 @@ def write_report(results: Path, other: Path | None = None, out: Path | None = No
         other: Folder of the run that is compared; None for one report.
         out: HTML file; else report.html in the folder, comparison.html in that of the second run, or the name of the
             JSON file with .html.
+        progress: Progress bar around the rows of a run's video.
 
     Raises:
         PerceptionError: There are no such results, or a file is damaged.
@@ -44,7 +48,7 @@ def write_report(results: Path, other: Path | None = None, out: Path | None = No
     if (results / FRAMES).is_file():
         from data.report.run_report import run_page
 
-        return write_page(run_page(RunData.read(results)), out or results / REPORT)
+        return write_page(run_page(RunData.read(results), progress), out or results / REPORT)
     if (results / DRIVES).is_file():
         from data.report.fleet_report import fleet_page
 

@@ -1,6 +1,6 @@
 """The result files of a run as a report reads them: frames, objects by id, and facts of the run."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 
 from data.report.run_facts import RunFacts
 from data.results.folder import CONFIG
-from data.results.objects import FrameTracks, FrameVehicles, ObjectRecord
+from data.results.objects import FrameTracks, FrameVehicles, Number, ObjectRecord
 from data.results.run_folder import FrameRecord, RunFolder
 from perception.detection.config import DetectionConfig
 from perception.errors import DriveError
@@ -79,8 +79,8 @@ class RunData:
         return cls(
             path=path,
             frames=frames,
-            tracks={one.frame: one for one in folder.tracks()},
-            vehicles={one.frame: one for one in folder.vehicles()},
+            tracks=folder.tracks(),
+            vehicles=folder.vehicles(),
             poses=folder.poses(),
             summary=folder.summary(),
             facts=RunFacts.read(path),
@@ -152,21 +152,18 @@ class RunData:
     @cached_property
     def paths(self) -> list[ObjectPath]:
         """Objects that were tracked with a velocity, those of the most frames first."""
-        found: dict[int, list[tuple[int, ObjectRecord]]] = {}
-        for number, one in self._tracked():
-            if one.id is not None and one.speed_m_s is not None:
-                found.setdefault(one.id, []).append((number, one))
-        return [
-            ObjectPath(
-                id=track,
-                type=next((one.type for _, one in reversed(rows) if one.type), ""),
-                frames=np.array([number for number, _ in rows], np.float64),
-                speeds_m_s=np.array([one.speed_m_s for _, one in rows], np.float64),
-                positions_m=np.array([one.world.position_m[:2] for _, one in rows], np.float64),
-            )
-            for track, rows in sorted(found.items(), key=lambda item: -len(item[1]))
-        ]
-
-    def _tracked(self) -> Iterator[tuple[int, ObjectRecord]]:
+        types: dict[int, str] = {}
+        found: dict[int, list[list[Number]]] = {}
         for frame in self.frames:
-            yield from ((frame.frame, one) for one in self.objects(frame.frame))
+            for one in self.objects(frame.frame):
+                if one.id is not None and one.speed_m_s is not None:
+                    row = [frame.frame, one.speed_m_s, *one.world.position_m[:2]]
+                    found.setdefault(one.id, []).append(row)
+                    types[one.id] = one.type or types.get(one.id, "")
+        return [
+            ObjectPath(track, types[track], rows[:, 0], rows[:, 1], rows[:, 2:])
+            for track, rows in (
+                (track, np.array(rows, np.float64))
+                for track, rows in sorted(found.items(), key=lambda item: -len(item[1]))
+            )
+        ]

@@ -1,6 +1,6 @@
 """The report of one run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,12 @@ from data.report.page import Page
 from data.report.player import Cell, Player, PlayerFrame
 from data.report.plotly_figures import CurveOptions, curves_figure, matrix_figure
 from data.report.run_data import ObjectPath, RunData
-from data.results.objects import ObjectRecord, VehicleRecord
+from data.results.objects import ObjectRecord
 from data.results.run_folder import FindingRecord, FrameRecord
 from perception.detection.config import DetectionConfig
 from perception.evaluation.stage_times import END_TO_END, stage_table
 from perception.render.curve_plots import Curve, CurvePanel, precision_panel
-from perception.types import MODALITIES, HealthLevel
+from perception.types import MODALITIES, HealthLevel, Progress
 
 MODALITY_NAMES = {"rgb": "image", "dm": "depth map", "rm": "reflectance map"}
 COLUMNS = ("object", "id", "speed [m/s]", "distance [m]", "score")
@@ -37,15 +37,19 @@ _MAX_ROWS = 200  # of a table
 _MAX_OBJECTS = 30  # of a frame
 
 
-def run_page(run: RunData) -> Page:
+def run_page(run: RunData, progress: Progress = iter) -> Page:
     """Return the report of a run.
+
+    Args:
+        run: Results of the run.
+        progress: Progress bar around the rows of its video.
 
     Raises:
         ImageError: The video is damaged.
     """
     plots = Plots()
-    images = read_frame_images(run.path, run.facts.panels, len(run.frames))
-    player = Player(images, player_frames(run), COLUMNS, 1 / run.period_s)
+    images = read_frame_images(run.path, run.facts.panels, len(run.frames), progress=progress)
+    player = Player(images, player_frames(run, images.images), COLUMNS, 1 / run.period_s)
     data = {"frames": player.data()} if player.played else {}
     sections = [
         Section("Summary", tiles_markup(summary_tiles(run))),
@@ -95,10 +99,12 @@ def summary_tiles(run: RunData) -> list[Tile]:
     return tiles
 
 
-def player_frames(run: RunData) -> list[PlayerFrame]:
-    """Return the frames of a run with their objects, the nearest first."""
+def player_frames(run: RunData, played: Container[int] = ()) -> list[PlayerFrame]:
+    """Return the frames of a run, those of the played rows with their objects, the nearest first."""
     return [
-        PlayerFrame(row, one.frame, time_s, _object_rows(run.objects(one.frame)))
+        PlayerFrame(
+            row, one.frame, time_s, _object_rows(run.objects(one.frame)) if row in played else []
+        )
         for row, (one, time_s) in enumerate(zip(run.frames, run.times_s.tolist(), strict=True))
     ]
 
@@ -237,15 +243,13 @@ def _detection_sections(run: RunData, plots: Plots) -> list[Section]:
 
 def _agreement(run: RunData) -> np.ndarray[Any, Any]:
     """Return the (3, 3) number of vehicles that two modalities found together."""
-    vehicles: list[VehicleRecord] = [
-        one
+    found_by = [
+        [one.scores.get(name) is not None for name in MODALITIES]
         for frame in run.vehicles.values()
         for one in frame.vehicles
         if (one.score or 0.0) >= DetectionConfig.display_score
     ]
-    found = np.array(
-        [[one.scores.get(name) is not None for name in MODALITIES] for one in vehicles], np.int64
-    ).reshape(-1, len(MODALITIES))
+    found = np.array(found_by, np.int64).reshape(-1, len(MODALITIES))
     return np.asarray(found.T @ found)
 
 

@@ -13,7 +13,7 @@ from perception.render.composition import Composition
 from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
 from perception.snapshot import Restorable
-from perception.types import Drive, Result
+from perception.types import Drive, Progress, Result
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,14 @@ class RunReportWriter(Restorable, ResultWriter):
     memories = ("_facts", "_skipped", "_errors", "_has_labels", "_history", "_row")
 
     def __init__(
-        self, out: Path, drive: Drive, composition: Composition, frames: int, *, has_video: bool
+        self,
+        out: Path,
+        drive: Drive,
+        composition: Composition,
+        frames: int,
+        *,
+        has_video: bool,
+        progress: Progress = iter,
     ) -> None:
         """Start without frames.
 
@@ -37,8 +44,9 @@ class RunReportWriter(Restorable, ResultWriter):
             composition: Layout of an image of the video.
             frames: Number of frames of the run.
             has_video: Whether the run has a video; else panels of some frames are drawn for the report.
+            progress: Progress bar around the rows of the video, at the end.
         """
-        self._out, self._drive = out, drive
+        self._out, self._drive, self._progress = out, drive, progress
         self._composition = composition if has_video else replace(composition, size_px=_SMALL_PX)
         self._step = max(-(-frames // MAX_FRAMES), 1)
         self._draws, self._has_labels = not has_video, drive.has_labels
@@ -75,7 +83,7 @@ class RunReportWriter(Restorable, ResultWriter):
         if is_complete:
             from data.report.report_file import write_report
 
-            write_report(self._out)
+            write_report(self._out, progress=self._progress)
 
     def _measure(self, result: Result) -> None:
         """Add the errors of a frame; damaged labels end that and not the run, which needs none."""

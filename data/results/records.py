@@ -2,10 +2,11 @@
 
 import dataclasses
 import json
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from data.kitti.reading import read_text
 from data.results.documents import to_serializable
@@ -32,6 +33,59 @@ def read_records(path: Path, kind: type[Record]) -> list[Record]:
     """
     lines = read_text(path, LabelError, "a JSON Lines file").splitlines()
     return [_record(f"{path} line {n}", line, kind) for n, line in enumerate(lines, start=1)]
+
+
+class FrameRecords(Mapping[int, Record]):
+    """The records of a file by the index of their frame, read when they are asked for: a long run has gigabytes."""
+
+    def __init__(self, path: Path, kind: type[Record]) -> None:
+        """Find the line of each frame.
+
+        Args:
+            path: JSON Lines file; without it there are no records.
+            kind: Dataclass of a line, with a field `frame`.
+
+        Raises:
+            LabelError: The file cannot be read, or a line is no JSON object of a frame.
+        """
+        self._path, self._kind = path, kind
+        self._places: dict[int, tuple[int, int]] = {}  # start and length in bytes
+        if not path.exists():
+            return
+        try:
+            with path.open("rb") as file:
+                start = 0
+                for number, line in enumerate(file, start=1):
+                    found = _object(f"{path} line {number}", line.decode(errors="replace"))
+                    self._places[_frame(f"{path} line {number}", found)] = start, len(line)
+                    start += len(line)
+        except OSError as error:
+            raise LabelError(path, expected="a JSON Lines file", found=str(error)) from error
+
+    def __getitem__(self, frame: int) -> Record:
+        """Read the record of a frame.
+
+        Raises:
+            LabelError: The line is no record of this kind.
+        """
+        start, length = self._places[frame]
+        with self._path.open("rb") as file:
+            file.seek(start)
+            line = file.read(length)
+        where = f"{self._path} frame {frame}"
+        return _record(where, line.decode(errors="replace"), self._kind)
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the frames in the order of the file."""
+        return iter(self._places)
+
+    def __contains__(self, frame: object) -> bool:
+        """Return whether there is a record of a frame, without reading it."""
+        return frame in self._places
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._places)
 
 
 def read_json_lines(path: Path) -> list[dict[str, Any]]:
@@ -65,9 +119,16 @@ def _object(where: str, text: str) -> dict[str, Any]:
     return found
 
 
+def _frame(where: str, found: Mapping[str, Any]) -> int:
+    frame = found.get("frame")
+    if not isinstance(frame, int):
+        raise LabelError(where, expected="the index of a frame", found=repr(frame))
+    return frame
+
+
 def _record(where: Path | str, text: str, kind: type[Record]) -> Record:
     try:
-        record: Record = _parse(kind, json.loads(text))
+        record: Record = _reader(cast("Hashable", kind))(json.loads(text))
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         found = repr(text[:80])
         raise LabelError(where, expected=f"a {kind.__name__}", found=found) from error
@@ -75,22 +136,28 @@ def _record(where: Path | str, text: str, kind: type[Record]) -> Record:
 
 
 @cache
-def _hints(kind: type) -> dict[str, Any]:
-    """Return the types of the fields of a dataclass, which take longer to find than a line to read."""
-    return get_type_hints(kind)
-
-
-def _parse(kind: Any, value: Any) -> Any:  # noqa: ANN401 - follows any annotation
+def _reader(kind: Any) -> Callable[[Any], Any]:  # noqa: ANN401 - follows any annotation
+    """Return a function that reads a JSON value as a type; made once, as a run has millions of values."""
     if get_origin(kind) in (UnionType, Union):
-        if value is None:
-            return None
-        (kind,) = (member for member in get_args(kind) if member is not NoneType)
+        (member,) = (one for one in get_args(kind) if one is not NoneType)
+        read_member = _reader(member)
+        return lambda value: None if value is None else read_member(value)
     if dataclasses.is_dataclass(kind):
-        # What an earlier version did not write has its default; a field without one is missed by the class.
-        known = {name: hint for name, hint in _hints(kind).items() if name in value.keys()}  # type: ignore[arg-type]  # noqa: SIM118 - a list has none
-        return kind(**{name: _parse(hint, value[name]) for name, hint in known.items()})  # type: ignore[operator]
+        make: Callable[..., Any] = cast("type[Any]", kind)
+        readers = {name: _reader(hint) for name, hint in get_type_hints(kind).items()}
+
+        def read_fields(value: Any) -> Any:  # noqa: ANN401 - a JSON value
+            # What an earlier version did not write has its default; a field without one is missed by the class.
+            names = value.keys()
+            return make(**{one: read(value[one]) for one, read in readers.items() if one in names})
+
+        return read_fields
     if get_origin(kind) is list:
-        return [_parse(get_args(kind)[0], item) for item in value]
+        read_item = _reader(get_args(kind)[0])
+        return lambda value: [read_item(item) for item in value]
     if get_origin(kind) is dict:
-        return {key: _parse(get_args(kind)[1], item) for key, item in value.items()}
-    return kind(value) if isinstance(kind, type) and value is not None else value
+        read_item = _reader(get_args(kind)[1])
+        return lambda value: {key: read_item(item) for key, item in value.items()}
+    if isinstance(kind, type):
+        return lambda value: None if value is None else kind(value)
+    return lambda value: value

@@ -18,7 +18,7 @@ from perception.pipeline.memory import release_free_memory
 from perception.render.bar_plots import plot_timeline
 from perception.render.scene import SelectedObject
 from perception.tracking.single_object.handover import TrackHandover
-from perception.types import Drive, Result
+from perception.types import Drive, Progress, Result
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +31,7 @@ def run_drive(
     folder: ResultsFolder,
     config: RunConfig,
     checkpoint: Checkpoint | None = None,
+    report_progress: Progress = iter,
 ) -> RunSummary:
     """Write the results of the pipeline; every result file is complete after each frame.
 
@@ -40,6 +41,7 @@ def run_drive(
         folder: Folder for the results; nothing is written before the first result is there.
         config: Configuration of the run.
         checkpoint: Checkpoint that a run which was killed has left in the folder, where the results go on from it.
+        report_progress: Progress bar of the report, which is written at the end.
 
     Raises:
         PerceptionError: A frame cannot be used; the results of the frames before it stay.
@@ -54,7 +56,7 @@ def run_drive(
         summary = replace(checkpoint.summary, out=out)
         start_s -= summary.elapsed_s
     checkpoints = Checkpoints(out, handover)
-    with open_writers(run_writers(drive, out, config)) as writers:
+    with open_writers(run_writers(drive, out, config, report_progress)) as writers:
         if checkpoint is not None:
             for writer, snapshot in zip(writers, checkpoint.writers, strict=True):
                 writer.restore(snapshot)

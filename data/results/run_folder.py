@@ -19,7 +19,7 @@ from data.results.objects import (
     frame_of,
     numbers,
 )
-from data.results.records import append_record, read_records
+from data.results.records import FrameRecords, append_record, read_records
 from data.results.result_writer import ResultWriter
 from perception.atomic_file import append_atomically, atomic_file, write_atomically
 from perception.detection.vehicles.camera_views import views_of
@@ -212,14 +212,13 @@ class RunFolder:
         last = np.tile([[[0.0, 0, 0, 1]]], (len(rows), 1, 1))
         return np.concatenate([rows, last], axis=1)
 
-    def tracks(self) -> list[FrameTracks]:
-        """Read `tracks.jsonl`."""
-        return read_records(self.path / "tracks.jsonl", FrameTracks)
+    def tracks(self) -> FrameRecords[FrameTracks]:
+        """Return the tracks in `tracks.jsonl` by frame."""
+        return FrameRecords(self.path / "tracks.jsonl", FrameTracks)
 
-    def vehicles(self) -> list[FrameVehicles]:
-        """Read `vehicles.jsonl`; no frames where the run had no detectors."""
-        path = self.path / "vehicles.jsonl"
-        return read_records(path, FrameVehicles) if path.exists() else []
+    def vehicles(self) -> FrameRecords[FrameVehicles]:
+        """Return the vehicles in `vehicles.jsonl` by frame; none where the run had no detectors."""
+        return FrameRecords(self.path / "vehicles.jsonl", FrameVehicles)
 
     def labels(self, name: str) -> NDArray[np.uint32]:
         """Read the (N,) SemanticKITTI classes of the points of a frame by its name."""

@@ -11,16 +11,19 @@ from data.results.run_config import RunConfig
 from data.results.run_folder import RunFiles
 from data.results.run_video import RunVideo
 from perception.render.composition import Composition
-from perception.types import Drive
+from perception.types import Drive, Progress
 
 
-def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWriter]:
+def run_writers(
+    drive: Drive, out: Path, config: RunConfig, progress: Progress = iter
+) -> Iterator[ResultWriter]:
     """Make the writers that a run asks for; optional packages are imported by those that need them.
 
     Args:
         drive: Drive of the run.
         out: Folder of the results.
         config: Configuration of the run.
+        progress: Progress bar of the report.
     """
     composition = Composition(
         area=config.pipeline.area,
@@ -33,7 +36,9 @@ def run_writers(drive: Drive, out: Path, config: RunConfig) -> Iterator[ResultWr
         from data.report.run_writer import RunReportWriter
 
         # First, and so closed last: it reads the files of the others.
-        yield RunReportWriter(out, drive, composition, frames, has_video=config.video)
+        yield RunReportWriter(
+            out, drive, composition, frames, has_video=config.video, progress=progress
+        )
     if config.video:
         yield BackgroundWriter(RunVideo(out, composition, drive, frames), "video")
     yield RunFiles(out, drive, config.pipeline.area, config.min_vehicle_score)

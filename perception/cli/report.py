@@ -18,6 +18,7 @@ def report(results: Path, other: Path | None = None, *, html: Path | None = None
     """
     from data.report.page import require_plotly
     from data.report.report_file import write_report
+    from perception.cli.progress import frame_progress_bar
 
     require_plotly()
-    print(f"report: {write_report(results, other, html)}")
+    print(f"report: {write_report(results, other, html, frame_progress_bar('report'))}")

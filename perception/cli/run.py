@@ -81,6 +81,7 @@ def run(
     from data.results.run_drive import run_drive
     from data.results.stopped_run import StoppedRun
     from perception.cli.drive_results import drive_results
+    from perception.cli.progress import frame_progress_bar
     from perception.detection.networks import enabled_modalities
 
     # The RGB detector and the one-object tracker read images that no video needs.
@@ -110,4 +111,5 @@ def run(
         checkpoint_frames=checkpoint_frames,
         faults=faults,
     )
-    print(run_drive(opened, found, folder, run_config, checkpoint).text())
+    progress = frame_progress_bar("report")
+    print(run_drive(opened, found, folder, run_config, checkpoint, progress).text())

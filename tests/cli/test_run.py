@@ -130,8 +130,12 @@ def test_what_was_written_is_read_back(results, street):
     folder, drive = RunFolder(results), open_drive(street)
     frames = folder.frames()
     assert [frame.frame for frame in frames] == list(range(FRAMES))
-    assert [len(line.tracks) for line in folder.tracks()] == [frame.tracks for frame in frames]
-    assert [len(line.vehicles) for line in folder.vehicles()] == [one.vehicles for one in frames]
+    assert [len(line.tracks) for line in folder.tracks().values()] == [
+        frame.tracks for frame in frames
+    ]
+    assert [len(line.vehicles) for line in folder.vehicles().values()] == [
+        one.vehicles for one in frames
+    ]
     poses = folder.poses()
     np.testing.assert_allclose(poses[:, :3, 3], [one.position_m for one in frames], atol=1e-4)
     assert folder.summary()["frames"] == FRAMES

@@ -28,7 +28,7 @@ def test_tables_hold_what_the_lines_hold(exported):
     )
     lines = [
         (line.frame, track.id, pytest.approx(track.velo.position_m[0], abs=1e-4))
-        for line in folder.tracks()
+        for line in folder.tracks().values()
         for track in line.tracks
     ]
     assert tracks.fetchall() == lines

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from data.results.documents import write_json
-from data.results.records import append_record, read_record, read_records
+from data.results.records import FrameRecords, append_record, read_record, read_records
 from perception.errors import LabelError, WriteError
 from tests.faults import fault
 from tests.full_disk import file_size_limit
@@ -70,3 +70,30 @@ def test_a_damaged_document_is_refused(text, tmp_path):
     path.write_text(text)
     with fault(LabelError, where=str(path), expected="a Place"):
         read_record(path, Place)
+
+
+def test_records_of_frames_are_read_when_they_are_asked_for(tmp_path):
+    path = tmp_path / "lines.jsonl"
+    for line in LINES:
+        append_record(path, line)
+    records = FrameRecords(path, Line)
+    assert list(records.items()) == [(0, LINES[0]), (1, LINES[1])]
+    assert (len(records), 1 in records, 2 in records, records.get(7)) == (2, True, False, None)
+    assert not FrameRecords(tmp_path / "none.jsonl", Line)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"frame": "x"}'])
+def test_a_line_without_a_frame_is_named(tmp_path, text):
+    path = tmp_path / "lines.jsonl"
+    path.write_text(f'{{"frame": 1, "place": null, "scores": {{}}}}\n{text}\n')
+    with pytest.raises(LabelError) as caught:
+        FrameRecords(path, Line)
+    assert caught.value.where == f"{path} line 2"
+
+
+def test_a_record_of_another_kind_is_named_by_its_frame(tmp_path):
+    path = tmp_path / "lines.jsonl"
+    path.write_text('{"frame": 4, "place": 3, "scores": {}}\n')
+    with pytest.raises(LabelError) as caught:
+        FrameRecords(path, Line)[4]
+    assert (caught.value.where, caught.value.expected) == (f"{path} frame 4", "a Line")
