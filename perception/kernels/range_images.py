@@ -15,7 +15,7 @@ _F32, _BOOL = np.float32, np.bool_
 _LINE, _LINE_OUT = array_of(_F32), written(_F32)
 _BLOCK = 512
 _POINTS, _SLOPES = array_of(_F32, 2), array_of(np.int32, 2)
-_IMAGE = array_of(_F32, 2)
+_IMAGE, _BLOCKS = array_of(_F32, 2), array_of(np.int64, 2)
 _PROJECTION = (_F32, _F32, _F32, np.int64)
 # Polynomial of the arcus tangent from 0 to 1 in odd powers (Abramowitz and Stegun, 4.4.47): good to 1e-5 rad.
 _A1, _A3, _A5, _A7, _A9 = (
@@ -155,21 +155,35 @@ def _is_bounded(
     ) and _has_return(framed_m, elevations_rad, next_row, side, column, reach, reach_rad)
 
 
-@compiled((_IMAGE, WHOLE, _F32, _F32, _F32))
+@compiled((_IMAGE, WHOLE, WHOLE, WHOLE, WHOLE, _F32))
 def _is_passed(
-    block_minima: Float32, pixel: int, range_m: float, level_0_from_m: float, margin_m: float
+    framed_m: Float32,
+    row: int,
+    column: int,
+    rows_aside: int,
+    columns_aside: int,
+    passed_from_m: float,
 ) -> bool:
-    """Return whether every beam of the block around a pixel, which spans the tolerance there, ended farther away."""
-    around = float(block_minima[_level(range_m, level_0_from_m), pixel])
-    return around > range_m + margin_m and around < np.inf
+    """Return whether beams of the block around a pixel have a return, and all their returns are farther than a range."""
+    beams, width = framed_m.shape[0] - 2, framed_m.shape[1] - 2
+    if framed_m[row + 1, column + 1] <= passed_from_m:
+        return False  # as most often
+    has_return = False
+    for i in range(max(row - rows_aside, 0), min(row + rows_aside, beams - 1) + 1):
+        for j in range(column - columns_aside, column + columns_aside + 1):
+            range_m = framed_m[i + 1, j % width + 1]
+            if range_m <= passed_from_m:
+                return False
+            has_return |= range_m < np.inf
+    return has_return
 
 
-@compiled((_POINTS, _SLOPES, _PROJECTION, _IMAGE, _IMAGE, _LINE, _F32, _F32))
+@compiled((_POINTS, _SLOPES, _PROJECTION, _BLOCKS, _IMAGE, _LINE, _F32, _F32))
 def are_free(
     points: Float32,
     rows_of_slope: Int,
     projection: ProjectionNumbers,
-    block_minima: Float32,
+    blocks: Int,
     framed_m: Float32,
     elevations_rad: Float32,
     level_0_from_m: float,
@@ -181,34 +195,30 @@ def are_free(
         points: (P, 3+) places in the frame of the scan.
         rows_of_slope: Rows of the projection.
         projection: Numbers of the projection.
-        block_minima: (levels, pixels) nearest return in the block around each pixel; level l spans 2^l columns.
+        blocks: (levels, 2) rows and columns to either side of the block around a pixel; level l spans 2^l columns.
         framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
         elevations_rad: (rows,) elevation of each beam, highest first.
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
         margin_m: Distance in metres by which a beam must go farther to have passed.
     """
     rows, next_rows, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)
-    is_free = np.empty(len(points), np.bool_)
+    is_free = np.zeros(len(points), np.bool_)
     for k in range(len(points)):
-        pixel = rows[k] * projection[3] + columns[k]
-        passed = _is_passed(block_minima, pixel, ranges_m[k], level_0_from_m, margin_m)
-        is_free[k] = is_in_view[k] & passed
-    # Apart from the first loop, which takes vector instructions.
-    for k in range(len(points)):
-        if is_free[k]:
-            level = _level(ranges_m[k], level_0_from_m)
-            is_free[k] = _is_bounded(
-                framed_m, elevations_rad, rows[k], next_rows[k], columns[k], level
-            )
+        if not is_in_view[k]:
+            continue
+        row, column, level = rows[k], columns[k], _level(ranges_m[k], level_0_from_m)
+        around, aside = blocks[level, 0], blocks[level, 1]
+        if _is_passed(framed_m, row, column, around, aside, ranges_m[k] + margin_m):
+            is_free[k] = _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
     return is_free
 
 
-@compiled((_POINTS, _SLOPES, _PROJECTION, _IMAGE, _IMAGE, _LINE, _F32, _F32))
+@compiled((_POINTS, _SLOPES, _PROJECTION, _BLOCKS, _IMAGE, _LINE, _F32, _F32))
 def visibility_of(
     points: Float32,
     rows_of_slope: Int,
     projection: ProjectionNumbers,
-    block_minima: Float32,
+    blocks: Int,
     framed_m: Float32,
     elevations_rad: Float32,
     level_0_from_m: float,
@@ -220,7 +230,7 @@ def visibility_of(
         points: (P, 3+) places in the frame of the scan.
         rows_of_slope: Rows of the projection.
         projection: Numbers of the projection.
-        block_minima: (levels, pixels) nearest return in the block around each pixel.
+        blocks: (levels, 2) rows and columns to either side of the block around a pixel.
         framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
         elevations_rad: (rows,) elevation of each beam, highest first.
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
@@ -232,16 +242,15 @@ def visibility_of(
         if not is_in_view[k]:
             continue
         row, column, range_m = rows[k], columns[k], ranges_m[k]
+        level = _level(range_m, level_0_from_m)
+        around, aside = blocks[level, 0], blocks[level, 1]
         is_hit = False
         for i in range(row, row + 3):
             for j in range(column, column + 3):
                 is_hit |= abs(framed_m[i, j] - range_m) < margin_m
         if is_hit:
             states[k] = 2
-        elif _is_passed(
-            block_minima, row * projection[3] + column, range_m, level_0_from_m, margin_m
-        ):
-            level = _level(range_m, level_0_from_m)
+        elif _is_passed(framed_m, row, column, around, aside, range_m + margin_m):
             states[k] = _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
         elif framed_m[row + 1, column + 1] < range_m - margin_m:
             states[k] = 3

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar, cast
 
-import cv2
 import numpy as np
 
 from perception.kernels.range_images import (
@@ -23,7 +22,6 @@ from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Int, UInt8
 
 Image = TypeVar("Image", Float32, Bool)
-_NOTHING = np.float32(np.inf)  # a direction without a return: dark, glass, or sky
 _SLOPE_STEPS = 4096
 _FIRINGS_A_COLUMN = 2  # so that a lost return rarely empties a pixel
 _LEVELS = 4
@@ -102,10 +100,9 @@ class SphericalProjection:
             np.stack([nearest, following]).astype(np.int32),
             (slopes[0], 1 / (slopes[1] - slopes[0]), 1 / self.column_step_rad, self.columns),
         )
-        self.blocks = [
-            (max(1, int(np.ceil(2**level * self.column_step_rad / step_rad))), 2**level)
-            for level in range(_LEVELS)
-        ]
+        columns_aside = 2 ** np.arange(_LEVELS)
+        rows_aside = np.maximum(np.ceil(columns_aside * self.column_step_rad / step_rad), 1)
+        self.blocks: Int = np.stack([rows_aside.astype(np.int64), columns_aside], axis=1)
         self.level_0_from_m = tolerance_m / self.column_step_rad
 
     def pixels(self, points_velo: Float32) -> RangeImagePixels:
@@ -120,7 +117,6 @@ class RangeImage:
         """Make the image of a scan; points outside the sensor's elevations are left out."""
         ranges = nearest_returns(_contiguous(points_velo), *projection.numbers, projection.rows)
         self._projection = projection
-        self._nearest = _block_minima(ranges, projection.blocks)
         self._framed = _framed(ranges)
         self._is_moving = np.zeros(self._framed.shape, bool)
 
@@ -143,7 +139,7 @@ class RangeImage:
         states, gaps_m = visibility_of(
             _contiguous(points_velo),
             *projection.numbers,
-            self._nearest,
+            projection.blocks,
             self._framed,
             projection.elevations_rad,
             projection.level_0_from_m,
@@ -157,7 +153,7 @@ class RangeImage:
         return are_free(
             _contiguous(points_velo),
             *projection.numbers,
-            self._nearest,
+            projection.blocks,
             self._framed,
             projection.elevations_rad,
             projection.level_0_from_m,
@@ -191,18 +187,3 @@ def _framed(image: Image) -> Image:
     framed[1:-1, 0], framed[1:-1, -1] = image[:, -1], image[:, 0]
     framed[0], framed[-1] = framed[1], framed[-2]
     return cast(Image, framed)
-
-
-def _block_minima(ranges: Float32, blocks: list[tuple[int, int]]) -> Float32:
-    """Return (levels, pixels) the nearest return in the block around each pixel, round the full turn."""
-    wrap = max(columns for _, columns in blocks)
-    turned = np.concatenate([ranges[:, -wrap:], ranges, ranges[:, :wrap]], axis=1)
-    minima: Float32 = np.empty((len(blocks), *ranges.shape), np.float32)
-    for level, (rows, columns) in enumerate(blocks):
-        minima[level] = cv2.erode(
-            turned,
-            np.ones((2 * rows + 1, 2 * columns + 1), np.uint8),
-            borderType=cv2.BORDER_CONSTANT,
-            borderValue=float(_NOTHING),
-        )[:, wrap:-wrap]
-    return minima.reshape(len(blocks), -1)

@@ -17,6 +17,7 @@ NEAREST = np.repeat(np.arange(ROWS, dtype=np.int32)[::-1], 4)
 NEXT = np.clip(NEAREST + np.tile(np.array([1, 1, -1, -1], np.int32), ROWS), 0, ROWS - 1)
 SLOPES = np.stack([NEAREST, NEXT])
 ELEVATIONS_RAD = np.radians([12, 6, 3, 0, -6, -15]).astype(np.float32)
+BLOCKS = np.array([[1, 1], [1, 2], [2, 4], [3, 8]])
 PROJECTION = (-0.6, 20.0, COLUMNS / (2 * np.pi), COLUMNS)
 
 
@@ -86,9 +87,8 @@ def test_single_beams_and_hits_equal_the_reference() -> None:
     is_beyond = (beyond_m >= np.float32(0.3)) & np.isfinite(beyond_m)
     np.testing.assert_array_equal(passed, is_beyond.any(axis=0) & is_in_view)
 
-    minima = np.full((4, ROWS * COLUMNS), -1, np.float32)  # nothing is free
     states, gaps_m = visibility_of(
-        places, SLOPES, PROJECTION, minima, beams_m, ELEVATIONS_RAD, 30.0, 0.3
+        places, SLOPES, PROJECTION, BLOCKS, beams_m, ELEVATIONS_RAD, 30.0, 0.3
     )
     is_hit = is_near.any(axis=0) & is_in_view
     np.testing.assert_array_equal(states == 2, is_hit)
@@ -103,12 +103,12 @@ def test_free_places_equal_the_reference() -> None:
     beams_m = nearest_returns(scan, SLOPES, PROJECTION, ROWS)
     places = scattered(500, seed=4)
     rows, next_rows, columns, ranges_m, is_in_view = pixels_of(places, SLOPES, PROJECTION)
-    minima = np.full((4, ROWS * COLUMNS), 9, np.float32)
     args = (framed(beams_m), ELEVATIONS_RAD, 6.0, 0.3)
-    free = are_free(places, SLOPES, PROJECTION, minima, *args)
+    free = are_free(places, SLOPES, PROJECTION, BLOCKS, *args)
+    states, _ = visibility_of(places, SLOPES, PROJECTION, BLOCKS, *args)
     for place in np.flatnonzero(is_in_view):
         row, following, range_m = rows[place], next_rows[place], ranges_m[place]
-        reach = 2 ** int(np.sum(range_m * np.array([1, 2, 4], np.float32) < 6.0))
+        above, reach = BLOCKS[int(np.sum(range_m * np.array([1, 2, 4], np.float32) < 6.0))]
         near = np.arange(columns[place] - reach, columns[place] + reach + 1) % COLUMNS
         returned = np.flatnonzero(np.isfinite(beams_m[:, near]).any(axis=1))
         side = following - row or 1
@@ -121,6 +121,9 @@ def test_free_places_equal_the_reference() -> None:
             )
             for first, step in ((row, -side), (following, side))
         ]
-        assert free[place] == (range_m + 0.3 < 9 and all(is_bounded))
+        block_m = beams_m[max(row - above, 0) : row + above + 1, near]
+        is_passed = np.isfinite(block_m.min()) and block_m.min() > range_m + np.float32(0.3)
+        assert free[place] == (is_passed and all(is_bounded))
     assert 0.1 < free[is_in_view].mean() < 0.9
+    np.testing.assert_array_equal(states == 1, free & (states != 2))
     assert not free[~is_in_view].any()
