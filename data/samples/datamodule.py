@@ -14,7 +14,7 @@ from data.batch.shared_cache import fill_together
 from data.results.documents import usable_cores
 from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
-from data.samples.epoch_samplers import ContiguousDistributedSampler, EpochSampler, SampleIndex
+from data.samples.epoch_samplers import DistributedBatchSampler, EpochSampler, SampleIndex
 from data.samples.labelled_parts import LabelledParts, first_frames, open_parts
 from data.splits.training_frames import ENTRY, TrainingFrames
 from perception.errors import UsageError
@@ -100,7 +100,9 @@ class SampleDataModule(LightningDataModule, Generic[Frames, Samples]):
             return self._loader(self.training, sampler)
         # Workers start before Lightning says which epoch a resumed training continues with.
         sampler.set_epoch(trainer.current_epoch)
-        share = ContiguousDistributedSampler(sampler, trainer.global_rank, trainer.world_size)
+        share = DistributedBatchSampler(
+            sampler, self.config.batch_size, trainer.global_rank, trainer.world_size
+        )
         return self._loader(self.training, share)
 
     def val_dataloader(self) -> DataLoader[Any]:

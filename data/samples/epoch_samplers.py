@@ -87,22 +87,32 @@ class BalancedSampler(EpochSampler):
         return np.array(by_class, np.int64).T.ravel()
 
 
-class ContiguousDistributedSampler(Sampler[Item]):
-    """One run of consecutive items of another sampler for each training process, all of one length.
+class DistributedBatchSampler(Sampler[Item]):
+    """A run of each global batch of another sampler for each training process, all of one length.
+
+    The batches of all processes at one step have the members of one batch of a single process that takes as many
+    samples at once. Of an epoch that cannot be shared out evenly, the last items are left out: fewer than there
+    are processes.
+
+        items    0 1 2 3 4 5 6 7 8 9 10, batches of 2, 2 processes
+        first    0 1     4 5     8
+        second       2 3     6 7   9
 
     Lightning's own distributed sampler takes every n-th item: of two classes that alternate, two processes
     would get one each. It also hides `set_epoch` of the sampler it wraps.
     """
 
-    def __init__(self, whole: Sampler[Item], process: int, processes: int) -> None:
+    def __init__(self, whole: Sampler[Item], batch_size: int, process: int, processes: int) -> None:
         """Take a share of a sampler.
 
         Args:
             whole: Sampler with a length, and optionally `set_epoch`.
+            batch_size: Samples per batch of one process.
             process: Rank of the process, from 0.
             processes: Number of processes.
         """
-        self._whole, self._process = whole, process
+        self._whole, self._batch_size = whole, batch_size
+        self._process, self._processes = process, processes
         self._length = len(whole) // processes  # type: ignore[arg-type]
 
     def set_epoch(self, epoch: int) -> None:
@@ -114,8 +124,12 @@ class ContiguousDistributedSampler(Sampler[Item]):
         return self._length
 
     def __iter__(self) -> Iterator[Item]:
-        first = self._process * self._length
-        return islice(iter(self._whole), first, first + self._length)
+        items, left = iter(self._whole), self._length
+        while left > 0:
+            size = min(self._batch_size, left)
+            of_all = list(islice(items, size * self._processes))
+            yield from of_all[size * self._process : size * (self._process + 1)]
+            left -= size
 
 
 def _in_cycles(rows: Int, count: int, rng: np.random.Generator) -> Int:

@@ -129,11 +129,12 @@ def _join(rank: int, processes: int, port: int) -> None:
 
 def _train(job: Job) -> int:
     """Train in this process; the first one prints the number of steps."""
-    from tests.train.toy_images import tiny_network
+    from tests.train.toy_images import tiny_network, tiny_network_without_batch_norm
     from tests.train.trainings import cli_of
     from train.detector import networks
 
     networks.NETWORKS["tiny"] = tiny_network
+    networks.NETWORKS["tiny-without-batch-norm"] = tiny_network_without_batch_norm
     if job.sees_all:
         _give_every_batch()
     if job.killed_after:
@@ -154,15 +155,15 @@ def _train(job: Job) -> int:
 
 def _give_every_batch() -> None:
     """Let all processes train on all batches: the mean of equal gradients is the gradient of one process."""
-    from data.samples.epoch_samplers import ContiguousDistributedSampler
+    from data.samples.epoch_samplers import DistributedBatchSampler
 
-    init = ContiguousDistributedSampler.__init__
+    init = DistributedBatchSampler.__init__
 
-    def init_whole(self: Any, whole: Any, process: int, processes: int) -> None:
+    def init_whole(self: Any, whole: Any, batch_size: int, process: int, processes: int) -> None:
         del process, processes
-        init(self, whole, 0, 1)
+        init(self, whole, batch_size, 0, 1)
 
-    ContiguousDistributedSampler.__init__ = init_whole  # type: ignore[method-assign]
+    DistributedBatchSampler.__init__ = init_whole  # type: ignore[method-assign]
 
 
 def _kill_after(batches: int) -> None:

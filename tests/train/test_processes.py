@@ -66,9 +66,20 @@ def trained(words, tmp_path_factory) -> Path:
         Job("detector", shared["detector"], [*words["detector"], *SHARED], 2, processes=2),
         Job("depthcn", shared["depthcn"], words["depthcn"], 1, processes=2, started_by="lightning"),
     ]
+    halves = [*words["detector"], "--model.network=tiny-without-batch-norm"]
+    for processes, batch in ((1, 4), (2, 2)):
+        out = str(folder / "detector" / f"by {processes}")
+        flags = [*halves, f"--data.batch={batch}"]
+        jobs.insert(0, Job("detector", out, flags, EPOCHS, processes=processes))
     codes = run_jobs(jobs, folder)
     logs = [(folder / f"{number}.log").read_text() for number in range(len(jobs))]
-    assert codes == [*([[0], [-signal.SIGKILL], [0], [0, 0]] * len(words)), [0, 0], [0]], logs
+    assert codes == [
+        [0, 0],
+        [0],
+        *([[0], [-signal.SIGKILL], [0], [0, 0]] * len(words)),
+        [0, 0],
+        [0],
+    ], logs
     return folder
 
 
@@ -91,6 +102,16 @@ def test_the_result_is_that_of_one_uninterrupted_process(trained, name, way):
         {**json.loads((one / "metrics.json").read_text()), "checkpoint": None} for one in folders
     ]
     assert metrics[0] == metrics[1]
+
+
+def test_two_processes_of_a_detector_train_as_one_with_batches_of_twice_the_size(trained):
+    one, two = (
+        read_checkpoint(trained / "detector" / f"by {processes}" / "last.ckpt", MODEL)
+        for processes in (1, 2)
+    )
+    assert one["global_step"] == two["global_step"] == EPOCHS * BATCHES["detector"]
+    for key, weight in one["state_dict"].items():
+        torch.testing.assert_close(two["state_dict"][key], weight, rtol=1e-4, atol=1e-5, msg=key)
 
 
 def test_processes_of_a_detector_share_the_batches_and_measure_what_all_have_seen(

@@ -9,7 +9,7 @@ import torch
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
-from data.samples.epoch_samplers import ContiguousDistributedSampler
+from data.samples.epoch_samplers import DistributedBatchSampler
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL
 from train.verifier.kind import DEPTHCN
@@ -77,7 +77,7 @@ class ToyCrops(LightningDataModule):
         order = _Order(self._count, epoch)
         process = self.trainer.global_rank if self.trainer else 0
         processes = self.trainer.world_size if self.trainer else 1
-        share = ContiguousDistributedSampler(order, process, processes)
+        share = DistributedBatchSampler(order, self._batch, process, processes)
         return DataLoader(self._rows(0), batch_size=self._batch, sampler=share)
 
     def mean_crop(self) -> torch.Tensor:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 from lightning.pytorch import LightningDataModule
+from torch import nn
 from torch.utils.data import DataLoader, Sampler
 
-from data.samples.epoch_samplers import ContiguousDistributedSampler
+from data.samples.epoch_samplers import DistributedBatchSampler
 from data.samples.images.dataset import collate
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_input import ImagePlacement, PixelRectangle, place
@@ -27,6 +28,16 @@ def tiny_network(class_names: tuple[str, ...], channels: int) -> CompactDetector
     return CompactDetector(
         class_names, channels=channels, widths=(8, 16, 24, 24, 24), residuals=(0, 0, 0)
     )
+
+
+def tiny_network_without_batch_norm(class_names: tuple[str, ...], channels: int) -> CompactDetector:
+    """Batch norm measures the images of one process, so that its share of a batch is not the whole one."""
+    network = tiny_network(class_names, channels)
+    for part in list(network.modules()):
+        for name, child in part.named_children():
+            if isinstance(child, nn.BatchNorm2d):
+                setattr(part, name, nn.GroupNorm(1, child.num_features))
+    return network
 
 
 class ToySamples:
@@ -117,8 +128,8 @@ class ToyImages(LightningDataModule):
 
     def train_dataloader(self) -> DataLoader:
         order = _Order(len(self.training), self.trainer.current_epoch, self._repeats)
-        share = ContiguousDistributedSampler(
-            order, self.trainer.global_rank, self.trainer.world_size
+        share = DistributedBatchSampler(
+            order, self._batch, self.trainer.global_rank, self.trainer.world_size
         )
         return DataLoader(self.training, self._batch, sampler=share, collate_fn=collate)
 

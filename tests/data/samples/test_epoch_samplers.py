@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from data.samples.epoch_samplers import BalancedSampler, ContiguousDistributedSampler
+from data.samples.epoch_samplers import BalancedSampler, DistributedBatchSampler
+
+BATCH_SIZE = 4
 
 
 def rows_of(shares):
@@ -12,7 +14,7 @@ def rows_of(shares):
 def shares_of(count, processes, epoch=0):
     is_vehicle = np.arange(count) % 2 == 0
     shares = [
-        ContiguousDistributedSampler(BalancedSampler(is_vehicle), p, processes)
+        DistributedBatchSampler(BalancedSampler(is_vehicle), BATCH_SIZE, p, processes)
         for p in range(processes)
     ]
     for share in shares:
@@ -23,6 +25,15 @@ def shares_of(count, processes, epoch=0):
 def test_processes_share_an_epoch_without_overlap():
     first, second = rows_of(shares_of(20, 2))
     assert sorted(first + second) == list(range(20))
+
+
+def test_the_batches_of_a_step_have_the_members_of_one_batch_of_all_processes_size():
+    whole = [ask.row for ask in BalancedSampler(np.arange(28) % 2 == 0)]
+    shares = rows_of(shares_of(28, 3))
+    for step, first in enumerate(range(0, 24, 3 * BATCH_SIZE)):
+        members = [row for rows in shares for row in rows[step * BATCH_SIZE :][:BATCH_SIZE]]
+        assert members == whole[first : first + 3 * BATCH_SIZE]
+    assert [rows[8:] for rows in shares] == [whole[24:25], whole[25:26], whole[26:27]]
 
 
 def test_every_process_gets_both_classes_alike():

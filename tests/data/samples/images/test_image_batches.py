@@ -15,7 +15,7 @@ from torch.utils.data import DataLoader
 from data.array_store import ArrayStore
 from data.open_drive import open_drive, open_drives
 from data.samples.config import TrainingDrives
-from data.samples.epoch_samplers import ContiguousDistributedSampler, SampleIndex, ShuffledSampler
+from data.samples.epoch_samplers import DistributedBatchSampler, SampleIndex, ShuffledSampler
 from data.samples.images.augmentation import augment
 from data.samples.images.config import (
     GeometricConfig,
@@ -181,7 +181,7 @@ def test_an_epoch_holds_every_frame_once_and_depends_on_its_number_alone():
     assert len({ask.view for epoch in epochs for ask in epoch}) == 60
     resumed.set_epoch(2)
     assert list(resumed) == epochs[2]
-    shares = [list(ContiguousDistributedSampler(resumed, process, 2)) for process in range(2)]
+    shares = [list(DistributedBatchSampler(resumed, 10, process, 2)) for process in range(2)]
     assert shares[0] + shares[1] == epochs[2]
 
 
