@@ -1,4 +1,5 @@
 import math
+import multiprocessing
 
 import pytest
 import torch
@@ -134,3 +135,44 @@ def test_an_image_is_learned():
     assert min(ious) > 0.9
     assert decoded.scores[0, is_found, 0].max() < 0.1
     assert decoded.scores[0, ~is_found].max() < 0.1
+
+
+def two_images():
+    """Return random predictions for two images, of which one has three labels and the other one."""
+    random = torch.Generator().manual_seed(0)
+    raw = tuple(maps + 0.1 * torch.randn(maps.shape, generator=random) for maps in raw_maps(2))
+    boxes = [([24, 16, 32, 24], 1, False), ([0, 0, 30, 40], 0, False), ([50, 10, 90, 60], 0, False)]
+    return raw, [boxes, [([40, 20, 64, 48], 1, False)]]
+
+
+def gradients(raw, images):
+    raw = tuple(maps.clone().requires_grad_() for maps in raw)
+    anchor_free_loss(raw, labels_of(*images), HEAD, CONFIG, 0).total.backward()
+    return [maps.grad for maps in raw]
+
+
+def train_one_image(process, store, out):
+    torch.distributed.init_process_group(
+        "gloo", init_method=f"file://{store}", rank=process, world_size=2
+    )
+    raw, images = two_images()
+    one = tuple(maps[process : process + 1] for maps in raw)
+    torch.save(gradients(one, images[process : process + 1]), out / f"{process}.pt")
+    torch.distributed.destroy_process_group()
+
+
+def test_processes_with_other_numbers_of_cells_learn_as_one(tmp_path):
+    context = multiprocessing.get_context("spawn")  # threads of torch do not survive a fork
+    processes = [
+        context.Process(target=train_one_image, args=(process, tmp_path / "store", tmp_path))
+        for process in range(2)
+    ]
+    for one in processes:
+        one.start()
+    for one in processes:
+        one.join(60)
+    of_both = [torch.load(tmp_path / f"{process}.pt", weights_only=True) for process in range(2)]
+    for level, whole in enumerate(gradients(*two_images())):
+        # Each process has the gradient of its own image; both are averaged.
+        found = torch.cat([of_one[level] for of_one in of_both]) / 2
+        torch.testing.assert_close(found, whole, rtol=1e-5, atol=1e-7)

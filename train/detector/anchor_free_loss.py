@@ -8,7 +8,7 @@ optimal transport assignment for object detection", CVPR 2021, in the short form
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
+from torch import Tensor, distributed
 from torch.nn import functional
 from torchvision import ops  # type: ignore[import-untyped]
 
@@ -80,8 +80,21 @@ def anchor_free_loss(
             config.class_weight * of_classes,
             flat.new_zeros(()),
         )
-        of_one = [term / max(len(found.cell), 1) for term in terms]
+        count = _count_in_processes(len(found.cell), flat)
+        of_one = [term / count for term in terms]
     return DetectionLoss(torch.stack(of_one).sum(), *of_one)
+
+
+def _count_in_processes(count: int, like: Tensor) -> Tensor | int:
+    """Return the mean number of cells of all training processes, whose gradients are averaged: the loss is of all cells.
+
+    A validation, which each process may end after another number of batches, waits for no other.
+    """
+    if not (distributed.is_available() and distributed.is_initialized() and like.requires_grad):
+        return max(count, 1)
+    total = like.new_tensor(float(count))
+    distributed.all_reduce(total)
+    return total.clamp(min=1) / distributed.get_world_size()
 
 
 def assign_cells(

@@ -13,8 +13,8 @@ class ShardSampler(EpochSampler):
     """All samples at every epoch, but for less than one a reader, so that all readers have equally many.
 
     Shards are in a new order at every epoch, and cut into one run for each reader: each worker of each training process.
-    A reader mixes the samples of `WINDOW` shards at a time. The whole order has the processes one after another, and in
-    that of a process the batches of its workers in turn, as torch hands them out.
+    A reader mixes the samples of `WINDOW` shards at a time. The whole order has a batch of each process in turn, as
+    `DistributedBatchSampler` shares it out, and in that of a process a batch of each worker, as torch hands them out.
     """
 
     def __init__(
@@ -50,14 +50,14 @@ class ShardSampler(EpochSampler):
             for shard in rng.permutation(len(self._first) - 1)
         ]
         runs = np.concatenate(shards)[: len(self)].reshape(self._processes, self._workers, -1)
-        return np.concatenate([self._in_turn([self._mix(run, rng) for run in of]) for of in runs])
+        return self._in_turn([self._in_turn([self._mix(run, rng) for run in of]) for of in runs])
 
     def _mix(self, run: Int, rng: np.random.Generator) -> Int:
         parts = np.split(run, range(self._mixed, len(run), self._mixed))
         return np.concatenate([rng.permutation(part) for part in parts])
 
     def _in_turn(self, runs: list[Int]) -> Int:
-        """Return the rows of a process' workers, a batch of each in turn, then what is left of each."""
-        whole = self._length - self._length % self._batch_size
+        """Return runs of one length, a batch of each in turn, then what is left of each."""
+        whole = len(runs[0]) - len(runs[0]) % self._batch_size
         batches = np.stack([run[:whole].reshape(-1, self._batch_size) for run in runs], axis=1)
         return np.concatenate([batches.ravel(), *[run[whole:] for run in runs]])

@@ -12,7 +12,7 @@ from torch.utils.data import DataLoader
 from data.array_store import ArrayStore
 from data.open_drive import open_drives
 from data.remote_folder import RemoteFolder
-from data.samples.epoch_samplers import SampleIndex
+from data.samples.epoch_samplers import DistributedBatchSampler, SampleIndex
 from data.samples.images.config import ImageAugmentationConfig
 from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset, collate
@@ -146,8 +146,12 @@ def test_readers_have_shards_of_their_own(processes, workers):
     rows = np.array(rows_of(processes=processes, workers=workers, batch_size=batch))
     assert len(set(rows.tolist())) == len(rows) > SIZES.sum() - processes * workers
     shard_of = np.repeat(np.arange(len(SIZES)), SIZES)
-    share = np.split(rows, processes)
-    for of_process in share:
+    shares = [
+        np.array(list(DistributedBatchSampler(rows.tolist(), batch, process, processes)))
+        for process in range(processes)
+    ]
+    assert sorted(np.concatenate(shares)) == sorted(rows)
+    for of_process in shares:
         batches = [of_process[i : i + batch] for i in range(0, len(of_process), batch)]
         whole = len(of_process) // workers // batch * workers
         for worker in range(workers):
