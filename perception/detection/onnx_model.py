@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from importlib.abc import Traversable
 from importlib.resources import files
 from typing import Any, Self, TypeVar
@@ -252,8 +253,9 @@ def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN4
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
-    # Without a memory arena of each network's own: 29 MiB less for all of them, and as fast.
-    options.enable_cpu_mem_arena = False
+    # One memory arena for all networks: with one each 17 MiB more; without any 15 MiB more and five times the page faults.
+    _register_shared_arena()
+    options.add_session_config_entry("session.use_env_allocators", "1")
     # Threads that spin while they wait for the next frame take the cores from the other stages: without
     # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
@@ -267,6 +269,21 @@ def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN4
             found=_first_line(error),
             advice="export the model again with `trifuse export`",
         ) from error
+
+
+@cache
+def _register_shared_arena() -> None:
+    """Make the memory arena of all networks of the process, which grows by what is asked of it, not by powers of two."""
+    info = onnxruntime.OrtMemoryInfo(
+        "Cpu", onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, onnxruntime.OrtMemType.DEFAULT
+    )
+    settings = {
+        "max_mem": 0,  # no limit
+        "arena_extend_strategy": 1,  # as requested
+        "initial_chunk_size_bytes": -1,
+        "max_dead_bytes_per_chunk": -1,
+    }
+    onnxruntime.create_and_register_allocator(info, onnxruntime.OrtArenaCfg(settings))
 
 
 def _first_line(error: Exception) -> str:
