@@ -4,15 +4,17 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from data.batch.drive_task import DriveOutcome, Task, sentence_of
 from data.results.folder import DRIVES
 from perception.atomic_file import atomic_file, write_atomically
+from perception.errors import PerceptionError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 _RETRIES = 2  # after an error that is none of ours, such as a file server that does not answer
 # Documents of results whose numbers become columns.
@@ -29,16 +31,33 @@ def run_tasks(
         client: Cluster.
         work: Function of a module, which workers import; what it raises is tried again.
         tasks: Drives with their commands.
+
+    Raises:
+        PerceptionError: The scheduler was lost before all drives had ended.
     """
     from distributed import as_completed
 
+    address = client.scheduler.address
     task_of = {client.submit(work, task, pure=False, retries=_RETRIES): task for task in tasks}
-    for future in as_completed(task_of):
-        task, error = task_of[future], future.exception()
-        if error is None:
-            yield future.result()
-        else:
-            yield DriveOutcome(task.name, "failed", 0, 0.0, "", sentence_of(error))
+    for ended, future in enumerate(as_completed(task_of)):
+        try:
+            outcome = _outcome(task_of[future], future)
+        except (OSError, CancelledError) as error:  # of the connection: those of the work are rows
+            raise PerceptionError(
+                f"scheduler {address}",
+                expected=f"to be there until {len(tasks)} drives have ended",
+                found=f"lost after {ended}",
+                advice="start it and its workers again and repeat the command; what is done is kept",
+            ) from error
+        yield outcome
+
+
+def _outcome(task: Task, future: "Future[DriveOutcome]") -> DriveOutcome:
+    error = future.exception()
+    if error is None:
+        outcome: DriveOutcome = future.result()  # cancelled by a client that has lost the scheduler
+        return outcome
+    return DriveOutcome(task.name, "failed", 0, 0.0, "", sentence_of(error))
 
 
 class OutcomeRows:

@@ -56,7 +56,8 @@ def open_cluster(
             "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREAD_VARIABLES, 1),
         }
     )
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a death is answered, not reported
+    for name in ("distributed", "distributed.client"):  # which has a level of its own
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # a death is answered, not reported
     if scheduler is not None:
         address = _address(scheduler)
         try:

@@ -88,19 +88,32 @@ def _figure(name: str, rows: Sequence[Row], plots: Plots) -> str:
 
 
 def _drives_markup(folder: Path, rows: Sequence[Row], numbers: Sequence[str]) -> str:
-    """Return the drives, failed ones first, then those that took longest, with links to their own reports."""
-    ranked = sorted(rows, key=lambda row: (row["state"] != "failed", -row["seconds"], row["name"]))
+    """Return the drives with links to their own reports: failed ones, then those with most faulty frames."""
+    ranked = sorted(rows, key=_worst_first)
     shown, columns = ranked[:_MAX_ROWS], [name for name in numbers if name != "seconds"][:6]
     cells = [
         (
-            str(row["name"]), row["state"], str(int(row["frames"])), number_text(row["seconds"]),
+            str(row["name"]), row["state"], str(int(row["frames"])),
+            number_text(_faulty_percent(row), ".1f", "%"), number_text(row["seconds"]),
             *(number_text(row.get(name), ".4g") for name in columns),
         )
         for row in shown
     ]  # fmt: skip
     places = {str(row["name"]): f"drives/{row['name']}/report.html" for row in shown}
     links = {name: place for name, place in places.items() if (folder / place).is_file()}
-    header = ("drive", "state", "frames", "seconds", *columns)
+    header = ("drive", "state", "frames", "faulty frames", "seconds", *columns)
     more = len(rows) - len(shown)
     note = note_markup(f"and {more} more: see {DRIVES}") if more else ""
     return table_markup("Drives", header, cells, links) + note
+
+
+def _worst_first(row: Row) -> tuple[Any, ...]:
+    """Return what drives are sorted by; of those that are equally faulty the slowest come first."""
+    is_fine = row["state"] != "failed"
+    return is_fine, -(_faulty_percent(row) or 0.0), -row["seconds"], row["name"]
+
+
+def _faulty_percent(row: Row) -> float | None:
+    """Return the share of frames with a finding of a monitor, in percent; None where none watched."""
+    frames, healthy = row.get("health.frames"), row.get("health.healthy")
+    return None if not frames or healthy is None else 100 * (1 - healthy / frames)

@@ -203,10 +203,12 @@ def _run_all(tasks: "Sequence[Task]", out: Path, cluster: ClusterFlags) -> None:
     with open_cluster(cluster.workers, cluster.scheduler, cluster.memory_limit) as client:
         print(f"workers: {len(client.nthreads())}; dashboard: {dashboard(client)}", flush=True)
         ended = run_tasks(client, run_task, tasks)
-        for outcome in progress_bar(ended, "batch", len(tasks), unit="drive"):
-            outcomes.append(outcome)
-            rows.add(outcome)
-        rows.write()
+        try:
+            for outcome in progress_bar(ended, "batch", len(tasks), unit="drive"):
+                outcomes.append(outcome)
+                rows.add(outcome)
+        finally:
+            rows.write()
     if can_write_report():
         print(f"report: {write_report(out)}")
     print(_summary(outcomes, time.perf_counter() - start_s, out))

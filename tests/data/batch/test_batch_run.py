@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from data.batch.batch_run import OutcomeRows, run_tasks
 from data.batch.cluster import open_cluster
 from data.batch.drive_sources import DriveSource, find_drives, folder_names
 from data.batch.drive_task import DriveOutcome, DriveTask
-from perception.errors import DriveError, UsageError
+from perception.errors import DriveError, PerceptionError, UsageError
 from tests.car_frames import write_car_frames
 from tests.faults import fault
 
@@ -181,3 +182,41 @@ def test_a_silent_scheduler_is_named(monkeypatch):
         pass
     with fault(UsageError, "--workers", found="0"), open_cluster(workers=0):
         pass
+
+
+def end_scheduler(task: DriveTask) -> DriveOutcome:
+    """End the scheduler at drive b, when the outcome of a is known."""
+    if task.name == "a":
+        return outcome_of(task)
+    while not task.folder.exists():
+        time.sleep(0.05)
+    os.kill(int(task.settings), signal.SIGKILL)
+    raise AssertionError("the client has gone on")
+
+
+def test_a_scheduler_that_is_lost_ends_the_batch(tmp_path):
+    file = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    own = ["--scheduler-file", str(file)]
+    with (
+        subprocess.Popen([*dask, "scheduler", *own, "--port", "0", "--no-dashboard"], **quiet) as scheduler,
+        subprocess.Popen([*dask, "worker", *own, "--nthreads", "1", "--no-nanny"], **quiet) as worker,
+    ):  # fmt: skip
+        try:
+            while not file.exists() or not file.read_text():
+                assert scheduler.poll() is None
+                time.sleep(0.05)
+            tasks = [task_in(tmp_path, name, str(scheduler.pid)) for name in "ab"]
+            with open_cluster(scheduler=str(file)) as client:
+                client.wait_for_workers(1)
+                ended = run_tasks(client, end_scheduler, tasks)
+                assert next(ended) == outcome_of(tasks[0])
+                tasks[1].folder.mkdir(parents=True)
+                with fault(
+                    PerceptionError, "scheduler tcp://", expected="2 drives", found="lost after 1"
+                ):
+                    next(ended)
+        finally:
+            scheduler.kill()
+            worker.kill()

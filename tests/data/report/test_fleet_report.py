@@ -33,6 +33,17 @@ def test_failed_drives_come_first_with_their_sentences(batch):
     assert table.index(">c</th>") < table.index(">a</th>") < table.index(">b</th>")
 
 
+def test_faulty_drives_come_before_slow_ones(batch):
+    of_frames = {"a": 5.0, "b": 1.0, "c": 4.0}  # of five, without a finding
+    rows = [row(name, **{"health.frames": 5.0, "health.healthy": n}) for name, n in of_frames.items()]  # fmt: skip
+    text = write_report(batch(*rows, row("d", seconds=9.0))).read_text()
+    table = text[text.index("<caption>Drives</caption>") :]
+    places = [table.index(f">{name}</th>") for name in "bcda"]
+    assert places == sorted(places)
+    assert "80.0 %" in table[places[0] : places[1]]
+    assert "20.0 %" in table[places[1] : places[2]]
+
+
 def test_numbers_that_differ_are_figures_and_columns(batch):
     page = fleet_page(batch(row("a", mde_m=0.1, beams=64.0), row("b", mde_m=0.3, beams=64.0)))
     figures = list(page.plots.figures.values())
