@@ -11,6 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from perception.sensor.beam_tables import (
+    PANDAR_64_DEG,
+    QT_64_DEG,
+    VLP_32C_BY_LASER_DEG,
+    VLS_128_BY_LASER_DEG,
+)
 from perception.sensor.model import LidarModel
 from perception.types import Float64
 
@@ -83,33 +89,9 @@ HDL_32E = _spinning("HDL-32E", _fan(10.67, -30.67, 32), 0.1660, (1.0, 100.0))
 # Compared in part with the VLP-16 user manual, table 9-1, vertical angle by laser ID: lasers 7 to 15.
 VLP_16 = _spinning("VLP-16", _fan(15.0, -15.0, 16), 0.2, (0.5, 100.0))
 # Compared with user manual 63-9325 revision C, table 9-6: 0.333 degrees apart around the horizon.
-VLP_32C = _spinning(
-    "VLP-32C",
-    [
-        15.0, 10.333, 7.0, 4.667, 3.333, 2.333, 1.667, 1.333, 1.0, 0.667, 0.333, 0.0, -0.333, -0.667, -1.0, -1.333,
-        -1.667, -2.0, -2.333, -2.667, -3.0, -3.333, -3.667, -4.0, -4.667, -5.333, -6.148, -7.254, -8.843, -11.31,
-        -15.639, -25.0,
-    ],
-    0.2,
-    (1.0, 200.0),
-)  # fmt: skip
-# Not compared with a table: 0.11 degrees apart around the horizon.
-VLS_128 = _spinning(
-    "VLS-128",
-    [
-        15.0, 11.75, 9.7, 8.43, 7.58, 6.98, 6.48, 6.08, 5.73, 5.43, 5.18, 4.98, 4.83, 4.72, 4.61, 4.5,
-        4.39, 4.28, 4.17, 4.06, 3.95, 3.84, 3.73, 3.62, 3.51, 3.4, 3.29, 3.18, 3.07, 2.96, 2.85, 2.74,
-        2.63, 2.52, 2.41, 2.3, 2.19, 2.08, 1.97, 1.86, 1.75, 1.64, 1.53, 1.42, 1.31, 1.2, 1.09, 0.98,
-        0.87, 0.76, 0.65, 0.54, 0.43, 0.32, 0.21, 0.1, -0.01, -0.12, -0.23, -0.34, -0.45, -0.56, -0.67, -0.78,
-        -0.89, -1.0, -1.11, -1.22, -1.33, -1.44, -1.55, -1.66, -1.77, -1.88, -1.99, -2.1, -2.21, -2.32, -2.43, -2.54,
-        -2.65, -2.76, -2.87, -2.98, -3.09, -3.2, -3.31, -3.42, -3.53, -3.64, -3.75, -3.86, -3.97, -4.08, -4.19, -4.3,
-        -4.41, -4.52, -4.63, -4.74, -4.85, -4.96, -5.07, -5.18, -5.29, -5.4, -5.51, -5.62, -5.73, -5.84, -5.95, -6.06,
-        -6.17, -6.28, -6.39, -6.5, -6.65, -6.85, -7.15, -7.65, -8.352, -9.244, -10.346, -11.742, -13.565, -16.042,
-        -19.582, -25.0,
-    ],
-    0.2,
-    (0.5, 220.0),
-)  # fmt: skip
+VLP_32C = _spinning("VLP-32C", VLP_32C_BY_LASER_DEG, 0.2, (1.0, 200.0))
+# Compared with the tables of two drivers, all 128: 0.11 degrees apart around the horizon.
+VLS_128 = _spinning("VLS-128", VLS_128_BY_LASER_DEG, 0.2, (0.5, 220.0))
 
 # Not compared with a table: beams even over the field of view, 1024 columns a turn. The first data sheet of the OS1
 # states 45 degrees for 128 beams, as here, and 33.2 for 64 and 16: `elevations_deg` of a file describes such a unit. Every
@@ -124,19 +106,18 @@ _OUSTER = tuple(
     for beams in (32, 64, 128)
 )
 
-# Not compared with a table, but in part for the XT32. Pandar40P and Pandar64 are densest from 2 to -6 degrees.
+# Pandar40P, Pandar64 and QT64: compared with the tables of the maker's drivers.
+# Pandar40P and Pandar64 are densest from 2 to -6 degrees.
 _PANDAR_SIDES = (*_fan(-7.0, -14.0, 8), -19.0, -25.0)
 _HESAI = (
     _spinning(
         "Pandar40P", [15, 11, 8, 5, 3, *_fan(2.0, -6.0, 25), *_PANDAR_SIDES], 0.2, (0.3, 200.0)
     ),
-    _spinning(
-        "Pandar64", [15, 11, 8, 5, 3, *_fan(2.0, -6.0, 49), *_PANDAR_SIDES], 0.2, (0.3, 200.0)
-    ),
-    # An even fan; the channels of the sensor are a little closer together in the middle.
-    _spinning("QT64", _fan(52.1, -52.1, 64), 0.6, (0.1, 60.0)),
+    _spinning("Pandar64", PANDAR_64_DEG, 0.2, (0.3, 200.0)),
+    _spinning("QT64", QT_64_DEG, 0.6, (0.1, 60.0)),
     # Compared in part with the PandarXT user's manual, section 1.3: one degree apart; not the single angles.
     _spinning("XT32", _fan(15.0, -16.0, 32), 0.18, (0.05, 120.0), noise_m=0.01),
+    # Not compared with a table.
     _spinning("AT128", _fan(12.9, -12.5, 128), 0.1, (1.0, 210.0), field_of_view_deg=120.0),
 )
 

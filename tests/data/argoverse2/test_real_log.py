@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow import feather
+from scipy.spatial.transform import Rotation
 
 from data.derived.motion_labels import label_drive_motion
 from data.inspection import inspect_drive
+from data.live.velodyne import MODELS
 from data.open_drive import open_drive
 from data.recorded_drive import RecordedDrive
 from perception.evaluation.confusion import Confusion
@@ -22,10 +25,15 @@ CONFIG = PipelineConfig.for_motion()
 
 
 @pytest.fixture(scope="module")
-def drive() -> RecordedDrive:
-    root = Path(os.environ.get("REAL_ROOT", _SHARED)) / "av2"
-    if not root.is_dir():
-        pytest.skip(f"{root} is not here: set REAL_ROOT")
+def root() -> Path:
+    found = Path(os.environ.get("REAL_ROOT", _SHARED)) / "av2"
+    if not found.is_dir():
+        pytest.skip(f"{found} is not here: set REAL_ROOT")
+    return found
+
+
+@pytest.fixture(scope="module")
+def drive(root) -> RecordedDrive:
     return open_drive(root, images=False)
 
 
@@ -68,3 +76,33 @@ def test_ground_and_motion(drive):
     moving = motion_confusions(states, truth.classes, truth.is_moving)["moving"]
     assert moving.precision > 0.99
     assert moving.recall == pytest.approx(0.72, abs=0.03)
+
+
+def test_beams_of_a_vlp_32c_point_to_where_its_packets_say(root):
+    """The upper LiDAR is one: its azimuths follow from the times of its points and the offset of each laser."""
+    (log,) = (path for path in root.iterdir() if path.is_dir())
+    sweep = min(log.glob("sensors/lidar/*.feather"))
+    poses = feather.read_table(log / "calibration" / "egovehicle_SE3_sensor.feather").to_pydict()
+    row = poses["sensor_name"].index("up_lidar")
+    turn = Rotation.from_quat([poses[name][row] for name in ("qx", "qy", "qz", "qw")])
+    place_m = [poses[name][row] for name in ("tx_m", "ty_m", "tz_m")]
+    table = {name: np.array(one) for name, one in feather.read_table(sweep).to_pydict().items()}
+    xyz_m = np.stack([table[name] for name in "xyz"], axis=1)[table["laser_number"] < 32]
+    lasers, offsets_ns = (
+        table[name][table["laser_number"] < 32] for name in ("laser_number", "offset_ns")
+    )
+    x, y, z = turn.inv().apply(xyz_m - place_m).T
+    elevations_deg = np.degrees(np.arctan2(z, np.hypot(x, y)))
+    turned = np.exp(1j * (np.arctan2(-y, x) - 2 * np.pi * offsets_ns / 1e8))
+    azimuths_deg = np.degrees(np.angle(turned / turned.mean()))
+    model = MODELS[0x28]
+    stated_deg = np.degrees(np.stack([model.elevations_rad[0], model.azimuths_rad[0]], axis=1))
+    measured_deg = [
+        [np.median(of_all[lasers == laser]) for of_all in (elevations_deg, azimuths_deg)]
+        for laser in range(32)
+    ]
+    by_elevation = [
+        np.array(sorted(rows, key=lambda row: row[0]))
+        for rows in (stated_deg.tolist(), measured_deg)
+    ]
+    assert np.abs(np.subtract(*by_elevation)).max() < 0.06

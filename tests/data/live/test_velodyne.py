@@ -9,16 +9,23 @@ from data.live.velodyne import MODELS, decode, first_azimuth_rad, model_of
 from perception.errors import ScanError
 from perception.sensor import HDL_32E, VLP_16
 
-VLP, HDL = 0x22, 0x21
+VLP, HDL, VLP_32C, VLS = 0x22, 0x21, 0x28, 0xA1
 
 
-def packet(azimuths_deg, ranges_m, *, model=VLP, mode=0x37, time_us=0, intensity=51) -> bytes:
+ALIKE = (0xEEFF,) * 12
+BANKS = (0xEEFF, 0xDDFF, 0xCCFF, 0xBBFF) * 3
+
+
+def packet(
+    azimuths_deg, ranges_m, *, model=VLP, mode=0x37, time_us=0, intensity=51, flags=ALIKE
+) -> bytes:
     """Return a packet: twelve azimuths, and (12, 32) ranges."""
     ranges = np.broadcast_to(ranges_m, (12, 32))
+    unit_m = MODELS[model].range_unit_m if model in MODELS else 0.002
     data = b""
-    for azimuth, row in zip(azimuths_deg, ranges, strict=True):
-        data += b"\xff\xee" + struct.pack("<H", round(azimuth % 360 * 100))
-        data += b"".join(struct.pack("<HB", round(one / 0.002), intensity) for one in row)
+    for flag, azimuth, row in zip(flags, azimuths_deg, ranges, strict=True):
+        data += struct.pack("<HH", flag, round(azimuth % 360 * 100))
+        data += b"".join(struct.pack("<HB", round(one / unit_m), intensity) for one in row)
     return data + struct.pack("<IBB", time_us, mode, model)
 
 
@@ -27,21 +34,26 @@ STILL = [0.0] * 12  # a LiDAR that does not turn
 
 def test_models_are_those_of_the_presets():
     assert MODELS[VLP].sensor is VLP_16
-    assert np.sort(MODELS[VLP].elevations_rad[:16])[::-1] == pytest.approx(VLP_16.elevations_rad)
-    beams_rad = np.sort(MODELS[HDL].elevations_rad)[::-1]
+    beams_rad = np.sort(MODELS[VLP].elevations_rad[0, :16])[::-1]
+    assert beams_rad == pytest.approx(VLP_16.elevations_rad)
+    beams_rad = np.sort(MODELS[HDL].elevations_rad[0])[::-1]
     assert beams_rad == pytest.approx(HDL_32E.elevations_rad, abs=np.radians(0.01))
+    for number in (VLP_32C, VLS):
+        model = MODELS[number]
+        beams_rad = np.sort(model.elevations_rad.ravel())[::-1]
+        assert beams_rad == pytest.approx(model.sensor.elevations_rad)
 
 
 def test_straight_ahead_is_x_and_clockwise_is_to_the_right():
     model = MODELS[HDL]
     ahead = decode([packet(STILL, 10.0, model=HDL)], model).points_velo
     assert ahead.shape == (12 * 32, 4)
-    assert ahead[:32, 0] == pytest.approx(10 * np.cos(model.elevations_rad), rel=1e-6)
+    assert ahead[:32, 0] == pytest.approx(10 * np.cos(model.elevations_rad[0]), rel=1e-6)
     assert ahead[:32, 1] == pytest.approx(0, abs=1e-6)
-    assert ahead[:32, 2] == pytest.approx(10 * np.sin(model.elevations_rad), rel=1e-5)
+    assert ahead[:32, 2] == pytest.approx(10 * np.sin(model.elevations_rad[0]), rel=1e-5)
     assert ahead[:, 3] == pytest.approx(0.2)
     right = decode([packet([90.0] * 12, 10.0, model=HDL)], model).points_velo
-    assert right[:32, 1] == pytest.approx(-10 * np.cos(model.elevations_rad), rel=1e-6)
+    assert right[:32, 1] == pytest.approx(-10 * np.cos(model.elevations_rad[0]), rel=1e-6)
 
 
 def test_beams_of_a_vlp_16_leave_at_their_heights():
@@ -72,6 +84,46 @@ def test_times_of_the_returns():
     assert times_s[0, 0] == 1.0
     assert times_s[0, 16] - 1 == pytest.approx(55.296e-6, abs=1e-9)
     assert times_s[1, 0] - 1 == pytest.approx(110.592e-6, abs=1e-9)
+
+
+def test_beams_of_a_vlp_32c_leave_to_both_sides():
+    points = decode([packet(STILL, 10.0, model=VLP_32C)], MODELS[VLP_32C])
+    azimuth_deg = -np.degrees(np.arctan2(*points.points_velo[:, 1::-1].T)).reshape(12, 32)
+    # Lasers 0, 1 and 3: -25, -1 and -15.639 degrees high.
+    assert azimuth_deg[0, [0, 1, 3]] == pytest.approx([1.4, -4.2, -1.4], abs=1e-3)
+    heights_m = points.points_velo[[0, 1, 3], 2]
+    assert heights_m == pytest.approx(10 * np.sin(np.radians([-25, -1, -15.639])), rel=1e-5)
+    assert np.linalg.norm(points.points_velo[:, :3], axis=1) == pytest.approx(10, abs=1e-3)
+    assert points.times_s[[1, 2, 32]] == pytest.approx([0, 2.304e-6, 55.296e-6], abs=1e-12)
+
+
+def test_four_blocks_of_a_vls_128_are_one_firing():
+    step_deg = 0.2
+    azimuths_deg = step_deg * np.repeat(np.arange(3), 4)
+    model = MODELS[VLS]
+    found = decode([packet(azimuths_deg, 10.0, model=VLS, flags=BANKS)], model)
+    x, y, z = found.points_velo[:, :3].T
+    azimuth_deg = -np.degrees(np.arctan2(y, x)).reshape(3, 128)
+    # Laser 36 is the lowest, -25 degrees: the fifth firing, and the fifth of those that fire together.
+    assert z[36] == pytest.approx(10 * np.sin(np.radians(-25)), rel=1e-5)
+    turned_deg = step_deg * 4 * 2.665 / 53.3
+    assert azimuth_deg[:, 36] == pytest.approx(
+        step_deg * np.arange(3) - 0.911 + turned_deg, abs=1e-3
+    )
+    # Sixteen firings, a pause after the eighth.
+    times_us = 1e6 * found.times_s.reshape(3, 128)
+    assert times_us[0, [0, 7, 8, 63, 64]] == pytest.approx([0, 0, 2.665, 18.655, 23.985])
+    assert times_us[:, 0] == pytest.approx([0, 53.3, 106.6])
+
+
+def test_of_two_returns_of_a_vls_128_one_is_taken():
+    # The blocks of both returns follow each other; four blocks of the packet are empty.
+    flags = (*np.repeat(BANKS[:4], 2).tolist(), 0, 0, 0, 0)
+    ranges_m = np.tile([[20.0], [10.0]], (6, 32))
+    data = packet([90.0] * 12, ranges_m, model=VLS, mode=0x39, flags=flags)
+    points = decode([data], MODELS[VLS]).points_velo
+    assert len(points) == 128
+    assert np.linalg.norm(points[:, :3], axis=1) == pytest.approx(20, abs=0.02)
 
 
 def test_an_hour_ends_within_a_scan():
@@ -105,9 +157,9 @@ def test_first_azimuth():
     [
         (b"x" * 8448, "another packet of 8448 bytes"),
         (b"\x00" * 1206, "another packet of 1206 bytes"),
-        (packet(STILL, 1.0, model=0x28), "packets of model 0x28"),
+        (packet(STILL, 1.0, model=0x31), "packets of model 0x31"),
     ],
 )
 def test_other_packets_are_refused(data, found):
-    with pytest.raises(ScanError, match=f"HDL-32E, 1206 bytes each, found {found}"):
+    with pytest.raises(ScanError, match=f"VLS-128, 1206 bytes each, found {found}"):
         model_of(data, "UDP port 2368")
