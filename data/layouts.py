@@ -22,6 +22,7 @@ class OpenConfig:
         deskew: Whether the points of a sweep are moved to the time of the scan, where their times are known.
         reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
         columns: Names of the columns of scans in order, where their files do not name them; else what the drive states.
+        start: Number of frames at the start of the drive that are left out.
     """
 
     sensor: str | None = None
@@ -31,9 +32,12 @@ class OpenConfig:
     deskew: bool = False
     reflectance_scale: float | None = None
     columns: tuple[str, ...] = ()
+    start: int = 0
 
     def __post_init__(self) -> None:
-        """Validate the full scale of reflectance and the columns."""
+        """Validate the full scale of reflectance, the columns and the start."""
+        if self.start < 0:
+            raise UsageError("--start", expected="0 or more", found=str(self.start))
         if self.columns:
             from data.clouds.cloud import require_column_names
 

@@ -34,12 +34,14 @@ def open_drive(
 
     Raises:
         DriveError: The path holds no drive, or several and no sequence is given, or it cannot be read.
+        UsageError: It has no frame behind those that are left out.
     """
     config = replace(config, sensor=sensor or config.sensor, images=images and config.images)
     with _readable(path):
         layout, sequences = _recognise(path)
         drive = _open(layout, path, _choose(path, sequences, sequence), config)
-        return replace(drive, deskew=True) if config.deskew else drive
+        drive = replace(drive, deskew=True) if config.deskew else drive
+        return _without_start(drive, config.start) if config.start else drive
 
 
 def _open(layout: Layout, path: Path, sequence: str | None, config: OpenConfig) -> RecordedDrive:
@@ -60,6 +62,16 @@ def _open(layout: Layout, path: Path, sequence: str | None, config: OpenConfig) 
         further_cameras=FurtherCameras(tuple(further)),
         notes=tuple(dict.fromkeys(note for one in (drive, *others) for note in one.notes)),
     )
+
+
+def _without_start(drive: RecordedDrive, start: int) -> RecordedDrive:
+    if start >= len(drive):
+        raise UsageError(
+            "--start",
+            expected=f"less than {len(drive)}, the frames of {drive.name}",
+            found=str(start),
+        )
+    return drive.select(range(start, len(drive)))
 
 
 def open_drives(

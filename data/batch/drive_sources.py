@@ -42,6 +42,19 @@ def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
     return [source for pattern in patterns for source in _sources(pattern)]
 
 
+def chunks(count: int, start: int, frames: int | None, size: int) -> list[range]:
+    """Return the indices of frames in chunks, the last one shorter.
+
+    Args:
+        count: Number of frames of the drive.
+        start: Number of frames at its start that are left out.
+        frames: Number of frames from there, or None for all.
+        size: Number of frames of a chunk.
+    """
+    end = count if frames is None else min(count, start + frames)
+    return [range(first, min(first + size, end)) for first in range(start, end, size)]
+
+
 def _sources(pattern: str) -> list[DriveSource]:
     if is_url(pattern):
         found = [

@@ -117,15 +117,18 @@ class DriveTask(Task):
     Attributes:
         root: Folder or file of the drive, or of all sequences.
         sequence: Name of the sequence, where the root holds several.
+        chunk: Indices of the frames, where the command takes a part of the drive; else all.
     """
 
     root: Path
     sequence: str | None
+    chunk: range | None = None
 
     def inputs(self) -> tuple[object, int]:
         """Return names, sizes and times of the files; reading a fleet's scans twice would take hours."""
         drive = open_drive(self.root, sequence=self.sequence)
-        return [frame_fingerprint(drive, index) for index in range(len(drive))], len(drive)
+        indices = self.chunk or range(len(drive))
+        return [frame_fingerprint(drive, index) for index in indices], len(indices)
 
 
 @dataclass(frozen=True)

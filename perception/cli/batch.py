@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from perception.cli.flags import require_positive
 from perception.cli.parser import CommandFunction, FlagGroup, flag_types, parse
 from perception.errors import DriveError, PerceptionError, UsageError
 
 if TYPE_CHECKING:
+    from data.batch.drive_sources import DriveSource
     from data.batch.drive_task import DriveOutcome, Task
 
 # Where each command writes, below the folder of a drive; check prints alone.
@@ -20,6 +22,8 @@ _OUTPUTS: Mapping[str, tuple[str, str]] = {
     "maps": ("--out", ""),
     "evaluate": ("--json", "metrics.json"),
 }
+# Frames of these do not depend on each other.
+_IN_CHUNKS = ("maps", "detect")
 _MAX_LISTED = 10  # failures that are printed
 _WORLDS_A_TASK = 4  # of the object layout: 20 frames
 
@@ -40,7 +44,9 @@ class ClusterFlags(FlagGroup):
     memory_limit: str | None = None
 
 
-def batch(sources: list[str], *, out: Path, cluster: ClusterFlags) -> None:
+def batch(
+    sources: list[str], *, out: Path, cluster: ClusterFlags, chunk_frames: int | None = None
+) -> None:
     """Give every drive to a worker; go on where an earlier batch stopped, and report drives that fail.
 
     Flags that are not listed here are those of the command. Results of a drive are in OUT/drives/NAME, its output in
@@ -54,6 +60,8 @@ def batch(sources: list[str], *, out: Path, cluster: ClusterFlags) -> None:
             of each that is no URL.
         out: Folder of the results of all drives.
         cluster: Workers.
+        chunk_frames: Number of frames of a task, for maps and detect, whose frames do not depend on each other; else whole
+            drives.
     """  # Its flags alone: `run_batch` knows the command, which no flag names.
 
 
@@ -92,7 +100,7 @@ def run_batch(
     if own is batch_synth:
         tasks = _synth_tasks(function, of_command, out)
     else:
-        tasks = _drive_tasks(command, function, of_command, flags["sources"], out)
+        tasks = _drive_tasks(command, function, of_command, flags, out)
     _run_all(tasks, out, flags["cluster"])
 
 
@@ -139,29 +147,65 @@ def _drive_tasks(
     command: str,
     function: CommandFunction,
     words: Sequence[str],
-    patterns: Sequence[str],
+    flags: Mapping[str, Any],
     out: Path,
 ) -> "list[Task]":
     from data.batch.drive_sources import find_drives, folder_names
     from data.batch.drive_task import DriveTask, RemoteDriveTask, results_folder
 
-    sources = find_drives(patterns)
+    size = flags["chunk_frames"]
+    _require_chunks(command, size)
+    sources = find_drives(flags["sources"])
     tasks: list[Task] = []
-    for source, name in zip(sources, folder_names(sources), strict=True):
-        folder = results_folder(out, name)
+    for source, drive_name in zip(sources, folder_names(sources), strict=True):
         chosen = [] if source.sequence is None else ["--sequence", source.sequence]
-        flag, file = _OUTPUTS.get(command.partition(" ")[0], ("", ""))
-        output = [flag, str(folder / file)] if flag else []
-        line = [source.url or str(source.root), *chosen, *output, *words]
-        _, config = parse(f"trifuse {command}", function, line)
-        again = ["--overwrite"] if "overwrite" in flag_types(function) else []
-        all_words = (*command.split(), *line, *again)
-        of_all = (name, all_words, folder, config.text())
-        if source.url:
-            tasks.append(RemoteDriveTask(*of_all, source.url))
-        else:
-            tasks.append(DriveTask(*of_all, source.root, source.sequence))
+        read = [source.url or str(source.root), *chosen, *words]
+        for chunk in [None] if size is None else _chunks(command, function, read, source, size):
+            name = drive_name if chunk is None else f"{drive_name}-{chunk.start:06d}"
+            part = (
+                [] if chunk is None else ["--start", str(chunk.start), "--frames", str(len(chunk))]
+            )
+            folder = results_folder(out, name)
+            flag, file = _OUTPUTS.get(command.partition(" ")[0], ("", ""))
+            line = [*read, *part, *([flag, str(folder / file)] if flag else [])]
+            _, config = parse(f"trifuse {command}", function, line)
+            again = ["--overwrite"] if "overwrite" in flag_types(function) else []
+            of_all = (name, (*command.split(), *line, *again), folder, config.text())
+            if source.url:
+                tasks.append(RemoteDriveTask(*of_all, source.url))
+            else:
+                tasks.append(DriveTask(*of_all, source.root, source.sequence, chunk))
     return tasks
+
+
+def _require_chunks(command: str, size: int | None) -> None:
+    require_positive("--chunk-frames", size)
+    if size is not None and command not in _IN_CHUNKS:
+        raise UsageError(
+            "--chunk-frames",
+            expected=f"{' or '.join(_IN_CHUNKS)}, whose frames do not depend on each other",
+            found=command,
+        )
+
+
+def _chunks(
+    command: str, function: CommandFunction, words: Sequence[str], source: "DriveSource", size: int
+) -> "list[range] | list[None]":
+    """Return the chunks of a drive; none of one at a URL, or that cannot be opened: its task will say why."""
+    from data.batch.drive_sources import chunks
+    from data.open_drive import open_drive
+
+    frames = parse(f"trifuse {command}", function, words)[0]["drive"]
+    whole = replace(frames.reading, start=0)
+    try:
+        drive = (
+            None if source.url else open_drive(source.root, sequence=source.sequence, config=whole)
+        )
+    except PerceptionError:
+        drive = None
+    return (
+        [None] if drive is None else chunks(len(drive), frames.start, frames.frames, size) or [None]
+    )
 
 
 def _synth_tasks(function: CommandFunction, words: Sequence[str], out: Path) -> "list[Task]":

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.results.command_config import CommandConfig
-from perception.cli.flags import DriveFlags, ResultsFlags
+from perception.cli.flags import PartOfDriveFlags, ResultsFlags
 from perception.detection.config import DepthCnConfig, DetectionConfig, NmsConfig
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ _DEPTHCN, _NMS = DepthCnConfig(), NmsConfig()
 def detect(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: PartOfDriveFlags,
     results: ResultsFlags,
     config: CommandConfig,
     display_score: float = DetectionConfig.display_score,

@@ -1,7 +1,7 @@
 """Flags that several commands share, each declared once."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,6 +76,22 @@ class DriveFlags(SourceFlags):
     def __post_init__(self) -> None:
         """Validate the number of frames."""
         require_positive("--frames", self.frames)
+
+
+@dataclass(frozen=True)
+class PartOfDriveFlags(DriveFlags):
+    """Frames of the drive.
+
+    Attributes:
+        start: Number of frames at the start of the drive that are left out; --frames counts from there.
+    """
+
+    start: int = 0
+
+    @property
+    def reading(self) -> "OpenConfig":
+        """How the drive is read; errors as of all drives, or a negative start."""
+        return replace(super().reading, start=self.start)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
-from perception.cli.flags import DriveFlags, ResultsFlags
+from perception.cli.flags import PartOfDriveFlags, ResultsFlags
 from perception.errors import UsageError
 from perception.types import Drive, MapMethod
 
@@ -11,7 +11,7 @@ from perception.types import Drive, MapMethod
 def maps(
     root: Path,
     *,
-    drive: DriveFlags,
+    drive: PartOfDriveFlags,
     results: ResultsFlags,
     config: CommandConfig,
     frame: int = 0,

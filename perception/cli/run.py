@@ -5,7 +5,7 @@ from pathlib import Path
 
 from data.exports.run_exports import RunExports
 from data.results.command_config import CommandConfig
-from perception.cli.flags import DriveFlags, ResultsFlags
+from perception.cli.flags import PartOfDriveFlags, ResultsFlags
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
 from perception.pipeline import PipelineConfig
@@ -43,7 +43,7 @@ class RunResultsFlags(ResultsFlags):
 def run(
     drive: Path,
     *,
-    frames: DriveFlags,
+    frames: PartOfDriveFlags,
     results: RunResultsFlags,
     exports: ExportFlags,
     config: CommandConfig,

@@ -49,6 +49,28 @@ def test_maps_of_a_fleet(fleet, tmp_path, capsys):
     assert states(out) == dict.fromkeys("abc", "done")
 
 
+def test_a_drive_in_chunks_has_the_same_maps(tmp_path):
+    write_car_frames(tmp_path / "a", frames=5)
+    out, alone = tmp_path / "fleet", tmp_path / "alone"
+    line = ["batch", "maps", str(tmp_path / "a"), "--out", str(out), "--workers", "1", "--all"]
+    run_command_line([*line, "--start", "1", "--chunk-frames", "3"])
+    assert states(out) == {"a-000001": "done", "a-000004": "done"}
+    run_command_line(["maps", str(tmp_path / "a"), "--all", "--start", "1", "--out", str(alone)])
+    written = sorted(path.relative_to(alone) for path in alone.rglob("*.png"))
+    assert [path.stem for path in written] == [f"{n:06d}" for n in (1, 2, 3, 4)] * 2
+    for path in written:
+        chunk = "a-000004" if path.stem == "000004" else "a-000001"
+        assert (out / "drives" / chunk / path).read_bytes() == (alone / path).read_bytes()
+
+
+def test_what_follows_objects_is_not_cut_into_chunks(fleet, tmp_path):
+    line = [str(fleet), "--out", str(tmp_path / "out"), "--chunk-frames"]
+    with fault(UsageError, "--chunk-frames", expected="maps or detect", found="run"):
+        run_command_line(["batch", "run", *line, "9"])
+    with fault(UsageError, "--chunk-frames", found="0"):
+        run_command_line(["batch", "maps", *line, "0"])
+
+
 def test_drives_at_urls_are_fetched_for_as_long_as_they_are_read(
     fleet, tmp_path, monkeypatch, capsys
 ):

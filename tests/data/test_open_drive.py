@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
 from perception.errors import CalibrationError, DriveError, UsageError
 from perception.geometry.boxes import points_inside
@@ -104,6 +105,21 @@ def test_a_drive_of_scans_alone_is_a_drive(raw_drive):
     assert drive[4].stamp_s == pytest.approx(0.4)
     with fault(DriveError, expected="a drive with labels", found="none"):
         drive.labels(0)
+
+
+def test_the_start_may_be_left_out(raw_drive):
+    whole, part = open_drive(raw_drive), open_drive(raw_drive, config=OpenConfig(start=4))
+    assert part.frame_names == whole.frame_names[4:]
+    frame = part[1]
+    assert (frame.index, frame.number, frame.name) == (1, 5, whole[5].name)
+    assert frame.stamp_s == whole[5].stamp_s
+    np.testing.assert_array_equal(frame.points_velo, whole[5].points_velo)
+    step_m = frame.world_SE3_velo[:3, 3] - part[0].world_SE3_velo[:3, 3]
+    np.testing.assert_allclose(step_m, [1 / np.sqrt(2), 1 / np.sqrt(2), 0], atol=1e-5)
+    with fault(UsageError, "--start", expected="less than 6", found="6"):
+        open_drive(raw_drive, config=OpenConfig(start=6))
+    with fault(UsageError, "--start", expected="0 or more", found="-1"):
+        OpenConfig(start=-1)
 
 
 def test_images_may_be_left_aside(raw_drive):

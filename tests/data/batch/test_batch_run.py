@@ -6,13 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from data.batch.batch_run import OutcomeRows, run_tasks
 from data.batch.cluster import open_cluster
-from data.batch.drive_sources import DriveSource, find_drives, folder_names
+from data.batch.drive_sources import DriveSource, chunks, find_drives, folder_names
 from data.batch.drive_task import DriveOutcome, DriveTask
 from perception.errors import DriveError, PerceptionError, UsageError
 from tests.car_frames import write_car_frames
@@ -116,6 +117,9 @@ def test_a_key_follows_files_and_configuration(tmp_path):
     key, frames = task_in(tmp_path, "a").key()
     assert frames == 2
     assert task_in(tmp_path, "a").key()[0] == key
+    of_chunk, frames = replace(task_in(tmp_path, "a"), chunk=range(1, 2)).key()
+    assert frames == 1
+    assert of_chunk != key
     assert task_in(tmp_path, "a", settings="video: true").key()[0] != key
     scan = next((tmp_path / "a").rglob("000000.bin"))
     os.utime(scan, (1, 1))
@@ -154,6 +158,12 @@ def test_folders_of_drives_of_one_name_differ():
     sources = [DriveSource(Path(root), "0000") for root in ("/x/kitti", "/y/kitti", "/y/other")]
     assert folder_names(sources) == ["x-0000", "y-0000-1", "y-0000-2"]
     assert folder_names([DriveSource(Path("/x/a"), None), sources[0]]) == ["a", "0000"]
+
+
+def test_the_last_chunk_is_shorter():
+    assert chunks(10, 0, None, 4) == [range(0, 4), range(4, 8), range(8, 10)]
+    assert chunks(10, 3, 5, 4) == [range(3, 7), range(7, 8)]
+    assert chunks(10, 10, None, 4) == []
 
 
 def test_numbers_of_results_are_columns(tmp_path):
