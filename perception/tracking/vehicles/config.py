@@ -71,15 +71,20 @@ class EvidenceConfig:
 
 @dataclass(frozen=True)
 class BoxUncertaintyConfig:
-    """Standard deviations of reported boxes; a hidden end is as uncertain as the size of the class.
+    """Standard deviations of reported boxes; a hidden end is as uncertain as the size of the class, which may be another.
 
     Attributes:
         side_noise_m: Standard deviation of an observed side, at any distance.
         side_noise_per_m: Increase of that standard deviation with distance.
         sparse_noise_m: Standard deviation of a side located by one point; divided by the root of the number of points.
+        size_noise_per_m: Standard deviation of length and width, divided by the distance.
+        hidden_share: Share of a class's standard deviation of length and width that is left of an object that is tracked.
+        single_scan_mistakes: Ratio of the probability of another class in a single scan to that of a tracked object.
         height_noise_m: Standard deviation of the height, at any distance.
-        size_noise_per_m: Standard deviation of each size, divided by the distance.
-        length_ratio: Ratio of the standard deviation of a length to that of its class: some objects are of another class.
+        height_share: Share of the standard deviation of its class that is left of the height of an object with sides.
+        person_height_share: The same of a person.
+        height_range_m: Distance from which on returns tell a height no better than the class; the variance grows with its
+            fourth power.
         axis_noise_rad: Standard deviation of the axis of an outline of many points.
         sparse_axis_noise_rad: Standard deviation of the axis of an outline of one point; divided by the same root.
         track_share: Share of the variance of the tracker's position that is reported beside that of the hidden ends: its
@@ -94,9 +99,13 @@ class BoxUncertaintyConfig:
     side_noise_m: float = 0.06
     side_noise_per_m: float = 0.005
     sparse_noise_m: float = 0.4
-    height_noise_m: float = 0.08
-    size_noise_per_m: float = 0.003
-    length_ratio: float = 1.3
+    size_noise_per_m: float = 0.002
+    hidden_share: float = 0.7
+    single_scan_mistakes: float = 4.0
+    height_noise_m: float = 0.03
+    height_share: float = 0.3
+    person_height_share: float = 0.75
+    height_range_m: float = 50.0
     axis_noise_rad: float = 0.03
     sparse_axis_noise_rad: float = 0.3
     track_share: float = 0.25

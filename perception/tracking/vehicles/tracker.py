@@ -272,14 +272,20 @@ class VehicleTracker:
         located = tracks[is_located]
         covariances[seen[is_located]] = tracked_covariances(
             covariances_velo(located.covariance, pose),
-            located.boxes_velo(located.sizes_m, pose).yaw_rad,
+            located.boxes_velo(located.sizes_m, pose),
             sizes[is_located],
+            located.ids >= 0,
             config.box,
         )
         is_boxed = np.isfinite(vehicles.boxes.yaw_rad[seen])
         has_moved = tracks.travelled_m >= config.min_travelled_m
         deviations = box_deviations(
-            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, has_moved, config.box
+            vehicles.boxes[seen],
+            vehicles.point_counts[seen],
+            sizes,
+            has_moved,
+            config.box,
+            tracks.ids >= 0,
         )
         return covariances, vehicles.box_deviations.replaced(seen[is_boxed], deviations[is_boxed])
 
