@@ -32,7 +32,7 @@ from perception.localization.alignment import (
     share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
-from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
+from perception.localization.pose_covariance import PoseUncertainty
 from perception.types import Bool, Float32, Float64
 
 
@@ -55,15 +55,19 @@ class Localization:
         origin: Source of the pose.
         inlier_ratio: Share of the scan that matched; 0 where nothing was registered.
         is_reset: Whether poses of earlier scans no longer fit to this one.
-        covariance: (6, 6) covariance of the pose since the first scan, position in m and rotation vector in rad along
-            the axes of the world frame.
+        uncertainty: Uncertainty of the pose since the first scan.
     """
 
     world_SE3_velo: Float64
     origin: PoseOrigin
     inlier_ratio: float = 0.0
     is_reset: bool = False
-    covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
+    uncertainty: PoseUncertainty = field(default_factory=PoseUncertainty.none)
+
+    @property
+    def covariance(self) -> Float64:
+        """(6, 6) covariance since the first scan, position in m and rotation vector in rad along the axes of the world."""
+        return self.uncertainty.covariance
 
 
 class _ScanPoints:
@@ -287,15 +291,15 @@ class LidarOdometry:
                     PoseOrigin.REGISTERED,
                     best.inlier_ratio,
                     is_reset=other is not None,
-                    covariance=registered_covariance(
-                        world_SE3_keyframe, self._keyframe.localization.covariance, best, pose
+                    uncertainty=self._keyframe.localization.uncertainty.registered(
+                        world_SE3_keyframe, best, pose
                     ),
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
         pose = last_pose @ step
-        covariance = unregistered_covariance(last_pose, last.localization.covariance, pose, gap_s)
-        return Localization(pose, origin, is_reset=not is_near, covariance=covariance)
+        uncertainty = last.localization.uncertainty.unregistered(last_pose, pose, gap_s)
+        return Localization(pose, origin, is_reset=not is_near, uncertainty=uncertainty)
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""

@@ -16,6 +16,7 @@ from perception.tracking.heading import reported_yaws, update_from_course
 from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
 from perception.tracking.track_lifecycle import is_alive, is_confirmed, is_reported, may_be_static
 from perception.tracking.track_table import TrackTable
+from perception.tracking.track_uncertainty import reported_covariances, reported_deviations
 from perception.tracking.track_update import init_tracks, measure_boxes, update_tracks
 from perception.tracking.tracker import covariances_velo
 from perception.types import Bool, Float64, Int, Tracks
@@ -197,15 +198,14 @@ class BoxTracker:
     def _report(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
         """Return the reported tracks in the frame of the scan."""
         tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.lifecycle)]
-        sizes_m = likely_sizes_m(tracks, self._config.size)
+        outlines_m = likely_sizes_m(tracks, self._config.size)
+        sizes_m = np.column_stack([outlines_m, tracks.heights_m])
         tracks = replace(tracks, yaw_rad=reported_yaws(tracks, self._config.heading))
         return Tracks.unclassified(
             tracks.ids,
-            tracks.boxes_velo(np.column_stack([sizes_m, tracks.heights_m]), world_SE3_velo),
+            tracks.boxes_velo(sizes_m, world_SE3_velo),
             tracks.velocities_velo(world_SE3_velo),
             np.asarray(tracks.last_seen_s == stamp_s),
-            covariances_velo(
-                motion_model.reported_covariances(tracks.states, self._config.motion),
-                world_SE3_velo,
-            ),
+            covariances_velo(reported_covariances(tracks, sizes_m, self._config), world_SE3_velo),
+            reported_deviations(tracks, sizes_m, self._config),
         )

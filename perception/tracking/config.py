@@ -24,10 +24,9 @@ class MotionModelConfig:
         max_swing_rad: Maximum standard deviation of the heading that shifts the centre of a partly hidden box.
         gate: Maximum squared Mahalanobis distance of a detection; 9.21 holds 99 % of true pairs (chi-squared,
             2 degrees of freedom).
-        position_inflation: Ratio of the reported variance of a position to that of the filter, which takes the errors
-            of successive observations for independent.
-        box_error_m: Standard deviation of a centre that no number of observations removes: a hidden end, a sparse side.
-        velocity_inflation: The same ratio of a velocity: most objects keep theirs, which the filter does not know.
+        box_error_m: Standard deviation of a centre that no number of observations removes: a sparse side.
+        velocity_inflation: Ratio of the reported variance of a velocity to that of the filter: most objects keep theirs,
+            which the filter does not know.
     """
 
     velocity_noise_m_s: float = 0.9
@@ -39,8 +38,7 @@ class MotionModelConfig:
     slack_share: float = 0.3
     max_swing_rad: float = 0.3
     gate: float = 9.21
-    position_inflation: float = 1.5
-    box_error_m: float = 0.07
+    box_error_m: float = 0.05
     velocity_inflation: float = 0.4
 
 
@@ -153,6 +151,25 @@ class TrackLifecycleConfig:
 
 
 @dataclass(frozen=True)
+class TrackUncertaintyConfig:
+    """Standard deviations of reported boxes of moving objects.
+
+    Attributes:
+        length_m: Standard deviation of a length of which both ends are seen.
+        hidden_share: Share of a class's standard deviations that observations leave of sizes that are not seen whole.
+        axis_rad: Standard deviation of the axis of an outline.
+        axis_share: Share of the filter's standard deviation of the heading that is reported beside it.
+        reversal: Probability that the front is the rear.
+    """
+
+    length_m: float = 0.2
+    hidden_share: float = 0.9
+    axis_rad: float = 0.02
+    axis_share: float = 0.6
+    reversal: float = 0.01
+
+
+@dataclass(frozen=True)
 class BoxTrackerConfig:
     """Tracker of moving objects as boxes, the default.
 
@@ -161,6 +178,7 @@ class BoxTrackerConfig:
         heading: Heading of a track.
         size: Size of a track.
         lifecycle: Confirmation, reporting and deletion of tracks.
+        uncertainty: Standard deviations of reported boxes.
         fragment_margin_m: Margin around a track's predicted box within which clusters are fragments of one object.
         fragment_share: Maximum number of points of a fragment, as a share of those of the largest one.
         static_margin_m: Maximum excess of the size of a static cluster over that of the track it continues.
@@ -172,6 +190,7 @@ class BoxTrackerConfig:
     heading: HeadingConfig = field(default_factory=HeadingConfig)
     size: SizeEstimateConfig = field(default_factory=SizeEstimateConfig)
     lifecycle: TrackLifecycleConfig = field(default_factory=TrackLifecycleConfig)
+    uncertainty: TrackUncertaintyConfig = field(default_factory=TrackUncertaintyConfig)
     fragment_margin_m: float = 0.3
     fragment_share: float = 0.5
     static_margin_m: float = 0.5

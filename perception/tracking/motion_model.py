@@ -96,8 +96,8 @@ def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
 
 
 def reported_covariances(states: Gaussians, model: MotionModelConfig) -> Float64:
-    """Return (T, 4, 4) covariances whose intervals hold as many of the true positions and velocities as they say."""
-    ratios = np.repeat([model.position_inflation, model.velocity_inflation], 2)
+    """Return (T, 4, 4) covariances to report of observed centres and of velocities."""
+    ratios = np.repeat([1.0, model.velocity_inflation], 2)
     inflated = states.covariance * np.sqrt(np.outer(ratios, ratios))
     return np.asarray(inflated + np.diag([model.box_error_m**2] * 2 + [0.0] * 2))
 

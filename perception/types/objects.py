@@ -87,14 +87,18 @@ class Tracks(ArrayTable):
         velocities_m_s: Float64,
         is_observed: Bool,
         covariances: Float64 | None = None,
+        box_deviations: BoxDeviations | None = None,
     ) -> Self:
         """Return T tracks of objects that no detector has classified."""
         count = len(ids)
         if covariances is None:
             covariances = np.full((count, 4, 4), np.nan)
         types, scores = np.full(count, ""), np.full(count, np.nan)
-        unknown = BoxDeviations.unknown(count)
-        return cls(ids, boxes, velocities_m_s, is_observed, covariances, unknown, types, scores)
+        if box_deviations is None:
+            box_deviations = BoxDeviations.unknown(count)
+        return cls(
+            ids, boxes, velocities_m_s, is_observed, covariances, box_deviations, types, scores
+        )
 
 
 @dataclass(frozen=True)
