@@ -11,7 +11,7 @@ from perception.evaluation.intervals import LEVEL, interval_coverage, squared_ma
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.se3 import wrap
-from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Vehicles
+from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Tracks, Vehicles
 
 _WITHIN = float(norm.ppf((1 + LEVEL) / 2))  # standard deviations from the mean that hold the level
 
@@ -84,26 +84,26 @@ class BoxIntervalMetrics(Metrics):
 
 
 def box_intervals(
-    vehicles: Vehicles, rows: Int, true_boxes: Boxes3D, true_types: NDArray[np.str_]
+    objects: Vehicles | Tracks, rows: Int, true_boxes: Boxes3D, true_types: NDArray[np.str_]
 ) -> BoxIntervals:
     """Compare the boxes of some rows with the true boxes of the same objects.
 
     Args:
-        vehicles: Detected vehicles in the LiDAR frame.
-        rows: (N,) Rows of the vehicles; those without a box are left out.
+        objects: Detected vehicles or tracks in the LiDAR frame.
+        rows: (N,) Rows of the objects; those without a box are left out.
         true_boxes: (N) True boxes in the LiDAR frame.
         true_types: (N,) Their classes.
     """
-    has_box = np.isfinite(vehicles.boxes.yaw_rad[rows])
+    has_box = np.isfinite(objects.boxes.yaw_rad[rows])
     rows, true, types = rows[has_box], true_boxes[has_box], true_types[has_box]
-    found, deviations = vehicles.boxes[rows], vehicles.box_deviations[rows]
+    found, deviations = objects.boxes[rows], objects.box_deviations[rows]
     turn_rad = found.yaw_rad - true.yaw_rad
     return BoxIntervals(
         types=types.astype(np.str_),
         range_m=np.hypot(true.bottom_m[:, 0], true.bottom_m[:, 1]),
         is_apart=np.diagonal(iou_bev(found, true)) == 0,
         center_spread=squared_mahalanobis(
-            found.bottom_m[:, :2] - true.bottom_m[:, :2], vehicles.covariances[rows, :2, :2]
+            found.bottom_m[:, :2] - true.bottom_m[:, :2], objects.covariances[rows, :2, :2]
         ),
         size_off=np.abs(found.size_m - true.size_m) / deviations.size_m,
         axis_off=np.abs(wrap(turn_rad, np.pi)) / deviations.yaw_rad,

@@ -80,32 +80,51 @@ class PoseIntervals:
             true_poses: (4, 4) exact world_SE3_velo of every frame of the drive; None where they are not known.
         """
         self._true_poses = true_poses
-        self._first: Result | None = None
+        self._first: tuple[int, float, Float64] | None = None
         self._errors: list[PoseErrors] = []
 
     def update(self, result: Result) -> None:
         """Add the pose of one frame."""
+        frame = result.frame
+        self.add(frame.index, frame.stamp_s, result.world_SE3_velo, result.pose_covariance)
+
+    def add(self, index: int, stamp_s: float, pose: Float64, covariance: Float64) -> None:
+        """Add a pose.
+
+        Args:
+            index: Number of the frame in the drive.
+            stamp_s: Time of its scan.
+            pose: (4, 4) world_SE3_velo.
+            covariance: (6, 6) covariance of the pose since the first scan.
+        """
         if self._true_poses is None:
             return
         if self._first is None:
-            self._first = result
+            self._first = index, stamp_s, pose
             return
-        start, pose = self._first.world_SE3_velo, result.world_SE3_velo
-        start_true, pose_true = (self._true_poses[r.frame.index] for r in (self._first, result))
-        found, true = inverse(start) @ pose, inverse(start_true) @ pose_true
+        first, start_s, start = self._first
+        found, true = (
+            inverse(start) @ pose,
+            inverse(self._true_poses[first]) @ self._true_poses[index],
+        )
         turn = np.kron(np.eye(2), start[:3, :3])
         self._errors.append(
             PoseErrors(
-                ages_s=np.array([result.frame.stamp_s - self._first.frame.stamp_s]),
+                ages_s=np.array([stamp_s - start_s]),
                 position_m=(found[:3, 3] - true[:3, 3])[None],
                 rotation_rad=rotation_vector(found[:3, :3] @ true[:3, :3].T)[None],
-                covariances=(turn.T @ result.pose_covariance @ turn)[None],
+                covariances=(turn.T @ covariance @ turn)[None],
             )
         )
 
+    @property
+    def errors(self) -> PoseErrors:
+        """Errors of all poses after the first."""
+        return PoseErrors.concatenate(self._errors)
+
     def compute(self) -> dict[str, PoseMetrics]:
         """Return the metrics by the time since the first scan; none without exact poses."""
-        errors = PoseErrors.concatenate(self._errors)
+        errors = self.errors
         ages_s = errors.ages_s
         spans = {name: (ages_s > low) & (ages_s <= high) for name, (low, high) in _SPANS_S.items()}
         return {name: one.summary() for name, one in groups(errors, spans).items()}

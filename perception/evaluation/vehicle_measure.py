@@ -32,9 +32,11 @@ from perception.geometry.se3 import wrap
 from perception.tracking.association import Association, assign_hungarian
 from perception.types import (
     ArrayTable,
+    Bool,
     Boxes3D,
     Float,
     Float64,
+    Int,
     Labels,
     PointTruth,
     Result,
@@ -163,6 +165,17 @@ def location_errors(
     )
 
 
+def matched_labels(labels: Labels, vehicles: Vehicles) -> tuple[Labels, Int]:
+    """Return the moderate labels of boxed classes that a detection matches in the image, and its (N,) row for each."""
+    known = labels[_is_moderate(labels) & np.isin(labels.types, _BOXED_CLASSES)]
+    pairs = _image_pairs(known.boxes_px, vehicles)
+    return known[pairs.tracks], pairs.detections
+
+
+def _is_moderate(labels: Labels) -> Bool:
+    return np.asarray((labels.occlusion <= _MAX_OCCLUSION) & (labels.truncation <= _MAX_TRUNCATION))
+
+
 def _image_pairs(true_px: Float64, vehicles: Vehicles) -> Association:
     """Return the pairs of true boxes and detections of the greatest overlap in the image."""
     iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
@@ -263,20 +276,11 @@ class VehicleMeasure:
         tracks = _ground_tracks(vehicles, self._display_score)
         for kind, ground_frames in self._ground_frames.items():
             ground_frames.append(ground_frame(labels, tracks, kind))
-        is_moderate = (labels.occlusion <= _MAX_OCCLUSION) & (labels.truncation <= _MAX_TRUNCATION)
-        true = labels[is_moderate & (labels.types == "Car")]
+        true = labels[_is_moderate(labels) & (labels.types == "Car")]
         points = result.frame.points_velo
         self._errors.append(location_errors(vehicles, true.boxes_px, true.boxes_velo, points))
-        known = labels[is_moderate & np.isin(labels.types, _BOXED_CLASSES)]
-        pairs = _image_pairs(known.boxes_px, vehicles)
-        self._intervals.append(
-            box_intervals(
-                vehicles,
-                pairs.detections,
-                known.boxes_velo[pairs.tracks],
-                known.types[pairs.tracks],
-            )
-        )
+        known, rows = matched_labels(labels, vehicles)
+        self._intervals.append(box_intervals(vehicles, rows, known.boxes_velo, known.types))
         cars = labels[(labels.types == "Car") & (labels.track_ids >= 0)]
         views = result.modality_detections.values()
         self._coverage.update(

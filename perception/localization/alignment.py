@@ -23,7 +23,7 @@ _STEPS = (1e-3, 3e-3)  # rad, m
 # Ratio of the variance of a pose to that by the eighths of the surroundings. Intervals of three values by eight samples are
 # wider by 2.4 (Hotelling); the rest is what all eighths err alike in, as voxel means lock onto their grid. Measured with
 # six LiDARs on synthetic streets of many kinds, it is one number for all of them.
-_INFLATION = 3.5
+_INFLATION = 3.0
 _UNKNOWN = np.full((6, 6), np.nan)
 
 

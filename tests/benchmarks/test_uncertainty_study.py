@@ -1,0 +1,29 @@
+"""The study of intervals on a short street: shares of poses, moving objects and boxes, as a table and as JSON."""
+
+import json
+
+import cv2
+
+from benchmarks.studies.report import StreetFlags
+from benchmarks.studies.uncertainty import UncertaintyConfig, uncertainty
+
+
+def test_uncertainty(tmp_path, capsys):
+    out = tmp_path / "uncertainty.png"
+    config = UncertaintyConfig(("VLP-16",), ("town",), start_every=2, images=False)
+    uncertainty(streets=StreetFlags(4), config=config, out=out)
+    assert cv2.imread(str(out)).std() > 5
+    results = json.loads(out.with_suffix(".json").read_text())["results"]
+    poses = results["poses"]
+    assert list(poses) == [
+        f"VLP-16: {ins}, {span}" for ins in ("INS", "no INS") for span in ("1 scan", "to 1 s")
+    ]
+    # Two starts, at the scans 0 and 2: two poses a scan later, and two more of the first start.
+    assert [row["number"] for row in poses.values()] == [2, 2, 2, 2]
+    assert all(0 <= row[part] <= 1 for row in poses.values() for part in ("position", "rotation"))
+    objects = results["objects"]
+    assert list(objects) == [
+        f"VLP-16: {name}" for name in ("moving objects", "confirmed boxes", "new boxes")
+    ]
+    assert objects["VLP-16: new boxes"]["number"] > 0
+    assert "Boxes of confirmed objects" in capsys.readouterr().out
