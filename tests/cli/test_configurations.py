@@ -18,7 +18,7 @@ INPUTS = {
     "study sim-to-real": "x --validation y",
     **dict.fromkeys(("demo", "synth", "batch synth", "bench", "completion"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
-    **dict.fromkeys(("study growth", "study thesis"), ""),
+    **dict.fromkeys(("study growth", "study thesis", "study uncertainty"), ""),
 }
 OUTPUTS = {
     "synth": "out",
