@@ -26,6 +26,7 @@ from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.render import palette
 from perception.render.palette import Color
+from perception.tracking.vehicles.duplicates import distinct_rows
 from perception.types import (
     SENSOR_PARTS,
     Boxes3D,
@@ -97,13 +98,10 @@ def object_entities(result: Result, origin_m: Float64, display_score: float) -> 
     """
     vehicles = Tracks.empty()
     if result.vehicles is not None:
-        scores = result.vehicles.fused.detections.scores
-        is_shown = (
-            (scores >= display_score)
-            & np.isfinite(result.vehicles.boxes.yaw_rad)
-            & ~np.isin(result.vehicles.ids, result.tracks.ids)
-        )
-        vehicles = result.vehicles.as_tracks(np.flatnonzero(is_shown))
+        rows = distinct_rows(result.vehicles, display_score)
+        is_shown = np.isfinite(result.vehicles.boxes.yaw_rad[rows])
+        is_shown &= ~np.isin(result.vehicles.ids[rows], result.tracks.ids)
+        vehicles = result.vehicles.as_tracks(rows[is_shown])
     origin_SE3_velo = result.world_SE3_velo.copy()
     origin_SE3_velo[:3, 3] -= origin_m
     boxes = transform_boxes(origin_SE3_velo, result.tracks.boxes)

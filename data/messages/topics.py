@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from data.messages import images, objects
 from data.messages.diagnostics import diagnostics
 from data.messages.geometry import CAMERA, further_camera
 from data.messages.motion import odometry, transforms
 from data.messages.points import point_cloud
 from perception.detection.vehicles.camera_views import view_of
+from perception.tracking.vehicles.duplicates import distinct_rows
 from perception.types import MAP_MODALITIES, MODALITIES, MapModality, Modality, Result, Tracks
 
 # Makes a message of a result and the one before; None where the result has no such part.
@@ -109,7 +108,7 @@ def _vehicles(min_score: float) -> Callable[[Result], Tracks | None]:
         vehicles = result.vehicles
         if vehicles is None:
             return None
-        return vehicles.as_tracks(np.flatnonzero(vehicles.fused.detections.scores >= min_score))
+        return vehicles.as_tracks(distinct_rows(vehicles, min_score))
 
     return tracks_of
 

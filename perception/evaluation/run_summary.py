@@ -12,6 +12,7 @@ from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import Table
 from perception.evaluation.stage_times import StageTimes
 from perception.geometry.grids import LocalArea
+from perception.tracking.vehicles.duplicates import distinct_rows
 from perception.types import Int, PointState, PointTruth, Result
 
 
@@ -61,8 +62,7 @@ class RunSummary:
         self.tracks.append(len(result.tracks))
         if (vehicles := result.vehicles) is not None:
             self.vehicle_ids.update(vehicles.ids[vehicles.ids >= 0].tolist())
-            is_counted = vehicles.fused.detections.scores >= self.display_score
-            self.vehicles.append(int(np.count_nonzero(is_counted)))
+            self.vehicles.append(len(distinct_rows(vehicles, self.display_score)))
         points = result.frame.points_velo
         # The truth of a scan with an injected fault is of other points.
         if truth is not None and len(truth.classes) == len(points):

@@ -11,6 +11,7 @@ from perception.detection.config import DetectionConfig
 from perception.render import palette
 from perception.render.palette import Color
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
+from perception.tracking.vehicles.duplicates import distinct_rows
 from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Result, Tracks, Vehicles
 
 # Below this speed the velocity of a standing object is noise.
@@ -117,9 +118,8 @@ class SceneObjects(ArrayTable):
 
     def _with_vehicles(self, vehicles: Vehicles, display_score: float) -> Self:
         """Add the vehicles from a score on; one with the id of a track gives it its box in the image."""
-        scores = vehicles.fused.detections.scores
         found_px = vehicles.fused.detections.boxes_px
-        rows = np.flatnonzero(scores >= display_score)
+        rows = distinct_rows(vehicles, display_score)
         ids = vehicles.ids[rows]
         is_same = (ids[:, None] == self.ids) & (ids[:, None] >= 0)
         boxes_px, cameras = self.boxes_px.copy(), self.cameras.copy()

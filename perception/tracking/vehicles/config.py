@@ -25,12 +25,14 @@ class DuplicateConfig:
     Attributes:
         min_iou: Minimum IoU in the image, unless the returns of both lie apart.
         min_iou_apart: Minimum IoU in the image where the returns of both lie apart.
+        min_iou_cameras: Minimum IoU from above of two boxes of different cameras, of which only one is tracked.
         min_share: Minimum share of a box without returns that lies within the other.
         same_place_iou: Minimum IoU in the image of detections of several classes that are one object.
     """
 
     min_iou: float = 0.4
     min_iou_apart: float = 0.75
+    min_iou_cameras: float = 0.1
     min_share: float = 0.7
     same_place_iou: float = 0.6
 

@@ -1,4 +1,4 @@
-"""Second detections of one object, which neither begin nor continue a track."""
+"""Second detections of one object, which neither begin nor continue a track, and are not shown beside it."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.tracking.vehicles.config import DuplicateConfig
 from perception.tracking.vehicles.observations import VehicleObservations
-from perception.types import Bool
+from perception.types import Bool, Int, Vehicles
 
 
 def is_duplicate(observations: VehicleObservations, config: DuplicateConfig) -> Bool:
@@ -43,3 +43,33 @@ def covered(
         (overlap >= np.where(is_apart, config.min_iou_apart, config.min_iou))
         | (is_within & ~observations.is_located[:, None])
     )
+
+
+def distinct_rows(
+    vehicles: Vehicles, min_score: float, config: DuplicateConfig | None = None
+) -> Int:
+    """Return the rows of the vehicles from a score on, each object once, in rising order.
+
+    A detector may call one object a truck and a van, and two cameras may show a part of it each: the row of its track is
+    it, or else the one of the higher score. Two tracks stay two objects.
+
+    Args:
+        vehicles: Tracked vehicles of one frame.
+        min_score: Minimum score of a row.
+        config: Overlap of two boxes of one object.
+    """
+    config = config or DuplicateConfig()
+    scores, is_tracked = vehicles.fused.detections.scores, vehicles.ids >= 0
+    rows = np.flatnonzero(scores >= min_score)
+    rows = rows[np.lexsort((-scores[rows], ~is_tracked[rows]))]
+    boxes, boxes_px = vehicles.boxes[rows], vehicles.fused.detections.boxes_px[rows]
+    is_located = np.isfinite(boxes.yaw_rad)
+    overlap = np.full((len(rows), len(rows)), np.nan)
+    overlap[np.ix_(is_located, is_located)] = iou_bev(boxes[is_located], boxes[is_located])
+    is_alike_px = (iou_px(boxes_px, boxes_px) >= config.min_iou) & ~(overlap <= 0)
+    one_camera = vehicles.cameras[rows, None] == vehicles.cameras[rows]
+    is_same = np.where(one_camera, is_alike_px, overlap >= config.min_iou_cameras)
+    is_shown = np.zeros(len(rows), bool)
+    for row in range(len(rows)):
+        is_shown[row] = is_tracked[rows[row]] or not (is_same[row] & is_shown).any()
+    return np.sort(rows[is_shown])
