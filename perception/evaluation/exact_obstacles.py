@@ -158,7 +158,18 @@ def _box_around(points_m: Float) -> Boxes3D:
 
 def count_false(points_m: Float, is_true: Bool) -> int:
     """Count the clusters of points of which at least half are wrongly classified."""
+    return len(false_clusters_m(points_m, is_true))
+
+
+def false_clusters_m(points_m: Float, is_true: Bool) -> Float64:
+    """Return (K, 2) centers of the clusters of points of which at least half are wrongly classified.
+
+    Args:
+        points_m: (N, 2+) points of one class.
+        is_true: (N,) whether the class is right.
+    """
     ids = cluster_ids(points_m)
     sizes = np.bincount(ids)
-    is_false = np.bincount(ids, is_true) <= _MIN_SHARE * sizes
-    return int(np.count_nonzero(is_false & (sizes >= _MIN_POINTS)))
+    is_false = (np.bincount(ids, is_true) <= _MIN_SHARE * sizes) & (sizes >= _MIN_POINTS)
+    sums = [np.bincount(ids, points_m[:, axis])[is_false] for axis in (0, 1)]
+    return np.stack(sums, axis=1) / sizes[is_false, None]

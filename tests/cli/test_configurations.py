@@ -18,7 +18,9 @@ INPUTS = {
     "study sim-to-real": "x --validation y",
     **dict.fromkeys(("demo", "synth", "batch synth", "bench", "completion"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
-    **dict.fromkeys(("study growth", "study thesis", "study uncertainty"), ""),
+    **dict.fromkeys(
+        ("study growth", "study thesis", "study uncertainty", "study false-movers"), ""
+    ),
 }
 OUTPUTS = {
     "synth": "out",
