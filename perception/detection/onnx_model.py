@@ -1,7 +1,8 @@
 """A network in an ONNX file: validated when it is opened, warmed up, with arrays by name as inputs and outputs."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.abc import Traversable
@@ -113,13 +114,17 @@ class OnnxModel:
         _require_self_contained(file, content)
         self.fingerprint = hashlib.blake2b(content, digest_size=8).hexdigest()
         """Hash of the file's content."""
-        self._session = _open(file, _without_size(content) if any_image_size else content, threads)
-        self.metadata: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
-        """Metadata of the file."""
-        self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
-        """Inputs by name."""
-        self.output_shapes = {entry.name: _shape_of(entry) for entry in self._session.get_outputs()}
-        """Shapes of the outputs by name; None for an axis of any length."""
+        with _complete(file):
+            content = _without_size(content) if any_image_size else content
+            self._session = _open(content, threads)
+            meta, inputs = self._session.get_modelmeta(), self._session.get_inputs()
+            self.metadata: Mapping[str, str] = dict(meta.custom_metadata_map)
+            """Metadata of the file."""
+            self.inputs = {entry.name: _input_of(entry) for entry in inputs}
+            """Inputs by name."""
+            outputs = self._session.get_outputs()
+            self.output_shapes = {entry.name: _shape_of(entry) for entry in outputs}
+            """Shapes of the outputs by name; None for an axis of any length."""
         if contract is not None:
             self.check(contract)
             self(self._blank_inputs(contract.warmup_rows))
@@ -249,7 +254,25 @@ def _without_size(content: bytes) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types
+@contextmanager
+def _complete(file: Traversable) -> Iterator[None]:
+    """Name a file whose content a library refuses, or whose names are no text.
+
+    Raises:
+        ModelError: It is no complete ONNX model.
+    """
+    try:
+        yield
+    except Exception as error:  # ONNX Runtime's errors have no base of their own
+        raise ModelError(
+            str(file),
+            expected="a complete ONNX model",
+            found=_first_line(error),
+            advice="export the model again with `trifuse export`",
+        ) from error
+
+
+def _open(content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -260,15 +283,7 @@ def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN4
     # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
-    try:
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # ONNX Runtime's errors have no base of their own
-        raise ModelError(
-            str(file),
-            expected="a complete ONNX model",
-            found=_first_line(error),
-            advice="export the model again with `trifuse export`",
-        ) from error
+    return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 
 @cache

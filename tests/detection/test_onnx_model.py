@@ -6,6 +6,7 @@ from onnx import TensorProto
 
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.errors import ModelError
+from tests.faults import fault
 
 CONTRACT = ModelContract(
     metadata={"kind": "depthcn", "classes": "Car"},
@@ -75,6 +76,14 @@ def test_empty_file(tmp_path):
     with pytest.raises(ModelError) as error:
         OnnxModel(tmp_path / "empty.onnx", CONTRACT)
     assert error.value.expected == "a complete ONNX model"
+
+
+@pytest.mark.parametrize("any_image_size", [False, True])
+def test_names_that_are_no_text(write_model, any_image_size):
+    path = write_model()
+    path.write_bytes(path.read_bytes().replace(b"windows_px", b"windows\xedpx"))
+    with fault(ModelError, str(path), expected="a complete ONNX model", found="'utf-8' codec"):
+        OnnxModel(path, any_image_size=any_image_size)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])
