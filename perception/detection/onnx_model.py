@@ -283,7 +283,10 @@ def _open(content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime h
     # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
-    return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    # Without its fallback, which prints a banner and tries the same once more.
+    return onnxruntime.InferenceSession(
+        content, options, providers=["CPUExecutionProvider"], enable_fallback=0
+    )
 
 
 @cache

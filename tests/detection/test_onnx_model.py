@@ -79,11 +79,15 @@ def test_empty_file(tmp_path):
 
 
 @pytest.mark.parametrize("any_image_size", [False, True])
-def test_names_that_are_no_text(write_model, any_image_size):
+@pytest.mark.parametrize("name", [b"windows_px", b"ReduceMean"])
+def test_names_that_are_no_text(write_model, any_image_size, name, capfd):
     path = write_model()
-    path.write_bytes(path.read_bytes().replace(b"windows_px", b"windows\xedpx"))
+    content = path.read_bytes()
+    assert name in content
+    path.write_bytes(content.replace(name, name[:-1] + b"\xed"))
     with fault(ModelError, str(path), expected="a complete ONNX model", found="'utf-8' codec"):
         OnnxModel(path, any_image_size=any_image_size)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])
