@@ -19,6 +19,7 @@ class InjectionConfig(FlagGroup):
         calibration_within: The same of the calibration, which edges tell over two seconds.
         worlds: Number of synthetic drives, made in memory one after the other, beside those of the folders.
         world_sensors: LiDAR models of the synthetic drives, in turn.
+        world_images: Whether synthetic drives have images, which take most of the time.
         seed: Seed of the faults.
         curves: Inject faults of all sizes, not of the default size alone.
     """
@@ -30,6 +31,7 @@ class InjectionConfig(FlagGroup):
     calibration_within: int = 30
     worlds: int = 0
     world_sensors: tuple[str, ...] = ("HDL-64E", "VLP-16", "OS1-64")
+    world_images: bool = True
     seed: int = 0
     curves: bool = False
 

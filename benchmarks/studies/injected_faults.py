@@ -129,7 +129,7 @@ def _drives(
             yield open_drive(Path(root), sequence=name, config=source.reading, images=True)
     for number in range(config.worlds):
         sensor = load_sensor(config.world_sensors[number % len(config.world_sensors)])
-        synth = SynthConfig(sensor=sensor, seed=config.seed + 1)
+        synth = SynthConfig(sensor=sensor, seed=config.seed + 1, images=config.world_images)
         yield draw_drive(synth, number + 1, config.frames or synth.frames)
 
 
