@@ -13,10 +13,9 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
-from perception.evaluation.exact_obstacles import count_exactly, exact_points, false_clusters_m
 from perception.evaluation.report import Table
 from perception.geometry.grids import LocalArea
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import LidarModel, load_sensor
 from perception.types import Float64, PointState
@@ -146,6 +145,8 @@ def _measure(
     """Count on one road; called by workers."""
     from data.synthetic.drive import SyntheticDrive
     from data.synthetic.world_kinds import park_road
+    from perception.evaluation.exact_obstacles import count_exactly, exact_points, false_clusters_m
+    from perception.pipeline import Pipeline
 
     speed_m_s, seed = case
     world = replace(park_road(np.random.default_rng(seed)), ego_m_s=speed_m_s)
