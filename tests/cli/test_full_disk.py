@@ -28,19 +28,15 @@ def files_in(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_run_ends_at_the_first_file_without_room(frames, tmp_path):
-    words = [
-        "run",
-        str(frames),
-        "--out",
-        str(tmp_path),
-        "--no-video",
-        "--no-report",
-        "--pipeline.no-parallel",
-    ]
-    fill_disk(words, 16_500, tmp_path / "labels/000000.label")
-    assert files_in(tmp_path) == {"config.yaml", "summary.json"}
-    assert json.loads((tmp_path / "summary.json").read_text())["frames"] == 0
+def test_a_run_ends_at_the_first_file_without_room(tmp_path):
+    drive = write_car_frames(tmp_path / "drive", frames=1)
+    scan = drive / "training/velodyne/000000.bin"
+    scan.write_bytes(scan.read_bytes() * 4)  # so that its labels need more than the configuration
+    out = tmp_path / "out"
+    words = ["run", str(drive), "--out", str(out), "--no-video", "--no-report"]
+    fill_disk([*words, "--pipeline.no-parallel"], 50_000, out / "labels/000000.label")
+    assert files_in(out) == {"config.yaml", "summary.json"}
+    assert json.loads((out / "summary.json").read_text())["frames"] == 0
 
 
 def test_maps_end_at_the_first_file_without_room(frames, tmp_path):
