@@ -78,7 +78,7 @@ class ParquetTable(Restorable):
         self._batches = part_of(path).with_suffix(".arrows")
         self._schema = arrow_schema(path.stem)
         self._waiting: list[Rows] = []
-        self._written, self._has_snapshot = 0, False
+        self._written, self._has_snapshot, self._is_closed = 0, False, False
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
 
@@ -88,6 +88,8 @@ class ParquetTable(Restorable):
         Raises:
             WriteError: The file cannot be written.
         """
+        if self._is_closed:
+            return
         self._waiting.append(rows)
         if len(self._waiting) >= _GROUP_FRAMES:
             self._write_waiting()
@@ -99,15 +101,18 @@ class ParquetTable(Restorable):
         return super().snapshot()
 
     def restore(self, snapshot: bytes) -> None:
-        """Go on with the batches of an earlier process.
+        """Go on with the batches of an earlier process; one that was killed after its last frame has left the table.
 
         Raises:
-            LabelError: The file of batches is gone, or shorter than it was.
+            LabelError: The file of batches is shorter than it was, or gone without a table.
         """
         super().restore(snapshot)
         self._has_snapshot = True
         found = self._batches.stat().st_size if self._batches.is_file() else 0
         if found < self._written:
+            self._is_closed = True
+            if not found and self._path.is_file():
+                return
             raise LabelError(
                 self._batches,
                 expected=f"the {self._written} bytes that were written before the run was stopped",
@@ -124,6 +129,8 @@ class ParquetTable(Restorable):
         import pyarrow
         from pyarrow.parquet import ParquetWriter
 
+        if self._is_closed:
+            return
         try:
             self._write_waiting()
             with (

@@ -12,8 +12,9 @@ from data.exports import table_writer
 from data.exports.table_schema import TABLES
 from data.exports.table_writer import TableWriter
 from data.results.result_writer import open_writers
-from perception.errors import WriteError
+from perception.errors import LabelError, WriteError
 from perception.types import Tracks
+from tests.faults import fault
 from tests.full_disk import file_size_limit
 from tests.known_result import TRACKS, known_result
 
@@ -143,6 +144,32 @@ def test_a_run_that_fails_keeps_the_frames_that_were_done(tmp_path):
         raise RuntimeError
     assert len(rows_of(tmp_path / "tables", "tracks")) == 2
     assert {path.stem for path in (tmp_path / "tables").iterdir()} == set(TABLES)
+
+
+def test_a_run_that_was_killed_behind_its_last_frame_keeps_its_tables(tmp_path):
+    with open_writers([TableWriter(tmp_path, 0.0)]) as (writer,):
+        writer.add(known_result(0), None)
+        snapshot = writer.snapshot()
+        writer.add(known_result(1), None)
+    files = {path: path.read_bytes() for path in (tmp_path / "tables").iterdir()}
+    with open_writers([TableWriter(tmp_path, 0.0)]) as (writer,):
+        writer.restore(snapshot)
+        writer.add(known_result(1), None)
+    assert {path: path.read_bytes() for path in (tmp_path / "tables").iterdir()} == files
+
+
+def test_a_run_whose_rows_are_gone_cannot_go_on(tmp_path):
+    with pytest.raises(RuntimeError), open_writers([TableWriter(tmp_path, 0.0)]) as (writer,):
+        writer.add(known_result(0), None)
+        snapshot = writer.snapshot()
+        raise RuntimeError
+    for path in (tmp_path / "tables").iterdir():
+        path.unlink()
+    with (
+        fault(LabelError, ".part.arrows", found="0 bytes", advice="--overwrite"),
+        open_writers([TableWriter(tmp_path, 0.0)]) as (writer,),
+    ):
+        writer.restore(snapshot)
 
 
 def test_a_full_disk_leaves_no_half_table(tmp_path):
