@@ -19,6 +19,8 @@ from perception.obstacles.config import MovingClusterConfig
 from perception.obstacles.free_space import VisibilityHistory
 from perception.types import Bool, Float, Float64, Int
 
+_EARLY_WEIGHT = 0.5  # of a voxel while the history is short: two leaves are no pedestrian
+
 
 @dataclass(frozen=True)
 class VoxelVotes:
@@ -81,7 +83,8 @@ def moving_voxels(
     was_near = np.zeros(len(cluster), bool)
     was_near[cluster > 0] = _are_near(centers_m[cluster > 0], moved_before_m, config.near_moving_m)
     goes_on = count_by_cluster(was_near) > 0
-    required = np.where(goes_on, config.min_voxels_near_moving, config.min_voxels * static_weight)
+    least = config.min_voxels * max(static_weight, _EARLY_WEIGHT)
+    required = np.where(goes_on, config.min_voxels_near_moving, least)
     moves = (
         (appeared >= required)
         & (appeared > count_by_cluster(votes.persisted) * static_weight)
@@ -103,9 +106,9 @@ def moving_voxels(
     returned = left + in_columns * (count_by_cluster(votes.appeared) < config.min_solid_voxels)
     visible = np.bincount(cluster[evidence], past.visible, clusters)
     tolerated = np.where(goes_on, config.max_returned_ratio_near_moving, config.max_returned_ratio)
-    moves &= (returned <= tolerated * visible) & (
-        goes_on | (leaves > 0) | (visible >= config.min_observations)
-    )
+    # The place of what drives away was hidden, so that few scans have observed it.
+    is_observed = (visible >= config.min_observations) | (2 * leaves > appeared)
+    moves &= (returned <= tolerated * visible) & (goes_on | is_observed)
     return _complete(centers_m, columns, moves[cluster], np.all(history.was_hit, axis=0), config)
 
 
@@ -234,7 +237,8 @@ def _is_own_departure(
 
     An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
     path is extrapolated to now. An object that appears behind a passer-by keeps some distance to him, even where
-    several sides of his occluded it in turn.
+    several sides of his occluded it in turn. Where the gap of then was far too large, something else was in the way,
+    nearer to the sensor, and tells nothing.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
     behind, gap_m = history.was_behind_departed[0], history.gaps_m[0]
@@ -246,8 +250,9 @@ def _is_own_departure(
         short_m = young_s * old_s / 2 * config.departed_acceleration_m_s2
         limit_m = np.minimum(gap_m / 2, config.departed_gap_ratio * gap_m + short_m)
         limit_m = np.minimum(limit_m, config.departed_gap_m)
-        comes = np.where(behind_twice, gap_now_m <= limit_m, comes)
-        keeps_away = behind_twice & ~comes
+        is_steady = (-config.departed_gap_m <= gap_now_m) & (gap_now_m <= limit_m)
+        comes = np.where(behind_twice, is_steady, comes)
+        keeps_away = behind_twice & (gap_now_m > limit_m)
     # One observation can only confirm: the gap may still be shrinking.
     came, kept_away = (np.bincount(cluster, one, clusters) for one in (comes, keeps_away))
     return np.asarray((came > 0) & (came >= kept_away))

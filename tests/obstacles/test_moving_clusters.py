@@ -74,8 +74,13 @@ def test_occluded_voxels_move_with_those_that_appeared():
 
 @pytest.mark.parametrize(
     ("gaps_m", "expected"),
-    [((1.0, 2.0, 3.0), True), ((3.0, 3.0, 3.0), False), ((0.3, 0.35, 0.4), False)],
-    ids=["drives away", "hidden by a passer-by", "hidden by a passer-by close to it"],
+    [
+        ((1.0, 2.0, 3.0), True),
+        ((3.0, 3.0, 3.0), False),
+        ((0.3, 0.35, 0.4), False),
+        ((3.8, 16.9, 16.0), False),
+    ],
+    ids=["drives away", "hidden by a passer-by", "hidden by one close to it", "by two in turn"],
 )  # fmt: skip
 def test_a_leaving_object_differs_from_one_that_was_occluded(gaps_m, expected):
     gaps = np.repeat(np.array(gaps_m)[:, None], 12, axis=1)
@@ -140,6 +145,17 @@ def test_what_begins_to_move_has_been_observed_often_enough():
     assert not moves("FFF", visible=3).any()
     assert moves("FFF", visible=4).all()
     assert moves("FFF", visible=3, before=column(5.0, 0.2, 3)).all()
+
+
+def test_what_drives_away_need_not_have_been_observed_often():
+    gaps = np.repeat(np.array((1.0, 2.0, 3.0))[:, None], 12, axis=1)
+    assert moves("LLL", gaps_m=gaps, visible=3).all()
+    assert not moves(["LLL"] * 3 + ["FFF"] * 9, gaps_m=gaps, visible=3).any()
+
+
+@pytest.mark.parametrize(("voxels", "expected"), [(4, False), (5, True)])
+def test_the_second_scan_of_a_drive_needs_half_of_the_voxels(voxels, expected):
+    assert moves("F", voxels=voxels, ages_s=AGES_S[:1] / 5).tolist() == [expected] * voxels
 
 
 def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
