@@ -109,10 +109,9 @@ class ParquetTable(Restorable):
         super().restore(snapshot)
         self._has_snapshot = True
         found = self._batches.stat().st_size if self._batches.is_file() else 0
-        if found < self._written:
-            self._is_closed = True
-            if not found and self._path.is_file():
-                return
+        # Without its rows there is nothing to go on with; nothing more is written then.
+        self._is_closed = found < self._written
+        if self._is_closed and (found or not self._path.is_file()):
             raise LabelError(
                 self._batches,
                 expected=f"the {self._written} bytes that were written before the run was stopped",
