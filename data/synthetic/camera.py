@@ -50,8 +50,7 @@ class Camera:
             if np.linalg.norm(moving_object.world_SE3_object[:3, 3] - pinhole.centre_m) < _SHADOWS_M
         ]
         footprints = self._world.footprints(moving, pinhole.centre_m, _OPENNESS_M)
-        rotation = world_SE3_velo[:3, :3].astype(np.float32)
-        return RenderState(pinhole, rotation, moving, casting, footprints)
+        return RenderState(pinhole, world_SE3_velo, moving, casting, footprints)
 
     def _band(self, state: RenderState, rows: slice) -> Float32:
         """Return (rows * W, 3) the light that some rows of pixels receive."""
@@ -66,7 +65,8 @@ class Camera:
         """Cast the rays of a band of pixels and gather the surfaces that they hit."""
         width = state.pinhole.size_px[0]
         pixels = slice(rows.start * width, rows.stop * width)
-        directions = self._directions_velo[pixels] @ state.velo_to_world.T
+        rotation = state.world_SE3_velo[:3, :3].astype(np.float32)
+        directions = self._directions_velo[pixels] @ rotation.T
         origins = np.empty_like(directions)
         origins[:] = state.pinhole.centre_m
         delays = np.zeros(len(directions), np.float32)

@@ -38,6 +38,7 @@ class SynthConfig:
             one another kind.
         street: Kind of street of every drive; else the same.
         ego_m_s: Desired speed of the ego vehicle in m/s; else that of the street.
+        is_night: Whether it is night.
         cameras: Cameras of the vehicle, the main one first; several in the folder layout alone.
     """
 
@@ -51,6 +52,7 @@ class SynthConfig:
     config: WorldConfig | None = None
     street: StreetKind | None = None
     ego_m_s: float | None = None
+    is_night: bool = False
     cameras: tuple[CameraName, ...] = ("front",)
 
     def __post_init__(self) -> None:
@@ -149,6 +151,8 @@ def draw_drive(synth_config: SynthConfig, number: int, frames: int) -> Synthetic
             config = WorldConfig() if is_demonstration else draw_config(rng)
     if synth_config.ego_m_s is not None:
         config = replace(config, ego_m_s=synth_config.ego_m_s)
+    if synth_config.is_night:
+        config = replace(config, is_night=True)
     return SyntheticDrive(
         frames, seed=seed, sensor=synth_config.sensor, config=config, noise=synth_config.noise,
         images=synth_config.images, cameras=synth_config.cameras,

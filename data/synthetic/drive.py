@@ -150,13 +150,15 @@ class SyntheticDrive:
     @cached_property
     def _cameras(self) -> list[Camera]:
         rng = self._random(_IMAGE, self._frames)
-        daylight = draw_daylight(self.world.sun, self.world.config.is_sunny, rng)
+        config = self.world.config
+        daylight = draw_daylight(self.world.sun, config.is_sunny, rng, is_night=config.is_night)
         further = (camera_calibration(name) for name in self.cameras[1:])
         return [Camera(self.world, one, daylight) for one in (self.calibration, *further)]
 
     def _exposure(self, index: int) -> Exposure:
         """Return the exposure of one frame: the same throughout a drive, but for its metering."""
-        return draw_exposure(self._random(_IMAGE, self._frames + 1))
+        is_night = self.world.config.is_night
+        return draw_exposure(self._random(_IMAGE, self._frames + 1), is_night=is_night)
 
     def ins_packet(self, index: int) -> InsPacket:
         """Return the INS packet of one frame."""

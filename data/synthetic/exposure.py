@@ -1,6 +1,6 @@
 """From light to an image: metering, lens, colours, noise, tones and a Bayer mosaic."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,6 +14,7 @@ _KEY = 0.19  # light that metering makes the middle of an image
 _METERING_STEP_PX = 8
 # Share of the mirrored noise that each colour has beside the common noise.
 _NOISE_TINT = rgb(0.5, -0.2, 0.6)
+_NIGHT_NOISE = 4.0  # noise at night, relative to that of the day
 _FULL = 4095  # last entry of the table of tones
 
 
@@ -44,10 +45,10 @@ class Exposure:
     has_mosaic: bool = False
 
 
-def draw_exposure(rng: np.random.Generator) -> Exposure:
-    """Draw how the camera of one drive is made and set."""
+def draw_exposure(rng: np.random.Generator, *, is_night: bool = False) -> Exposure:
+    """Draw how the camera of one drive is made and set; at night its gain is high, and with it its noise."""
     warmth, tint = rng.normal(0, [0.07, 0.02])
-    return Exposure(
+    exposure = Exposure(
         gain=float(np.exp(rng.normal(0.0, 0.22))),
         noise=float(rng.uniform(0.3, 1.8)),
         blur_px=float(rng.uniform(0.5, 0.72)),
@@ -58,6 +59,7 @@ def draw_exposure(rng: np.random.Generator) -> Exposure:
         vignette=float(rng.uniform(0.0, 0.22)),
         has_mosaic=bool(rng.random() < 0.75),
     )
+    return replace(exposure, noise=_NIGHT_NOISE * exposure.noise) if is_night else exposure
 
 
 def develop(light: Float32, exposure: Exposure, rng: np.random.Generator) -> UInt8:

@@ -1,6 +1,6 @@
-"""Daylight: sun, sky, clouds, the skyline, and the reflections of glossy surfaces."""
+"""Light of sun, sky, clouds and lamps, the skyline, and the reflections of glossy surfaces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,10 @@ _SUN, _SKYLIGHT, _OVERCAST = rgb(2.5, 2.36, 2.12), rgb(0.28, 0.35, 0.48), rgb(1.
 _BLUE_FROM = 0.32  # sine of the height at which a clear sky is as blue as overhead
 _CROWNS_1_RAD = 24.0
 _MIRRORED_AT_M = 15.0  # distance at which a street is mirrored
+_NIGHT = (
+    1e-4,
+    3e-3,
+)  # light of a sky in the country and over a town, relative to an overcast day's
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,7 @@ class Daylight:
         cover: Cloudiness in standard deviations; positive where more of the sky is cloud than is clear.
         skyline: Sine of the height of the trees at the horizon.
         surround: Sine of the height up to which glossy surfaces mirror a street and not its sky.
+        level: Light of sun and sky relative to that of the day; below one, lamps are on.
     """
 
     sun: Float64
@@ -42,19 +47,20 @@ class Daylight:
     cover: float = 0.1
     skyline: float = 0.012
     surround: float = 0.25
+    level: float = 1.0
 
     @property
     def sun_rgb(self) -> Float32:
         """Light of the sun on a surface that faces it."""
         low = 1 - float(self.sun[2])
         warm = np.float32(self.strength) * (_SUN - low * rgb(0.0, 0.3, 0.7))
-        return np.asarray(warm if self.is_sunny else 0 * _SUN, np.float32)
+        return np.asarray(self.level * warm if self.is_sunny else 0 * _SUN, np.float32)
 
     @property
     def sky_rgb(self) -> Float32:
         """Light of the whole sky on a surface that faces up."""
         clear = _SKYLIGHT * np.float32(0.8 + 0.8 * self.haze)
-        return np.asarray(clear if self.is_sunny else _OVERCAST, np.float32)
+        return np.asarray(self.level * (clear if self.is_sunny else _OVERCAST), np.float32)
 
     def sky(self, directions: Float32) -> Float32:
         """Return (N, 3) light along directions that hit no surface: sky, clouds, distant trees."""
@@ -65,7 +71,7 @@ class Daylight:
         thick = clouds(x, y) + self.cover
         if self.is_sunny:
             amount = np.clip(thick * 0.6, 0, 0.9)[:, None]
-            light += amount * (_CLOUD - light)
+            light += amount * (np.float32(self.level) * _CLOUD - light)
         else:
             light *= (1 + 0.06 * thick)[:, None]
         low = np.flatnonzero(rise < 4 * self.skyline + 0.02)
@@ -76,13 +82,15 @@ class Daylight:
         """Return (N, 3) the sky without its clouds: white at the horizon and about the sun."""
         height = np.clip(directions[:, 2], 0.0, 1.0)
         if not self.is_sunny:
-            return np.asarray(_GREY_SKY * (0.85 + 0.15 * height)[:, None], np.float32)
+            grey = np.float32(self.level) * _GREY_SKY
+            return np.asarray(grey * (0.85 + 0.15 * height)[:, None], np.float32)
         haze = np.float32(self.haze)
         zenith = _ZENITH + haze * (_HORIZON - _ZENITH)
         blue = np.minimum(height / np.float32(_BLUE_FROM), 1) ** np.float32(0.6)
         glow = np.maximum(directions @ self.sun.astype(np.float32), 0) ** 5
         light = _HORIZON + blue[:, None] * (zenith - _HORIZON)
-        return np.asarray(light * (1 + (0.4 + 1.6 * haze) * glow)[:, None], np.float32)
+        light *= np.float32(self.level) * (1 + (0.4 + 1.6 * haze) * glow)[:, None]
+        return np.asarray(light, np.float32)
 
     def _skyline(self, directions: Float32, behind: Float32) -> Float32:
         """Put trees, pale with distance, before a low part of the sky."""
@@ -99,7 +107,8 @@ class Daylight:
         tone = 1 + 0.6 * clouds(azimuth * 420, rise * 420 + shift)
         light = self.sky_rgb + 0.35 * self.sun_rgb
         trees = _TREES * np.maximum(tone, 0.15)[:, None] * light
-        pale = trees + (0.02 + 0.12 * np.float32(self.haze)) * (_HORIZON - trees)
+        far = np.float32(self.level) * _HORIZON
+        pale = trees + (0.02 + 0.12 * np.float32(self.haze)) * (far - trees)
         return np.where((rise < ridge)[:, None], pale, behind)
 
     def mirrored(self, directions: Float32, points: Float32) -> Float32:
@@ -112,7 +121,8 @@ class Daylight:
         lit = np.float32(0.25) + np.float32(0.75) * (clouds(x + 70, y) > -0.3)
         street = (0.10 * (1 + 0.5 * clouds(x * 9, y * 9 + rise * 60)))[:, None] * self._around
         road = np.float32(0.17) * (self.sky_rgb + lit[:, None] * sun)
-        below = np.where((rise > -0.04)[:, None], np.maximum(street, 0.01), road)
+        dark = np.float32(0.01 * self.level)
+        below = np.where((rise > -0.04)[:, None], np.maximum(street, dark), road)
         return np.where((rise > tall)[:, None], self._clear(directions), below)
 
     @property
@@ -121,10 +131,12 @@ class Daylight:
         return self.sky_rgb + np.float32(0.4) * self.sun_rgb
 
 
-def draw_daylight(sun: Float64, is_sunny: bool, rng: np.random.Generator) -> Daylight:
-    """Draw the daylight of one drive for a position of the sun."""
+def draw_daylight(
+    sun: Float64, is_sunny: bool, rng: np.random.Generator, *, is_night: bool = False
+) -> Daylight:
+    """Draw the light of one drive for a position of the sun, or of one at night."""
     haze = float(rng.beta(1.2, 1.8))
-    return Daylight(
+    daylight = Daylight(
         sun,
         is_sunny,
         cloud_shift=float(rng.uniform(0, 500)),
@@ -134,3 +146,7 @@ def draw_daylight(sun: Float64, is_sunny: bool, rng: np.random.Generator) -> Day
         skyline=float(rng.uniform(0.01, 0.11)),
         surround=float(rng.uniform(0.15, 0.8)),
     )
+    if not is_night:
+        return daylight
+    low, high = np.log(_NIGHT)
+    return replace(daylight, is_sunny=False, level=float(np.exp(rng.uniform(low, high))))

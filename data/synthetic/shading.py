@@ -1,10 +1,11 @@
-"""Shading: sun and its shadows, sky, occlusion under vehicles, gloss, haze."""
+"""Shading: sun and its shadows, sky, occlusion under vehicles and in tunnels, lamps, gloss, haze."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from data.synthetic.lamps import glow, headlight
 from data.synthetic.light import Daylight
 from data.synthetic.materials import Slot, column, rgb
 from data.synthetic.raycasting import Hits, MovingObject, Rays, near_any
@@ -21,14 +22,14 @@ class RenderState:
 
     Attributes:
         pinhole: Pinhole camera at its pose.
-        velo_to_world: (3, 3) rotation of the LiDAR.
+        world_SE3_velo: (4, 4) pose of the LiDAR.
         moving: Moving objects in view.
         casting: Moving objects near enough to cast shadows.
         footprints: Pose, length and width of the vehicles nearby.
     """
 
     pinhole: PinholeCamera
-    velo_to_world: Float32
+    world_SE3_velo: Float64
     moving: list[MovingObject]
     casting: list[MovingObject]
     footprints: list[tuple[Float64, float, float]]
@@ -79,6 +80,7 @@ class Shader:
     def __init__(self, world: World, daylight: Daylight) -> None:
         self._world, self._daylight = world, daylight
         self._textures = ProceduralTextures(world.config.road)
+        self._tunnel = world.tunnel
         palettes = world.scene.tables.palettes
         self._colours = np.ascontiguousarray(palettes.reshape(-1, palettes.shape[-1])[:, :3])
         self._exposed = np.ones(len(Slot), np.float32)
@@ -98,10 +100,14 @@ class Shader:
         ambient = (0.55 + 0.45 * buffer.normals[:, 2]) * open_sky * self._exposed[buffer.slots]
         light = np.empty_like(colours)
         scatter_light(light, colours, facing, ambient, daylight.sun_rgb, daylight.sky_rgb)
-        self._add_gloss(light, buffer, facing)
+        if daylight.level < 1:
+            light += colours * headlight(buffer.points, buffer.normals, state.world_SE3_velo)
+            is_driving = buffer.hits.moving.take(buffer.seen) >= 0
+            light += glow(buffer.slots) * is_driving[:, None]
+        self._add_gloss(light, buffer, facing, open_sky)
         distance = buffer.hits.distance_m[buffer.seen]
         haze = 1 - np.exp(-distance / (2500 - 1500 * daylight.haze))
-        add_haze(light, haze, _GREY_HAZE)
+        add_haze(light, haze, np.float32(daylight.level) * _GREY_HAZE)
         return light
 
     def _sunlit(self, buffer: GBuffer, state: RenderState) -> Float32:
@@ -147,9 +153,13 @@ class Shader:
             level = np.abs(z) < 0.3
             shade = np.clip((outside + 0.25) / 0.75, 0, 1)
             open_sky[at] *= np.where(level, _UNDER_CARS + (1 - _UNDER_CARS) * np.sqrt(shade), 1.0)
+        if self._tunnel:
+            open_sky *= self._tunnel.daylight_share(buffer.points)
         return open_sky
 
-    def _add_gloss(self, light: Float32, buffer: GBuffer, facing: Float32) -> None:
+    def _add_gloss(
+        self, light: Float32, buffer: GBuffer, facing: Float32, open_sky: Float32
+    ) -> None:
         """Add what paint, glass and metal mirror, more at grazing angles, and the sun's glint."""
         at = np.flatnonzero(_GLOSS.take(buffer.slots))
         gloss = _GLOSS.take(buffer.slots.take(at))
@@ -161,4 +171,6 @@ class Shader:
         glint = np.clip(mirrored @ self._daylight.sun.astype(np.float32), 0, 1) ** 180
         glint *= facing.take(at) > 0
         around = self._daylight.mirrored(mirrored, buffer.points.take(at, axis=0))
+        if self._tunnel:
+            strength *= open_sky.take(at)
         add_gloss(light, at, strength, around, glint, self._daylight.sun_rgb)

@@ -4,5 +4,5 @@ from typing import Literal
 
 StreetKind = Literal[
     "town", "housing", "main-road", "junction", "country",
-    "industrial", "cycling", "shopping", "park", "jam",
+    "industrial", "cycling", "shopping", "park", "jam", "field", "tunnel",
 ]  # fmt: skip

@@ -27,6 +27,7 @@ class TownConfig:
         lamps: Share of the lamps' places with one.
         backdrop: Share of places behind the houses with a tall tree.
         low_crowns: Share of trees whose leaves reach down to the ground.
+        gardens: Share of the plots without a house that have a garden.
         leaves: Number of leaves of a tree.
         ground_reflectance: Reflectance of road and land relative to the usual.
     """
@@ -40,6 +41,7 @@ class TownConfig:
     lamps: float = 1.0
     backdrop: float = 1.0
     low_crowns: float = 0.0
+    gardens: float = 1.0
     leaves: int = 1700
     ground_reflectance: float = 1.0
 
@@ -134,7 +136,10 @@ class _Roadside:
 
     def _plot(self, s_m: float, length_m: float) -> list[Part]:
         if self.rng.random() >= self.config.houses:
-            return [*self._border(s_m, length_m), *self._garden(s_m, length_m)]
+            border = self._border(s_m, length_m)
+            return (
+                border if self._lacks(self.config.gardens) else border + self._garden(s_m, length_m)
+            )
         front_garden_m = float(self.rng.choice([0.0, 0.0, 3.0]))
         house = self._house(s_m, length_m, self._edge_m + 0.3 + front_garden_m)
         return [house, *self._border(s_m, length_m)] if front_garden_m > 0 else [house]

@@ -14,6 +14,7 @@ from data.synthetic.road import Road
 from data.synthetic.roadside import draw_plots, land_outside
 from data.synthetic.street import Part
 from data.synthetic.traffic_generator import TrafficGenerator
+from data.synthetic.tunnel import Tunnel
 from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 
@@ -70,6 +71,11 @@ class World:
     object_rows: Sequence[int]
     sensor_unit: int = 0
     _moments: dict[float, Moment] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def tunnel(self) -> Tunnel | None:
+        """The tunnel of the road, None without one."""
+        return tunnel_of(self.config, self.road)
 
     def world_SE3_body(self, times_s: Float64) -> Float64:
         """Return (K, 4, 4) poses of the ego body over the road: sway, and pitch under braking."""
@@ -147,6 +153,11 @@ class World:
         return states[actor.track_id]
 
 
+def tunnel_of(config: WorldConfig, road: Road) -> Tunnel | None:
+    """Return the tunnel of a road, None without one."""
+    return Tunnel(road, *config.tunnel_m) if any(config.tunnel_m) else None
+
+
 def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator) -> World:
     """Draw a street and its traffic for a drive of some duration."""
     reach = config.ego_m_s * 1.1 * (duration_s + 8) + 60
@@ -170,6 +181,8 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     parts = town.lay_out_street(road, stretch, config.town, plan.clearings, rng, is_free)
     parts += clutter.place_clutter(road, stretch, config.clutter, plan.clearings, own, is_free)
     parts += clutter.place_bays(road, bays, own)
+    if tunnel := tunnel_of(config, road):
+        parts += tunnel.parts()
     plan.add_pedestrians_and_cyclists(stretch)
     parking = Parking(road, plan.fleet, config.town.parking, plan.actors, rng)
     parking.along_road(stretch, plan.clearings, config.town.parking_rad, land_outside(bays))

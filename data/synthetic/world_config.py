@@ -34,6 +34,8 @@ class WorldConfig:
         slowdown_every_s: Seconds between two slowdowns of the vehicle ahead, 0 for none.
         stop_every_s: Mean number of seconds between two stops of a vehicle in any lane, 0 for none.
         is_sunny: Whether the sun casts shadows.
+        is_night: Whether lamps of vehicles and a faint sky are all the light there is.
+        tunnel_m: Entrance and exit of a tunnel in metres along the road, 0 and 0 for none.
     """
 
     road: RoadShape = field(default_factory=RoadShape)
@@ -56,6 +58,8 @@ class WorldConfig:
     slowdown_every_s: float = 9.0
     stop_every_s: float = 0.0
     is_sunny: bool = True
+    is_night: bool = False
+    tunnel_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Validate speeds, gaps and the lane of the ego vehicle."""

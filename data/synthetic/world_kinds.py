@@ -17,6 +17,16 @@ from data.synthetic.world_config import WorldConfig
 
 # What draws of a street begin with: trees of fewer leaves, as there are many of them.
 _TOWN = TownConfig(houses=0.0, leaves=1000)
+_BARE = TownConfig(
+    houses=0.0,
+    greenery=0.0,
+    furniture=0.0,
+    parking=0.0,
+    borders=0.0,
+    lamps=0.0,
+    backdrop=0.0,
+    gardens=0.0,
+)
 _ANGLE_PARKED = 0.35  # share of streets with parking lanes where vehicles stand at an angle
 Amounts = TypeVar("Amounts", TownConfig, ClutterConfig)
 
@@ -320,6 +330,38 @@ def traffic_jam(rng: np.random.Generator) -> WorldConfig:
     )
 
 
+def open_field(rng: np.random.Generator) -> WorldConfig:
+    """Draw a road through bare fields: nothing stands beside it, and few drive there."""
+    config = country_road(rng)
+    road = replace(config.road, land_m=(0.0, 0.0), roughness_m=_between(rng, 0.0, 0.08))
+    return replace(
+        config,
+        road=replace(road, curvature_1_m=road.curvature_1_m / 4),
+        town=replace(_BARE, ground_reflectance=config.town.ground_reflectance),
+        clutter=_drawn(rng, ClutterConfig(), grass=(0, 10)),
+        leader_gap_m=_between(rng, 30, 120),
+        vehicle_gap_m=_between(rng, 80, 250),
+        cyclists=0.0,
+        stop_every_s=0.0,
+    )
+
+
+def road_tunnel(rng: np.random.Generator) -> WorldConfig:
+    """Draw a road that enters a tunnel, with bare slopes before and behind it."""
+    config = country_road(rng)
+    start_m = _between(rng, 20, 60)
+    return replace(
+        config,
+        road=replace(config.road, curvature_1_m=config.road.curvature_1_m / 2),
+        town=_BARE,
+        clutter=ClutterConfig(),
+        tunnel_m=(start_m, start_m + _between(rng, 60, 300)),
+        vehicle_gap_m=_between(rng, 25, 80),
+        cyclists=0.0,
+        stop_every_s=0.0,
+    )
+
+
 STREETS: dict[StreetKind, Callable[[np.random.Generator], WorldConfig]] = {
     "town": town_street,
     "housing": housing_street,
@@ -331,6 +373,8 @@ STREETS: dict[StreetKind, Callable[[np.random.Generator], WorldConfig]] = {
     "shopping": shopping_street,
     "park": park_road,
     "jam": traffic_jam,
+    "field": open_field,
+    "tunnel": road_tunnel,
 }
 # How often each kind is drawn.
 _SHARES: dict[StreetKind, float] = {

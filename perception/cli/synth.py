@@ -23,6 +23,7 @@ def synth(
     images: bool = True,
     speed: float | None = None,
     street: StreetKind | None = None,
+    night: bool = False,
     cameras: tuple[CameraName, ...] = ("front",),
     part: str | None = None,
 ) -> None:
@@ -45,6 +46,7 @@ def synth(
         images: Write the images of the colour camera.
         speed: Desired speed of the ego vehicle in metres per second; else that of the street.
         street: Kind of street; else a busy street, and from the second drive on any kind but a jam.
+        night: Let it be night, with the lamps of vehicles and a faint sky.
         cameras: Cameras of the vehicle, the main one first: front, front_left, front_right, left, right, rear.
         part: Part to write beside what is there, such as 3/8, the third of eight; so jobs of a cluster share the work.
     """
@@ -64,6 +66,7 @@ def synth(
         images=images,
         ego_m_s=speed,
         street=street,
+        is_night=night,
         cameras=cameras,
     )
     chosen = synth_config.part(*_part_words(part))

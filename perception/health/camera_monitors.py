@@ -27,6 +27,9 @@ _MIN_USUAL_COARSE = 6.0
 _MAX_CHANGE = 20.0  # grey levels, of a covered cell
 _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
 _MIN_CELLS = 10  # side by side, of 96; clean frames have up to 7
+# A wall that fills the view more and more, as at the mouth of a tunnel, takes its cells one after another: of the cells
+# around that are lost for so many frames, those of a fault are half, or they are a quarter of the image.
+_MIN_AT_ONCE, _LOST_FRAMES, _MANY_CELLS = 0.5, 3, 24
 # A fault stays until most of its cells have their detail again, so many frames in a row.
 _RECOVERED_SHARE, _RECOVERED_FRAMES = 0.5, 3
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
@@ -185,7 +188,10 @@ class _BlurredImage:
         if together[age] < _MIN_CELLS:
             return np.zeros(lasts.shape, bool)
         largest = _largest_group((lasts == age) | (lasts == age + 1))
-        return largest if largest.sum() >= _MIN_CELLS else np.zeros(lasts.shape, bool)
+        count = int(largest.sum())
+        around = int(_joined_to(largest, lasts >= _LOST_FRAMES).sum())
+        is_at_once = count >= min(_MIN_AT_ONCE * around, _MANY_CELLS)
+        return largest if is_at_once and count >= _MIN_CELLS else np.zeros(lasts.shape, bool)
 
 
 def _largest_group(cells: Bool) -> Bool:
@@ -193,3 +199,9 @@ def _largest_group(cells: Bool) -> Bool:
     _, groups = cv2.connectedComponents(cells.astype(np.uint8))
     sizes = np.bincount(groups.ravel())[1:]
     return np.asarray(groups == 1 + int(sizes.argmax())) if len(sizes) else cells
+
+
+def _joined_to(cells: Bool, others: Bool) -> Bool:
+    """Return the other cells that hang together with some cells, and these."""
+    _, groups = cv2.connectedComponents((cells | others).astype(np.uint8))
+    return np.isin(groups, groups[cells])
