@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
-from perception.calibration.image_edges import EdgeMaps
+from perception.calibration.image_edges import NEAREST_M, EdgeMaps
 from perception.geometry.se3 import from_rotation_translation, from_rotation_vector
 from perception.kernels.edge_sampling import add_map_sums
 from perception.types import Float64, Int
@@ -27,7 +27,6 @@ TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
 _TAIL = np.array([2.0] * 3 + [4.0] * 3)
 _MAX_ITERATIONS = 60
 _PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
-_NEAREST_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -162,13 +161,10 @@ class _Part:
     def pixels(self, moved_SE3_cam: Float64) -> Float64:
         """Return (K, 2) places in the map, NaN behind the camera."""
         points = self.points_cam @ moved_SE3_cam[:3, :3].T + moved_SE3_cam[:3, 3]
-        projection = self.image.map_P_cam
-        ahead = points @ projection[:, :3].T + projection[:, 3]
-        depths_m = np.where(ahead[:, 2] > _NEAREST_M, ahead[:, 2], np.nan)
-        return np.asarray(ahead[:, :2] / depths_m[:, None])
+        return self.image.pixels(points)
 
     def add_sums(self, moved_SE3_cam: Float64, smoothing_px: float, sums: Float64) -> None:
         """Add the image's edges at those of the scan, and their gradient, to (7,) sums."""
         edges = self.image.smoothed(smoothing_px)[0 if self.is_upright else 1]
         projection = self.image.map_P_cam
-        add_map_sums(edges, projection, self.points_cam, moved_SE3_cam, _NEAREST_M, sums)
+        add_map_sums(edges, projection, self.points_cam, moved_SE3_cam, NEAREST_M, sums)

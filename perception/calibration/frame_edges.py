@@ -36,6 +36,7 @@ class FrameEdges:
         cam_SE3_velo: (4, 4) calibration that the frame came with.
         period_s: Time of a turn of the LiDAR in seconds.
         motion: Motion of the LiDAR during the sweep, or None where it is not known.
+        lit_share: Share of the scan's edges that were kept, as the image is not dark there.
     """
 
     scan: ScanEdges
@@ -43,6 +44,7 @@ class FrameEdges:
     cam_SE3_velo: Float64
     period_s: float
     motion: SweepMotion | None = None
+    lit_share: float = 1.0
 
     @classmethod
     def of(
@@ -69,13 +71,21 @@ class FrameEdges:
                 frame.source, expected="an image and its calibration", found=f"no {missing}"
             )
         height, width = frame.image.shape[:2]
-        return cls(
+        edges = cls(
             find_scan_edges(frame.points_velo, frame.calibration, (width, height), sensor),
             find_image_edges(frame.image, frame.calibration, max_focal_px),
             frame.calibration.cam_SE3_velo,
             1 / sensor.rate_hz,
             motion,
         )
+        return edges._in_light()
+
+    def _in_light(self) -> "FrameEdges":
+        """Return the frame without the edges of the scan that lie in the dark of the image, where it can have none."""
+        is_dark = self.image.is_dark(self.image.pixels(self.points_cam(SweepTurn.NONE)))
+        if not is_dark.any():
+            return self
+        return replace(self, scan=self.scan[~is_dark], lit_share=1 - float(is_dark.mean()))
 
     def thinned(self, count: int) -> "FrameEdges":
         """Return the frame with at most so many edges of the scan, spread evenly."""

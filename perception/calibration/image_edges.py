@@ -8,13 +8,18 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from perception.types import Calibration, Float32, Float64, UInt8
+from perception.types import Bool, Calibration, Float32, Float64, UInt8
 
 # Images are made as small as those of this focal length: a pixel is 1.4 mrad wide.
 FOCAL_PX = 720.0
+NEAREST_M = 0.1
 _NOISE_SIGMA_PX = 1.0
 _AROUND_PX = 49
 _MIN_SLOPE = 4.0  # grey levels a pixel times four, about the noise of a camera
+_MIN_LIT, _LIT_PX = (
+    40,
+    9,
+)  # grey level below which an image tells no edge, and width of what belongs to a place
 _KEPT = 2
 _MAX_RATIO = 3.0  # of the mean around, from which on an edge is as sure as it can be
 
@@ -26,13 +31,30 @@ class EdgeMaps:
     Attributes:
         upright: (h, w) edges that stand upright, 0 to 255.
         level: (h, w) edges that lie level.
+        brightest: (h, w) grey level of the brightest pixel around.
         map_P_cam: (3, 4) projection to the pixels of the maps.
     """
 
     upright: UInt8
     level: UInt8
+    brightest: UInt8
     map_P_cam: Float64
     _smoothed: dict[float, tuple[Float32, Float32]] = field(default_factory=dict, repr=False)
+
+    def pixels(self, points_cam: Float64) -> Float64:
+        """Return (K, 2) places of (K, 3) points in the maps, NaN behind the camera."""
+        ahead = points_cam @ self.map_P_cam[:, :3].T + self.map_P_cam[:, 3]
+        depths_m = np.where(ahead[:, 2] > NEAREST_M, ahead[:, 2], np.nan)
+        return np.asarray(ahead[:, :2] / depths_m[:, None])
+
+    def is_dark(self, pixels: Float64) -> Bool:
+        """Return whether the map is dark at (K, 2) pixels and around; beyond its borders it is not."""
+        height, width = self.brightest.shape
+        inside = np.all((pixels >= -0.5) & (pixels < (width - 0.5, height - 0.5)), axis=1)
+        u, v = np.rint(pixels[inside]).astype(np.int64).T
+        dark = np.zeros(len(pixels), bool)
+        dark[inside] = self.brightest[v, u] < _MIN_LIT
+        return dark
 
     def smoothed(self, smoothing_px: float) -> tuple[Float32, Float32]:
         """Return both maps from 0 to 1, smoothed by a Gaussian; those of the last two smoothings are kept."""
@@ -62,6 +84,7 @@ def find_image_edges(
         size = max(round(image.shape[1] * scale), 2), max(round(image.shape[0] * scale), 2)
         grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
     shrunk = np.divide(grey.shape[::-1], image.shape[1::-1])
+    brightest = cv2.dilate(cv2.blur(grey, (3, 3)), np.ones((_LIT_PX, _LIT_PX), np.uint8))
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _NOISE_SIGMA_PX)
     map_P_cam = calibration.image_P_cam.copy()
     # Pixel centres are whole numbers: those of a smaller image lie between them.
@@ -69,6 +92,7 @@ def find_image_edges(
     return EdgeMaps(
         _relative(np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), np.float32)),
         _relative(np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1), np.float32)),
+        np.asarray(brightest, np.uint8),
         map_P_cam,
     )
 

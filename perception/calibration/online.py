@@ -29,10 +29,12 @@ _MIN_EDGES = 400
 _MAX_EDGES = 260  # of a frame, spread evenly
 # What six frames do not tell stays as it is: a change by half a degree or 5 cm must gain 0.003 of score.
 _PRIOR = np.full(6, 0.006)
-# Beams that are far apart tell neither pitch nor roll nor height: these stay as they are.
+# Beams that are far apart tell neither pitch nor roll nor height: these are held as they are.
 _MAX_BEAM_STEP_RAD = np.radians(1.0)
 _HELD = np.array([True, False, True, False, True, False])
 _HELD_PRIOR = 10.0
+# At night headlights draw level edges of their own, where their light ends: the same are held.
+_MIN_LIT_SHARE = 0.65
 _MAX_GAP_S = 1.0
 _TURNS = tuple(SweepTurn)
 # What is tried where edges do not fit: rotations by pitch and yaw together, and shifts to the right and down.
@@ -87,8 +89,7 @@ class OnlineCalibration:
         import scipy.optimize  # noqa: F401
 
         self._sensor = sensor
-        is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
-        self._held: Bool = _HELD if is_sparse else np.zeros_like(_HELD)
+        self._is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
         self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)
         self._pose: tuple[float, Float64] | None = None
         self._count = self._observed = 0
@@ -149,6 +150,12 @@ class OnlineCalibration:
     @property
     def _prior(self) -> Float64:
         return np.where(self._held, _HELD_PRIOR, _PRIOR)
+
+    @property
+    def _held(self) -> Bool:
+        """Which of the (6,) changes stay as they are, as neither beams nor light tell them."""
+        lit = np.mean([one.lit_share for one in self._frames]) if self._frames else 1.0
+        return _HELD if self._is_sparse or lit < _MIN_LIT_SHARE else np.zeros_like(_HELD)
 
     def _align_coarsely(self) -> Float64:
         alignment = EdgeAlignment(self._frames, self._turn)
