@@ -17,6 +17,8 @@ from perception.localization.deskew import SweepMotion, deskew
 from perception.sensor import LidarModel
 from perception.types import Float64, Frame
 
+_NIGHT_SHARE = 0.35  # of the scan's edges, in the dark
+
 
 class SweepTurn(IntEnum):
     """Direction in which a LiDAR turns, seen from above."""
@@ -36,7 +38,7 @@ class FrameEdges:
         cam_SE3_velo: (4, 4) calibration that the frame came with.
         period_s: Time of a turn of the LiDAR in seconds.
         motion: Motion of the LiDAR during the sweep, or None where it is not known.
-        lit_share: Share of the scan's edges that were kept, as the image is not dark there.
+        is_night: Whether much of the image is dark; the scan's edges there are left out.
     """
 
     scan: ScanEdges
@@ -44,7 +46,7 @@ class FrameEdges:
     cam_SE3_velo: Float64
     period_s: float
     motion: SweepMotion | None = None
-    lit_share: float = 1.0
+    is_night: bool = False
 
     @classmethod
     def of(
@@ -81,11 +83,11 @@ class FrameEdges:
         return edges._in_light()
 
     def _in_light(self) -> "FrameEdges":
-        """Return the frame without the edges of the scan that lie in the dark of the image, where it can have none."""
+        """Return the frame at night without the edges of the scan in the dark, where the image can have none."""
         is_dark = self.image.is_dark(self.image.pixels(self.points_cam(SweepTurn.NONE)))
-        if not is_dark.any():
+        if not len(is_dark) or is_dark.mean() < _NIGHT_SHARE:
             return self
-        return replace(self, scan=self.scan[~is_dark], lit_share=1 - float(is_dark.mean()))
+        return replace(self, scan=self.scan[~is_dark], is_night=True)
 
     def thinned(self, count: int) -> "FrameEdges":
         """Return the frame with at most so many edges of the scan, spread evenly."""

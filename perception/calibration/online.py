@@ -34,7 +34,6 @@ _MAX_BEAM_STEP_RAD = np.radians(1.0)
 _HELD = np.array([True, False, True, False, True, False])
 _HELD_PRIOR = 10.0
 # At night headlights draw level edges of their own, where their light ends: the same are held.
-_MIN_LIT_SHARE = 0.65
 _MAX_GAP_S = 1.0
 _TURNS = tuple(SweepTurn)
 # What is tried where edges do not fit: rotations by pitch and yaw together, and shifts to the right and down.
@@ -58,11 +57,13 @@ class OffsetEstimate:
             axes of the camera.
         contrast: Share of the score that is lost where pitch or yaw is turned by 1.5 degrees.
         edges: Number of edges.
+        score: Mean of the image's edges at those of the scan, 0 to 1.
     """
 
     offset: Float64
     contrast: float
     edges: int
+    score: float
 
     @property
     def is_determined(self) -> bool:
@@ -154,8 +155,8 @@ class OnlineCalibration:
     @property
     def _held(self) -> Bool:
         """Which of the (6,) changes stay as they are, as neither beams nor light tell them."""
-        lit = np.mean([one.lit_share for one in self._frames]) if self._frames else 1.0
-        return _HELD if self._is_sparse or lit < _MIN_LIT_SHARE else np.zeros_like(_HELD)
+        is_night = any(one.is_night for one in self._frames)
+        return _HELD if self._is_sparse or is_night else np.zeros_like(_HELD)
 
     def _align_coarsely(self) -> Float64:
         alignment = EdgeAlignment(self._frames, self._turn)
@@ -198,7 +199,7 @@ class OnlineCalibration:
             for sign in (-1, 1)
         ]
         contrast = 1 - max(turned) / here if here > 0 else 0.0
-        return OffsetEstimate(offset, float(contrast), alignment.edges)
+        return OffsetEstimate(offset, float(contrast), alignment.edges, here)
 
     def _far(self, alignment: EdgeAlignment) -> OffsetEstimate:
         """Estimate an offset of any size, from the best of many rotations and shifts."""
