@@ -1,6 +1,7 @@
 """Calibration of LiDAR and camera under known errors: what is found again, and what is noticed while driving."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,10 @@ _AXES = ("pitch", "yaw", "roll", "right", "down", "ahead")
 _ROTATIONS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0)
 _TRANSLATION_M = 0.05
 _RESTART_EVERY = 22  # frames, after which the monitor begins anew with a wrong calibration
+_LEARNED, _CHANGED_EVERY = (
+    50,
+    26,
+)  # frames before the first error amid a drive, and for which each is watched
 _RANDOM_AXES = 3
 
 
@@ -58,6 +63,50 @@ class _Watch:
         starts = self.starts if self._restarts else 1
         delay = float(np.median(self.delays)) if self.delays else float("nan")
         return starts, min(len(self.delays), starts), delay
+
+
+class _Changes:
+    """The monitor of a clean drive, of which copies meet an error every few frames."""
+
+    def __init__(self, sensor: LidarModel, errors: Mapping[str, Float64]) -> None:
+        from perception.calibration.edge_alignment import offset_SE3
+        from perception.health.miscalibration import MiscalibrationMonitor
+
+        self._monitor = MiscalibrationMonitor(sensor)
+        self._errors = {name: offset_SE3(error) for name, error in errors.items() if error.any()}
+        self._frames = 0
+        self._copies: dict[str, MiscalibrationMonitor] = {}
+        self.starts = 0
+        self.delays: dict[str, list[int]] = {name: [] for name in self._errors}
+
+    def update(self, frame: Frame) -> None:
+        """Give the monitor a frame, and its copies the same with their errors."""
+        from perception.health.miscalibration import corrected
+
+        pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
+        since = (self._frames - _LEARNED) % _CHANGED_EVERY
+        if self._frames >= _LEARNED and since == 0:
+            self._copies = {name: deepcopy(self._monitor) for name in self._errors}
+        for name, monitor in list(self._copies.items()):
+            if monitor.update(corrected(frame, self._errors[name]), pose):
+                self.delays[name].append(since + 1)
+                del self._copies[name]
+        self._monitor.update(frame, pose)
+        self._frames += 1
+        if self._frames > _LEARNED and since == _CHANGED_EVERY - 1:
+            self.starts += 1
+
+    @property
+    def cells(self) -> dict[str, tuple[int, int, float]]:
+        """Starts, how many of them were noticed, and the median delay in frames, of each error."""
+        return {
+            name: (
+                self.starts,
+                min(len(delays), self.starts),
+                float(np.median(np.array(delays or [np.nan]))),
+            )
+            for name, delays in self.delays.items()
+        }
 
 
 def calibration(
@@ -100,16 +149,24 @@ def calibration(
     }
     if opened.is_sequence:
         watches = {name: _Watch(opened.sensor, error) for name, error in _errors()}
+        changes = _Changes(opened.sensor, dict(_errors()))
         for index in frame_progress_bar("monitor", delay_s=0)(range(len(opened))):
             frame = opened[index]
             for watch in watches.values():
                 watch.update(frame)
+            changes.update(frame)
         columns = {"starts": "d", "noticed": "d", "median delay [frames]": ".0f"}
         tables["monitor"] = formatted_table(
             f"{opened.name}: noticed within {_RESTART_EVERY} frames",
             "error made",
             columns,
             {name: watch.cells for name, watch in watches.items()},
+        )
+        tables["changes"] = formatted_table(
+            f"{opened.name}: made amid the drive, noticed within {_CHANGED_EVERY} frames",
+            "error made",
+            columns,
+            changes.cells,
         )
     publish(
         out, "Calibration", tables, {"drive": opened.name, "frames": len(read.edges), "seed": seed}

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from data.synthetic.street_kind import StreetKind
 from perception.cli.flags import SourceFlags
 from perception.cli.parser import FlagGroup
 
@@ -19,6 +20,8 @@ class InjectionConfig(FlagGroup):
         calibration_within: The same of the calibration, which edges tell over two seconds.
         worlds: Number of synthetic drives, made in memory one after the other, beside those of the folders.
         world_sensors: LiDAR models of the synthetic drives, in turn.
+        world_street: Kind of their streets; else any.
+        world_night: Whether it is night there.
         world_images: Whether synthetic drives have images, which take most of the time.
         seed: Seed of the faults.
         curves: Inject faults of all sizes, not of the default size alone.
@@ -31,6 +34,8 @@ class InjectionConfig(FlagGroup):
     calibration_within: int = 30
     worlds: int = 0
     world_sensors: tuple[str, ...] = ("HDL-64E", "VLP-16", "OS1-64")
+    world_street: StreetKind | None = None
+    world_night: bool = False
     world_images: bool = True
     seed: int = 0
     curves: bool = False

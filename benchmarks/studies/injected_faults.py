@@ -129,7 +129,13 @@ def _drives(
             yield open_drive(Path(root), sequence=name, config=source.reading, images=True)
     for number in range(config.worlds):
         sensor = load_sensor(config.world_sensors[number % len(config.world_sensors)])
-        synth = SynthConfig(sensor=sensor, seed=config.seed + 1, images=config.world_images)
+        synth = SynthConfig(
+            sensor=sensor,
+            seed=config.seed + 1,
+            images=config.world_images,
+            street=config.world_street,
+            is_night=config.world_night,
+        )
         yield draw_drive(synth, number + 1, config.frames or synth.frames)
 
 

@@ -71,6 +71,33 @@ def test_edges_and_both_alignments_are_work_of_three_frames(board_frames, monkey
     assert by_frame == [["edges"], [1], [1], ["edges"], []]
 
 
+def test_a_shift_amid_a_drive_is_named_as_a_change(board_frames):
+    """From the start it is within what scenes add to the estimates of different drives."""
+    shift = offset_SE3(np.array([0, 0, 0, 0.08, 0, 0]))
+    assert not any(findings(MiscalibrationMonitor(HDL_64E), board_frames, shift, count=47))
+    monitor = MiscalibrationMonitor(HDL_64E)
+    assert not any(findings(monitor, board_frames, count=47))
+    assert any(findings(monitor, board_frames, shift, count=20, first=47))
+
+
+def test_at_night_edges_in_the_dark_are_left_out_and_pitch_is_held(board_frames):
+    """The upper half is dark: half of the boards' upright edges are left, and none of the level ones."""
+    height = board_frames[0].image.shape[0]
+    night = [replace(one, image=one.image.copy()) for one in board_frames]
+    for one in night:
+        one.image[: height * 3 // 4] //= 16
+    edges, lit = (FrameEdges.of(frames[0], HDL_64E) for frames in (board_frames, night))
+    assert not edges.is_night
+    assert lit.is_night
+    assert 0 < len(lit.scan) < 0.65 * len(edges.scan)
+    online = OnlineCalibration(HDL_64E)
+    error = offset_SE3(np.array([0.01, 0, 0, 0, 0, 0]))
+    for index in range(30):
+        frame = replace(night[index % len(night)], index=index, stamp_s=0.1 * index)
+        online.update(corrected(frame, error), np.eye(4))
+    assert online.estimate is None or abs(online.estimate.offset[0]) < 1e-3
+
+
 def test_a_far_error_amid_a_drive_is_corrected_within_three_and_a_half_seconds(board_frames):
     monitor = MiscalibrationMonitor(HDL_64E)
     assert not any(findings(monitor, board_frames, count=27))
@@ -131,8 +158,8 @@ def test_a_scene_that_tells_nothing_is_searched_seldom(board_frames, monkeypatch
         "_far",
         lambda self, alignment: searched.append(alignment.frames) or far(self, alignment),
     )
-    night = [replace(one, image=np.full_like(one.image, 20)) for one in board_frames]
-    assert not any(findings(MiscalibrationMonitor(HDL_64E), night, count=20 + 9 * 9))
+    fog = [replace(one, image=np.full_like(one.image, 90)) for one in board_frames]
+    assert not any(findings(MiscalibrationMonitor(HDL_64E), fog, count=20 + 9 * 9))
     assert searched == [6, 3] * 4
 
 
