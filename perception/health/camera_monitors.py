@@ -29,7 +29,7 @@ _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
 _MIN_CELLS = 10  # side by side, of 96; clean frames have up to 7
 # A wall that fills the view more and more, as at the mouth of a tunnel, takes its cells one after another: of the cells
 # around that are lost for so many frames, those of a fault are half, or they are a quarter of the image.
-_MIN_AT_ONCE, _LOST_FRAMES, _MANY_CELLS = 0.5, 3, 24
+_MIN_AT_ONCE, _LOST_FRAMES, _MANY_CELLS = 0.5, 2, 24
 # A fault stays until most of its cells have their detail again, so many frames in a row.
 _RECOVERED_SHARE, _RECOVERED_FRAMES = 0.5, 3
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6

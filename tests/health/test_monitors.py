@@ -178,6 +178,18 @@ def test_cells_side_by_side_are_dirt_and_scattered_ones_are_not(clean, cells, re
     assert {one.fault for findings in found for one in findings} == reported
 
 
+def test_a_wall_that_fills_the_view_column_by_column_is_no_dirt(clean):
+    """As at the mouth of a tunnel: ten cells are lost in two frames, but those around before and after them."""
+    monitors, found = CameraMonitors(), set[str]()
+    for frame in clean[:FIRST]:
+        found |= {one.fault for one in monitors.update(frame)}
+    for number, frame in enumerate(clean[FIRST : FIRST + 12]):
+        middle = range(max(7 - number, 0), min(9 + number, 16))
+        wall = [(row, column) for row in (2, 3, 4) for column in middle]
+        found |= {one.fault for one in monitors.update(blurred_in_cells(frame, wall))}
+    assert not found
+
+
 def test_dirt_that_stays_is_not_learned_and_ends_with_it(clean):
     monitors, last = CameraMonitors(), clean[-1].index
     for frame in clean:

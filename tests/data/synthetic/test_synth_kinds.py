@@ -11,6 +11,7 @@ from data.synthetic.clutter import ClutterConfig
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.heavy_vehicles import HeavyKind
 from data.synthetic.materials import SemanticClass
+from data.synthetic.raycasting import Rays, near_any
 from data.synthetic.road import Road, RoadShape
 from data.synthetic.roadside import Plot
 from data.synthetic.traffic_generator import _apart
@@ -31,6 +32,8 @@ KINDS = [
     world_kinds.shopping_street,
     world_kinds.park_road,
     world_kinds.traffic_jam,
+    world_kinds.open_field,
+    world_kinds.road_tunnel,
 ]
 
 
@@ -43,7 +46,7 @@ def test_no_two_vehicles_touch(kind):
         labels = drive.labels_around(index)
         vehicles = labels.boxes_velo[np.isin(labels.types, ["Car", "Van", "Truck", "Tram", "Misc"])]
         overlap = iou_bev(vehicles, vehicles) - np.eye(len(vehicles))
-        assert len(vehicles) > 2
+        assert len(vehicles) > (0 if kind is world_kinds.open_field else 2)
         assert overlap.max() < 1e-3
 
 
@@ -222,3 +225,35 @@ def test_points_on_trucks_are_labelled_so():
 def test_an_ego_lane_that_the_road_lacks_is_refused():
     with fault(UsageError, expected="ego_lane below the 1 lanes"):
         WorldConfig(ego_lane=1)
+
+
+def test_in_an_open_field_nothing_stands_beside_the_road():
+    config = world_kinds.open_field(np.random.default_rng(3))
+    drive = SyntheticDrive(2, seed=3, config=config, images=False)
+    scan = drive.scan(0)
+    low = [40, 48, 70, 72]  # road, pavement, grass, land
+    is_low = np.isin(scan.truth.classes, low)
+    standing = ~is_low & (scan.truth.instances == 0)
+    assert standing.mean() < 0.01
+
+
+def test_a_tunnel_encloses_the_road_and_no_daylight_reaches_its_middle():
+    config = WorldConfig(tunnel_m=(-50.0, 150.0))
+    world = build_world(config, 1.0, np.random.default_rng(1))
+    assert world.tunnel is not None
+    outer_m = config.road.outer_m
+    places = world.road.place(
+        np.array([50.0, 50.0, -49.0, -60.0, 50.0]), np.array([0, 2.0, 0, 0, outer_m + 2])
+    )
+    share = world.tunnel.daylight_share(places.astype(np.float32))
+    assert share == pytest.approx([0.03, 0.03, np.exp(-1 / 7), 1.0, 1.0], abs=0.02)
+    mouth = world.road.place(np.array(50.0), np.array(0.0)) + np.array([0, 0, 1.5])
+    angles = np.linspace(0, np.pi, 20)[1:-1]
+    heading = float(world.road.heading_rad(np.array(50.0)))
+    across = np.array([-np.sin(heading), np.cos(heading), 0.0])
+    directions = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * [0, 0, 1.0]
+    origins = np.tile(mouth, (len(directions), 1)).astype(np.float32)
+    aimed = directions.astype(np.float32)
+    rays = Rays(origins, aimed, np.zeros(len(aimed), np.float32), near_any(origins, aimed))
+    hits = world.scene.cast(rays, [])
+    assert (hits.distance_m < outer_m + 2.5).all()

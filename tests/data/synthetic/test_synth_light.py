@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.synthetic import meshes
+from data.synthetic import lamps, meshes
 from data.synthetic.camera import Camera
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.exposure import Exposure, develop, draw_exposure
@@ -135,3 +135,42 @@ def test_light_and_camera_depend_on_the_seed_alone():
     assert settings[0] == settings[1] != settings[2]
     once, again = (SyntheticDrive(2, seed=5).image(1) for _ in range(2))
     assert (once == again).all()
+
+
+def test_at_night_the_road_is_lit_ahead_and_dark_beside_and_far_away(flat_world):
+    night = Daylight(sun_at(0.0), False, 0.0, level=1e-3)
+    near, far = (grey_at(flat_world(), night, (x, -1.0, 0.0)) for x in (8.0, 60.0))
+    assert near > 4 * far
+    day = grey_at(flat_world(), replace(night, level=1.0), (60.0, -1.0, 0.0))
+    assert day > 10 * far
+
+
+def test_headlights_fade_with_the_square_of_distance_and_light_little_above_their_edge():
+    places = np.array([[11.6, 0, -1.05], [21.6, 0, -1.05], [21.6, 0, 3.0], [-10, 0, 0]], np.float32)
+    towards = np.tile(np.array([[-1.0, 0, 0]], np.float32), (4, 1))
+    light = lamps.headlight(places, towards, np.eye(4))[:, 0]
+    assert light[0] / light[1] == pytest.approx(4.0, rel=0.05)
+    assert light[2] < 0.05 * light[1]
+    assert light[3] == 0.0
+
+
+def test_lamps_shine_by_themselves():
+    shining = lamps.glow(np.array([Slot.HEADLIGHT, Slot.TAILLIGHT, Slot.ASPHALT], np.uint8))
+    assert shining[0].min() > 3
+    assert shining[1, 0] > 10 * shining[1, 1]
+    assert not shining[2].any()
+
+
+def test_a_night_is_drawn_darker_by_hundreds_with_more_noise():
+    day, night = (
+        draw_daylight(sun_at(0.0), True, np.random.default_rng(4), is_night=is_night)
+        for is_night in (False, True)
+    )
+    assert 1e-4 <= night.level <= 3e-3
+    assert not night.sun_rgb.any()
+    assert night.sky_rgb.max() < 0.005 * day.sky_rgb.max()
+    noise = [
+        draw_exposure(np.random.default_rng(4), is_night=is_night).noise
+        for is_night in (True, False)
+    ]
+    assert noise[0] == pytest.approx(4 * noise[1])
