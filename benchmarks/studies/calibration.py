@@ -103,7 +103,7 @@ class _Changes:
             name: (
                 self.starts,
                 min(len(delays), self.starts),
-                float(np.median(np.array(delays or [np.nan]))),
+                float(np.median(np.array(delays, float)) if delays else np.nan),
             )
             for name, delays in self.delays.items()
         }

@@ -4,12 +4,13 @@ Thresholds are grey levels and shares of an image, not those of one drive. What 
 of each part of the image, is learned over the drive and compared with itself.
 """
 
+from collections import deque
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
-from perception.health.image_statistics import ImageStatistics
+from perception.health.image_statistics import ImageStatistics, nearest_returns
 from perception.types import CAMERA, Bool, Float, Frame, HealthFinding, HealthLevel, UInt8
 
 # A lit street at night has lamps and headlights above 100; a covered lens has read noise below 20.
@@ -27,9 +28,12 @@ _MIN_USUAL_COARSE = 6.0
 _MAX_CHANGE = 20.0  # grey levels, of a covered cell
 _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
 _MIN_CELLS = 10  # side by side, of 96; clean frames have up to 7
-# A wall that fills the view more and more, as at the mouth of a tunnel, takes its cells one after another: of the cells
-# around that are lost for so many frames, those of a fault are half, or they are a quarter of the image.
-_MIN_AT_ONCE, _LOST_FRAMES, _MANY_CELLS = 0.5, 2, 24
+# At the mouth of a tunnel walls fill the view more and more, and light changes all over the image: cells are lost one
+# after another. Of all that are lost for two frames, those of a fault are such a share, or they are a quarter of the image.
+_MIN_AT_ONCE, _LOST_FRAMES, _MANY_CELLS = 0.375, 2, 24
+# What comes near, as a lorry that passes, hides what was behind: cells of columns where the nearest return is at such
+# a share of its distance before. A spot on the lens brings nothing near.
+_MAX_NEARED, _MAX_NEARED_SHARE, _BEFORE_FRAMES, _KEPT_FRAMES = 0.4, 0.6, 3, 40
 # A fault stays until most of its cells have their detail again, so many frames in a row.
 _RECOVERED_SHARE, _RECOVERED_FRAMES = 0.5, 3
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
@@ -63,7 +67,7 @@ class CameraMonitors:
         repeats = self._frozen.update(image.sample)
         finding = _dark(image) or repeats or _washed_out(image)
         if finding is None or finding[0] < HealthLevel.ERROR:
-            blurred = self._blurred.update(image)
+            blurred = self._blurred.update(image, nearest_returns(frame))
             if finding and blurred:  # which it explains, and which makes it worse
                 finding = (blurred[0], *finding[1:])
             finding = finding or blurred
@@ -136,9 +140,16 @@ class _BlurredImage:
         self._mean: Float = self._coarse
         self._held: Bool = np.zeros(0, bool)
         self._recovered = 0
+        self._nearest: deque[Float] = deque(maxlen=_KEPT_FRAMES)
 
-    def update(self, image: ImageStatistics) -> _Fault | None:
-        """Return the fault where so many cells have lost their detail in the same frame."""
+    def update(self, image: ImageStatistics, nearest_m: Float) -> _Fault | None:
+        """Return the fault where so many cells have lost their detail in the same frame.
+
+        Args:
+            image: Statistics of the image.
+            nearest_m: (16,) distance of the nearest return in each column of cells.
+        """
+        self._nearest.append(nearest_m)
         has_edges: Bool = image.coarse >= _MIN_COARSE
         detail = image.fine / np.maximum(image.coarse, 1e-3)
         if self._frames == 0:
@@ -189,9 +200,17 @@ class _BlurredImage:
             return np.zeros(lasts.shape, bool)
         largest = _largest_group((lasts == age) | (lasts == age + 1))
         count = int(largest.sum())
-        around = int(_joined_to(largest, lasts >= _LOST_FRAMES).sum())
-        is_at_once = count >= min(_MIN_AT_ONCE * around, _MANY_CELLS)
-        return largest if is_at_once and count >= _MIN_CELLS else np.zeros(lasts.shape, bool)
+        lost = int((lasts >= _LOST_FRAMES).sum())
+        is_at_once = count >= min(_MIN_AT_ONCE * lost, _MANY_CELLS)
+        is_fault = is_at_once and count >= _MIN_CELLS and not self._is_hidden(largest, age)
+        return largest if is_fault else np.zeros(lasts.shape, bool)
+
+    def _is_hidden(self, cells: Bool, age: int) -> bool:
+        """Return whether something has come near in most of some cells since they were lost."""
+        before = self._nearest[max(len(self._nearest) - 1 - age - _BEFORE_FRAMES, 0)]
+        since = np.min(list(self._nearest)[-age:], axis=0)
+        has_neared = since < _MAX_NEARED * before
+        return bool((cells & has_neared).sum() > _MAX_NEARED_SHARE * cells.sum())
 
 
 def _largest_group(cells: Bool) -> Bool:
@@ -199,9 +218,3 @@ def _largest_group(cells: Bool) -> Bool:
     _, groups = cv2.connectedComponents(cells.astype(np.uint8))
     sizes = np.bincount(groups.ravel())[1:]
     return np.asarray(groups == 1 + int(sizes.argmax())) if len(sizes) else cells
-
-
-def _joined_to(cells: Bool, others: Bool) -> Bool:
-    """Return the other cells that hang together with some cells, and these."""
-    _, groups = cv2.connectedComponents((cells | others).astype(np.uint8))
-    return np.isin(groups, groups[cells])

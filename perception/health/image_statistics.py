@@ -1,4 +1,4 @@
-"""What camera monitors need of an image: grey levels of a sample of its pixels, and how sharp each part of it is."""
+"""What camera monitors need of a frame: grey levels of a sample of pixels, how sharp each part is, and what is near there."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -6,7 +6,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.types import Float32, UInt8
+from perception.geometry.se3 import transform_points
+from perception.types import Float, Float32, Frame, UInt8
 
 _SAMPLE_STEP_PX = 4
 _ROW_STEP_PX = 4
@@ -14,6 +15,8 @@ _GRID = (6, 16)  # cells, down and across
 _WIDTH_PX = 1242  # width of an image, at which the steps below are as they stand
 _FINE_PX, _COARSE_PX = 2, 8
 _GREEN = 1
+_SAMPLED_RETURNS = 10_000
+_NEAREST_M, _MAX_BELOW_CAMERA_M = 0.5, 1.2  # a camera is higher above the road
 _LOW, _HIGH = 0.005, 0.995
 
 
@@ -60,6 +63,27 @@ class ImageStatistics:
             coarse=_cells(coarse),
             mean=_cells(sample.astype(np.int16)),
         )
+
+
+def nearest_returns(frame: Frame) -> Float:
+    """Return the (16,) depths of the nearest returns above the ground in the columns of cells, of a sample of the scan.
+
+    Columns without a return, and all without a calibration, are infinitely far.
+    """
+    nearest_m = np.full(_GRID[1], np.inf)
+    if frame.image is None or frame.calibration is None:
+        return nearest_m
+    points = frame.points_velo[:: max(len(frame.points_velo) // _SAMPLED_RETURNS, 1), :3]
+    in_camera = transform_points(frame.calibration.cam_SE3_velo, points.astype(np.float64))
+    is_near = (in_camera[:, 2] > _NEAREST_M) & (in_camera[:, 1] < _MAX_BELOW_CAMERA_M)
+    projected = (
+        in_camera[is_near] @ frame.calibration.image_P_cam[:, :3].T
+        + frame.calibration.image_P_cam[:, 3]
+    )
+    columns = np.floor(projected[:, 0] / projected[:, 2] * _GRID[1] / frame.image.shape[1])
+    is_inside = (columns >= 0) & (columns < _GRID[1])
+    np.minimum.at(nearest_m, columns[is_inside].astype(np.int64), projected[is_inside, 2])
+    return nearest_m
 
 
 def _cells(values: NDArray[np.int16]) -> Float32:

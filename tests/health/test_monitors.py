@@ -8,6 +8,7 @@ import pytest
 
 from data.faults.injection import Fault, inject
 from data.faults.kinds import FAULT_KINDS
+from data.synthetic.rig import default_calibration
 from perception.health.camera_monitors import CameraMonitors
 from perception.health.ins_monitor import InsMonitor
 from perception.health.monitors import ScanAndInsMonitors
@@ -188,6 +189,26 @@ def test_a_wall_that_fills_the_view_column_by_column_is_no_dirt(clean):
         wall = [(row, column) for row in (2, 3, 4) for column in middle]
         found |= {one.fault for one in monitors.update(blurred_in_cells(frame, wall))}
     assert not found
+
+
+def test_what_a_lorry_hides_is_no_dirt(clean):
+    """Its side fills a third of the image at once, and the scan has it two metres away."""
+    calibration = replace(default_calibration().camera, image_size_px=(1242, 192))
+    x, z = np.meshgrid(np.linspace(3, 12, 80), np.linspace(-0.5, 1.0, 20))
+    side = np.stack([x, np.full_like(x, 2.5), z, np.full_like(x, 0.3)], axis=-1).reshape(-1, 4)
+    left = [(row, column) for row in range(6) for column in range(5)]
+    for lorry, faults in (
+        (side.astype(np.float32), set()),
+        (np.zeros((0, 4), np.float32), {"camera blurred"}),
+    ):
+        monitors, found = CameraMonitors(), set()
+        for frame in clean:
+            seen = replace(frame, calibration=calibration)
+            if frame.index >= clean[FIRST].index:
+                seen = blurred_in_cells(seen, left)
+                seen = replace(seen, points_velo=np.concatenate([seen.points_velo, lorry]))
+            found |= {one.fault for one in monitors.update(seen)}
+        assert found == faults
 
 
 def test_dirt_that_stays_is_not_learned_and_ends_with_it(clean):
