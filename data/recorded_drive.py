@@ -145,7 +145,10 @@ class RecordedDrive(ABC):
         points_velo, times_s = self.points_velo(index), self.point_times_s(index)
         if times_s is None:
             raise UsageError(
-                "--deskew", expected="a time for each point", found=f"none in {self.source(index)}"
+                "--deskew",
+                expected="a time for each point",
+                found=f"none in {self.source(index)}",
+                advice="leave it out",
             )
         span_s = float(times_s.min(initial=0.0)), float(times_s.max(initial=0.0))
         motion = self._motions.motion(self, index, span_s)
