@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from perception.geometry.camera import project
 from perception.types import Bool, Calibration, Float32, Float64, UInt8
 
 # Images are made as small as those of this focal length: a pixel is 1.4 mrad wide.
@@ -16,10 +17,8 @@ NEAREST_M = 0.1
 _NOISE_SIGMA_PX = 1.0
 _AROUND_PX = 49
 _MIN_SLOPE = 4.0  # grey levels a pixel times four, about the noise of a camera
-_MIN_LIT, _LIT_PX = (
-    40,
-    9,
-)  # grey level below which an image tells no edge, and width of what belongs to a place
+# Grey level below which an image tells no edge, and width of what belongs to a place.
+_MIN_LIT, _LIT_PX = 40, 9
 _KEPT = 2
 _MAX_RATIO = 3.0  # of the mean around, from which on an edge is as sure as it can be
 
@@ -43,9 +42,8 @@ class EdgeMaps:
 
     def pixels(self, points_cam: Float64) -> Float64:
         """Return (K, 2) places of (K, 3) points in the maps, NaN behind the camera."""
-        ahead = points_cam @ self.map_P_cam[:, :3].T + self.map_P_cam[:, 3]
-        depths_m = np.where(ahead[:, 2] > NEAREST_M, ahead[:, 2], np.nan)
-        return np.asarray(ahead[:, :2] / depths_m[:, None])
+        pixels, depths_m = project(self.map_P_cam, points_cam)
+        return np.where((depths_m > NEAREST_M)[:, None], pixels, np.nan)
 
     def is_dark(self, pixels: Float64) -> Bool:
         """Return whether the map is dark at (K, 2) pixels and around; beyond its borders it is not."""

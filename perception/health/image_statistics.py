@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.geometry.camera import project
 from perception.geometry.se3 import transform_points
 from perception.types import Float, Float32, Frame, UInt8
 
@@ -76,13 +77,10 @@ def nearest_returns(frame: Frame) -> Float:
     points = frame.points_velo[:: max(len(frame.points_velo) // _SAMPLED_RETURNS, 1), :3]
     in_camera = transform_points(frame.calibration.cam_SE3_velo, points.astype(np.float64))
     is_near = (in_camera[:, 2] > _NEAREST_M) & (in_camera[:, 1] < _MAX_BELOW_CAMERA_M)
-    projected = (
-        in_camera[is_near] @ frame.calibration.image_P_cam[:, :3].T
-        + frame.calibration.image_P_cam[:, 3]
-    )
-    columns = np.floor(projected[:, 0] / projected[:, 2] * _GRID[1] / frame.image.shape[1])
+    pixels, depths_m = project(frame.calibration.image_P_cam, in_camera[is_near])
+    columns = np.floor(pixels[:, 0] * _GRID[1] / frame.image.shape[1])
     is_inside = (columns >= 0) & (columns < _GRID[1])
-    np.minimum.at(nearest_m, columns[is_inside].astype(np.int64), projected[is_inside, 2])
+    np.minimum.at(nearest_m, columns[is_inside].astype(np.int64), depths_m[is_inside])
     return nearest_m
 
 
