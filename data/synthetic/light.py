@@ -17,10 +17,8 @@ _SUN, _SKYLIGHT, _OVERCAST = rgb(2.5, 2.36, 2.12), rgb(0.28, 0.35, 0.48), rgb(1.
 _BLUE_FROM = 0.32  # sine of the height at which a clear sky is as blue as overhead
 _CROWNS_1_RAD = 24.0
 _MIRRORED_AT_M = 15.0  # distance at which a street is mirrored
-_NIGHT = (
-    1e-4,
-    3e-3,
-)  # light of a sky in the country and over a town, relative to an overcast day's
+# Light of a night's sky in the country and over a town, relative to an overcast day's.
+_NIGHT = (1e-4, 3e-3)
 
 
 @dataclass(frozen=True)
@@ -64,6 +62,8 @@ class Daylight:
 
     def sky(self, directions: Float32) -> Float32:
         """Return (N, 3) light along directions that hit no surface: sky, clouds, distant trees."""
+        if self.level != 1:
+            return np.float32(self.level) * self._by_day.sky(directions)
         rise = directions[:, 2]
         light = self._clear(directions)
         span = 1 / np.maximum(rise + 0.12, 0.05)
@@ -71,7 +71,7 @@ class Daylight:
         thick = clouds(x, y) + self.cover
         if self.is_sunny:
             amount = np.clip(thick * 0.6, 0, 0.9)[:, None]
-            light += amount * (np.float32(self.level) * _CLOUD - light)
+            light += amount * (_CLOUD - light)
         else:
             light *= (1 + 0.06 * thick)[:, None]
         low = np.flatnonzero(rise < 4 * self.skyline + 0.02)
@@ -82,15 +82,13 @@ class Daylight:
         """Return (N, 3) the sky without its clouds: white at the horizon and about the sun."""
         height = np.clip(directions[:, 2], 0.0, 1.0)
         if not self.is_sunny:
-            grey = np.float32(self.level) * _GREY_SKY
-            return np.asarray(grey * (0.85 + 0.15 * height)[:, None], np.float32)
+            return np.asarray(_GREY_SKY * (0.85 + 0.15 * height)[:, None], np.float32)
         haze = np.float32(self.haze)
         zenith = _ZENITH + haze * (_HORIZON - _ZENITH)
         blue = np.minimum(height / np.float32(_BLUE_FROM), 1) ** np.float32(0.6)
         glow = np.maximum(directions @ self.sun.astype(np.float32), 0) ** 5
         light = _HORIZON + blue[:, None] * (zenith - _HORIZON)
-        light *= np.float32(self.level) * (1 + (0.4 + 1.6 * haze) * glow)[:, None]
-        return np.asarray(light, np.float32)
+        return np.asarray(light * (1 + (0.4 + 1.6 * haze) * glow)[:, None], np.float32)
 
     def _skyline(self, directions: Float32, behind: Float32) -> Float32:
         """Put trees, pale with distance, before a low part of the sky."""
@@ -107,12 +105,13 @@ class Daylight:
         tone = 1 + 0.6 * clouds(azimuth * 420, rise * 420 + shift)
         light = self.sky_rgb + 0.35 * self.sun_rgb
         trees = _TREES * np.maximum(tone, 0.15)[:, None] * light
-        far = np.float32(self.level) * _HORIZON
-        pale = trees + (0.02 + 0.12 * np.float32(self.haze)) * (far - trees)
+        pale = trees + (0.02 + 0.12 * np.float32(self.haze)) * (_HORIZON - trees)
         return np.where((rise < ridge)[:, None], pale, behind)
 
     def mirrored(self, directions: Float32, points: Float32) -> Float32:
         """Return (N, 3) what a glossy surface mirrors at some places: sky, a dark street around, road below."""
+        if self.level != 1:
+            return np.float32(self.level) * self._by_day.mirrored(directions, points)
         far = np.float32(_MIRRORED_AT_M) * directions + points
         x, y = far[:, 0], far[:, 1]
         rise = directions[:, 2]
@@ -121,9 +120,13 @@ class Daylight:
         lit = np.float32(0.25) + np.float32(0.75) * (clouds(x + 70, y) > -0.3)
         street = (0.10 * (1 + 0.5 * clouds(x * 9, y * 9 + rise * 60)))[:, None] * self._around
         road = np.float32(0.17) * (self.sky_rgb + lit[:, None] * sun)
-        dark = np.float32(0.01 * self.level)
-        below = np.where((rise > -0.04)[:, None], np.maximum(street, dark), road)
+        below = np.where((rise > -0.04)[:, None], np.maximum(street, 0.01), road)
         return np.where((rise > tall)[:, None], self._clear(directions), below)
+
+    @property
+    def _by_day(self) -> "Daylight":
+        """The same by day: all light grows with the level."""
+        return replace(self, level=1.0)
 
     @property
     def _around(self) -> Float32:

@@ -136,10 +136,10 @@ class _Roadside:
 
     def _plot(self, s_m: float, length_m: float) -> list[Part]:
         if self.rng.random() >= self.config.houses:
-            border = self._border(s_m, length_m)
-            return (
-                border if self._lacks(self.config.gardens) else border + self._garden(s_m, length_m)
-            )
+            parts = self._border(s_m, length_m)
+            if not self._lacks(self.config.gardens):
+                parts += self._garden(s_m, length_m)
+            return parts
         front_garden_m = float(self.rng.choice([0.0, 0.0, 3.0]))
         house = self._house(s_m, length_m, self._edge_m + 0.3 + front_garden_m)
         return [house, *self._border(s_m, length_m)] if front_garden_m > 0 else [house]

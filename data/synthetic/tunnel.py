@@ -17,12 +17,8 @@ _DAYLIGHT_M = 7.0  # depth into the tunnel at which a third of the daylight is l
 _ARC_RAD = np.linspace(0, np.pi, 9)
 _LAMP_EVERY_M, _LAMP_Z_M = 8.0, _WALL_M + _VAULT_M - 0.35
 _LAMP = meshes.box((-0.8, -0.12, _LAMP_Z_M), (0.8, 0.12, _LAMP_Z_M + 0.1), Slot.HEADLIGHT)
-_LAMP_COLOUR = (
-    200.0,
-    190.0,
-    160.0,
-    0.7,
-)  # so that they shine in the light of the lamps, as paint of such a colour
+# Lamps shine as paint does that is so much brighter than white, in their own faint light; and reflectance.
+_LAMP_COLOUR = (200.0, 190.0, 160.0, 0.7)
 
 
 @dataclass(frozen=True)

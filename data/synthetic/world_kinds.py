@@ -331,7 +331,7 @@ def traffic_jam(rng: np.random.Generator) -> WorldConfig:
 
 
 def open_field(rng: np.random.Generator) -> WorldConfig:
-    """Draw a road through bare fields: nothing stands beside it, and few drive there."""
+    """Draw a road through bare fields: nothing above ground beside it, and little traffic."""
     config = country_road(rng)
     road = replace(config.road, land_m=(0.0, 0.0), roughness_m=_between(rng, 0.0, 0.08))
     return replace(
