@@ -227,14 +227,14 @@ def test_an_ego_lane_that_the_road_lacks_is_refused():
         WorldConfig(ego_lane=1)
 
 
-def test_in_an_open_field_nothing_stands_beside_the_road():
+def test_an_open_field_has_nothing_above_ground_beside_the_road():
     config = world_kinds.open_field(np.random.default_rng(3))
     drive = SyntheticDrive(2, seed=3, config=config, images=False)
     scan = drive.scan(0)
     low = [40, 48, 70, 72]  # road, pavement, grass, land
     is_low = np.isin(scan.truth.classes, low)
-    standing = ~is_low & (scan.truth.instances == 0)
-    assert standing.mean() < 0.01
+    above_ground = ~is_low & (scan.truth.instances == 0)
+    assert above_ground.mean() < 0.01
 
 
 def test_a_tunnel_encloses_the_road_and_no_daylight_reaches_its_middle():
@@ -247,12 +247,12 @@ def test_a_tunnel_encloses_the_road_and_no_daylight_reaches_its_middle():
     )
     share = world.tunnel.daylight_share(places.astype(np.float32))
     assert share == pytest.approx([0.03, 0.03, np.exp(-1 / 7), 1.0, 1.0], abs=0.02)
-    mouth = world.road.place(np.array(50.0), np.array(0.0)) + np.array([0, 0, 1.5])
+    middle = world.road.place(np.array(50.0), np.array(0.0)) + np.array([0, 0, 1.5])
     angles = np.linspace(0, np.pi, 20)[1:-1]
     heading = float(world.road.heading_rad(np.array(50.0)))
     across = np.array([-np.sin(heading), np.cos(heading), 0.0])
     directions = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * [0, 0, 1.0]
-    origins = np.tile(mouth, (len(directions), 1)).astype(np.float32)
+    origins = np.tile(middle, (len(directions), 1)).astype(np.float32)
     aimed = directions.astype(np.float32)
     rays = Rays(origins, aimed, np.zeros(len(aimed), np.float32), near_any(origins, aimed))
     hits = world.scene.cast(rays, [])
