@@ -1,6 +1,6 @@
 """Calibration of LiDAR and camera under known errors: what is found again, and what is noticed while driving."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -10,103 +10,85 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.errors import PerceptionError
-from perception.sensor import LidarModel
 from perception.types import Float64, Frame
 
 if TYPE_CHECKING:
     from data.recorded_drive import RecordedDrive
     from perception.calibration.frame_edges import FrameEdges
+    from perception.health.miscalibration import MiscalibrationMonitor
 
 _AXES = ("pitch", "yaw", "roll", "right", "down", "ahead")
 _ROTATIONS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0)
 _TRANSLATION_M = 0.05
 _RESTART_EVERY = 22  # frames, after which the monitor begins anew with a wrong calibration
-_LEARNED, _CHANGED_EVERY = (
-    50,
-    26,
-)  # frames before the first error amid a drive, and for which each is watched
+# Frames before the first error amid a drive, and for which each is watched.
+_LEARNED, _CHANGED_EVERY = 50, 26
 _RANDOM_AXES = 3
 
 
 class _Watch:
-    """The monitor on one error, which begins anew every few frames; without an error never."""
+    """Whether monitors notice one error, each from the frame on in which it begins."""
 
-    def __init__(self, sensor: LidarModel, error: Float64) -> None:
+    def __init__(self, error: Float64) -> None:
         from perception.calibration.edge_alignment import offset_SE3
 
-        self._sensor, self._error_SE3_cam, self._restarts = sensor, offset_SE3(error), error.any()
-        self.starts, self.delays = 0, list[int]()
-        self._begin()
+        self._error_SE3_cam = offset_SE3(error)
+        self._monitor: MiscalibrationMonitor | None = None
+        self._frames = self._within = self._starts = 0
+        self._delays: list[int] = []
 
-    def _begin(self) -> None:
-        from perception.health.miscalibration import MiscalibrationMonitor
+    def begin(self, monitor: "MiscalibrationMonitor", within: int) -> None:
+        """Watch a monitor from now on, which has not met the error, for some frames."""
+        self._monitor, self._frames, self._within = monitor, 0, within
+        self._starts += 1
 
-        self._monitor, self._frames, self._is_done = MiscalibrationMonitor(self._sensor), 0, False
-
-    def update(self, frame: Frame) -> None:
-        """Give the monitor a frame with the error."""
-        self._frames += 1
-        pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
+    def update(self, frame: Frame, world_SE3_velo: Float64) -> None:
+        """Give the monitor a frame with the error, until it notices."""
         from perception.health.miscalibration import corrected
 
-        found = self._monitor.update(corrected(frame, self._error_SE3_cam), pose)
-        if found and not self._is_done:
-            self.delays.append(self._frames)
-            self._is_done = True
-        if self._restarts and self._frames == _RESTART_EVERY:
-            self.starts += 1
-            self._begin()
+        if self._monitor is None or self._frames == self._within:
+            return
+        self._frames += 1
+        if self._monitor.update(corrected(frame, self._error_SE3_cam), world_SE3_velo):
+            self._delays.append(self._frames)
+            self._monitor = None
 
     @property
     def cells(self) -> tuple[int, int, float]:
         """Starts, how many of them were noticed, and the median delay in frames."""
-        starts = self.starts if self._restarts else 1
-        delay = float(np.median(self.delays)) if self.delays else float("nan")
-        return starts, min(len(self.delays), starts), delay
+        delay = float(np.median(self._delays)) if self._delays else float("nan")
+        return self._starts, len(self._delays), delay
 
 
-class _Changes:
-    """The monitor of a clean drive, of which copies meet an error every few frames."""
+class _Watches:
+    """Errors that are there from the start of the monitor on, and others that begin amid a drive."""
 
-    def __init__(self, sensor: LidarModel, errors: Mapping[str, Float64]) -> None:
-        from perception.calibration.edge_alignment import offset_SE3
+    def __init__(self, drive: "RecordedDrive") -> None:
         from perception.health.miscalibration import MiscalibrationMonitor
 
-        self._monitor = MiscalibrationMonitor(sensor)
-        self._errors = {name: offset_SE3(error) for name, error in errors.items() if error.any()}
-        self._frames = 0
-        self._copies: dict[str, MiscalibrationMonitor] = {}
-        self.starts = 0
-        self.delays: dict[str, list[int]] = {name: [] for name in self._errors}
+        self._drive = drive
+        self._clean = MiscalibrationMonitor(drive.sensor)
+        self.none = _Watch(np.zeros(6))
+        self.none.begin(MiscalibrationMonitor(drive.sensor), len(drive))
+        self.from_start = {name: _Watch(error) for name, error in _errors()}
+        self.amid = {name: _Watch(error) for name, error in _errors()}
 
-    def update(self, frame: Frame) -> None:
-        """Give the monitor a frame, and its copies the same with their errors."""
-        from perception.health.miscalibration import corrected
+    def update(self, index: int) -> None:
+        """Give all monitors a frame; those whose time has come begin with it, where enough frames are left."""
+        from perception.health.miscalibration import MiscalibrationMonitor
 
+        frame, left = self._drive[index], len(self._drive) - index
         pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
-        since = (self._frames - _LEARNED) % _CHANGED_EVERY
-        if self._frames >= _LEARNED and since == 0:
-            self._copies = {name: deepcopy(self._monitor) for name in self._errors}
-        for name, monitor in list(self._copies.items()):
-            if monitor.update(corrected(frame, self._errors[name]), pose):
-                self.delays[name].append(since + 1)
-                del self._copies[name]
-        self._monitor.update(frame, pose)
-        self._frames += 1
-        if self._frames > _LEARNED and since == _CHANGED_EVERY - 1:
-            self.starts += 1
-
-    @property
-    def cells(self) -> dict[str, tuple[int, int, float]]:
-        """Starts, how many of them were noticed, and the median delay in frames, of each error."""
-        return {
-            name: (
-                self.starts,
-                min(len(delays), self.starts),
-                float(np.median(np.array(delays, float)) if delays else np.nan),
-            )
-            for name, delays in self.delays.items()
-        }
+        if index % _RESTART_EVERY == 0 and left >= _RESTART_EVERY:
+            for watch in self.from_start.values():
+                watch.begin(MiscalibrationMonitor(self._drive.sensor), _RESTART_EVERY)
+        since = index - _LEARNED
+        if since >= 0 and since % _CHANGED_EVERY == 0 and left >= _CHANGED_EVERY:
+            for watch in self.amid.values():
+                watch.begin(deepcopy(self._clean), _CHANGED_EVERY)
+        for watch in (self.none, *self.from_start.values(), *self.amid.values()):
+            watch.update(frame, pose)
+        self._clean.update(frame, pose)
 
 
 def calibration(
@@ -148,34 +130,29 @@ def calibration(
         )
     }
     if opened.is_sequence:
-        watches = {name: _Watch(opened.sensor, error) for name, error in _errors()}
-        changes = _Changes(opened.sensor, dict(_errors()))
+        watches = _Watches(opened)
         for index in frame_progress_bar("monitor", delay_s=0)(range(len(opened))):
-            frame = opened[index]
-            for watch in watches.values():
-                watch.update(frame)
-            changes.update(frame)
+            watches.update(index)
         columns = {"starts": "d", "noticed": "d", "median delay [frames]": ".0f"}
-        tables["monitor"] = formatted_table(
-            f"{opened.name}: noticed within {_RESTART_EVERY} frames",
-            "error made",
-            columns,
-            {name: watch.cells for name, watch in watches.items()},
-        )
-        tables["changes"] = formatted_table(
-            f"{opened.name}: made amid the drive, noticed within {_CHANGED_EVERY} frames",
-            "error made",
-            columns,
-            changes.cells,
-        )
+        of_start = {"none": watches.none, **watches.from_start}
+        for table, when, watched in (
+            ("monitor", f"noticed within {_RESTART_EVERY} frames", of_start),
+            (
+                "changes",
+                f"made amid the drive, noticed within {_CHANGED_EVERY} frames",
+                watches.amid,
+            ),
+        ):
+            cells = {name: watch.cells for name, watch in watched.items()}
+            title = f"{opened.name}: {when}"
+            tables[table] = formatted_table(title, "error made", columns, cells)
     publish(
         out, "Calibration", tables, {"drive": opened.name, "frames": len(read.edges), "seed": seed}
     )
 
 
 def _errors() -> Iterator[tuple[str, Float64]]:
-    """Yield errors of half a degree and 5 cm along each axis, and none."""
-    yield "none", np.zeros(6)
+    """Yield errors of half a degree and 5 cm along each axis."""
     for axis, name in enumerate(_AXES):
         size, text = (np.radians(0.5), "0.5 deg") if axis < 3 else (_TRANSLATION_M, "5 cm")
         for sign in (1, -1):
