@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.offset import offset_SE3
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.nms_fusion import NmsFusion

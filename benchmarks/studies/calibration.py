@@ -30,7 +30,7 @@ class _Watch:
     """Whether monitors notice one error, each from the frame on in which it begins."""
 
     def __init__(self, error: Float64) -> None:
-        from perception.calibration.edge_alignment import offset_SE3
+        from perception.calibration.offset import offset_SE3
 
         self._error_SE3_cam = offset_SE3(error)
         self._monitor: MiscalibrationMonitor | None = None
@@ -64,9 +64,10 @@ class _Watches:
     """Errors that are there from the start of the monitor on, and others that begin amid a drive."""
 
     def __init__(self, drive: "RecordedDrive") -> None:
+        from benchmarks.studies.monitored_recording import FrameRegistration
         from perception.health.miscalibration import MiscalibrationMonitor
 
-        self._drive = drive
+        self._drive, self._registration = drive, FrameRegistration()
         self._clean = MiscalibrationMonitor(drive.sensor)
         self.none = _Watch(np.zeros(6))
         self.none.begin(MiscalibrationMonitor(drive.sensor), len(drive))
@@ -78,7 +79,7 @@ class _Watches:
         from perception.health.miscalibration import MiscalibrationMonitor
 
         frame, left = self._drive[index], len(self._drive) - index
-        pose = frame.world_SE3_velo if frame.world_SE3_velo is not None else np.eye(4)
+        pose = self._registration.update(frame)
         if index % _RESTART_EVERY == 0 and left >= _RESTART_EVERY:
             for watch in self.from_start.values():
                 watch.begin(MiscalibrationMonitor(self._drive.sensor), _RESTART_EVERY)
@@ -165,7 +166,7 @@ def _recalibrated(
     """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
     import time
 
-    from perception.calibration.edge_alignment import offset_SE3
+    from perception.calibration.offset import offset_SE3
     from perception.calibration.recalibration import recalibrate
     from perception.geometry.se3 import inverse, rotation_angle_rad
 

@@ -35,6 +35,21 @@ class _Monitor(Protocol):  # of one part
         """Return the findings of a frame with its registered pose."""
 
 
+class FrameRegistration:
+    """Registers the frames of a drive, one after another, as the pipeline does."""
+
+    def __init__(self) -> None:
+        self._odometry, self._ego = LidarOdometry(), EgoVehicle()
+
+    def update(self, frame: Frame) -> Float64:
+        """Return the (4, 4) registered pose of the next frame."""
+        points_velo = self._ego.crop(frame.points_velo).points_velo
+        found = self._odometry.update(
+            points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
+        )
+        return found.world_SE3_velo
+
+
 @dataclass(frozen=True)
 class MonitoredRecording:
     """Frames of a drive in memory, with the poses that registration gives them.
@@ -54,15 +69,10 @@ class MonitoredRecording:
     @classmethod
     def of(cls, drive: Drive, limit: int) -> "MonitoredRecording":
         """Read and register the first frames of a drive, all where the limit is 0."""
-        odometry, ego = LidarOdometry(), EgoVehicle()
+        registration = FrameRegistration()
         count = min(limit or len(drive), len(drive))
         frames = [drive[index] for index in range(count)]
-        poses = [
-            odometry.update(
-                ego.crop(one.points_velo).points_velo, one.stamp_s, one.world_SE3_velo, one.source
-            ).world_SE3_velo
-            for one in frames
-        ]
+        poses = [registration.update(one) for one in frames]
         return cls(drive.name, frames, poses, drive.sensor)
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from data.faults.moment import FaultMoment
-from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.offset import offset_SE3
 from perception.types import Float64, Frame
 
 _PITCH, _YAW, _RIGHT = 0, 1, 3

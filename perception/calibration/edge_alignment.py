@@ -1,10 +1,4 @@
-"""How well the edges of scans lie on those of images, and the change of the calibration with which they lie best.
-
-An offset is a (6,) change of the calibration: a rotation vector in rad and a translation in metres, both along the axes
-of the camera (x right, y down, z ahead):
-
-    cam_SE3_velo = offset_SE3(offset) @ cam_SE3_velo of the frame
-"""
+"""How well the edges of scans lie on those of images, and the change of the calibration with which they lie best."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +7,7 @@ import numpy as np
 
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.image_edges import NEAREST_M, EdgeMaps
-from perception.geometry.se3 import from_rotation_translation, from_rotation_vector
+from perception.calibration.offset import offset_SE3
 from perception.kernels.edge_sampling import add_map_sums
 from perception.types import Float64, Int
 
@@ -46,11 +40,6 @@ class AlignmentScore:
     frame_values: Float64
     frame_gradients: Float64
     frame_edges: Int
-
-
-def offset_SE3(offset: Float64) -> Float64:
-    """Return the (4, 4) transform of a (6,) offset."""
-    return from_rotation_translation(from_rotation_vector(offset[:3]), offset[3:])
 
 
 class EdgeAlignment:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from perception.calibration.grey_image import GreyImage
 from perception.geometry.camera import project
 from perception.types import Bool, Calibration, Float32, Float64, UInt8
 
@@ -76,22 +77,15 @@ def find_image_edges(
         calibration: Calibration of the camera.
         max_focal_px: Focal length above which the image is made smaller.
     """
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    scale = min(1.0, max_focal_px / float(calibration.image_P_cam[0, 0]))
-    if scale < 1:
-        size = max(round(image.shape[1] * scale), 2), max(round(image.shape[0] * scale), 2)
-        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-    shrunk = np.divide(grey.shape[::-1], image.shape[1::-1])
+    shrunk = GreyImage.of(image, calibration, max_focal_px)
+    grey = shrunk.grey
     brightest = cv2.dilate(cv2.blur(grey, (3, 3)), np.ones((_LIT_PX, _LIT_PX), np.uint8))
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _NOISE_SIGMA_PX)
-    map_P_cam = calibration.image_P_cam.copy()
-    # Pixel centres are whole numbers: those of a smaller image lie between them.
-    map_P_cam[:2] = (map_P_cam[:2] + map_P_cam[2] / 2) * shrunk[:, None] - map_P_cam[2] / 2
     return EdgeMaps(
         _relative(np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), np.float32)),
         _relative(np.asarray(cv2.Sobel(smooth, cv2.CV_32F, 0, 1), np.float32)),
         np.asarray(brightest, np.uint8),
-        map_P_cam,
+        shrunk.image_P_cam,
     )
 
 

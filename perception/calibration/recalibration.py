@@ -6,8 +6,9 @@ from itertools import product
 
 import numpy as np
 
-from perception.calibration.edge_alignment import SMOOTHINGS_PX, EdgeAlignment, offset_SE3
+from perception.calibration.edge_alignment import SMOOTHINGS_PX, EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
+from perception.calibration.offset import offset_SE3
 from perception.errors import CalibrationError
 from perception.geometry.se3 import rotation_vector
 from perception.sensor import LidarModel

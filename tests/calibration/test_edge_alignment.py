@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from perception.calibration.edge_alignment import STEP, EdgeAlignment, offset_SE3
+from perception.calibration.edge_alignment import STEP, EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges, SweepTurn, steady_motion
+from perception.calibration.offset import offset_SE3
 from perception.geometry.se3 import from_rotation_translation
 from perception.sensor import HDL_64E
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.calibration.edge_alignment import EdgeAlignment, offset_SE3
+from perception.calibration.edge_alignment import EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges
-from perception.calibration.online import OnlineCalibration
+from perception.calibration.offset import UNKNOWN, offset_SE3
+from perception.calibration.online_edges import OnlineEdges
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.sensor import HDL_64E
 from perception.snapshot import read_snapshot, write_snapshot
@@ -90,12 +91,15 @@ def test_at_night_edges_in_the_dark_are_left_out_and_pitch_is_held(board_frames)
     assert not edges.is_night
     assert lit.is_night
     assert 0 < len(lit.scan) < 0.65 * len(edges.scan)
-    online = OnlineCalibration(HDL_64E)
+    online = OnlineEdges(HDL_64E)
     error = offset_SE3(np.array([0.01, 0, 0, 0, 0, 0]))
+    estimates = []
     for index in range(30):
         frame = replace(night[index % len(night)], index=index, stamp_s=0.1 * index)
-        online.update(corrected(frame, error), np.eye(4))
-    assert online.estimate is None or abs(online.estimate.offset[0]) < 1e-3
+        estimates.append(online.update(corrected(frame, error), np.eye(4)))
+    for estimate in filter(None, estimates):
+        assert abs(estimate.offset[0]) < 1e-3
+        assert estimate.deviations[0] == UNKNOWN[0]
 
 
 def test_a_far_error_amid_a_drive_is_corrected_within_three_and_a_half_seconds(board_frames):
@@ -122,7 +126,7 @@ def test_an_error_is_over_when_the_calibration_is_true_again(board_frames):
 
 def test_the_sentence_states_the_change(board_frames):
     found = findings(MiscalibrationMonitor(HDL_64E), board_frames, error_of("yaw"))[-1][0]
-    assert "edges of scan and image fit after a turn by " in found.reason
+    assert "edges and motion of scan and image fit after a turn by " in found.reason
     assert "+0.5" in found.reason.split("(")[0].split(",")[1]
 
 
@@ -152,9 +156,9 @@ def test_a_monitor_goes_on_from_a_snapshot(board_frames):
 def test_a_scene_that_tells_nothing_is_searched_seldom(board_frames, monkeypatch):
     """Ten alignments, of which the first two, the fourth and the eighth search; each search of all and of the newest."""
     searched = []
-    far = OnlineCalibration._far
+    far = OnlineEdges._far
     monkeypatch.setattr(
-        OnlineCalibration,
+        OnlineEdges,
         "_far",
         lambda self, alignment: searched.append(alignment.frames) or far(self, alignment),
     )

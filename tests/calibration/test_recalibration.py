@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.calibration.edge_alignment import offset_SE3
 from perception.calibration.frame_edges import FrameEdges
+from perception.calibration.offset import offset_SE3
 from perception.calibration.recalibration import recalibrate
 from perception.errors import CalibrationError
 from perception.geometry.se3 import inverse, rotation_angle_rad

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from data.kitti.calibration import read_benchmark_calibration
-from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.offset import offset_SE3
 from perception.cli.main import main
 from perception.errors import UsageError
 from perception.geometry.se3 import inverse, rotation_angle_rad

@@ -9,7 +9,7 @@ import yaml
 
 from data.calibration_files import read_calibrated_frames, write_calibration
 from data.open_drive import open_drive
-from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.offset import offset_SE3
 from perception.cli.main import main
 from perception.errors import CalibrationError
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.calibration.edge_alignment import offset_SE3
+from perception.calibration.offset import offset_SE3
 from perception.kernels.edge_sampling import add_map_sums, sample_map
 from perception.types import Float32, Float64
 

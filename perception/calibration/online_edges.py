@@ -1,0 +1,222 @@
+"""The calibration while driving by the edges of the last two seconds, at little cost.
+
+The work is spread over frames, of which each waits about as long:
+
+    frame   18     19      20      21     24     27     28      29
+           edges  coarse  fine   edges  edges  edges  coarse  fine
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.calibration.edge_alignment import EdgeAlignment
+from perception.calibration.frame_edges import FrameEdges, SweepTurn, steady_motion
+from perception.calibration.offset import UNKNOWN, OffsetEstimate
+from perception.geometry.se3 import inverse
+from perception.localization.deskew import SweepMotion
+from perception.sensor import LidarModel
+from perception.types import Bool, Float64, Frame
+
+# Every third frame of 18: six frames. Half the focal length of the recalibration's images is as good at this accuracy.
+_EVERY, _FRAMES = 3, 6
+# Frames after the newest of them, in which the offset is found on broad, then on narrow maps.
+_COARSE, _FINE = 1, 2
+_ALIGNED_EVERY = _NEWEST = 3  # of these frames
+_FOCAL_PX, _SMOOTHINGS_PX = 360.0, (2.5, 1.25)
+_MIN_EDGES = 400
+_MAX_EDGES = 260  # of a frame, spread evenly
+# What six frames do not tell stays as it is: a change by half a degree or 5 cm must gain 0.003 of score.
+_PRIOR = np.full(6, 0.006)
+# Beams that are far apart tell neither pitch nor roll nor height: these are held as they are.
+_MAX_BEAM_STEP_RAD = np.radians(1.0)
+_HELD = np.array([True, False, True, False, True, False])
+_HELD_PRIOR = 10.0
+# At night headlights draw level edges of their own, where their light ends: the same are held.
+_MAX_GAP_S = 1.0
+_TURNS = tuple(SweepTurn)
+# What is tried where edges do not fit: rotations by pitch and yaw together, and shifts to the right and down.
+_SEARCH_RAD = np.radians(np.arange(-6.0, 6.5, 1.5))
+_SEARCH_M = np.arange(-0.6, 0.7, 0.15)
+_CONTRAST_RAD = np.radians(1.5)
+_MIN_CONTRAST = 0.06
+# Alignments between two searches of a scene that tells nothing, such as a night: 0, 1, 3 and 7.
+_MAX_REST = 7
+_MEMORY = 0.9  # of earlier scores of the turns, at each alignment
+# Information of street scenes on KITTI, in edges times contrast.
+_USUAL_INFORMATION = 150.0
+# Where edges fit, they score 0.40 to 0.50; trees and rails, whose edges the image shows elsewhere, 0.34 to 0.38.
+_MIN_SCORE = 0.39
+# By how much estimates of drives with a true calibration differ, in usual scenes; tops of objects lie between two beams.
+_DEVIATIONS = np.array([*np.radians((0.1, 0.075, 0.14)), 0.02, 0.02, 0.02])
+_SHARE_OF_BEAM_STEP = 0.15
+
+
+@dataclass(frozen=True)
+class EdgeOffset:
+    """How far the calibration is off by the edges of the last two seconds.
+
+    Attributes:
+        offset: (6,) change of the calibration with which edges fit.
+        contrast: Share of the score that is lost where pitch or yaw is turned by 1.5 degrees.
+        edges: Number of edges.
+        score: Mean of the image's edges at those of the scan, 0 to 1.
+    """
+
+    offset: Float64
+    contrast: float
+    edges: int
+    score: float
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the edges fit better here than around."""
+        return self.contrast >= _MIN_CONTRAST
+
+    @property
+    def uncertainty(self) -> float:
+        """How much less certain it is than in a usual street, from 1."""
+        information = max(self.edges * self.contrast, 1e-9)
+        return float(np.sqrt(max(_USUAL_INFORMATION / information, 1.0)))
+
+
+class OnlineEdges:
+    """Estimates how far the calibration is off by edges, from every third frame."""
+
+    def __init__(self, sensor: LidarModel) -> None:
+        """Begin a drive.
+
+        Args:
+            sensor: LiDAR model of the scans.
+        """
+        # Imported by now, it takes no 50 ms of the first frame that is aligned.
+        import scipy.optimize  # noqa: F401
+
+        self._sensor = sensor
+        self._is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
+        self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)
+        self._pose: tuple[float, Float64] | None = None
+        self._count = self._observed = 0
+        self._turn_scores = dict.fromkeys(_TURNS, 0.0)
+        self._determined = np.zeros(6)
+        self._failed = self._rest = 0  # searches without success; alignments until the next one
+        self._is_due = False
+        self._coarse: Float64 | None = None
+
+    def estimate_of(self, found: EdgeOffset) -> OffsetEstimate:
+        """Return an offset with its deviations."""
+        beam_rad = _SHARE_OF_BEAM_STEP * self._sensor.elevation_step_rad
+        deviations = np.maximum(_DEVIATIONS, [beam_rad, 0, beam_rad, 0, 0, 0]) * found.uncertainty
+        counts = found.is_determined and found.score >= _MIN_SCORE
+        return OffsetEstimate(found.offset, np.where(self._held, UNKNOWN, deviations), counts)
+
+    def update(self, frame: Frame, world_SE3_velo: Float64) -> OffsetEstimate | None:
+        """Take in a frame; return the estimate where there is a new one.
+
+        Args:
+            frame: Frame as it came from the sensors; one without image or calibration tells nothing.
+            world_SE3_velo: (4, 4) pose of the LiDAR.
+        """
+        before, self._pose = self._pose, (frame.stamp_s, world_SE3_velo)
+        self._count += 1
+        phase = self._count % _EVERY
+        if phase == 0 and frame.image is not None and frame.calibration is not None:
+            motion = None if before is None else self._motion(frame, world_SE3_velo, *before)
+            self._take_in(FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES))
+        elif phase == _COARSE and self._is_due:
+            self._is_due = False
+            self._coarse = self._align_coarsely()
+        elif phase == _FINE and self._coarse is not None:
+            found, self._coarse = self._align(self._coarse), None
+            return self.estimate_of(found)
+        return None
+
+    def _take_in(self, newest: FrameEdges) -> None:
+        """Add the edges of a frame, and note whether they shall be aligned."""
+        # Smoothed now, maps take no time of the frames in which they are aligned.
+        for smoothing_px in _SMOOTHINGS_PX:
+            newest.image.smoothed(smoothing_px)
+        self._frames.append(newest)
+        self._observed += 1
+        is_full = len(self._frames) == _FRAMES
+        edges = sum(len(one.scan) for one in self._frames)
+        is_turn = (self._observed - _FRAMES) % _ALIGNED_EVERY == 0
+        self._is_due = is_full and is_turn and edges >= _MIN_EDGES
+
+    def _motion(
+        self, frame: Frame, world_SE3_velo: Float64, before_s: float, world_SE3_before: Float64
+    ) -> SweepMotion | None:
+        """Return the motion of the LiDAR since the frame before, None across a gap."""
+        gap_s = frame.stamp_s - before_s
+        if not 0 < gap_s <= _MAX_GAP_S:
+            return None
+        return steady_motion(inverse(world_SE3_velo) @ world_SE3_before, -gap_s, self._sensor)
+
+    @property
+    def _turn(self) -> SweepTurn:
+        """Direction of the sweep with which edges have fitted best."""
+        return max(self._turn_scores, key=lambda one: self._turn_scores[one])
+
+    @property
+    def _prior(self) -> Float64:
+        return np.where(self._held, _HELD_PRIOR, _PRIOR)
+
+    @property
+    def _held(self) -> Bool:
+        """Which of the (6,) changes stay as they are, as neither beams nor light tell them."""
+        is_night = any(one.is_night for one in self._frames)
+        return _HELD if self._is_sparse or is_night else np.zeros_like(_HELD)
+
+    def _align_coarsely(self) -> Float64:
+        alignment = EdgeAlignment(self._frames, self._turn)
+        return alignment.align(self._determined, _SMOOTHINGS_PX[:1], self._prior)
+
+    def _align(self, coarse: Float64) -> EdgeOffset:
+        turn = self._turn
+        alignment = EdgeAlignment(self._frames, turn)
+        found = self._estimate(alignment, coarse, _SMOOTHINGS_PX[1:])
+        if not found.is_determined and self._rest:
+            self._rest -= 1
+        elif not found.is_determined:
+            # The calibration may have changed meanwhile: what the newest frames alone tell.
+            newest = EdgeAlignment(list(self._frames)[-_NEWEST:], turn)
+            found = max(found, self._far(alignment), key=lambda one: one.contrast)
+            if not found.is_determined:
+                found = max(found, self._far(newest), key=lambda one: one.contrast)
+            self._rest = min(2**self._failed - 1, _MAX_REST)
+            self._failed += 1
+        if found.is_determined:
+            self._determined, self._failed, self._rest = found.offset, 0, 0
+        for one in _TURNS:
+            score = EdgeAlignment(self._frames, one).score(found.offset, _SMOOTHINGS_PX[-1]).value
+            self._turn_scores[one] = _MEMORY * self._turn_scores[one] + score
+        return found
+
+    def _estimate(
+        self,
+        alignment: EdgeAlignment,
+        start: Float64,
+        smoothings_px: Sequence[float] = _SMOOTHINGS_PX,
+    ) -> EdgeOffset:
+        offset = alignment.align(start, smoothings_px, self._prior)
+        here = alignment.score(offset, _SMOOTHINGS_PX[-1]).value
+        turned = [
+            alignment.score(
+                offset + sign * _CONTRAST_RAD * np.eye(6)[axis], _SMOOTHINGS_PX[-1]
+            ).value
+            for axis in np.flatnonzero(~self._held[:2])
+            for sign in (-1, 1)
+        ]
+        contrast = 1 - max(turned) / here if here > 0 else 0.0
+        return EdgeOffset(offset, float(contrast), alignment.edges, here)
+
+    def _far(self, alignment: EdgeAlignment) -> EdgeOffset:
+        """Estimate an offset of any size, from the best of many rotations and shifts."""
+        pitches, downs = (np.zeros(1),) * 2 if self._held[0] else (_SEARCH_RAD, _SEARCH_M)
+        tried = [np.array([pitch, yaw, 0, 0, 0, 0]) for pitch in pitches for yaw in _SEARCH_RAD]
+        tried += [np.array([0, 0, 0, right, 0, 0]) for right in _SEARCH_M]
+        tried += [np.array([0, 0, 0, 0, down, 0]) for down in downs]
+        start = max(tried, key=lambda offset: alignment.score(offset, 2 * _SMOOTHINGS_PX[0]).value)
+        return self._estimate(alignment, start)

@@ -1,0 +1,107 @@
+"""The change of the calibration with which corners come to be where the motion brings them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.calibration.motion_alignment import _AXES, _misfits, _State, align_motion
+from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.surface_corners import (
+    CornerTracks,
+    ScanView,
+    SurfaceCorners,
+    SweepVelocity,
+)
+from perception.geometry.camera import project
+from perception.geometry.se3 import from_euler, inverse
+from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, PLANES, SIZE_PX
+
+NOTHING = OffsetEstimate(np.zeros(6), UNKNOWN)
+ERROR = np.array([0.01, -0.015, 0.02, 0.05, -0.04, 0.06])
+VIEW = ScanView(SIZE_PX, IMAGE_P_CAM, np.empty((0, 4), np.float32), CAM_SE3_VELO)
+
+
+def tracks(seed, error=None, motion_m=0.6, noise_px=0.0):
+    """Return corners on the walls and the ground of a street, and where a camera with a calibration error expects them.
+
+    The corners are exact, and so are their planes; the frame comes with the wrong calibration.
+    """
+    rng = np.random.default_rng(seed)
+    pixels = rng.uniform([5, 80], [615, 180], (150, 2))
+    planes = PLANES[rng.integers(0, 3, 150)]
+    stated = inverse(offset_SE3(np.zeros(6) if error is None else error)) @ CAM_SE3_VELO
+    later = inverse(from_euler(0.01, -0.005, 0.02, np.array([motion_m, 0.02, 0.01])))
+    sweep = SweepVelocity(np.array([0, 0, 0.2]), np.array([6.0, 0, 0]), 0.1)
+    true = SurfaceCorners(VIEW, pixels, planes, np.eye(4))
+    points = true.surfaces_cam(np.eye(4)).points_m()
+    is_ahead = points[:, 2] > 2
+    moved = CAM_SE3_VELO @ later @ inverse(CAM_SE3_VELO)
+    later_px = project(IMAGE_P_CAM @ moved, points)[0] + noise_px * rng.normal(size=pixels.shape)
+    view = replace(true.view, cam_SE3_velo=stated)
+    return CornerTracks(replace(true, view=view)[is_ahead], later_px[is_ahead], later, sweep)
+
+
+def test_an_error_of_any_kind_is_found():
+    found = align_motion([tracks(seed, ERROR) for seed in range(4)], np.zeros(6), NOTHING)
+    np.testing.assert_allclose(found.offset[:3], ERROR[:3], atol=1e-3)
+    np.testing.assert_allclose(found.offset[3:5], ERROR[3:5], atol=6e-3)
+    # How far ahead the LiDAR is only shows where surfaces end, and there are none.
+    assert abs(found.offset[5] - ERROR[5]) < found.deviations[5]
+    assert found.deviations[5] > 5 * found.deviations[4]
+
+
+def test_slopes_are_those_of_the_misfits():
+    one = tracks(0, ERROR)
+    state = _State(offset_SE3(0.3 * ERROR), 0.2, np.zeros((1, 6)))
+    left_px, slopes_px = _misfits(one, state, np.zeros(6))
+    for axis in range(_AXES + 6):
+        step = np.zeros(_AXES + 6)
+        step[axis] = 1e-6
+        moved = state.moved(step)
+        ahead_px, _ = _misfits(one, moved, moved.motion_errors[0])
+        np.testing.assert_allclose(
+            (ahead_px - left_px) / 1e-6, slopes_px[:, :, axis], rtol=1e-3, atol=0.05
+        )
+
+
+def test_what_moves_by_itself_counts_little():
+    frames = [tracks(seed, ERROR, noise_px=0.1) for seed in range(4)]
+    for one in frames:
+        one.later_px[::5] += [15.0, 4.0]
+    found = align_motion(frames, np.zeros(6), NOTHING)
+    np.testing.assert_allclose(found.offset[:3], ERROR[:3], atol=3e-3)
+
+
+def test_deviations_hold_the_errors_of_noisy_tracks():
+    shares = []
+    for seed in range(8):
+        frames = [tracks(10 * seed + number, noise_px=0.3) for number in range(3)]
+        found = align_motion(frames, np.zeros(6), NOTHING)
+        shares.append(found.offset / found.deviations)
+    assert np.abs(shares).max() < 3
+    assert np.std(shares) > 0.1
+
+
+def test_what_is_known_holds_what_motion_does_not_tell():
+    """A motion of a centimetre tells nothing, and the offset stays where other evidence has put it."""
+    known = OffsetEstimate(ERROR, np.full(6, 1e-4))
+    found = align_motion([tracks(0, motion_m=0.01)], np.zeros(6), known)
+    np.testing.assert_allclose(found.offset, ERROR, atol=2e-4)
+
+
+@pytest.mark.parametrize("turn", [-1, 1])
+def test_a_sweep_is_no_error_of_the_calibration(turn):
+    """Planes as a turning LiDAR measures them in motion: those at the left earlier than those at the right, or later."""
+    frames = []
+    for seed in range(4):
+        one = tracks(seed)
+        planes = one.corners.planes_velo.copy()
+        planes[:, 3] -= turn * one.sweep_shifts_m
+        frames.append(replace(one, corners=replace(one.corners, planes_velo=planes)))
+    found = align_motion(frames, np.zeros(6), NOTHING)
+    assert np.abs(found.offset[:3]).max() < np.radians(0.15)
+
+
+def test_an_offset_and_its_transform_are_one():
+    np.testing.assert_allclose(offset_of(offset_SE3(ERROR)), ERROR, atol=1e-12)

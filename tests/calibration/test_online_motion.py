@@ -1,0 +1,114 @@
+"""The motion of images in a street whose walls are painted all over."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.calibration.grey_image import GreyImage
+from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.online_motion import OnlineMotion
+from perception.calibration.surface_corners import (
+    CornerTracks,
+    ScanView,
+    SurfaceCorners,
+    SweepVelocity,
+)
+from perception.geometry.camera import project
+from perception.geometry.se3 import inverse
+from perception.health.miscalibration import corrected
+from perception.sensor import HDL_64E
+from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, TRUE, drive
+
+NO_EDGES = OffsetEstimate(np.zeros(6), UNKNOWN, is_determined=False)
+STILL = SweepVelocity(np.zeros(3), np.zeros(3), 0.1)
+
+
+@pytest.fixture(scope="module")
+def street():
+    return drive(15)
+
+
+def motion_of(frames, error=None):
+    motion = OnlineMotion(HDL_64E)
+    for frame in frames:
+        motion.update(corrected(frame, error), frame.world_SE3_velo)
+    return motion
+
+
+def image_of(frame):
+    return GreyImage.of(frame.image, TRUE, 720.0)
+
+
+def corners_of(frame):
+    image = image_of(frame)
+    return SurfaceCorners.find(image, ScanView.of(frame, image), np.eye(4))
+
+
+def test_corners_lie_on_the_planes_of_the_street(street):
+    corners = corners_of(street[0])
+    assert len(corners) == 200
+    distances = np.abs(corners.planes_velo[:, 3])
+    nearest = np.abs(distances[:, None] - [1.7, 6.0, 7.0, 60.0]).min(axis=1)
+    assert np.median(nearest) < 0.01
+    assert (nearest < 0.1).mean() > 0.9
+
+
+def test_corners_are_tracked_to_where_the_motion_brings_them(street):
+    corners = corners_of(street[0])
+    first, later = image_of(street[0]), image_of(street[1])
+    later_SE3_velo = inverse(street[1].world_SE3_velo) @ street[0].world_SE3_velo
+    tracks = CornerTracks.track(corners, first, later, later_SE3_velo, STILL)
+    assert len(tracks) > 170
+    points = tracks.corners.surfaces_cam(np.eye(4)).points_m()
+    moved = CAM_SE3_VELO @ later_SE3_velo @ inverse(CAM_SE3_VELO)
+    expected_px, _ = project(IMAGE_P_CAM @ moved, points)
+    misfits_px = np.linalg.norm(tracks.later_px - expected_px, axis=1)
+    assert np.median(misfits_px) < 0.25
+    assert np.median(np.linalg.norm(expected_px - tracks.corners.pixels, axis=1)) > 3
+
+
+@pytest.mark.parametrize(
+    "error",
+    [(0.5, 0, 0, 0, 0, 0), (0, 0, -0.5, 0, 0, 0), (0, 0, 0, 0, 0.05, 0), (2, 0, 1, 0, 0, 0)],
+    ids=["pitch", "roll", "down", "both"],
+)
+def test_an_error_is_found_without_edges(street, error):
+    """In this street pitch is known to 0.2 degrees and height to 3 cm, whatever the calibration that it comes with."""
+    error = np.array(error) * [*[np.pi / 180] * 3, 1, 1, 1]
+    true = motion_of(street).refined(NO_EDGES)
+    assert (np.abs(true.offset) < 1.5 * true.deviations).all()
+    found = motion_of(street, offset_SE3(error)).refined(NO_EDGES)
+    assert found.is_determined
+    left = offset_of(offset_SE3(found.offset) @ offset_SE3(error)) - true.offset
+    assert np.abs(left[:3]).max() < np.radians(0.25)
+    assert abs(left[4]) < 0.02
+
+
+def test_a_vehicle_that_stands_leaves_what_edges_tell(street):
+    standing = [replace(street[0], index=index, stamp_s=0.1 * index) for index in range(15)]
+    by_edges = OffsetEstimate(np.full(6, 0.01), np.full(6, 0.002))
+    assert motion_of(standing).refined(by_edges) is by_edges
+
+
+def test_edges_hold_what_they_know_better(street):
+    by_edges = OffsetEstimate(np.zeros(6), np.full(6, 1e-3))
+    found = motion_of(street).refined(by_edges)
+    assert np.abs(found.offset).max() < 3e-3
+
+
+def test_frames_without_image_and_gaps_tell_nothing(street):
+    blind = [replace(frame, image=None) for frame in street]
+    assert motion_of(blind).refined(NO_EDGES) is NO_EDGES
+    with_gaps = [replace(frame, stamp_s=20 * frame.stamp_s) for frame in street]
+    assert motion_of(with_gaps).refined(NO_EDGES) is NO_EDGES
+
+
+def test_an_image_of_another_size_is_no_later_one(street):
+    cropped = [
+        frame if frame.index % 2 else replace(
+            frame, image=frame.image[:, :600].copy(), calibration=replace(TRUE, image_size_px=(600, 188))
+        )
+        for frame in street
+    ]  # fmt: skip
+    assert motion_of(cropped).refined(NO_EDGES) is NO_EDGES
