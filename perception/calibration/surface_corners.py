@@ -24,8 +24,9 @@ from perception.types import Bool, Float32, Float64, Frame
 
 _MAX_CORNERS, _MIN_QUALITY, _MIN_DISTANCE_PX, _BLOCK_PX = 500, 0.002, 3.0, 3  # at half the size
 _MAX_TRACKED = 200
-# Cells of the image, and the windows of them that hold a plane: of a dense LiDAR the first, of a sparse one the others.
-_CELL_PX = 3.0
+# Cells of the image, a quarter of a degree wide whatever the camera, and the windows of them that hold a plane: of a dense
+# LiDAR the first, of a sparse one the others.
+_CELL_RAD = np.radians(0.24)
 _WINDOWS = np.array([(2, 4), (3, 6), (6, 10)])
 _MIN_RETURNS = 12
 _NEAREST_M, _FARTHEST_M = 1.0, 60.0
@@ -57,12 +58,23 @@ class ScanView:
         points_velo = np.ascontiguousarray(frame.points_velo[rows])
         return cls(image.size_px, image.image_P_cam, points_velo, cam_SE3_velo)
 
+    @property
+    def cell_px(self) -> float:
+        """Edge of a cell in pixels."""
+        return float(_CELL_RAD * self.image_P_cam[0, 0])
+
     def moments(self, offset_SE3_cam: Float64) -> Float64:
         """Return the (rows, columns, 10) moments of the returns in the image's cells, with the calibration changed."""
-        columns, rows = (int(np.ceil(length / _CELL_PX)) for length in self.size_px)
+        columns, rows = (int(np.ceil(length / self.cell_px)) for length in self.size_px)
         image_P_velo = self.image_P_cam @ offset_SE3_cam @ self.cam_SE3_velo
         return moments_of_view(
-            self.points_velo, image_P_velo, _CELL_PX, columns, rows, _NEAREST_M, _FARTHEST_M
+            self.points_velo, image_P_velo, self.cell_px, columns, rows, _NEAREST_M, _FARTHEST_M
+        )
+
+    def planes(self, moments: Float64, pixels: Float64) -> Float64:
+        """Return (K, 4) planes through the returns around (K, 2) pixels, NaN where these do not lie flat."""
+        return planes_at_pixels(
+            moments, np.ascontiguousarray(pixels), self.cell_px, _WINDOWS, _MIN_RETURNS
         )
 
 
@@ -93,7 +105,7 @@ class SurfaceCorners:
         """
         moments = view.moments(offset_SE3_cam)
         pixels = _clear_corners(image, moments[..., 0] > 0)
-        found = cls(view, pixels, _planes(moments, pixels), offset_SE3_cam)
+        found = cls(view, pixels, view.planes(moments, pixels), offset_SE3_cam)
         return found[np.isfinite(found.planes_velo[:, 3])][:_MAX_TRACKED]
 
     def __len__(self) -> int:
@@ -106,7 +118,7 @@ class SurfaceCorners:
 
     def reassociated(self, offset_SE3_cam: Float64) -> Self:
         """Return the corners with the planes that a changed calibration shows there, NaN where there is none."""
-        planes_velo = _planes(self.view.moments(offset_SE3_cam), self.pixels)
+        planes_velo = self.view.planes(self.view.moments(offset_SE3_cam), self.pixels)
         return replace(self, planes_velo=planes_velo, offset_SE3_cam=offset_SE3_cam)
 
     def surfaces_cam(self, offset_SE3_cam: Float64) -> "CornerSurfaces":
@@ -263,10 +275,5 @@ def _clear_corners(image: GreyImage, has_returns: Bool) -> Float64:
     )
     if found is None:
         return np.empty((0, 2))
-    shares = np.divide(image.size_px, half.size_px)
-    pixels = (found.reshape(-1, 2).astype(np.float64) + 0.5) * shares - 0.5
-    return np.asarray(np.clip(pixels, 0, np.subtract(image.size_px, 1)))
-
-
-def _planes(moments: Float64, pixels: Float64) -> Float64:
-    return planes_at_pixels(moments, np.ascontiguousarray(pixels), _CELL_PX, _WINDOWS, _MIN_RETURNS)
+    # A pixel of the half holds two of the whole.
+    return np.asarray(2 * found.reshape(-1, 2).astype(np.float64) + 0.5)
