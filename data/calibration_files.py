@@ -19,12 +19,17 @@ from data.kitti.calibration import (
 from data.recorded_drive import RecordedDrive
 from data.sweep_motion import SweepMotions
 from perception.calibration.frame_edges import FrameEdges
+from perception.calibration.observed_corners import USUAL_TRAVEL_M, ObservedCorners
+from perception.calibration.surface_corners import CornerTracks, SweepVelocity
 from perception.errors import CalibrationError
+from perception.geometry.grids import EgoVehicle
 from perception.geometry.se3 import from_rotation_translation, inverse
-from perception.types import Calibration, Float64, Progress, UInt8
+from perception.localization.odometry import LidarOdometry
+from perception.types import Calibration, Float64, Frame, Progress, UInt8
 from perception.yaml_text import read_yaml
 
 _NEW_FILE = "calib.txt"
+_LATER_FRAMES, _MAX_LATER_S = 3, 1.0  # within which a vehicle comes nearer
 _VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
 _RECTIFICATION_KEYS = ("R0_rect", "R_rect")
 
@@ -36,12 +41,14 @@ class CalibratedFrames:
     Attributes:
         calibration: Calibration of the frames.
         edges: Edges of each frame.
+        tracks: Corners of those frames of a drive from which the vehicle moves on, tracked into the next ones.
         image: (H, W, 3) image of the frame in the middle, as an example.
         left_out: Number of frames of another calibration, which are not used.
     """
 
     calibration: Calibration
     edges: tuple[FrameEdges, ...]
+    tracks: tuple[CornerTracks, ...]
     image: UInt8
     left_out: int
 
@@ -70,21 +77,52 @@ def read_calibrated_frames(
     common, used = Counter(keys.values()).most_common(1)[0]
     indices = [index for index in calibrations if keys[index] == common]
     motions, half_s = SweepMotions(), 0.5 / drive.sensor.rate_hz
-    edges, example = [], None
+    edges, tracks, example = [], [], None
     for index in progress(indices):
         frame = drive[index]
         motion = None
         if drive.is_sequence and not drive.deskew:
             motion = motions.motion(drive, index, (-half_s, half_s))
         edges.append(FrameEdges.of(frame, drive.sensor, motion))
+        if drive.is_sequence:
+            tracks += _tracked_corners(drive, index, frame)
         if index == indices[len(indices) // 2]:
             example = frame
     assert example is not None  # drives have frames
     assert example.calibration is not None  # or its edges are refused
     assert example.image is not None
     return CalibratedFrames(
-        example.calibration, tuple(edges), example.image, len(calibrations) - used
+        example.calibration,
+        tuple(edges),
+        tuple(tracks),
+        example.image,
+        len(calibrations) - used,
     )
+
+
+def _tracked_corners(drive: RecordedDrive, index: int, frame: Frame) -> list[CornerTracks]:
+    """Return the corners of a frame in one of the next, once the vehicle has come nearer; none where it does not."""
+    odometry, ego = LidarOdometry(), EgoVehicle()
+
+    def registered(one: Frame) -> Float64:
+        points = ego.crop(one.points_velo).points_velo
+        found = odometry.update(points, one.stamp_s, one.world_SE3_velo, one.source)
+        return found.world_SE3_velo
+
+    start, observed = registered(frame), None
+    for number in range(index + 1, min(index + 1 + _LATER_FRAMES, len(drive))):
+        later = drive[number]
+        gap_s = later.stamp_s - frame.stamp_s
+        if later.image is None or later.calibration is None or not 0 < gap_s <= _MAX_LATER_S:
+            break
+        pose = registered(later)
+        if observed is None:
+            sweep = SweepVelocity.between(inverse(start) @ pose, gap_s, 1 / drive.sensor.rate_hz)
+            observed = ObservedCorners.of(frame, start, sweep, np.eye(4))
+        if observed.travelled_m(pose) >= USUAL_TRAVEL_M:
+            tracks = observed.tracked(later, pose)
+            return [] if tracks is None else [tracks]
+    return []
 
 
 def _key(calibration: Calibration | None) -> bytes:

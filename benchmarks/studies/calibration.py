@@ -1,6 +1,6 @@
 """Calibration of LiDAR and camera under known errors: what is found again, and what is noticed while driving."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +13,8 @@ from perception.errors import PerceptionError
 from perception.types import Float64, Frame
 
 if TYPE_CHECKING:
+    from data.calibration_files import CalibratedFrames
     from data.recorded_drive import RecordedDrive
-    from perception.calibration.frame_edges import FrameEdges
     from perception.health.miscalibration import MiscalibrationMonitor
 
 _AXES = ("pitch", "yaw", "roll", "right", "down", "ahead")
@@ -121,7 +121,7 @@ def calibration(
     opened = open_drive(drive, sequence=sequence, config=OpenConfig(sensor=sensor))
     read = read_calibrated_frames(opened, frames, frame_progress_bar(opened.name, delay_s=0))
     accuracy_columns = {"rotation [deg]": ".2f", "translation [cm]": ".1f", "CPU [s]": ".1f"}
-    found = dict(_recalibrated(read.edges, opened, np.random.default_rng(seed)))
+    found = dict(_recalibrated(read, opened, np.random.default_rng(seed)))
     tables = {
         "recalibration": formatted_table(
             f"{opened.name}: difference from the drive's calibration",
@@ -161,7 +161,7 @@ def _errors() -> Iterator[tuple[str, Float64]]:
 
 
 def _recalibrated(
-    edges: "Sequence[FrameEdges]", drive: "RecordedDrive", rng: np.random.Generator
+    read: "CalibratedFrames", drive: "RecordedDrive", rng: np.random.Generator
 ) -> Iterator[tuple[str, tuple[float, float, float]]]:
     """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
     import time
@@ -170,7 +170,7 @@ def _recalibrated(
     from perception.calibration.recalibration import recalibrate
     from perception.geometry.se3 import inverse, rotation_angle_rad
 
-    stated = edges[0].cam_SE3_velo
+    stated = read.calibration.cam_SE3_velo
     for angle_deg in _ROTATIONS_DEG:
         worst = np.zeros(3)
         for _ in range(_RANDOM_AXES if angle_deg else 1):
@@ -178,10 +178,12 @@ def _recalibrated(
             turn = np.radians(angle_deg) * axis / np.linalg.norm(axis)
             shift = (0.1 if angle_deg else 0.0) * along / np.linalg.norm(along)
             off = offset_SE3(np.concatenate([turn, shift]))
-            wrong = [replace(one, cam_SE3_velo=off @ stated) for one in edges]
+            wrong = [replace(one, cam_SE3_velo=off @ stated) for one in read.edges]
+            tracks = [one.with_calibration(off @ stated) for one in read.tracks]
             start_s = time.process_time()
             try:
-                left = recalibrate(wrong, drive.sensor).cam_SE3_velo @ inverse(stated)
+                found = recalibrate(wrong, drive.sensor, tracks=tracks)
+                left = found.cam_SE3_velo @ inverse(stated)
             except PerceptionError:
                 worst[:] = np.nan
                 continue

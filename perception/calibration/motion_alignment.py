@@ -6,7 +6,7 @@ Gauss-Newton steps on the distances in the later images.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,35 @@ _PIXEL_DEVIATION, _SHARE_DEVIATION = 0.2, 0.02
 # Deviations from which on a corner counts little, as one on what moves: broad at first, then narrow.
 _SCALES = (6.0, 3.0, 1.5, 1.5)
 _MAX_INLIER = 3.0
+# What errors that are alike in all frames leave.
+_MIN_DEVIATIONS = np.array([*np.radians([0.06, 0.07, 0.09]), 0.010, 0.012, 0.015])
+# Planes are associated again where the calibration is found to be so far from the one of their association.
+_MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.15] * 3), *[0.03] * 3])
+_MAX_ASSOCIATIONS = 3
 _AXES = 7  # of the offset, and of the sweep
+
+
+def refine_by_motion(tracks: Sequence[CornerTracks], known: OffsetEstimate) -> OffsetEstimate:
+    """Return an estimate with what the motion of images tells beside it.
+
+    Args:
+        tracks: Corners of several frames, at least one.
+        known: What is known of the offset beside their motion.
+    """
+    found = known
+    for _ in range(_MAX_ASSOCIATIONS):
+        if any(is_large(one.corners.offset - found.offset) for one in tracks):
+            changed = offset_SE3(found.offset)
+            tracks = [one.reassociated(changed) for one in tracks]
+        elif found is not known:
+            break
+        found = align_motion(tracks, found.offset, known)
+    return replace(found, deviations=np.maximum(found.deviations, _MIN_DEVIATIONS))
+
+
+def is_large(change: Float64) -> bool:
+    """Return whether planes are to be associated again after a (6,) change of the calibration."""
+    return bool((np.abs(change) > _MAX_ASSOCIATION_CHANGE).any())
 
 
 def align_motion(

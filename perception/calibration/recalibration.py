@@ -8,9 +8,10 @@ import numpy as np
 
 from perception.calibration.edge_alignment import SMOOTHINGS_PX, EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
-from perception.calibration.offset import offset_SE3
+from perception.calibration.motion_alignment import refine_by_motion
+from perception.calibration.offset import OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.surface_corners import CornerTracks
 from perception.errors import CalibrationError
-from perception.geometry.se3 import rotation_vector
 from perception.sensor import LidarModel
 from perception.types import Float64
 
@@ -21,6 +22,8 @@ _MIN_EDGES = 300
 _MAX_DEVIATION_RAD = np.radians(0.15)
 # Edges on top lie anywhere between two beams: what their mean is off by, as a share of the angle between them.
 _SHARE_OF_BEAM_STEP = 0.2
+# What edges are off by beside it, as the scenes of one drive are alike.
+_SCENES = np.array([*np.radians([0.08, 0.05, 0.08]), 0.015, 0.015, 0.02])
 # The score must fall by such a share of itself where the calibration is turned by so much.
 _MIN_CONTRAST, _CONTRAST_RAD = 0.12, np.radians(1.5)
 
@@ -70,7 +73,10 @@ class Recalibration:
 
 
 def recalibrate(
-    frames: Sequence[FrameEdges], sensor: LidarModel, source: str = "calibration"
+    frames: Sequence[FrameEdges],
+    sensor: LidarModel,
+    source: str = "calibration",
+    tracks: Sequence[CornerTracks] = (),
 ) -> Recalibration:
     """Find the calibration of frames that came with one calibration.
 
@@ -78,6 +84,7 @@ def recalibrate(
         frames: Edges of each frame, whose images have one size.
         sensor: LiDAR model.
         source: File of the calibration, for error messages.
+        tracks: Corners of some frames that were tracked into later ones, in a drive.
 
     Raises:
         CalibrationError: The scenes do not determine the calibration.
@@ -92,14 +99,18 @@ def recalibrate(
         )
     best, turn = _align(frames)
     alignment = EdgeAlignment(frames, turn)
-    score = alignment.score(best, SMOOTHINGS_PX[-1]).value
-    contrast = _contrast(alignment, best)
     covariance = alignment.covariance(best)
     beam_rad = _SHARE_OF_BEAM_STEP * sensor.elevation_step_rad
     covariance[range(3), range(3)] += np.array([beam_rad, 0.0, beam_rad]) ** 2
+    if tracks:
+        deviations = np.sqrt(np.diag(covariance) + np.square(_SCENES))
+        refined = refine_by_motion(tracks, OffsetEstimate(best, deviations))
+        best, covariance = refined.offset, np.diag(np.square(refined.deviations))
+    score = alignment.score(best, SMOOTHINGS_PX[-1]).value
+    contrast = _contrast(alignment, best)
     found = Recalibration(
         offset_SE3(best) @ frames[0].cam_SE3_velo,
-        np.concatenate([rotation_vector(offset_SE3(best)[:3, :3]), best[3:]]),
+        offset_of(offset_SE3(best)),
         covariance,
         alignment.score(np.zeros(6), SMOOTHINGS_PX[-1]).value,
         score,

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from perception.calibration.grey_image import GreyImage
+from perception.calibration.offset import offset_of
 from perception.geometry.camera import project
 from perception.geometry.se3 import inverse, rotation_vector
 from perception.kernels.window_planes import moments_of_view, planes_at_pixels
@@ -115,6 +116,11 @@ class SurfaceCorners:
     def __getitem__(self, rows: slice | Bool) -> Self:
         """Return some of the corners."""
         return replace(self, pixels=self.pixels[rows], planes_velo=self.planes_velo[rows])
+
+    @property
+    def offset(self) -> Float64:
+        """(6,) change of the calibration with which the planes were associated."""
+        return offset_of(self.offset_SE3_cam)
 
     def reassociated(self, offset_SE3_cam: Float64) -> Self:
         """Return the corners with the planes that a changed calibration shows there, NaN where there is none."""
@@ -226,6 +232,12 @@ class CornerTracks:
         velo_SE3_cam = inverse(offset_SE3_cam @ self.corners.view.cam_SE3_velo)
         points_velo = points_cam @ velo_SE3_cam[:3, :3].T + velo_SE3_cam[:3, 3]
         return self.sweep.shifts_m(self.corners.planes_velo, points_velo)
+
+    def with_calibration(self, cam_SE3_velo: Float64) -> Self:
+        """Return the tracks as of frames that came with another (4, 4) calibration."""
+        view = replace(self.corners.view, cam_SE3_velo=cam_SE3_velo)
+        corners = replace(self.corners, view=view).reassociated(np.eye(4))
+        return replace(self, corners=corners)
 
     def reassociated(self, offset_SE3_cam: Float64) -> Self:
         """Return the tracks with the planes that a changed calibration shows at the corners."""

@@ -45,7 +45,7 @@ def calibrate(
     chosen = results.folder(config)
     read = read_calibrated_frames(drive, frames, frame_progress_bar(drive.name, delay_s=0))
     stated = read.calibration
-    found = recalibrate(read.edges, drive.sensor, stated.source)
+    found = recalibrate(read.edges, drive.sensor, stated.source, read.tracks)
     folder = chosen.prepare()
     path, own = write_calibration(folder, drive, stated, found.cam_SE3_velo)
     write_json(folder / "calibration.json", found)
