@@ -33,22 +33,51 @@ _MAX_ASSOCIATIONS = 3
 _AXES = 7  # of the offset, and of the sweep
 
 
-def refine_by_motion(tracks: Sequence[CornerTracks], known: OffsetEstimate) -> OffsetEstimate:
+@dataclass(frozen=True)
+class MotionAlignment:
+    """An offset, and how badly it fits.
+
+    Attributes:
+        estimate: Offset.
+        cost: Half the sum of squared deviations of all that is known, robust for corners; one without a plane counts as one
+            that is elsewhere.
+    """
+
+    estimate: OffsetEstimate
+    cost: float
+
+
+def refine_by_motion(
+    tracks: Sequence[CornerTracks], known: OffsetEstimate, other_start: Float64 | None = None
+) -> OffsetEstimate:
     """Return an estimate with what the motion of images tells beside it.
 
     Args:
         tracks: Corners of several frames, at least one.
         known: What is known of the offset beside their motion.
+        other_start: (6,) offset from which it is looked for, too: with planes that are associated wrongly, motion does not
+            contradict what was wrong before. The one with the lower cost is kept.
     """
-    found = known
+    found = _refined(tracks, known, known.offset)
+    if other_start is not None and is_large(other_start - known.offset):
+        found = min(found, _refined(tracks, known, other_start), key=lambda one: one.cost)
+    deviations = np.maximum(found.estimate.deviations, _MIN_DEVIATIONS)
+    return replace(found.estimate, deviations=deviations)
+
+
+def _refined(
+    tracks: Sequence[CornerTracks], known: OffsetEstimate, start: Float64
+) -> "MotionAlignment":
+    offset, found = start, None
     for _ in range(_MAX_ASSOCIATIONS):
-        if any(is_large(one.corners.offset - found.offset) for one in tracks):
-            changed = offset_SE3(found.offset)
-            tracks = [one.reassociated(changed) for one in tracks]
-        elif found is not known:
-            break
-        found = align_motion(tracks, found.offset, known)
-    return replace(found, deviations=np.maximum(found.deviations, _MIN_DEVIATIONS))
+        if any(is_large(one.corners.offset - offset) for one in tracks):
+            tracks = [one.reassociated(offset_SE3(offset)) for one in tracks]
+        elif found is not None:
+            return found
+        found = align_motion(tracks, offset, known)
+        offset = found.estimate.offset
+    assert found is not None
+    return found
 
 
 def is_large(change: Float64) -> bool:
@@ -58,7 +87,7 @@ def is_large(change: Float64) -> bool:
 
 def align_motion(
     tracks: Sequence[CornerTracks], start: Float64, known: OffsetEstimate
-) -> OffsetEstimate:
+) -> MotionAlignment:
     """Find the change of the calibration with which corners are where the motion brings them.
 
     Args:
@@ -75,7 +104,8 @@ def align_motion(
             system.add_tracks(number, one, state, scale)
         state = state.moved(system.step())
     deviations = np.sqrt(np.diag(np.linalg.inv(system.curvature))[:6])
-    return OffsetEstimate(offset_of(state.offset_SE3_cam), deviations)
+    estimate = OffsetEstimate(offset_of(state.offset_SE3_cam), deviations)
+    return MotionAlignment(estimate, system.cost)
 
 
 @dataclass(frozen=True)
@@ -100,6 +130,7 @@ class _System:
     def __init__(self, motions: int) -> None:
         size = _AXES + 6 * motions
         self.curvature, self.slope = np.zeros((size, size)), np.zeros(size)
+        self.cost = 0.0
 
     def add_priors(self, state: _State, known: OffsetEstimate) -> None:
         errors = [
@@ -115,6 +146,7 @@ class _System:
         weights = 1 / np.square(deviations)
         self.curvature += np.diag(weights)
         self.slope += weights * errors
+        self.cost += float(weights @ np.square(errors)) / 2
 
     def add_tracks(self, number: int, tracks: CornerTracks, state: _State, scale: float) -> None:
         """Add the corners of one frame."""
@@ -123,9 +155,13 @@ class _System:
         deviations_px = np.hypot(_PIXEL_DEVIATION, _SHARE_DEVIATION * way_px)
         misfits = np.linalg.norm(left_px, axis=1) / deviations_px
         is_known = np.isfinite(misfits)
+        # Geman-McClure: a corner that is elsewhere costs half the square of the scale, however far away it is.
+        squares = np.square(misfits[is_known] / scale)
+        robust_cost = float((squares / (1 + squares)).sum()) + float((~is_known).sum())
+        self.cost += scale**2 / 2 * robust_cost
         left_px, slopes_px, misfits = left_px[is_known], slopes_px[is_known], misfits[is_known]
-        # Geman-McClure. Where many are elsewhere, those that seem to be right tell less.
-        robust = 1 / np.square(1 + np.square(misfits / scale))
+        # Where many are elsewhere, those that seem to be right tell less.
+        robust = 1 / np.square(1 + squares)
         trust = np.square(np.mean(misfits < _MAX_INLIER)) if len(misfits) else 0.0
         weights = trust * robust / np.square(deviations_px[is_known])
         weighted = slopes_px * weights[:, None, None]

@@ -46,9 +46,10 @@ _MIN_CONTRAST = 0.06
 _MAX_REST = 7
 _MEMORY = 0.9  # of earlier scores of the turns, at each alignment
 # Information of street scenes on KITTI, in edges times contrast.
-_USUAL_INFORMATION = 150.0
-# Where edges fit, they score 0.40 to 0.50; trees and rails, whose edges the image shows elsewhere, 0.34 to 0.38.
-_MIN_SCORE = 0.39
+_USUAL_INFORMATION = np.array([150.0, 150.0, 120.0])
+# Where edges fit, they score 0.40 to 0.50; trees and rails, whose edges the image shows elsewhere, 0.34 to 0.40. The least
+# that counts is half as certain as the usual.
+_MIN_SCORE, _USUAL_SCORE = 0.39, 0.44
 # By how much estimates of drives with a true calibration differ, in usual scenes; tops of objects lie between two beams.
 _DEVIATIONS = np.array([*np.radians((0.1, 0.075, 0.14)), 0.02, 0.02, 0.02])
 _SHARE_OF_BEAM_STEP = 0.15
@@ -60,15 +61,20 @@ class EdgeOffset:
 
     Attributes:
         offset: (6,) change of the calibration with which edges fit.
-        contrast: Share of the score that is lost where pitch or yaw is turned by 1.5 degrees.
+        contrasts: (3,) share of the score that is lost where pitch, yaw or roll is turned by 1.5 degrees.
         edges: Number of edges.
         score: Mean of the image's edges at those of the scan, 0 to 1.
     """
 
     offset: Float64
-    contrast: float
+    contrasts: Float64
     edges: int
     score: float
+
+    @property
+    def contrast(self) -> float:
+        """The lower contrast of pitch and yaw."""
+        return float(self.contrasts[:2].min())
 
     @property
     def is_determined(self) -> bool:
@@ -76,10 +82,13 @@ class EdgeOffset:
         return self.contrast >= _MIN_CONTRAST
 
     @property
-    def uncertainty(self) -> float:
-        """How much less certain it is than in a usual street, from 1."""
-        information = max(self.edges * self.contrast, 1e-9)
-        return float(np.sqrt(max(_USUAL_INFORMATION / information, 1.0)))
+    def uncertainties(self) -> Float64:
+        """(6,) how much less certain it is than in a usual street, from 1."""
+        information = np.maximum(self.edges * self.contrasts, 1e-9)
+        of_turns = np.sqrt(np.maximum(_USUAL_INFORMATION / information, 1.0))
+        of_turns *= 1 + np.clip((_USUAL_SCORE - self.score) / (_USUAL_SCORE - _MIN_SCORE), 0, 1)
+        # A shift to the right looks like a turn about the axis down, and one down like one about the axis to the right.
+        return of_turns[[0, 1, 2, 1, 0, 0]]
 
 
 class OnlineEdges:
@@ -108,7 +117,7 @@ class OnlineEdges:
     def estimate_of(self, found: EdgeOffset) -> OffsetEstimate:
         """Return an offset with its deviations."""
         beam_rad = _SHARE_OF_BEAM_STEP * self._sensor.elevation_step_rad
-        deviations = np.maximum(_DEVIATIONS, [beam_rad, 0, beam_rad, 0, 0, 0]) * found.uncertainty
+        deviations = np.maximum(_DEVIATIONS, [beam_rad, 0, beam_rad, 0, 0, 0]) * found.uncertainties
         counts = found.is_determined and found.score >= _MIN_SCORE
         return OffsetEstimate(found.offset, np.where(self._held, UNKNOWN, deviations), counts)
 
@@ -202,15 +211,14 @@ class OnlineEdges:
     ) -> EdgeOffset:
         offset = alignment.align(start, smoothings_px, self._prior)
         here = alignment.score(offset, _SMOOTHINGS_PX[-1]).value
-        turned = [
-            alignment.score(
-                offset + sign * _CONTRAST_RAD * np.eye(6)[axis], _SMOOTHINGS_PX[-1]
-            ).value
-            for axis in np.flatnonzero(~self._held[:2])
-            for sign in (-1, 1)
-        ]
-        contrast = 1 - max(turned) / here if here > 0 else 0.0
-        return EdgeOffset(offset, float(contrast), alignment.edges, here)
+        contrasts = np.ones(3)  # of axes that are held
+        for axis in np.flatnonzero(~self._held[:3]):
+            turned = [
+                alignment.score(offset + turn_rad * np.eye(6)[axis], _SMOOTHINGS_PX[-1]).value
+                for turn_rad in (-_CONTRAST_RAD, _CONTRAST_RAD)
+            ]
+            contrasts[axis] = 1 - max(turned) / here if here > 0 else 0.0
+        return EdgeOffset(offset, contrasts, alignment.edges, here)
 
     def _far(self, alignment: EdgeAlignment) -> EdgeOffset:
         """Estimate an offset of any size, from the best of many rotations and shifts."""

@@ -94,6 +94,6 @@ class OnlineMotion:
         if not tracks or (not by_edges.is_determined and len(tracks) < _MIN_FRAMES):
             return by_edges
         known = by_edges if by_edges.is_determined else OffsetEstimate(self._offset, UNKNOWN)
-        found = refine_by_motion(tracks, known)
+        found = refine_by_motion(tracks, known, self._offset)
         self._offset = found.offset if is_large(found.offset) else np.zeros(6)
         return found

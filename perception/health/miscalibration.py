@@ -13,7 +13,7 @@ from perception.types import CALIBRATION, Float64, Frame, HealthFinding, HealthL
 FAULT = "calibration off"
 # Standard deviations of an estimate up to which a calibration is taken for true. What is off ahead is not judged: it is
 # the time between scan and image, too.
-_LIMITS = np.array([4.0] * 5 + [np.inf])
+_LIMITS = np.array([3.5] * 5 + [np.inf])
 # A change during a drive: what the scene adds to each estimate has shown in those before, whose deviation counts as well.
 _CHANGE_LIMITS = np.array([3.0] * 5 + [np.inf])
 _USUAL_LIMIT, _MIN_ESTIMATES = 4.0, 3

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.calibration.motion_alignment import _AXES, _misfits, _State, align_motion
+from perception.calibration.motion_alignment import (
+    _AXES,
+    _misfits,
+    _State,
+    align_motion,
+    refine_by_motion,
+)
 from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
 from perception.calibration.surface_corners import (
     CornerTracks,
@@ -43,7 +49,7 @@ def tracks(seed, error=None, motion_m=0.6, noise_px=0.0):
 
 
 def test_an_error_of_any_kind_is_found():
-    found = align_motion([tracks(seed, ERROR) for seed in range(4)], np.zeros(6), NOTHING)
+    found = align_motion([tracks(seed, ERROR) for seed in range(4)], np.zeros(6), NOTHING).estimate
     np.testing.assert_allclose(found.offset[:3], ERROR[:3], atol=1e-3)
     np.testing.assert_allclose(found.offset[3:5], ERROR[3:5], atol=6e-3)
     # How far ahead the LiDAR is only shows where surfaces end, and there are none.
@@ -69,7 +75,7 @@ def test_what_moves_by_itself_counts_little():
     frames = [tracks(seed, ERROR, noise_px=0.1) for seed in range(4)]
     for one in frames:
         one.later_px[::5] += [15.0, 4.0]
-    found = align_motion(frames, np.zeros(6), NOTHING)
+    found = align_motion(frames, np.zeros(6), NOTHING).estimate
     np.testing.assert_allclose(found.offset[:3], ERROR[:3], atol=3e-3)
 
 
@@ -77,7 +83,7 @@ def test_deviations_hold_the_errors_of_noisy_tracks():
     shares = []
     for seed in range(8):
         frames = [tracks(10 * seed + number, noise_px=0.3) for number in range(3)]
-        found = align_motion(frames, np.zeros(6), NOTHING)
+        found = align_motion(frames, np.zeros(6), NOTHING).estimate
         shares.append(found.offset / found.deviations)
     assert np.abs(shares).max() < 3
     assert np.std(shares) > 0.1
@@ -86,7 +92,7 @@ def test_deviations_hold_the_errors_of_noisy_tracks():
 def test_what_is_known_holds_what_motion_does_not_tell():
     """A motion of a centimetre tells nothing, and the offset stays where other evidence has put it."""
     known = OffsetEstimate(ERROR, np.full(6, 1e-4))
-    found = align_motion([tracks(0, motion_m=0.01)], np.zeros(6), known)
+    found = align_motion([tracks(0, motion_m=0.01)], np.zeros(6), known).estimate
     np.testing.assert_allclose(found.offset, ERROR, atol=2e-4)
 
 
@@ -99,8 +105,28 @@ def test_a_sweep_is_no_error_of_the_calibration(turn):
         planes = one.corners.planes_velo.copy()
         planes[:, 3] -= turn * one.sweep_shifts_m
         frames.append(replace(one, corners=replace(one.corners, planes_velo=planes)))
-    found = align_motion(frames, np.zeros(6), NOTHING)
+    found = align_motion(frames, np.zeros(6), NOTHING).estimate
     assert np.abs(found.offset[:3]).max() < np.radians(0.15)
+
+
+def test_the_cost_is_lowest_at_the_truth():
+    frames = [tracks(seed, ERROR, noise_px=0.1) for seed in range(3)]
+    known = OffsetEstimate(ERROR, UNKNOWN)
+    there = align_motion(frames, ERROR, known).cost
+    tight = OffsetEstimate(np.zeros(6), np.full(6, 1e-4))
+    assert align_motion(frames, np.zeros(6), tight).cost > there + 50
+
+
+def test_an_estimate_is_refined_by_motion_and_never_surer_than_scenes_allow():
+    frames = []
+    for seed in range(4):
+        one = tracks(seed, ERROR)
+        corners = replace(one.corners, offset_SE3_cam=offset_SE3(ERROR))
+        frames.append(replace(one, corners=corners))
+    by_edges = OffsetEstimate(ERROR + [0.004, 0, -0.006, 0.01, 0, 0.01], np.full(6, 0.01))
+    found = refine_by_motion(frames, by_edges)
+    assert np.abs(found.offset - ERROR)[:3].max() < 1e-3
+    assert (found.deviations >= [*np.radians([0.06, 0.07, 0.09]), 0.010, 0.012, 0.015]).all()
 
 
 def test_an_offset_and_its_transform_are_one():
