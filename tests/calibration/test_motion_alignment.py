@@ -123,7 +123,7 @@ def test_an_estimate_is_refined_by_motion_and_never_surer_than_scenes_allow():
         one = tracks(seed, ERROR)
         corners = replace(one.corners, offset_SE3_cam=offset_SE3(ERROR))
         frames.append(replace(one, corners=corners))
-    by_edges = OffsetEstimate(ERROR + [0.004, 0, -0.006, 0.01, 0, 0.01], np.full(6, 0.01))
+    by_edges = OffsetEstimate(ERROR + np.array([0.002, 0, -0.002, 0.01, 0, 0.01]), np.full(6, 0.01))
     found = refine_by_motion(frames, by_edges)
     assert np.abs(found.offset - ERROR)[:3].max() < 1e-3
     assert (found.deviations >= [*np.radians([0.06, 0.07, 0.09]), 0.010, 0.012, 0.015]).all()
