@@ -45,7 +45,7 @@ class FusedDetections(ArrayTable):
         detections: (M)
         source_indices: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector has none.
         dominant_modality: (M,) column of the modality with the largest contribution.
-        existence: (M,) probability, 0..1, that the object exists: of its whole track, of a single detection its score.
+        existence: (M,) probability, 0..1, that the object exists, by its whole track or by a single detection.
     """
 
     detections: Detections

@@ -4,6 +4,7 @@ import numpy as np
 
 from perception.detection.config import NmsConfig
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.existence import existence_of
 from perception.detection.suppression import suppress
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import MODALITIES, Detections, FusedDetections, Int
@@ -31,7 +32,7 @@ class NmsFusion:
             best,
             np.asarray(np.stack(source_indices, axis=1), np.int64),
             merged.columns[kept],
-            best.scores,
+            existence_of(best.scores, scene.set_names(best.types), best.types),
         )
 
 

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from perception.detection.config import FusionVariant, NmsConfig, TriBoxOverrides, tri_box_config
 from perception.detection.fusion.detected_scene import MIN_FUSED, DetectedScene
+from perception.detection.fusion.existence import existence_of
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.matched_boxes import blended_boxes_px, box_weights, matched_boxes
 from perception.detection.fusion.score_calibration import FusionCalibration
@@ -174,7 +175,8 @@ class Fusion:
         order = np.argsort(-scores, kind="stable")
         found = replace(detections, scores=scores)[order]
         source_indices = boxes.source_indices[kept[order]]
-        return FusedDetections(found, source_indices, columns[order], existence=found.scores)
+        existence = existence_of(found.scores, sets[order], found.types)
+        return FusedDetections(found, source_indices, columns[order], existence)
 
     @staticmethod
     def _separate(scene: DetectedScene, rescored: RescoredBoxes) -> _JointBoxes:

@@ -43,8 +43,6 @@ class EvidenceConfig:
 
     Attributes:
         prior: Existence of a detection that is no evidence either way.
-        person_log_odds: Log-odds by which the scores of people understate that they exist.
-        maps_log_odds: The same of vehicles, in a frame where only the detectors of the maps find something.
         miss: Evidence that a frame without a detection takes away.
         confirmation: Minimum evidence of a confirmed track; one detection is never enough.
         memory: Share of the past evidence that the next frame leaves, since detections of one object err alike.
@@ -58,8 +56,6 @@ class EvidenceConfig:
     """
 
     prior: float = 0.5
-    person_log_odds: float = 0.4
-    maps_log_odds: float = 1.2
     miss: float = 0.1
     confirmation: float = 1.5
     memory: float = 0.85

@@ -5,30 +5,11 @@ from numpy.typing import NDArray
 
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import EvidenceConfig
-from perception.types import Bool, Detections, Float64, Int
+from perception.types import Detections, Float64, Int
 
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
 _LOWEST_VEHICLE = "Car"
-
-
-def existence(
-    scores: Float64, is_person: Bool, has_camera: bool, config: EvidenceConfig
-) -> Float64:
-    """Return (D,) the probability that detections show an object.
-
-    A score says how well a box fits, too, which is less likely for people, and for vehicles in the maps alone, than
-    that they are there.
-
-    Args:
-        scores: (D,) scores, summed over classes.
-        is_person: (D,) mask of people.
-        has_camera: Whether boxes of the camera are among those of the frame.
-        config: By how much scores understate existence.
-    """
-    of_vehicles = 0.0 if has_camera else config.maps_log_odds
-    offsets = np.where(is_person, config.person_log_odds, of_vehicles)
-    return probability(_log_odds(scores) + offsets)
 
 
 def with_heights(

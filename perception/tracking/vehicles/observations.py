@@ -11,12 +11,10 @@ from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
-from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
-from perception.tracking.vehicles.evidence import existence, with_heights
+from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
 from perception.types import (
-    MODALITIES,
     ArrayTable,
     Bool,
     Boxes3D,
@@ -27,7 +25,6 @@ from perception.types import (
 )
 
 NEAREST_M = 0.5
-_CAMERA = MODALITIES.index("rgb")
 
 
 @dataclass(frozen=True)
@@ -137,11 +134,11 @@ class VehicleObservations(ArrayTable):
         own = np.flatnonzero(vehicles.cameras == camera)
         fused = vehicles.fused[own]
         detections = fused.detections
-        class_scores = _class_scores(detections, classes, config.duplicates.same_place_iou)
-        is_person = ~SizePriors.of(detections.types).has_sides
-        sources = fused.source_indices >= 0
-        has_camera = bool(sources[:, _CAMERA].any() or not sources.any())
-        likely = existence(class_scores.sum(axis=1), is_person, has_camera, config.evidence)
+        min_iou = config.duplicates.same_place_iou
+        class_scores = _of_classes(detections, detections.scores, classes, min_iou)
+        # An object is of one class: what speaks for any of them speaks for the object.
+        by_class = _of_classes(detections, fused.existence, classes, min_iou)
+        likely = np.minimum(by_class.sum(axis=1), 1.0)
         kept = np.flatnonzero(likely >= config.min_existence)
         rows = own[kept]
         detections, boxes = detections[kept], vehicles.boxes[rows]
@@ -163,14 +160,16 @@ class VehicleObservations(ArrayTable):
         )
 
 
-def _class_scores(detections: Detections, classes: NDArray[np.str_], min_iou: float) -> Float64:
-    """Return (D, C) the highest score of each class at the place of each detection."""
-    boxes_px, scores = detections.boxes_px, detections.scores
+def _of_classes(
+    detections: Detections, values: Float64, classes: NDArray[np.str_], min_iou: float
+) -> Float64:
+    """Return (D, C) the highest of (D,) values of each class at the place of each detection."""
+    boxes_px = detections.boxes_px
     is_same_place = iou_px(boxes_px, boxes_px) >= min_iou
-    by_class = np.zeros((len(scores), len(classes)))
+    by_class = np.zeros((len(values), len(classes)))
     for column, name in enumerate(classes.tolist()):
         rows = np.flatnonzero(detections.types == name)
-        at_place = np.where(is_same_place[:, rows], scores[rows], 0.0)
+        at_place = np.where(is_same_place[:, rows], values[rows], 0.0)
         by_class[:, column] = at_place.max(axis=1, initial=0.0)
     return by_class
 

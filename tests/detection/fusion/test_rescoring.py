@@ -83,9 +83,14 @@ def test_scores_become_probabilities_in_their_order(fusion_file):
     np.testing.assert_allclose(curved.scores, 1 / (1 + np.exp(-logit)), atol=1e-9)
 
 
-def test_a_detection_exists_by_its_score(fusion_file):
-    fused = Fusion(fusion_file("default", calibration="2.0,0.5,-1.0")).fuse(clumped_scene(0))
-    np.testing.assert_array_equal(fused.existence, fused.detections.scores)
+def test_a_detection_exists_by_its_score_and_what_was_searched(fusion_file):
+    fusion = Fusion(fusion_file("default", calibration="2.0,0.5,-1.0"))
+    scene = clumped_scene(0)
+    for searched, offset in ((scene, 0.5), (scene.without("rgb"), 1.2)):
+        fused = fusion.fuse(searched)
+        assert set(fused.detections.types.tolist()) == {"Car"}
+        odds = [one / (1 - one) for one in (fused.existence, fused.detections.scores)]
+        np.testing.assert_allclose(odds[0] / odds[1], np.exp(offset), rtol=1e-4)
 
 
 @pytest.mark.parametrize("left", MODALITIES)

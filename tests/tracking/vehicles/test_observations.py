@@ -35,55 +35,28 @@ def test_a_box_that_leaves_the_image_ends_at_its_edge():
     )
 
 
-def test_a_box_that_hardly_fits_is_no_sure_object_whatever_its_existence():
+def test_an_object_is_as_likely_as_its_detector_says_whatever_the_score_of_its_box():
     fused = replace(detected(cars((20.0, 4.0, 0.0)), 0.3), existence=np.array([0.97]))
     vehicles = locate(fused, frame_of(road()), FlatRoad())
     seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
-    np.testing.assert_allclose(seen.existence, [0.3])
+    np.testing.assert_allclose(seen.existence, [0.97])
+    np.testing.assert_allclose(seen.class_scores, [[0.3, 0.0]])
 
 
 @pytest.mark.parametrize(
-    ("sources", "expected"),
+    ("name", "size_m", "existence", "expected"),
     [
-        ([[0, 0, 0], [-1, 1, -1]], [0.5, 0.2]),  # the camera, too
-        ([[-1, 0, 0], [-1, 1, -1]], [0.769, 0.454]),  # log-odds of 0 and -1.39, and 1.2 more
-        ([[-1, -1, -1], [-1, -1, -1]], [0.5, 0.2]),  # no detector of a modality
+        ("Cyclist", (1.7, 0.6, 1.7), 0.93, 0.93),  # log-odds of 2.6
+        ("Cyclist", (1.7, 0.6, 1.05), 0.93, 0.40),  # nobody rides it: 3 less
+        ("Pedestrian", (0.6, 0.6, 1.0), 0.93, 0.40),  # a post
+        ("Car", (4.0, 1.6, 1.5), 0.9, 0.9),
+        ("Car", (2.0, 0.8, 0.9), 0.9, 0.31),  # a motorcycle
+        ("Car", (5.0, 1.9, 2.1), 0.9, 0.9),  # a van
     ],
 )
-def test_scores_of_the_maps_alone_understate_existence(sources, expected):
-    shown = detected(cars((20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.2])
-    shown = replace(shown, source_indices=np.array(sources))
-    vehicles = locate(shown, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
-    np.testing.assert_allclose(seen.existence, expected, atol=1e-3)
-
-
-def test_people_are_as_likely_in_the_maps_alone_as_with_the_camera():
-    shown = detected(cars((20.0, 4.0, 0.0), (20.0, -4.0, 0.0)), [0.5, 0.2])
-    types = np.array(["Pedestrian", "Pedestrian"])
-    shown = replace(shown, detections=replace(shown.detections, types=types))
-    for sources in ([[0, 0, -1], [1, -1, -1]], [[-1, 0, -1], [-1, 1, -1]]):
-        found = replace(shown, source_indices=np.array(sources))
-        vehicles = locate(found, frame_of(road()), FlatRoad())
-        seen = VehicleObservations.of(vehicles, [_GEOMETRY], types[:1], VehicleTrackerConfig())
-        # Log-odds of 0 and -1.39, and 0.4 more for people.
-        np.testing.assert_allclose(seen.existence, [0.599, 0.272], atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "size_m", "expected"),
-    [
-        ("Cyclist", (1.7, 0.6, 1.7), 0.93),  # log-odds of 2.2, and 0.4 more for people
-        ("Cyclist", (1.7, 0.6, 1.05), 0.40),  # nobody rides it: 3 less
-        ("Pedestrian", (0.6, 0.6, 1.0), 0.40),  # a post
-        ("Car", (4.0, 1.6, 1.5), 0.9),
-        ("Car", (2.0, 0.8, 0.9), 0.31),  # a motorcycle
-        ("Car", (5.0, 1.9, 2.1), 0.9),  # a van
-    ],
-)
-def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, expected):
+def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, existence, expected):
     boxes = cars((12.0, 2.0, 0.0), size_m=size_m)
-    shown = detected(boxes, 0.9)
+    shown = replace(detected(boxes, 0.9), existence=np.array([existence]))
     shown = replace(shown, detections=replace(shown.detections, types=np.array([name])))
     vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
     classes = vehicles.fused.detections.types  # the van's by its height
@@ -94,7 +67,7 @@ def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, expected):
 
 def test_the_height_of_what_the_upper_border_cuts_is_not_known():
     boxes = cars((12.0, 2.0, 0.0), size_m=(1.7, 0.6, 1.05))
-    shown = detected(boxes, 0.6)
+    shown = replace(detected(boxes, 0.6), existence=np.array([0.69]))
     boxes_px = shown.detections.boxes_px * [1, 0, 1, 1]
     types = np.array(["Cyclist"])
     shown = replace(shown, detections=replace(shown.detections, boxes_px=boxes_px, types=types))
@@ -136,3 +109,11 @@ def test_a_detection_with_returns_is_where_they_are():
     assert seen.is_located.all()
     expected = boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3]
     np.testing.assert_allclose(seen.boxes_world.bottom_m, expected, atol=0.3)
+
+
+def test_the_existence_of_an_object_of_two_classes_is_a_probability():
+    shown = detected(cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0)), [0.8, 0.7])
+    shown = replace(shown, detections=replace(shown.detections, types=np.array(["Car", "Van"])))
+    vehicles = locate(shown, frame_of(road()), FlatRoad())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
+    assert seen.existence.max() == pytest.approx(0.98)  # no single detection settles a track

@@ -252,16 +252,6 @@ def test_a_person_within_the_box_of_a_vehicle_does_not_continue_its_track():
     assert inside.fused.detections.types.tolist() == ["Pedestrian"]
 
 
-def test_a_person_is_there_at_a_score_at_which_a_vehicle_is_doubtful():
-    vehicles, people = Drive(speed_m_s=0.0), Drive(speed_m_s=0.0)
-    person = cars((12.0, 4.0, 0.0), size_m=(0.8, 0.6, 1.75))
-    for _ in range(3):
-        vehicle_ids = vehicles.observe(cars((12.0, 4.0, 0.0)), scores=0.6).vehicles.ids
-        person_ids = people.observe(person, scores=0.6, types=("Pedestrian",)).vehicles.ids
-    assert vehicle_ids.tolist() == [-1]
-    assert person_ids.tolist() == [0]
-
-
 def test_without_returns_the_class_is_that_of_the_detections():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0), size_m=(4.6, 1.8, 2.1))
     for _ in range(3):
