@@ -143,6 +143,9 @@ class VehicleTrackerConfig:
         assumed_side_share: Standard deviation of its position across the line of sight, as a share of its width.
         box_gain: Gain of the correction of a box in the image.
         outline_weight: Weight of the outline of a 3D box in the reported box of a vehicle in the image.
+        min_hiding_height: Minimum share of the height of a box at which a nearer one hides its left or right side.
+        max_hiding_gap: Maximum gap between that side and the nearer box, as a share of the width.
+        min_hiding_depth_m: Minimum difference of the depths of their middles.
         max_outline_share: Maximum difference of their sides, as a share of width and height, of boxes that agree.
         relocate_after_s: Time located elsewhere than predicted after which a track moves there.
         max_unlocated_s: Time without returns after which a track has the place and the class of its image alone.
@@ -183,7 +186,10 @@ class VehicleTrackerConfig:
     assumed_depth_share: float = 0.3
     assumed_side_share: float = 0.12
     box_gain: float = 0.5
-    outline_weight: float = 0.5
+    outline_weight: float = 0.6
+    min_hiding_height: float = 0.5
+    max_hiding_gap: float = 0.15
+    min_hiding_depth_m: float = 1.0
     max_outline_share: float = 0.4
     relocate_after_s: float = 0.35
     max_unlocated_s: float = 2.0

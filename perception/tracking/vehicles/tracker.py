@@ -21,6 +21,7 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
 from perception.tracking.vehicles.evidence import likeliest_classes, probability
+from perception.tracking.vehicles.hidden_sides import hidden_sides
 from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
 from perception.tracking.vehicles.shared_ids import SharedIds
 from perception.tracking.vehicles.track_update import (
@@ -45,6 +46,8 @@ from perception.types import (
 
 _ROUNDING_S = 1e-3
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
+# Signs of the growth of a box at its sides x1 y1 x2 y2.
+_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -319,8 +322,8 @@ def _blended_boxes_px(
 ) -> Float64:
     """Return (T, 4) boxes between those in the image and the outlines of the 3D boxes where both agree.
 
-    What hides a part of a vehicle cuts its box in the image, not its 3D box; returns of another object move the 3D
-    box, not the one in the image. People fill their 3D boxes less than vehicles do.
+    What hides a part of a vehicle cuts its box in the image, not its 3D box: a hidden side is where the outline ends.
+    Returns of another object move the 3D box, not the one in the image. People fill their 3D boxes less than vehicles do.
     """
     boxes_px = tracks.boxes_px
     outlines_px = box_outlines_px(frame_geometry.image_P_velo, boxes, frame_geometry.image_size_px)
@@ -328,8 +331,10 @@ def _blended_boxes_px(
     off_px = outlines_px - boxes_px
     agrees = (np.abs(off_px) <= config.max_outline_share * np.tile(sizes_px, 2)).all(axis=1)
     is_vehicle = tracks.sizes_m[:, 0] >= config.small_length_m
-    weights = np.where(agrees & is_vehicle, config.outline_weight, 0.0)
-    return np.asarray(boxes_px + weights[:, None] * np.nan_to_num(off_px))
+    is_behind = hidden_sides(boxes_px, tracks.anchors_px[:, 2], config) & (_OUTWARD * off_px > 0)
+    weights = np.where(is_behind, 1.0, config.outline_weight)
+    weights *= (agrees & is_vehicle)[:, None]
+    return np.asarray(boxes_px + weights * np.nan_to_num(off_px))
 
 
 def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:

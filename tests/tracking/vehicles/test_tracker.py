@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from perception.detection.vehicles.locate import locate
+from perception.geometry.camera import box_outlines_px
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import Boxes3D, FusedDetections, Tracks
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, observed_from, road, sides
@@ -276,6 +277,25 @@ def test_a_box_that_is_cut_in_the_image_is_completed_by_its_3d_box():
         reported_px = drive.observe(world, boxes_px=cut_px).vehicles.fused.detections.boxes_px
     assert cut_px[0, 2] + 5 < reported_px[0, 2] < true_px[0, 2]
     np.testing.assert_allclose(reported_px[0, [0, 1, 3]], true_px[0, [0, 1, 3]], atol=6)
+
+
+def test_a_side_behind_a_nearer_car_is_where_the_3d_box_ends():
+    far, near = (20.0, 2.0, 0.0), (12.0, -0.1, 0.0)
+    reported_px = []
+    for world in (cars(far), cars(far, near)):
+        drive = Drive(speed_m_s=0.0)
+        cut_px = detected(observed_from(0.0, world)[1]).detections.boxes_px
+        cut_px[0, 2] = 560.0  # where the nearer one begins
+        for _ in range(4):
+            vehicles = drive.observe(world, boxes_px=cut_px).vehicles
+        reported_px.append(vehicles.fused.detections.boxes_px[0])
+    alone_px, behind_px = reported_px
+    calibration = frame_of(road()).calibration
+    outline_px = box_outlines_px(calibration.image_P_velo, vehicles.boxes[:1], (1242, 375))[0]
+    assert outline_px[2] > 560 + 4
+    assert behind_px[2] == pytest.approx(outline_px[2], abs=0.01)
+    assert alone_px[2] < behind_px[2] - 1
+    np.testing.assert_allclose(behind_px[[0, 1, 3]], alone_px[[0, 1, 3]], atol=0.5)
 
 
 def test_a_3d_box_elsewhere_leaves_the_box_in_the_image_alone():
