@@ -16,6 +16,7 @@ STUDIES: Mapping[str, str] = {
     "sensors": "tracks of moving objects by LiDAR",
     "uncertainty": "share of exact truth within the 90 % intervals of poses, moving objects and boxes, by LiDAR",
     "false-movers": "false movers at fences, hedges and rows of trees over speed and distance",
+    "jams": "long vehicles in traffic jams, with and without INS: moving points, ids and poses",
     "fault-detection": "delay and recall of faults of sensors that are named, and false alarms",
     "growth": "processor time of a frame over beams, points, area and length of the drive",
     "single-object": "challenges of tracking one object, on scenes with exact truth",

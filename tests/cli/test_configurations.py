@@ -19,7 +19,8 @@ INPUTS = {
     **dict.fromkeys(("demo", "synth", "batch synth", "bench", "completion"), ""),
     **dict.fromkeys(("study ins-error", "study sensors", "study single-object"), ""),
     **dict.fromkeys(
-        ("study growth", "study thesis", "study uncertainty", "study false-movers"), ""
+        ("study growth", "study thesis", "study uncertainty", "study false-movers", "study jams"),
+        "",
     ),
 }
 OUTPUTS = {
