@@ -18,8 +18,11 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion
-from perception.evaluation.multi_object.track_assignment import assign_tracks
-from perception.evaluation.multi_object.track_errors import TargetErrors, target_errors
+from perception.evaluation.multi_object.track_assignment import (
+    MovingScene,
+    assign_tracks,
+    covered_shares,
+)
 from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import SummedMetrics
 from perception.geometry.se3 import inverse
@@ -27,12 +30,13 @@ from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
-from perception.types import Float64
+from perception.types import Float64, Tracks
 
 if TYPE_CHECKING:
     from data.synthetic.drive import SyntheticDrive
 
 _SPAN_S = 1.0  # over which the error of the motion is measured
+_COVERED_SHARE = 0.5  # of a track's outline that lies on a vehicle
 
 
 @dataclass(frozen=True)
@@ -66,8 +70,9 @@ class JamCounts(SummedMetrics):
         points: Moving points of everything.
         long_points: Moving points of long vehicles.
         vehicles: Number of long vehicles that move.
-        never_tracked: Number of these that no track ever matched.
-        ids: Number of different tracks that match one of the others, of all of them together.
+        untracked: Number of these on which no track ever lies.
+        ids: Number of different tracks on each of the others, added up.
+        never_whole: Number of vehicles that no track ever matches by its box: of many only the rear is seen.
         errors_m: Errors of the motion over a second in metres, one for each scan.
         resets: Number of scans whose pose no longer fits to those of earlier scans.
     """
@@ -75,15 +80,16 @@ class JamCounts(SummedMetrics):
     points: Confusion
     long_points: Confusion
     vehicles: int
-    never_tracked: int
+    untracked: int
     ids: int
+    never_whole: int
     errors_m: tuple[float, ...]
     resets: int
 
     @property
     def ids_per_vehicle(self) -> float:
         """Mean number of ids of a long vehicle that is tracked; NaN without any."""
-        tracked = self.vehicles - self.never_tracked
+        tracked = self.vehicles - self.untracked
         return self.ids / tracked if tracked else float("nan")
 
     @property
@@ -93,8 +99,9 @@ class JamCounts(SummedMetrics):
             self.points.iou,
             self.long_points.iou,
             self.vehicles,
-            self.never_tracked,
+            self.untracked,
             self.ids_per_vehicle,
+            self.never_whole,
             *np.quantile(self.errors_m, (0.5, 0.9)).tolist(),
             self.resets,
         ]
@@ -104,8 +111,9 @@ _SPECS = {
     "moving IoU": ".3f",
     "of long vehicles": ".3f",
     "long vehicles": "d",
-    "never tracked": "d",
+    "untracked": "d",
     "ids/vehicle": ".2f",
+    "never whole": "d",
     "error over 1 s, p50 [m]": ".3f",
     "p90 [m]": ".3f",
     "resets": "d",
@@ -193,7 +201,7 @@ def measure_drive(drive: "SyntheticDrive", config: JamsConfig, *, has_ins: bool)
     stages = LidarStages(drive.sensor, PipelineConfig.for_motion())
     poses = _Poses(drive)
     points, long_points = Confusion(), Confusion()
-    tracked: list[TargetErrors] = []
+    vehicles = _Vehicles()
     for index, measured in enumerate(drive):
         frame = measured if has_ins else replace(measured, world_SE3_velo=None)
         clock = StageClock()
@@ -211,20 +219,42 @@ def measure_drive(drive: "SyntheticDrive", config: JamsConfig, *, has_ins: bool)
         long_points += motion_confusions(
             states[of_long], exact.classes[of_long], exact.is_moving[of_long]
         )["moving"]
-        assigned = assign_tracks(scene, found.tracks, targets)
-        tracked.append(target_errors(frame.stamp_s, scene, found.tracks, assigned))
-    every = TargetErrors.concatenate(tracked)
-    objects = every[every.object_lengths_m >= config.min_length_m].by_object().values()
-    ids = [one.of_object(None).tracks for one in objects]
+        vehicles.update(scene[is_long], found.tracks)
     return JamCounts(
         points,
         long_points,
-        vehicles=len(ids),
-        never_tracked=ids.count(0),
-        ids=sum(ids),
+        vehicles=len(vehicles.ids_of),
+        untracked=sum(not ids for ids in vehicles.ids_of.values()),
+        ids=sum(len(ids) for ids in vehicles.ids_of.values()),
+        never_whole=len(vehicles.ids_of.keys() - vehicles.whole),
         errors_m=tuple(poses.errors_m[config.first_frame :]),
         resets=poses.resets,
     )
+
+
+class _Vehicles:
+    """Ids on each long vehicle that must be tracked, frame after frame.
+
+    A track lies on a vehicle where half of its outline does, as a rear does whose vehicle is hidden behind it, or where
+    it matches by the protocol of all moving objects.
+    """
+
+    def __init__(self) -> None:
+        self.ids_of: dict[int, set[int]] = {}
+        self.whole: set[int] = set()
+
+    def update(self, scene: MovingScene, tracks: Tracks) -> None:
+        """Add a frame."""
+        assigned = assign_tracks(scene, tracks, PROTOCOL.targets)
+        matches = np.zeros((len(scene), len(tracks)), bool)
+        matches[assigned.matched_objects, assigned.matched_tracks] = True
+        boxes = scene.objects.boxes_velo
+        lies_on = matches | (covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE)
+        for row in assigned.targets.tolist():
+            number = int(scene.objects.track_ids[row])
+            self.ids_of.setdefault(number, set()).update(tracks.ids[lies_on[row]].tolist())
+            if matches[row].any():
+                self.whole.add(number)
 
 
 class _Poses:

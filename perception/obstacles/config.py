@@ -217,6 +217,8 @@ class RigidBodyConfig:
         end_m: Largest length of a front or rear in metres.
         min_end_voxels: Smallest number of voxels of a front that appeared, or of a rear that left free space.
         min_end_ratio: Smallest share of these in the front or rear, 0 to 1.
+        min_moved_before_ratio: Smallest share of a body that moved in the scan before, 0 to 1, with which it goes on without
+            an end that shows.
         max_taken_ratio: Largest share of the places of the rear of then at which the newest scan has returns, 0 to 1.
         speeds_on_the_way: First, last and step of the speeds since the younger queried scans that are tried, as shares of
             the mean speed since the oldest.
@@ -247,6 +249,7 @@ class RigidBodyConfig:
     end_m: float = 1.5
     min_end_voxels: int = 5
     min_end_ratio: float = 0.5
+    min_moved_before_ratio: float = 0.5
     max_taken_ratio: float = 0.3
     min_width_m: float = 0.5
     min_hidden_ratio: float = 0.5

@@ -96,10 +96,12 @@ def moving_bodies(
     starts = np.cumsum([0, *(len(part) for part in moved)])
     for body, start, stop in zip(bodies, starts[:-1], starts[1:], strict=True):
         seen = states[start:stop].reshape(len(distances_m), -1)
+        moved_before = occupied.was_moving[body.rows].mean() >= config.min_moved_before_ratio
         for row in _likely_distances(seen, config):
             path = _Path(occupied, memory, body, float(distances_m[row]))
-            goes_on = path.is_open(config) and not path.has_stopped(config)
-            if goes_on and path.has_an_end(seen[row], config) and path.has_width(config):
+            is_free = path.is_open(config) and not path.has_stopped(config)
+            shows = moved_before or path.has_an_end(seen[row], config)
+            if is_free and shows and path.has_width(config):
                 moves[body.rows] = True
                 break
     return moves

@@ -142,7 +142,7 @@ def assign_tracks(
 
     is_parked = (scene.objects.motions == MotionState.STATIC) & ~scene.moves_in_drive
     ignorable = ~targets & ~is_parked
-    lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
+    lies_on = covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
     may_match = (similarity >= config.min_similarity) | lies_on
     ignorable_similarity = np.where(may_match[ignorable], similarity[ignorable], 0.0).max(
         axis=0, initial=0.0
@@ -188,7 +188,7 @@ def _best_pairs(similarity: Float64, min_similarity: float) -> tuple[Int, Int]:
     return rows[kept], columns[kept]
 
 
-def _covered_shares(boxes: Boxes3D, tracks: Boxes3D) -> Float64:
+def covered_shares(boxes: Boxes3D, tracks: Boxes3D) -> Float64:
     """Return (M, T) share of each track's outline that lies on each object."""
     shared_m2 = intersection_areas_m2(boxes, tracks)
     areas_m2 = tracks.size_m[:, 0] * tracks.size_m[:, 1]
