@@ -114,7 +114,9 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
         was_moving = are_in_cells_of(places, before, self._config.moving_clusters.near_moving_m)
-        occupied = OccupiedPlaces(places, clusters, votes.appeared, is_new, was_moving, moves)
+        occupied = OccupiedPlaces(
+            places, clusters, votes.appeared, is_new, was_moving, moves, self._area
+        )
         age_s = float(history.ages_s[-1])
         return moving_bodies(occupied, self._memory, age_s, self._config.rigid_bodies)
 

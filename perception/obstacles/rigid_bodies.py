@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from perception.geometry.grids import LocalArea
 from perception.obstacles.config import RigidBodyConfig
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.range_image import Visibility
@@ -20,6 +21,7 @@ from perception.types import Bool, Float32, Int, UInt8
 Rows = TypeVar("Rows", Int, Float32)
 _HEADINGS_RAD = np.radians(np.arange(0.0, 90.0, 1.5))
 _OUTLINE_POINTS, _FAR_INSIDE_M = 150, 0.3
+_EDGE_M = 0.3  # from the edge of the area, within which an end is cut off
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,8 @@ class _Body:
         rear: (R,) some of the voxels at the rear.
         sides: (S,) some of all voxels.
         advanced: Number of new voxels at the front.
+        is_front_cut: Whether the front lies beyond the area.
+        is_rear_cut: Whether the rear does.
     """
 
     rows: Int
@@ -41,6 +45,8 @@ class _Body:
     rear: Int
     sides: Int
     advanced: int
+    is_front_cut: bool
+    is_rear_cut: bool
 
     @property
     def samples(self) -> Int:
@@ -59,6 +65,7 @@ class OccupiedPlaces:
         is_new: (V,) whether no scan had a return from the place, not even the youngest.
         was_moving: (V,) whether something that moved in the scan before is near.
         moves: (V,) whether it is known to move.
+        area: Local area that holds them all.
     """
 
     places_m: Float32
@@ -67,6 +74,12 @@ class OccupiedPlaces:
     is_new: Bool
     was_moving: Bool
     moves: Bool
+    area: LocalArea
+
+    def are_cut(self, rows: Int, direction: Float32) -> bool:
+        """Return whether most of some voxels are at the edge of the area that lies in a direction."""
+        beyond = self.places_m[rows] + _EDGE_M * direction
+        return bool(np.mean(self.area.contains_xy(beyond)) < 0.5)
 
 
 def moving_bodies(
@@ -97,11 +110,14 @@ def moving_bodies(
     for body, start, stop in zip(bodies, starts[:-1], starts[1:], strict=True):
         seen = states[start:stop].reshape(len(distances_m), -1)
         moved_before = occupied.was_moving[body.rows].mean() >= config.min_moved_before_ratio
-        for row in _likely_distances(seen, config):
+        rows, gains = _likely_distances(seen, config)
+        for row in rows:
             path = _Path(occupied, memory, body, float(distances_m[row]))
-            is_free = path.is_open(config) and not path.has_stopped(config)
-            shows = moved_before or path.has_an_end(seen[row], config)
-            if is_free and shows and path.has_width(config):
+            if path.has_stopped(config):
+                moved_before = False
+            elif path.shows_motion(
+                seen[row], seen[0], gains[row], moved_before, config
+            ) and path.has_width(config):
                 moves[body.rows] = True
                 break
     return moves
@@ -153,18 +169,32 @@ def _body(
     axis = np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0], np.float32)
     left_m = occupied.places_m[rows] @ np.array([-axis[1], axis[0], 0.0], np.float32)
     if np.ptp(left_m) > config.max_width_m:
-        is_new, margin_m = occupied.is_new[rows], config.side_margin_m
-        if np.count_nonzero(is_new) < config.min_voxels:
+        in_line, margin_m = occupied.is_new[rows], config.side_margin_m
+        if np.count_nonzero(in_line) < config.min_voxels:
+            # What is beside it must not come along scan after scan.
+            in_line, margin_m = occupied.was_moving[rows], 0.0
+        if np.count_nonzero(in_line) < config.min_voxels:
             return None
-        low_m, high_m = np.quantile(left_m[is_new], (0.05, 0.95))
+        low_m, high_m = np.quantile(
+            left_m[in_line], (0.01, 0.99) if margin_m == 0 else (0.05, 0.95)
+        )
         rows = rows[(left_m > low_m - margin_m) & (left_m < high_m + margin_m)]
     along_m = occupied.places_m[rows] @ axis
     front = rows[along_m > along_m.max() - config.end_m]
     rear = rows[along_m < along_m.min() + config.end_m]
     count = config.samples
     advanced = int(np.count_nonzero(occupied.is_new[front]))
-    ends = _thinned(front, count), _thinned(rear, count)
-    return _Body(rows, axis, *ends, _thinned(rows, count), advanced)
+    tips = rows[along_m > along_m.max() - _EDGE_M], rows[along_m < along_m.min() + _EDGE_M]
+    return _Body(
+        rows,
+        axis,
+        _thinned(front, count),
+        _thinned(rear, count),
+        _thinned(rows, count),
+        advanced,
+        is_front_cut=occupied.are_cut(tips[0], axis),
+        is_rear_cut=occupied.are_cut(tips[1], -axis),
+    )
 
 
 def _longer_axis(places_m: Float32) -> tuple[float, float]:
@@ -193,8 +223,8 @@ def _moved_back(places_m: Float32, axis: Float32, distances_m: Float32) -> Float
     return np.asarray(places_m - distances_m[:, None, None] * axis, np.float32).reshape(-1, 3)
 
 
-def _likely_distances(states: UInt8, config: RigidBodyConfig) -> Int:
-    """Return the rows of the distances that explain the earlier scan better than a static body, the best first.
+def _likely_distances(states: UInt8, config: RigidBodyConfig) -> tuple[Int, Bool]:
+    """Return the rows of the distances that fit the earlier scan, the best first, and which explain it better than 0.
 
     Args:
         states: (D, S) visibility of the samples in that scan, moved back by each distance; the first is 0.
@@ -203,9 +233,10 @@ def _likely_distances(states: UInt8, config: RigidBodyConfig) -> Int:
     hits = (states == Visibility.HIT).sum(axis=1)
     explained = hits / np.maximum((states != Visibility.UNKNOWN).sum(axis=1), 1)
     fits = _fits(states, config)
-    explains = fits & (explained - explained[0] >= config.min_gain_ratio)
+    fits[0] = False
+    gains = fits & (explained - explained[0] >= config.min_gain_ratio)
     best_first = np.argsort(-explained, kind="stable")
-    return np.asarray(best_first[explains[best_first]])
+    return np.asarray(best_first[fits[best_first]]), gains
 
 
 @dataclass(frozen=True)
@@ -224,22 +255,79 @@ class _Path:
     body: _Body
     distance_m: float
 
-    def has_an_end(self, states: UInt8, config: RigidBodyConfig) -> bool:
+    def shows_motion(
+        self,
+        states: UInt8,
+        at_rest: UInt8,
+        explains: bool,
+        moved_before: bool,
+        config: RigidBodyConfig,
+    ) -> bool:
+        """Return whether the way was open, and the ends, or how the body moved before, tell that it came along."""
+        if explains:
+            shows = moved_before or self.has_an_end(states, at_rest, config)
+        else:
+            shows = self.leaves_steadily(states, config)
+        return shows and self.is_open(config)
+
+    def has_an_end(self, states: UInt8, at_rest: UInt8, config: RigidBodyConfig) -> bool:
         """Return whether the front appeared where it was not, or the rear has left where it was.
+
+        Args:
+            states: (S,) visibility of the samples in the oldest scan, where they were.
+            at_rest: (S,) the same where they are now.
+            config: Thresholds.
+        """
+        body, front = self.body, len(self.body.front)
+        is_hit = states == Visibility.HIT
+        is_first = self._is_in_end(body.front, body.axis, self.distance_m)
+        came = (is_hit[:front] & self.occupied.appeared[body.front])[is_first]
+        is_visible = np.isin(at_rest[:front], (Visibility.HIT, Visibility.FREE))
+        appears = _shows_an_end(came, np.count_nonzero(is_visible[is_first]), config)
+        if appears and not body.is_front_cut and body.advanced >= config.min_end_voxels:
+            return True
+        return self._leaves(is_hit[front:][: len(body.rear)], self.distance_m, config)
+
+    def leaves_steadily(self, states: UInt8, config: RigidBodyConfig) -> bool:
+        """Return whether the rear has left where a steady speed puts it in the oldest scan and in the one after it.
+
+        Of a body whose front is beyond the area or hidden, nothing else tells: its sides fill the place that they
+        filled before.
 
         Args:
             states: (S,) visibility of the samples in the oldest scan, where they were.
             config: Thresholds.
         """
-        body, occupied = self.body, self.occupied
-        is_hit = states == Visibility.HIT
-        is_first = self._is_in_end(body.front, body.axis, self.distance_m)
-        came = (is_hit[: len(body.front)] & occupied.appeared[body.front])[is_first]
-        if _shows_an_end(came, config) and body.advanced >= config.min_end_voxels:
-            return True
-        stop = len(body.front) + len(body.rear)
-        left = is_hit[len(body.front) : stop] & (self._rear_states() == Visibility.FREE)
-        return _shows_an_end(left[self._is_in_end(body.rear, -body.axis, self.distance_m)], config)
+        body = self.body
+        *younger, oldest = self.memory.queried_ages()
+        if not younger or body.is_rear_cut:
+            return False
+        came_m = self.distance_m * younger[-1] / oldest
+        if came_m < config.min_came_m:
+            return False
+        was_hit = states[len(body.front) :][: len(body.rear)] == Visibility.HIT
+        if not self._leaves(was_hit, self.distance_m, config):
+            return False
+        moved = _moved_back(
+            self.occupied.places_m[body.rear], body.axis, np.array([came_m], np.float32)
+        )
+        was_hit = self.memory.states(moved, younger[-1]) == Visibility.HIT
+        return self._leaves(was_hit, came_m, config)
+
+    def _leaves(self, was_hit: Bool, distance_m: float, config: RigidBodyConfig) -> bool:
+        """Return whether beams pass now where the rear was a distance back.
+
+        Args:
+            was_hit: (R,) whether the scan of then hit the rear there.
+            distance_m: Distance that it came since then.
+            config: Thresholds.
+        """
+        body = self.body
+        if body.is_rear_cut:
+            return False
+        left = was_hit & (self._rear_states(distance_m) == Visibility.FREE)
+        left = left[self._is_in_end(body.rear, -body.axis, distance_m)]
+        return _shows_an_end(left, len(left), config)
 
     def is_open(self, config: RigidBodyConfig) -> bool:
         """Return whether the body was on its way in between, and nothing else is where its rear was.
@@ -247,8 +335,8 @@ class _Path:
         One of a row of parked cars fits the place of its neighbour, who is still there.
         """
         is_last = self._is_in_end(self.body.rear, -self.body.axis, self.distance_m)
-        taken = (self._rear_states() == Visibility.HIT)[is_last]
-        if len(taken) and taken.mean() > config.max_taken_ratio:
+        taken = (self._rear_states(self.distance_m) == Visibility.HIT)[is_last]
+        if not self.body.is_rear_cut and len(taken) and taken.mean() > config.max_taken_ratio:
             return False
         return all(self._was_on_its_way(age, config) for age in self.memory.queried_ages()[:-1])
 
@@ -277,8 +365,12 @@ class _Path:
             return False
         came_m = np.array([0.0, self.distance_m * telling[0] / oldest], np.float32)
         body, places_m = self.body, self.occupied.places_m
-        front = body.front[self._is_in_end(body.front, body.axis, came_m[1])]
-        rear = body.rear[self._is_in_end(body.rear, -body.axis, came_m[1])]
+        front = body.front[
+            self._is_in_end(body.front, body.axis, came_m[1]) & (not body.is_front_cut)
+        ]
+        rear = body.rear[self._is_in_end(body.rear, -body.axis, came_m[1]) & (not body.is_rear_cut)]
+        if len(front) + len(rear) == 0:
+            return False
         front_now = self.memory.states(places_m[front], telling[0])
         moved = _moved_back(places_m[rear], body.axis, came_m)
         rear_now, rear_then = self.memory.states(moved, telling[0]).reshape(2, -1)
@@ -303,17 +395,17 @@ class _Path:
         along_m = self.occupied.places_m[rows] @ axis
         return np.asarray(along_m > along_m.max() - distance_m)
 
-    def _rear_states(self) -> UInt8:
-        """Return the visibility of the places of the rear of then in the newest scan."""
-        places_m, distance_m = (
-            self.occupied.places_m[self.body.rear],
-            np.array([self.distance_m], np.float32),
-        )
-        return self.memory.states(_moved_back(places_m, self.body.axis, distance_m), 0)
+    def _rear_states(self, distance_m: float) -> UInt8:
+        """Return the visibility in the newest scan of the places of the rear a distance back."""
+        places_m = self.occupied.places_m[self.body.rear]
+        moved = _moved_back(places_m, self.body.axis, np.array([distance_m], np.float32))
+        return self.memory.states(moved, 0)
 
 
-def _shows_an_end(rows: Bool, config: RigidBodyConfig) -> bool:
-    return len(rows) >= config.min_end_voxels and bool(rows.mean() > config.min_end_ratio)
+def _shows_an_end(tells: Bool, places: int, config: RigidBodyConfig) -> bool:
+    """Return whether enough voxels of an end tell that it moved, of those whose places count."""
+    count = int(np.count_nonzero(tells))
+    return count >= config.min_end_voxels and count > config.min_end_ratio * places
 
 
 def _fits(states: UInt8, config: RigidBodyConfig) -> Bool:
