@@ -3,8 +3,9 @@
 A lorry that creeps along its own axis leaves the beams to its smooth side unchanged: only its ends appear and depart.
 So a cluster in which something appeared is moved back along its axis, by every distance that it may have come since
 the oldest queried scan. It moves where one of these explains that scan better than a static body does, and where its
-front appeared or its rear has left free space: a wall beside a pedestrian has no such end. It has stopped where a
-younger scan has hit its ends where they are.
+front appeared or its rear has left free space: a wall beside a pedestrian has no such end. What moved in the scan before
+goes on without one. Where no front can be seen, the area cuts it off or something hides it, the rear must have left free
+space at a steady speed. It has stopped where a younger scan has hit its ends where they are.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from perception.types import Bool, Float32, Int, UInt8
 Rows = TypeVar("Rows", Int, Float32)
 _HEADINGS_RAD = np.radians(np.arange(0.0, 90.0, 1.5))
 _OUTLINE_POINTS, _FAR_INSIDE_M = 150, 0.3
+_MIN_AGES = 2  # of scans that tell how a body came, beside the newest
 _EDGE_M = 0.3  # from the edge of the area, within which an end is cut off
 
 
@@ -107,20 +109,67 @@ def moving_bodies(
     ages = memory.queried_ages()
     states = memory.states(np.concatenate(moved), ages[-1])
     starts = np.cumsum([0, *(len(part) for part in moved)])
-    for body, start, stop in zip(bodies, starts[:-1], starts[1:], strict=True):
-        seen = states[start:stop].reshape(len(distances_m), -1)
-        moved_before = occupied.was_moving[body.rows].mean() >= config.min_moved_before_ratio
+    search = _Search(occupied, memory, distances_m, config)
+    for body, places_m, start, stop in zip(bodies, moved, starts[:-1], starts[1:], strict=True):
+        moves[body.rows] |= search.moves(body, places_m, states[start:stop])
+    return moves
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Search of the distance that a body has come.
+
+    Attributes:
+        occupied: All voxels.
+        memory: Earlier scans.
+        distances_m: (D,) distances since the oldest queried scan that are tried, the first 0.
+        config: Thresholds.
+    """
+
+    occupied: OccupiedPlaces
+    memory: FreeSpaceMemory
+    distances_m: Float32
+    config: RigidBodyConfig
+
+    def moves(self, body: _Body, moved_m: Float32, states: UInt8) -> bool:
+        """Return whether a body moves, by the oldest scan or, where that is hidden from it, by a younger one.
+
+        Args:
+            body: Body.
+            moved_m: (D * S, 3) its samples, moved back by each distance.
+            states: (D * S,) their visibility in the oldest scan.
+        """
+        ages, seen = self.memory.queried_ages(), states.reshape(len(self.distances_m), -1)
+        while not self._moves_since(body, ages, seen):
+            if len(ages) <= _MIN_AGES or not _is_hidden(seen[0]):
+                return False
+            ages = ages[:-1]
+            seen = self.memory.states(moved_m, ages[-1]).reshape(seen.shape)
+        return True
+
+    def _moves_since(self, body: _Body, ages: list[int], seen: UInt8) -> bool:
+        """Return whether a distance since the oldest of some scans tells that a body moves.
+
+        Args:
+            body: Body.
+            ages: Ages of these scans, in scans, rising.
+            seen: (D, S) visibility of the samples in the oldest of them, moved back by each distance.
+        """
+        config = self.config
+        moved_before = self.occupied.was_moving[body.rows].mean() >= config.min_moved_before_ratio
         rows, gains = _likely_distances(seen, config)
         for row in rows:
-            path = _Path(occupied, memory, body, float(distances_m[row]))
+            path = _Path(self.occupied, self.memory, body, ages, float(self.distances_m[row]))
             if path.has_stopped(config):
                 moved_before = False
-            elif path.shows_motion(
-                seen[row], seen[0], gains[row], moved_before, config
-            ) and path.has_width(config):
-                moves[body.rows] = True
-                break
-    return moves
+                continue
+            if not gains[row]:
+                shows = path.leaves_steadily(seen[row], config)
+            else:
+                shows = moved_before or path.has_an_end(seen[row], seen[0], config)
+            if shows and path.is_open(config) and path.has_width(config):
+                return True
+        return False
 
 
 def are_in_cells_of(places_m: Float32, others_m: Float32, cell_m: float) -> Bool:
@@ -223,6 +272,11 @@ def _moved_back(places_m: Float32, axis: Float32, distances_m: Float32) -> Float
     return np.asarray(places_m - distances_m[:, None, None] * axis, np.float32).reshape(-1, 3)
 
 
+def _is_hidden(states: UInt8) -> bool:
+    """Return whether an earlier scan could not see most of (S,) places."""
+    return bool(np.isin(states, (Visibility.HIT, Visibility.FREE)).mean() < 0.5)
+
+
 def _likely_distances(states: UInt8, config: RigidBodyConfig) -> tuple[Int, Bool]:
     """Return the rows of the distances that fit the earlier scan, the best first, and which explain it better than 0.
 
@@ -247,28 +301,15 @@ class _Path:
         occupied: All voxels.
         memory: Earlier scans.
         body: Body.
-        distance_m: Distance that it came, in metres.
+        ages: Ages of the scans that tell, in scans, rising.
+        distance_m: Distance that it came since the oldest, in metres.
     """
 
     occupied: OccupiedPlaces
     memory: FreeSpaceMemory
     body: _Body
+    ages: list[int]
     distance_m: float
-
-    def shows_motion(
-        self,
-        states: UInt8,
-        at_rest: UInt8,
-        explains: bool,
-        moved_before: bool,
-        config: RigidBodyConfig,
-    ) -> bool:
-        """Return whether the way was open, and the ends, or how the body moved before, tell that it came along."""
-        if explains:
-            shows = moved_before or self.has_an_end(states, at_rest, config)
-        else:
-            shows = self.leaves_steadily(states, config)
-        return shows and self.is_open(config)
 
     def has_an_end(self, states: UInt8, at_rest: UInt8, config: RigidBodyConfig) -> bool:
         """Return whether the front appeared where it was not, or the rear has left where it was.
@@ -283,7 +324,7 @@ class _Path:
         is_first = self._is_in_end(body.front, body.axis, self.distance_m)
         came = (is_hit[:front] & self.occupied.appeared[body.front])[is_first]
         is_visible = np.isin(at_rest[:front], (Visibility.HIT, Visibility.FREE))
-        appears = _shows_an_end(came, np.count_nonzero(is_visible[is_first]), config)
+        appears = _shows_an_end(came, int(np.count_nonzero(is_visible[is_first])), config)
         if appears and not body.is_front_cut and body.advanced >= config.min_end_voxels:
             return True
         return self._leaves(is_hit[front:][: len(body.rear)], self.distance_m, config)
@@ -299,7 +340,7 @@ class _Path:
             config: Thresholds.
         """
         body = self.body
-        *younger, oldest = self.memory.queried_ages()
+        *younger, oldest = self.ages
         if not younger or body.is_rear_cut:
             return False
         came_m = self.distance_m * younger[-1] / oldest
@@ -338,7 +379,7 @@ class _Path:
         taken = (self._rear_states(self.distance_m) == Visibility.HIT)[is_last]
         if not self.body.is_rear_cut and len(taken) and taken.mean() > config.max_taken_ratio:
             return False
-        return all(self._was_on_its_way(age, config) for age in self.memory.queried_ages()[:-1])
+        return all(self._was_on_its_way(age, config) for age in self.ages[:-1])
 
     def has_width(self, config: RigidBodyConfig) -> bool:
         """Return whether the body is as wide as a vehicle, or hides what would be inside it behind its only visible side.
@@ -359,7 +400,7 @@ class _Path:
 
         At a steady speed the places of the front were free then, and the rear hid its own from behind.
         """
-        *younger, oldest = self.memory.queried_ages()
+        *younger, oldest = self.ages
         telling = [age for age in younger if self.distance_m * age >= config.min_came_m * oldest]
         if not telling:
             return False
@@ -382,7 +423,7 @@ class _Path:
 
     def _was_on_its_way(self, age: int, config: RigidBodyConfig) -> bool:
         """Return whether an earlier scan hit the body somewhere near where a steady speed puts it then."""
-        share = age / self.memory.queried_ages()[-1]
+        share = age / self.ages[-1]
         distances_m = self.distance_m * share * np.arange(*config.speeds_on_the_way)
         places_m = self.occupied.places_m[self.body.samples]
         moved = _moved_back(places_m, self.body.axis, distances_m.astype(np.float32))
