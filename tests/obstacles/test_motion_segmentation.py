@@ -160,9 +160,7 @@ def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m: float, moves:
         memory.push(points, np.eye(4))
     places = np.random.default_rng(3).permutation(points[owner > 0, :3])
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
-    occupied = OccupiedPlaces(
-        places, every.astype(np.int64), every, every, none, none, LocalArea()
-    )
+    occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, LocalArea())
     assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig()).any() == moves
     assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig(min_width_m=0.0)).any()
 
