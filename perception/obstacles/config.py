@@ -223,6 +223,7 @@ class RigidBodyConfig:
         speeds_on_the_way: First, last and step of the speeds since the younger queried scans that are tried, as shares of
             the mean speed since the oldest.
         min_width_m: Smallest width of a body in metres; a thinner one must hide what is as far behind it.
+        max_length_per_width: Largest ratio of length to width of a body; a longer one counts as thinner, too.
         min_hidden_ratio: Smallest share of the places behind a thinner one that it hides, 0 to 1.
         min_came_m: Smallest distance in metres that a body at a steady speed came since a younger scan that tells whether
             it has stopped.
@@ -252,6 +253,7 @@ class RigidBodyConfig:
     min_moved_before_ratio: float = 0.5
     max_taken_ratio: float = 0.3
     min_width_m: float = 0.5
+    max_length_per_width: float = 10.0
     min_hidden_ratio: float = 0.5
     min_came_m: float = 0.35
     stopped_ratio: float = 2.0

@@ -386,13 +386,15 @@ class _Path:
 
         A fence hides little.
         """
-        axis, places_m = self.body.axis, self.occupied.places_m
-        across = np.array([-axis[1], axis[0], 0.0], np.float32)
-        left_m = places_m[self.body.rows] @ across
-        if np.ptp(left_m) >= config.min_width_m:
+        body, places_m = self.body, self.occupied.places_m
+        across = np.array([-body.axis[1], body.axis[0], 0.0], np.float32)
+        left_m, along_m = places_m[body.rows] @ across, places_m[body.rows] @ body.axis
+        min_width_m = max(config.min_width_m, float(np.ptp(along_m)) / config.max_length_per_width)
+        # A twig or a sign beside a fence does not make it wide.
+        if np.diff(np.quantile(left_m, (0.05, 0.95)))[0] >= min_width_m:
             return True
         inwards_m = np.copysign(np.float32(config.min_width_m), left_m.mean())
-        states = self.memory.states(places_m[self.body.samples] + inwards_m * across, 0)
+        states = self.memory.states(places_m[body.samples] + inwards_m * across, 0)
         return bool(np.mean(states == Visibility.OCCLUDED) >= config.min_hidden_ratio)
 
     def has_stopped(self, config: RigidBodyConfig) -> bool:

@@ -21,6 +21,7 @@ from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 from perception.types import PointState
 
 AREA = LocalArea()
+_OF_ANY_WIDTH = RigidBodyConfig(min_width_m=0.0, max_length_per_width=np.inf)
 WALL = (
     28.0,
     -20.0,
@@ -162,7 +163,7 @@ def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m: float, moves:
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
     occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, LocalArea())
     assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig()).any() == moves
-    assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig(min_width_m=0.0)).any()
+    assert moving_bodies(occupied, memory, 1.5, _OF_ANY_WIDTH).any()
 
 
 def test_a_wide_trailer_moves_with_the_narrow_end_that_appeared():
