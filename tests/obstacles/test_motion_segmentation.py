@@ -166,6 +166,38 @@ def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m: float, moves:
     assert moving_bodies(occupied, memory, 1.5, _OF_ANY_WIDTH).any()
 
 
+def moves_as_a_body(scene, config=None, area=AREA):
+    """Return whether what has a box after the first moves as one body in the last of 16 scans."""
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5, max_travel_m=12.0, margin_m=0.2)
+    for k in range(16):
+        points, owner = cast(HDL_64E, (0.0, 0.0), scene(k))
+        memory.push(points, np.eye(4))
+    places = points[(owner == 1) & area.contains_xy(points), :3]
+    every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
+    occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, area)
+    return bool(moving_bodies(occupied, memory, 1.5, config or RigidBodyConfig()).any())
+
+
+@pytest.mark.parametrize("hidden_scans", [0, 4, 14])
+def test_a_body_that_the_oldest_scan_could_not_see_is_told_by_a_younger_one(hidden_scans):
+    def scene(k):
+        screen = [box(0.0, 3.0, 20.0, 0.1, 2.5)] if k < hidden_scans else []
+        return [WALL, box(4.0 + 0.15 * k, 5.0, 9.0, 2.5, 3.0), *screen]
+
+    assert moves_as_a_body(scene) == (hidden_scans < 10)
+
+
+def test_an_end_at_the_edge_of_the_area_is_cut_off():
+    places = np.array([[x, 4.0, 0.0] for x in np.linspace(14.0, 24.9, 50)], np.float32)
+    every, none = np.ones(50, bool), np.zeros(50, bool)
+    occupied = OccupiedPlaces(places, every.astype(np.int64), none, none, none, none, LocalArea())
+    ahead = np.array([1.0, 0.0, 0.0], np.float32)
+    tips = np.array([49]), np.array([0])
+    assert occupied.are_cut(tips[0], ahead)  # the area ends at 25 m
+    assert not occupied.are_cut(tips[1], -ahead)
+    assert not occupied.are_cut(tips[0], np.array([0.0, 1.0, 0.0], np.float32))
+
+
 def test_a_wide_trailer_moves_with_the_narrow_end_that_appeared():
     def scene(k):
         x = 4.0 + 0.2 * k
