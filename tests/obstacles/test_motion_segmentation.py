@@ -179,7 +179,7 @@ def moves_as_a_body(scene, config=None, area=AREA):
 
 
 @pytest.mark.parametrize("hidden_scans", [0, 4, 14])
-def test_a_body_that_the_oldest_scan_could_not_see_is_told_by_a_younger_one(hidden_scans):
+def test_a_body_hidden_from_the_oldest_scan_moves_by_a_younger_one(hidden_scans):
     def scene(k):
         screen = [box(0.0, 3.0, 20.0, 0.1, 2.5)] if k < hidden_scans else []
         return [WALL, box(4.0 + 0.15 * k, 5.0, 9.0, 2.5, 3.0), *screen]
