@@ -158,16 +158,27 @@ class _Search:
         config = self.config
         moved_before = self.occupied.was_moving[body.rows].mean() >= config.min_moved_before_ratio
         rows, gains = _likely_distances(seen, config)
+        if not len(rows):
+            return False
+        moved_m = _moved_back(self.occupied.places_m[body.rear], body.axis, self.distances_m)
+        rears_now = self.memory.states(moved_m, 0).reshape(len(self.distances_m), -1)
         for row in rows:
-            path = _Path(self.occupied, self.memory, body, ages, float(self.distances_m[row]))
-            if path.has_stopped(config):
-                moved_before = False
-                continue
+            path = _Path(
+                self.occupied,
+                self.memory,
+                body,
+                ages,
+                float(self.distances_m[row]),
+                seen[row],
+                rears_now[row],
+            )
             if not gains[row]:
-                shows = path.leaves_steadily(seen[row], config)
+                shows = path.leaves_steadily(config)
             else:
-                shows = moved_before or path.has_an_end(seen[row], seen[0], config)
-            if shows and path.is_open(config) and path.has_width(config):
+                shows = moved_before or path.has_an_end(seen[0], config)
+            if shows and path.has_stopped(config):
+                moved_before = False
+            elif shows and path.is_open(config) and path.has_width(config):
                 return True
         return False
 
@@ -303,6 +314,8 @@ class _Path:
         body: Body.
         ages: Ages of the scans that tell, in scans, rising.
         distance_m: Distance that it came since the oldest, in metres.
+        samples_then: (S,) visibility of the samples in the oldest scan, where they were.
+        rear_now: (R,) visibility in the newest scan of the places where the rear was.
     """
 
     occupied: OccupiedPlaces
@@ -310,63 +323,65 @@ class _Path:
     body: _Body
     ages: list[int]
     distance_m: float
+    samples_then: UInt8
+    rear_now: UInt8
 
-    def has_an_end(self, states: UInt8, at_rest: UInt8, config: RigidBodyConfig) -> bool:
+    def has_an_end(self, at_rest: UInt8, config: RigidBodyConfig) -> bool:
         """Return whether the front appeared where it was not, or the rear has left where it was.
 
         Args:
-            states: (S,) visibility of the samples in the oldest scan, where they were.
-            at_rest: (S,) the same where they are now.
+            at_rest: (S,) visibility of the samples in the oldest scan, where they are now.
             config: Thresholds.
         """
         body, front = self.body, len(self.body.front)
-        is_hit = states == Visibility.HIT
+        is_hit = self.samples_then == Visibility.HIT
         is_first = self._is_in_end(body.front, body.axis, self.distance_m)
         came = (is_hit[:front] & self.occupied.appeared[body.front])[is_first]
         is_visible = np.isin(at_rest[:front], (Visibility.HIT, Visibility.FREE))
         appears = _shows_an_end(came, int(np.count_nonzero(is_visible[is_first])), config)
         if appears and not body.is_front_cut and body.advanced >= config.min_end_voxels:
             return True
-        return self._leaves(is_hit[front:][: len(body.rear)], self.distance_m, config)
+        return self._leaves(self._rear_was_hit, self.rear_now, self.distance_m, config)
 
-    def leaves_steadily(self, states: UInt8, config: RigidBodyConfig) -> bool:
+    def leaves_steadily(self, config: RigidBodyConfig) -> bool:
         """Return whether the rear has left where a steady speed puts it in the oldest scan and in the one after it.
 
         Of a body whose front is beyond the area or hidden, nothing else tells: its sides fill the place that they
         filled before.
-
-        Args:
-            states: (S,) visibility of the samples in the oldest scan, where they were.
-            config: Thresholds.
         """
         body = self.body
         *younger, oldest = self.ages
-        if not younger or body.is_rear_cut:
-            return False
-        came_m = self.distance_m * younger[-1] / oldest
+        came_m = self.distance_m * younger[-1] / oldest if younger else 0.0
         if came_m < config.min_came_m:
             return False
-        was_hit = states[len(body.front) :][: len(body.rear)] == Visibility.HIT
-        if not self._leaves(was_hit, self.distance_m, config):
+        if not self._leaves(self._rear_was_hit, self.rear_now, self.distance_m, config):
             return False
-        moved = _moved_back(
-            self.occupied.places_m[body.rear], body.axis, np.array([came_m], np.float32)
-        )
+        places_m = self.occupied.places_m[body.rear]
+        moved = _moved_back(places_m, body.axis, np.array([came_m], np.float32))
         was_hit = self.memory.states(moved, younger[-1]) == Visibility.HIT
-        return self._leaves(was_hit, came_m, config)
+        return self._leaves(was_hit, self.memory.states(moved, 0), came_m, config)
 
-    def _leaves(self, was_hit: Bool, distance_m: float, config: RigidBodyConfig) -> bool:
+    @property
+    def _rear_was_hit(self) -> Bool:
+        """(R,) whether the oldest scan hit the rear where it was."""
+        front = len(self.body.front)
+        return np.asarray(self.samples_then[front : front + len(self.body.rear)] == Visibility.HIT)
+
+    def _leaves(
+        self, was_hit: Bool, states_now: UInt8, distance_m: float, config: RigidBodyConfig
+    ) -> bool:
         """Return whether beams pass now where the rear was a distance back.
 
         Args:
             was_hit: (R,) whether the scan of then hit the rear there.
+            states_now: (R,) visibility of these places in the newest scan.
             distance_m: Distance that it came since then.
             config: Thresholds.
         """
         body = self.body
         if body.is_rear_cut:
             return False
-        left = was_hit & (self._rear_states(distance_m) == Visibility.FREE)
+        left = was_hit & (states_now == Visibility.FREE)
         left = left[self._is_in_end(body.rear, -body.axis, distance_m)]
         return _shows_an_end(left, len(left), config)
 
@@ -376,7 +391,7 @@ class _Path:
         One of a row of parked cars fits the place of its neighbour, who is still there.
         """
         is_last = self._is_in_end(self.body.rear, -self.body.axis, self.distance_m)
-        taken = (self._rear_states(self.distance_m) == Visibility.HIT)[is_last]
+        taken = (self.rear_now == Visibility.HIT)[is_last]
         if not self.body.is_rear_cut and len(taken) and taken.mean() > config.max_taken_ratio:
             return False
         return all(self._was_on_its_way(age, config) for age in self.ages[:-1])
@@ -437,12 +452,6 @@ class _Path:
         """Return which voxels are within a distance of the outermost along an axis."""
         along_m = self.occupied.places_m[rows] @ axis
         return np.asarray(along_m > along_m.max() - distance_m)
-
-    def _rear_states(self, distance_m: float) -> UInt8:
-        """Return the visibility in the newest scan of the places of the rear a distance back."""
-        places_m = self.occupied.places_m[self.body.rear]
-        moved = _moved_back(places_m, self.body.axis, np.array([distance_m], np.float32))
-        return self.memory.states(moved, 0)
 
 
 def _shows_an_end(tells: Bool, places: int, config: RigidBodyConfig) -> bool:
