@@ -18,14 +18,8 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion
-from perception.evaluation.multi_object.track_assignment import (
-    MovingScene,
-    assign_tracks,
-    covered_shares,
-)
 from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import SummedMetrics
-from perception.geometry.se3 import inverse
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.render.bar_plots import plot_groups
@@ -34,6 +28,7 @@ from perception.types import Float64, Tracks
 
 if TYPE_CHECKING:
     from data.synthetic.drive import SyntheticDrive
+    from perception.evaluation.multi_object.track_assignment import MovingScene
 
 _SPAN_S = 1.0  # over which the error of the motion is measured
 _COVERED_SHARE = 0.5  # of a track's outline that lies on a vehicle
@@ -243,8 +238,13 @@ class _Vehicles:
         self.ids_of: dict[int, set[int]] = {}
         self.whole: set[int] = set()
 
-    def update(self, scene: MovingScene, tracks: Tracks) -> None:
+    def update(self, scene: "MovingScene", tracks: Tracks) -> None:
         """Add a frame."""
+        from perception.evaluation.multi_object.track_assignment import (
+            assign_tracks,
+            covered_shares,
+        )
+
         assigned = assign_tracks(scene, tracks, PROTOCOL.targets)
         matches = np.zeros((len(scene), len(tracks)), bool)
         matches[assigned.matched_objects, assigned.matched_tracks] = True
@@ -268,6 +268,8 @@ class _Poses:
 
     def update(self, index: int, pose: Float64, *, is_reset: bool) -> None:
         """Add the pose of a scan."""
+        from perception.geometry.se3 import inverse
+
         if is_reset:
             self._poses.clear()
             self.resets += 1
