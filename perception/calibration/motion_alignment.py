@@ -13,6 +13,7 @@ import numpy as np
 from perception.calibration.offset import OffsetEstimate, offset_of, offset_SE3
 from perception.calibration.surface_corners import CornerTracks
 from perception.geometry.se3 import inverse
+from perception.kernels.corner_sums import UNKNOWNS, add_corner_sums
 from perception.types import Float64
 
 # Poses of registration: standard deviations of a motion between two of them.
@@ -150,66 +151,22 @@ class _System:
 
     def add_tracks(self, number: int, tracks: CornerTracks, state: _State, scale: float) -> None:
         """Add the corners of one frame."""
-        left_px, slopes_px = _misfits(tracks, state, state.motion_errors[number])
-        way_px = np.linalg.norm(tracks.later_px - tracks.corners.pixels, axis=1)
-        deviations_px = np.hypot(_PIXEL_DEVIATION, _SHARE_DEVIATION * way_px)
-        misfits = np.linalg.norm(left_px, axis=1) / deviations_px
-        is_known = np.isfinite(misfits)
-        # Geman-McClure: a corner that is elsewhere costs half the square of the scale, however far away it is.
-        squares = np.square(misfits[is_known] / scale)
-        robust_cost = float((squares / (1 + squares)).sum()) + float((~is_known).sum())
-        self.cost += scale**2 / 2 * robust_cost
-        left_px, slopes_px, misfits = left_px[is_known], slopes_px[is_known], misfits[is_known]
+        corners, error = tracks.corners, state.motion_errors[number]
+        cam_SE3_velo = state.offset_SE3_cam @ corners.view.cam_SE3_velo
+        moved = offset_SE3(error) @ cam_SE3_velo @ tracks.later_SE3_velo @ inverse(cam_SE3_velo)
+        deviations_px = np.hypot(_PIXEL_DEVIATION, _SHARE_DEVIATION * tracks.ways_px)
+        curvature, slope = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
+        cost, inliers = add_corner_sums(
+            corners.planes_velo, corners.rays, tracks.later_px, deviations_px, tracks.sweep_shifts_m,
+            cam_SE3_velo, moved, corners.view.image_P_cam, corners.view.center_m,
+            state.sweep, scale, _MAX_INLIER, curvature, slope,
+        )  # fmt: skip
+        self.cost += cost
         # Where many are elsewhere, those that seem to be right tell less.
-        robust = 1 / np.square(1 + squares)
-        trust = np.square(np.mean(misfits < _MAX_INLIER)) if len(misfits) else 0.0
-        weights = trust * robust / np.square(deviations_px[is_known])
-        weighted = slopes_px * weights[:, None, None]
-        rows = slopes_px.reshape(-1, slopes_px.shape[2])
+        trust = inliers**2
         at = np.r_[0:_AXES, _AXES + 6 * number : _AXES + 6 * number + 6]
-        self.curvature[np.ix_(at, at)] += weighted.reshape(rows.shape).T @ rows
-        self.slope[at] += weighted.reshape(rows.shape).T @ left_px.ravel()
+        self.curvature[np.ix_(at, at)] += trust * curvature
+        self.slope[at] += trust * slope
 
     def step(self) -> Float64:
         return np.asarray(-np.linalg.solve(self.curvature, self.slope))
-
-
-def _misfits(tracks: CornerTracks, state: _State, motion_error: Float64) -> tuple[Float64, Float64]:
-    """Return (K, 2) distances in pixels of corners from where they should be, and their (K, 2, 13) slopes.
-
-    With the ray r through a corner, its plane n . x = d and the motion M, all in the camera's frame, it comes to be at
-    y = M x with x on the ray and on the plane. A change of the calibration by a turn w and a shift t moves the plane:
-    x by r (n . t - w . (n x x)) / (n . r), and M by the same change before and after it.
-    """
-    surfaces = tracks.corners.surfaces_cam(state.offset_SE3_cam)
-    cam_SE3_velo = state.offset_SE3_cam @ tracks.corners.view.cam_SE3_velo
-    moved = offset_SE3(motion_error) @ cam_SE3_velo @ tracks.later_SE3_velo @ inverse(cam_SE3_velo)
-    surfaces = surfaces.shifted(state.sweep * tracks.sweep_shifts_m)
-    points = surfaces.points_m()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        per_shift = surfaces.rays / surfaces.slopes[:, None] @ moved[:3, :3].T
-    later = points @ moved[:3, :3].T + moved[:3, 3]
-    crosses = np.cross(surfaces.normals, points)
-    # Slopes of the later point by turn, shift, sweep, and the error of the motion.
-    slopes = np.empty((len(points), 3, _AXES + 6))
-    slopes[:, :, 3:6] = (
-        per_shift[:, :, None] * surfaces.normals[:, None] + np.eye(3) - moved[:3, :3]
-    )
-    before = np.einsum("ij,kjl->kil", moved[:3, :3], _crosses(points))
-    slopes[:, :, :3] = -per_shift[:, :, None] * crosses[:, None] - _crosses(later) + before
-    slopes[:, :, 6] = per_shift * tracks.sweep_shifts_m[:, None]
-    slopes[:, :, 7:10], slopes[:, :, 10:] = -_crosses(later), np.eye(3)
-    P = tracks.corners.view.image_P_cam
-    scaled = later @ P[:, :3].T + P[:, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        expected_px = scaled[:, :2] / scaled[:, 2:]
-        by_point = (P[:2, :3] - expected_px[:, :, None] * P[2, :3]) / scaled[:, 2, None, None]
-    return expected_px - tracks.later_px, by_point @ slopes
-
-
-def _crosses(points: Float64) -> Float64:
-    """Return (K, 3, 3) matrices that multiply as the cross products with (K, 3) vectors do."""
-    x, y, z = points.T
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.moveaxis(np.array(rows), 2, 0)

@@ -59,6 +59,11 @@ class ScanView:
         points_velo = np.ascontiguousarray(frame.points_velo[rows])
         return cls(image.size_px, image.image_P_cam, points_velo, cam_SE3_velo)
 
+    @cached_property
+    def center_m(self) -> Float64:
+        """(3,) centre of the camera in its frame."""
+        return np.asarray(-np.linalg.inv(self.image_P_cam[:, :3]) @ self.image_P_cam[:, 3])
+
     @property
     def cell_px(self) -> float:
         """Edge of a cell in pixels."""
@@ -117,6 +122,12 @@ class SurfaceCorners:
         """Return some of the corners."""
         return replace(self, pixels=self.pixels[rows], planes_velo=self.planes_velo[rows])
 
+    @cached_property
+    def rays(self) -> Float64:
+        """(K, 3) rays through the corners in the camera's frame."""
+        cam_A_image = np.linalg.inv(self.view.image_P_cam[:, :3])
+        return np.asarray(np.column_stack([self.pixels, np.ones(len(self))]) @ cam_A_image.T)
+
     @property
     def offset(self) -> Float64:
         """(6,) change of the calibration with which the planes were associated."""
@@ -132,10 +143,7 @@ class SurfaceCorners:
         cam_SE3_velo = offset_SE3_cam @ self.view.cam_SE3_velo
         normals = self.planes_velo[:, :3] @ cam_SE3_velo[:3, :3].T
         distances_m = self.planes_velo[:, 3] + normals @ cam_SE3_velo[:3, 3]
-        cam_A_image = np.linalg.inv(self.view.image_P_cam[:, :3])
-        center_m = -cam_A_image @ self.view.image_P_cam[:, 3]
-        rays = np.column_stack([self.pixels, np.ones(len(self))]) @ cam_A_image.T
-        return CornerSurfaces(normals, distances_m, center_m, rays)
+        return CornerSurfaces(normals, distances_m, self.view.center_m, self.rays)
 
 
 @dataclass(frozen=True)
@@ -223,6 +231,11 @@ class CornerTracks:
         )  # fmt: skip
         is_found = status.ravel() == 1
         return cls(kept[is_found], found[is_found].astype(np.float64), later_SE3_velo, sweep)
+
+    @property
+    def ways_px(self) -> Float64:
+        """(K,) how far the corners moved in the image."""
+        return np.asarray(np.linalg.norm(self.later_px - self.corners.pixels, axis=1))
 
     @cached_property
     def sweep_shifts_m(self) -> Float64:

@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.calibration.motion_alignment import (
-    _AXES,
-    _misfits,
-    _State,
-    align_motion,
-    refine_by_motion,
-)
+from benchmarks.reference.corner_misfits import corner_misfits
+from perception.calibration.motion_alignment import align_motion, refine_by_motion
 from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
 from perception.calibration.surface_corners import (
     CornerTracks,
@@ -21,6 +16,7 @@ from perception.calibration.surface_corners import (
 )
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler, inverse
+from perception.kernels.corner_sums import UNKNOWNS, add_corner_sums
 from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, PLANES, SIZE_PX
 
 NOTHING = OffsetEstimate(np.zeros(6), UNKNOWN)
@@ -58,17 +54,42 @@ def test_an_error_of_any_kind_is_found():
 
 
 def test_slopes_are_those_of_the_misfits():
-    one = tracks(0, ERROR)
-    state = _State(offset_SE3(0.3 * ERROR), 0.2, np.zeros((1, 6)))
-    left_px, slopes_px = _misfits(one, state, np.zeros(6))
-    for axis in range(_AXES + 6):
-        step = np.zeros(_AXES + 6)
-        step[axis] = 1e-6
-        moved = state.moved(step)
-        ahead_px, _ = _misfits(one, moved, moved.motion_errors[0])
-        np.testing.assert_allclose(
-            (ahead_px - left_px) / 1e-6, slopes_px[:, :, axis], rtol=1e-3, atol=0.05
-        )
+    one, offset = tracks(0, ERROR), offset_SE3(0.3 * ERROR)
+    left_px, slopes_px = corner_misfits(one, offset, 0.2, np.zeros(6))
+    for axis in range(UNKNOWNS):
+        step = 1e-6 * np.eye(UNKNOWNS)[axis]
+        ahead_px, _ = corner_misfits(one, offset_SE3(step[:6]) @ offset, 0.2 + step[6], step[7:])
+        expected = (ahead_px - left_px) / 1e-6
+        np.testing.assert_allclose(expected, slopes_px[:, :, axis], rtol=1e-3, atol=0.05)
+
+
+def test_sums_are_those_of_the_misfits():
+    one, offset = tracks(0, ERROR, noise_px=1.0), offset_SE3(0.3 * ERROR)
+    one.corners.planes_velo[3] = np.nan
+    motion_error = np.array([1e-3, -2e-3, 1e-3, 0.01, 0.02, -0.01])
+    left_px, slopes_px = corner_misfits(one, offset, 0.2, motion_error)
+    deviations_px = np.linspace(0.2, 0.6, len(one))
+    misfits = np.linalg.norm(left_px, axis=1) / deviations_px
+    known = np.isfinite(misfits)
+    squares = np.square(misfits[known] / 3.0)
+    weights = 1 / np.square((1 + squares) * deviations_px[known])
+    rows = slopes_px[known]
+    cam_SE3_velo = offset @ one.corners.view.cam_SE3_velo
+    moved = offset_SE3(motion_error) @ cam_SE3_velo @ one.later_SE3_velo @ inverse(cam_SE3_velo)
+    curvature, slope = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
+    cost, inliers = add_corner_sums(
+        one.corners.planes_velo, one.corners.rays, one.later_px, deviations_px, one.sweep_shifts_m,
+        cam_SE3_velo, moved, IMAGE_P_CAM, one.corners.view.center_m, 0.2, 3.0, 3.0, curvature, slope,
+    )  # fmt: skip
+    np.testing.assert_allclose(
+        slope, np.einsum("k,kri,kr->i", weights, rows, left_px[known]), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        curvature, np.einsum("k,kri,krj->ij", weights, rows, rows), atol=1e-6
+    )
+    assert cost == pytest.approx(4.5 * ((squares / (1 + squares)).sum() + 1))
+    assert inliers == pytest.approx(np.mean(misfits[known] < 3))
+    assert known.sum() == len(one) - 1
 
 
 def test_what_moves_by_itself_counts_little():
