@@ -51,7 +51,7 @@ _USUAL_INFORMATION = np.array([150.0, 150.0, 120.0])
 # that counts is half as certain as the usual.
 _MIN_SCORE, _USUAL_SCORE = 0.39, 0.44
 # By how much estimates of drives with a true calibration differ, in usual scenes; tops of objects lie between two beams.
-_DEVIATIONS = np.array([*np.radians((0.12, 0.09, 0.165)), 0.024, 0.024, 0.02])
+_DEVIATIONS = np.array([*np.radians((0.12, 0.08, 0.165)), 0.024, 0.024, 0.02])
 _SHARE_OF_BEAM_STEP = 0.15
 
 
