@@ -32,8 +32,10 @@ class OnlineCalibration:
         # Of a frame that has aligned edges, motion is left for the next one.
         waiting, self._by_edges = self._by_edges, self._edges.update(frame, world_SE3_velo)
         self._motion.update(frame, world_SE3_velo)
+        # At night the headlights' edge comes along with the vehicle, and looks like a street that stands still.
+        uses_motion = not (self._motion.is_still or self._edges.is_night)
         if waiting is not None:
-            return self._motion.refined(waiting)
-        if self._motion.is_still:
+            return self._motion.refined(waiting) if uses_motion else waiting
+        if not uses_motion:
             waiting, self._by_edges = self._by_edges, None
         return waiting

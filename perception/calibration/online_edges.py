@@ -164,6 +164,11 @@ class OnlineEdges:
         return steady_motion(inverse(world_SE3_velo) @ world_SE3_before, -gap_s, self._sensor)
 
     @property
+    def is_night(self) -> bool:
+        """Whether much of an image was dark of late."""
+        return any(one.is_night for one in self._frames)
+
+    @property
     def _turn(self) -> SweepTurn:
         """Direction of the sweep with which edges have fitted best."""
         return max(self._turn_scores, key=lambda one: self._turn_scores[one])
@@ -175,8 +180,7 @@ class OnlineEdges:
     @property
     def _held(self) -> Bool:
         """Which of the (6,) changes stay as they are, as neither beams nor light tell them."""
-        is_night = any(one.is_night for one in self._frames)
-        return _HELD if self._is_sparse or is_night else np.zeros_like(_HELD)
+        return _HELD if self._is_sparse or self.is_night else np.zeros_like(_HELD)
 
     def _align_coarsely(self) -> Float64:
         alignment = EdgeAlignment(self._frames, self._turn)

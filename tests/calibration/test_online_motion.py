@@ -7,6 +7,8 @@ import pytest
 
 from perception.calibration.grey_image import GreyImage
 from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.online import OnlineCalibration
+from perception.calibration.online_edges import OnlineEdges
 from perception.calibration.online_motion import OnlineMotion
 from perception.calibration.surface_corners import (
     CornerTracks,
@@ -111,3 +113,16 @@ def test_an_image_of_another_size_is_no_later_one(street):
         for frame in street
     ]  # fmt: skip
     assert motion_of(cropped).refined(NO_EDGES) is NO_EDGES
+
+
+@pytest.mark.parametrize("is_night", [False, True])
+def test_motion_is_not_used_at_night(street, monkeypatch, is_night):
+    """Headlights light what moves along with the vehicle."""
+    refined = []
+    monkeypatch.setattr(OnlineMotion, "refined", lambda self, known: refined.append(known) or known)
+    monkeypatch.setattr(OnlineEdges, "is_night", property(lambda self: is_night))
+    monkeypatch.setattr(OnlineEdges, "update", lambda self, frame, pose: NO_EDGES)
+    online = OnlineCalibration(HDL_64E)
+    found = [online.update(frame, frame.world_SE3_velo) for frame in street]
+    assert found[-1] is NO_EDGES
+    assert bool(refined) != is_night
