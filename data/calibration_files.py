@@ -22,9 +22,8 @@ from perception.calibration.frame_edges import FrameEdges
 from perception.calibration.observed_corners import USUAL_TRAVEL_M, ObservedCorners
 from perception.calibration.surface_corners import CornerTracks, SweepVelocity
 from perception.errors import CalibrationError
-from perception.geometry.grids import EgoVehicle
 from perception.geometry.se3 import from_rotation_translation, inverse
-from perception.localization.odometry import LidarOdometry
+from perception.localization.frame_registration import FrameRegistration
 from perception.types import Calibration, Float64, Frame, Progress, UInt8
 from perception.yaml_text import read_yaml
 
@@ -102,20 +101,14 @@ def read_calibrated_frames(
 
 def _tracked_corners(drive: RecordedDrive, index: int, frame: Frame) -> list[CornerTracks]:
     """Return the corners of a frame in one of the next, once the vehicle has come nearer; none where it does not."""
-    odometry, ego = LidarOdometry(), EgoVehicle()
-
-    def registered(one: Frame) -> Float64:
-        points = ego.crop(one.points_velo).points_velo
-        found = odometry.update(points, one.stamp_s, one.world_SE3_velo, one.source)
-        return found.world_SE3_velo
-
-    start, observed = registered(frame), None
+    registration = FrameRegistration()
+    start, observed = registration.update(frame), None
     for number in range(index + 1, min(index + 1 + _LATER_FRAMES, len(drive))):
         later = drive[number]
         gap_s = later.stamp_s - frame.stamp_s
         if later.image is None or later.calibration is None or not 0 < gap_s <= _MAX_LATER_S:
             break
-        pose = registered(later)
+        pose = registration.update(later)
         if observed is None:
             sweep = SweepVelocity.between(inverse(start) @ pose, gap_s, 1 / drive.sensor.rate_hz)
             observed = ObservedCorners.of(frame, start, sweep, np.eye(4))

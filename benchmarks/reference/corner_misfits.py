@@ -1,5 +1,7 @@
 """Reference of the normal equations of corners: distances in the later image and their slopes, by NumPy."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from perception.calibration.offset import offset_SE3
@@ -22,7 +24,8 @@ def corner_misfits(
     surfaces = tracks.corners.surfaces_cam(offset_SE3_cam)
     cam_SE3_velo = offset_SE3_cam @ tracks.corners.view.cam_SE3_velo
     moved = offset_SE3(motion_error) @ cam_SE3_velo @ tracks.later_SE3_velo @ inverse(cam_SE3_velo)
-    surfaces = surfaces.shifted(sweep * tracks.sweep_shifts_m)
+    distances_m = surfaces.distances_m + sweep * tracks.sweep_shifts_m
+    surfaces = replace(surfaces, distances_m=distances_m)
     points = surfaces.points_m()
     with np.errstate(divide="ignore", invalid="ignore"):
         per_shift = surfaces.rays / surfaces.slopes[:, None] @ moved[:3, :3].T

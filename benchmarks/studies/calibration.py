@@ -64,8 +64,8 @@ class _Watches:
     """Errors that are there from the start of the monitor on, and others that begin amid a drive."""
 
     def __init__(self, drive: "RecordedDrive") -> None:
-        from benchmarks.studies.monitored_recording import FrameRegistration
         from perception.health.miscalibration import MiscalibrationMonitor
+        from perception.localization.frame_registration import FrameRegistration
 
         self._drive, self._registration = drive, FrameRegistration()
         self._clean = MiscalibrationMonitor(drive.sensor)

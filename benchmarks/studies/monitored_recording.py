@@ -8,13 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from data.faults.injection import Fault, inject
-from perception.geometry.grids import EgoVehicle
 from perception.health.camera_monitors import CameraMonitors
 from perception.health.ins_monitor import InsMonitor
 from perception.health.miscalibration import MiscalibrationMonitor
 from perception.health.monitors import ScanAndInsMonitors
 from perception.health.scan_statistics import ScanMeter
-from perception.localization.odometry import LidarOdometry
+from perception.localization.frame_registration import FrameRegistration
 from perception.sensor import LidarModel
 from perception.types import (
     CALIBRATION,
@@ -33,21 +32,6 @@ WARM_UP = 15  # frames from which monitors learn what is usual
 class _Monitor(Protocol):  # of one part
     def __call__(self, frame: Frame, pose: Float64, /) -> Sequence[HealthFinding]:
         """Return the findings of a frame with its registered pose."""
-
-
-class FrameRegistration:
-    """Registers the frames of a drive, one after another, as the pipeline does."""
-
-    def __init__(self) -> None:
-        self._odometry, self._ego = LidarOdometry(), EgoVehicle()
-
-    def update(self, frame: Frame) -> Float64:
-        """Return the (4, 4) registered pose of the next frame."""
-        points_velo = self._ego.crop(frame.points_velo).points_velo
-        found = self._odometry.update(
-            points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
-        )
-        return found.world_SE3_velo
 
 
 @dataclass(frozen=True)

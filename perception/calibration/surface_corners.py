@@ -167,10 +167,6 @@ class CornerSurfaces:
         """(K,) how far a ray passes through its plane with each length of its own."""
         return np.asarray(np.einsum("ki,ki->k", self.normals, self.rays))
 
-    def shifted(self, shifts_m: Float64) -> Self:
-        """Return the planes moved along their normals."""
-        return replace(self, distances_m=self.distances_m + shifts_m)
-
     def points_m(self) -> Float64:
         """Return (K, 3) where the rays meet the planes."""
         along = (self.distances_m - self.normals @ self.center_m) / self.slopes

@@ -98,7 +98,7 @@ def test_edges_hold_what_they_know_better(street):
     assert np.abs(found.offset).max() < 3e-3
 
 
-def test_frames_without_image_and_gaps_tell_nothing(street):
+def test_frames_without_image_and_gaps_are_left_out(street):
     blind = [replace(frame, image=None) for frame in street]
     assert motion_of(blind).refined(NO_EDGES) is NO_EDGES
     with_gaps = [replace(frame, stamp_s=20 * frame.stamp_s) for frame in street]
