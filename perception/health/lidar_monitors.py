@@ -27,6 +27,7 @@ _LOST_FRAMES = 3
 _MIN_LOST_SECTORS = 2
 # Scattered returns: a share of all directions, and how many times more than usual.
 _MIN_ALONE, _MIN_ALONE_AT_START, _MIN_ALONE_RATIO = 0.012, 0.05, 4.0
+_SCATTERED_FRAMES = 3
 _SAMPLE_STEP = 101
 
 
@@ -175,6 +176,7 @@ class _ScatteredReturns:
 
     def __init__(self) -> None:
         self._usual = _Learned()
+        self._lasts = 0
 
     def update(self, scan: ScanStatistics) -> HealthFinding | None:
         """Return the finding of a scan."""
@@ -184,6 +186,11 @@ class _ScatteredReturns:
             limit = _MIN_ALONE_AT_START
         if scan.alone < limit:
             self._usual.learn(np.array([scan.alone]))
+            self._lasts = 0
+            return None
+        self._lasts += 1
+        # Poles and people that pass near look like it in one scan or two, to few beams.
+        if self._lasts < _SCATTERED_FRAMES:
             return None
         reason = (
             f"{scan.alone:.1%} of all directions end at near returns with nothing beside them, "
