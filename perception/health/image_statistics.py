@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Self
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.geometry.camera import project
 from perception.geometry.se3 import transform_points
@@ -47,14 +47,15 @@ class ImageStatistics:
     def of(cls, image: UInt8) -> Self:
         """Measure an (H, W, 3) image."""
         sample = np.ascontiguousarray(image[::_SAMPLE_STEP_PX, ::_SAMPLE_STEP_PX, _GREEN])
-        shares = np.cumsum(np.bincount(sample.ravel(), minlength=256)) / sample.size
+        counts = cv2.calcHist([sample], [0], None, [256], [0, 256]).ravel()
+        shares = np.cumsum(counts, dtype=np.float64) / sample.size
         low, median, high = np.searchsorted(shares, (_LOW, 0.5, _HIGH))
-        rows = np.ascontiguousarray(image[::_ROW_STEP_PX, :, _GREEN]).astype(np.int16)
+        rows = np.ascontiguousarray(image[::_ROW_STEP_PX, :, _GREEN])
         scale = max(1, round(image.shape[1] / _WIDTH_PX))
         fine_px, coarse_px = scale * _FINE_PX, scale * _COARSE_PX
         ends = rows[:, :-coarse_px]
-        fine = np.abs(rows[:, fine_px : fine_px - coarse_px] - ends)
-        coarse = np.abs(rows[:, coarse_px:] - ends)
+        fine = _differences(rows[:, fine_px : fine_px - coarse_px], ends)
+        coarse = _differences(rows[:, coarse_px:], ends)
         return cls(
             sample,
             float(low),
@@ -62,7 +63,7 @@ class ImageStatistics:
             float(high),
             fine=_cells(fine),
             coarse=_cells(coarse),
-            mean=_cells(sample.astype(np.int16)),
+            mean=_cells(sample),
         )
 
 
@@ -84,13 +85,17 @@ def nearest_returns(frame: Frame) -> Float:
     return nearest_m
 
 
-def _cells(values: NDArray[np.int16]) -> Float32:
+def _differences(ends: UInt8, starts: UInt8) -> UInt8:
+    # OpenCV has none of an image that is narrower than a step.
+    return np.asarray(cv2.absdiff(ends, starts), np.uint8) if starts.size else starts
+
+
+def _cells(values: UInt8) -> Float32:
     """Return the mean of each cell of the grid; rows and columns beyond whole cells are left out."""
     down, across = _GRID
     height, width = max(values.shape[0] // down, 1), max(values.shape[1] // across, 1)
     whole = values[: height * down, : width * across]
     if whole.shape != (height * down, width * across):  # an image smaller than the grid
         return np.zeros(_GRID, np.float32)
-    sums = np.add.reduceat(whole, np.arange(0, height * down, height), axis=0, dtype=np.int32)
-    sums = np.add.reduceat(sums, np.arange(0, width * across, width), axis=1)
-    return np.asarray(sums / (height * width), np.float32)
+    means = cv2.resize(whole.astype(np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
+    return np.asarray(means, np.float32)
