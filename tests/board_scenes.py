@@ -55,6 +55,6 @@ class Boards:
         directions = (CAM_SE3_VELO[:3, :3].T @ rays_cam).T
         origin = -CAM_SE3_VELO[:3, :3].T @ CAM_SE3_VELO[:3, 3]
         _, board = self.cast(origin, directions)
-        greys = np.append(rng.integers(90, 250, len(self.rows)), 30)
+        greys = np.append(rng.integers(90, 250, len(self.rows)), 50)
         grey = greys[board].reshape(SIZE_PX[::-1]).astype(np.uint8)
         return np.repeat(grey[:, :, None], 3, axis=2)

@@ -20,6 +20,7 @@ TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
 # Steps up to which an offset is drawn back the more, the larger it is: 1 degree, 20 cm.
 _TAIL = np.array([2.0] * 3 + [4.0] * 3)
 _MAX_ITERATIONS = 60
+TOLERANCE = 2e-9
 _PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
 
 
@@ -76,6 +77,7 @@ class EdgeAlignment:
         start: Float64 | None = None,
         smoothings_px: Sequence[float] = SMOOTHINGS_PX,
         prior: Float64 = TRANSLATION_PRIOR,
+        tolerance: float = TOLERANCE,
     ) -> Float64:
         """Return the (6,) offset with the best score near a start.
 
@@ -84,6 +86,7 @@ class EdgeAlignment:
             smoothings_px: Smoothings of the maps, one after another.
             prior: (6,) twice the score that an offset by one `STEP` in each direction must gain; far offsets are drawn
                 back less, as they are no small errors of the mounting.
+            tolerance: Share of the score that a step must gain for another one.
         """
         from scipy.optimize import minimize
 
@@ -99,7 +102,7 @@ class EdgeAlignment:
 
             found = minimize(
                 loss, offset / STEP, jac=True, method="L-BFGS-B",
-                options={"maxiter": _MAX_ITERATIONS},
+                options={"maxiter": _MAX_ITERATIONS, "ftol": tolerance},
             )  # fmt: skip
             offset = np.asarray(found.x * STEP, np.float64)
         return offset

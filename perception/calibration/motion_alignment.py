@@ -31,6 +31,7 @@ _MIN_DEVIATIONS = np.array([*np.radians([0.06, 0.07, 0.09]), 0.010, 0.012, 0.015
 # Planes are associated again where the calibration is found to be so far from the one of their association.
 _MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.15] * 3), *[0.03] * 3])
 _MAX_ASSOCIATIONS = 3
+_MAX_CONTRADICTION = 2.0  # in deviations of what is known
 _AXES = 7  # of the offset, and of the sweep
 
 
@@ -49,19 +50,21 @@ class MotionAlignment:
 
 
 def refine_by_motion(
-    tracks: Sequence[CornerTracks], known: OffsetEstimate, other_start: Float64 | None = None
+    tracks: Sequence[CornerTracks], known: OffsetEstimate, start: Float64 | None = None
 ) -> OffsetEstimate:
     """Return an estimate with what the motion of images tells beside it.
 
     Args:
         tracks: Corners of several frames, at least one.
         known: What is known of the offset beside their motion.
-        other_start: (6,) offset from which it is looked for, too: with planes that are associated wrongly, motion does not
-            contradict what was wrong before. The one with the lower cost is kept.
+        start: (6,) offset from which it is looked for first, such as that of the planes; else the known one. Planes that are
+            associated wrongly do not contradict the start: where what is known does, it is looked for from there, too, and
+            the one with the lower cost is kept.
     """
-    found = _refined(tracks, known, known.offset)
-    if other_start is not None and is_large(other_start - known.offset):
-        found = min(found, _refined(tracks, known, other_start), key=lambda one: one.cost)
+    found = _refined(tracks, known, known.offset if start is None else start)
+    left = np.abs(found.estimate.offset - known.offset)
+    if start is not None and (left > _MAX_CONTRADICTION * known.deviations).any():
+        found = min(found, _refined(tracks, known, known.offset), key=lambda one: one.cost)
     deviations = np.maximum(found.estimate.deviations, _MIN_DEVIATIONS)
     return replace(found.estimate, deviations=deviations)
 

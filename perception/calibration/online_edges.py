@@ -1,9 +1,9 @@
 """The calibration while driving by the edges of the last two seconds, at little cost.
 
-The work is spread over frames, of which each waits about as long:
+The work is spread over frames, the motion of images (`online_motion`) in between:
 
-    frame   18     19      20      21     24     27     28      29
-           edges  coarse  fine   edges  edges  edges  coarse  fine
+    frame    2      8      14     20     21       26     27
+    edges    found  found  found  found  aligned  found  aligned
 """
 
 from collections import deque
@@ -20,21 +20,24 @@ from perception.localization.deskew import SweepMotion
 from perception.sensor import LidarModel
 from perception.types import Bool, Float64, Frame
 
-# Every third frame of 18: six frames. Half the focal length of the recalibration's images is as good at this accuracy.
-_EVERY, _FRAMES = 3, 6
-# Frames after the newest of them, in which the offset is found on broad, then on narrow maps.
-_COARSE, _FINE = 1, 2
-_ALIGNED_EVERY = _NEWEST = 3  # of these frames
-_FOCAL_PX, _SMOOTHINGS_PX = 360.0, (2.5, 1.25)
+# Every sixth frame of 19: four frames. What is near looks alike in frames between, which tell little more.
+_EVERY, _FIRST, _FRAMES = 6, 2, 4
+_ALIGNED = _FIRST + 1  # frame of each six in which they are aligned
+_NEWEST = 3  # of these frames
+# Half the focal length of the recalibration's images is as good at this accuracy. Narrow maps are enough where the offset is
+# about what it was; broad ones lead to it from afar.
+_FOCAL_PX, _NARROW_PX, _BROAD_PX = 360.0, 1.25, 2.5
 _MIN_EDGES = 400
-_MAX_EDGES = 260  # of a frame, spread evenly
-# What six frames do not tell stays as it is: a change by half a degree or 5 cm must gain 0.003 of score.
+_MAX_EDGES = 390  # of a frame, spread evenly
+# What these frames do not tell stays as it is: a change by half a degree or 5 cm must gain 0.003 of score.
 _PRIOR = np.full(6, 0.006)
-# Beams that are far apart tell neither pitch nor roll nor height: these are held as they are.
+# Beams that are far apart tell neither pitch nor roll nor height: these are held as they are. At night headlights draw level
+# edges of their own, where their light ends: the same are held.
 _MAX_BEAM_STEP_RAD = np.radians(1.0)
 _HELD = np.array([True, False, True, False, True, False])
 _HELD_PRIOR = 10.0
-# At night headlights draw level edges of their own, where their light ends: the same are held.
+# Below it steps change an estimate by less than a tenth of its deviation.
+_TOLERANCE = 1e-5
 _MAX_GAP_S = 1.0
 _TURNS = tuple(SweepTurn)
 # What is tried where edges do not fit: rotations by pitch and yaw together, and shifts to the right and down.
@@ -92,7 +95,7 @@ class EdgeOffset:
 
 
 class OnlineEdges:
-    """Estimates how far the calibration is off by edges, from every third frame."""
+    """Estimates how far the calibration is off by edges, from every sixth frame."""
 
     def __init__(self, sensor: LidarModel) -> None:
         """Begin a drive.
@@ -107,12 +110,11 @@ class OnlineEdges:
         self._is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
         self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)
         self._pose: tuple[float, Float64] | None = None
-        self._count = self._observed = 0
+        self._count = 0
         self._turn_scores = dict.fromkeys(_TURNS, 0.0)
         self._determined = np.zeros(6)
         self._failed = self._rest = 0  # searches without success; alignments until the next one
         self._is_due = False
-        self._coarse: Float64 | None = None
 
     def estimate_of(self, found: EdgeOffset) -> OffsetEstimate:
         """Return an offset with its deviations."""
@@ -131,28 +133,20 @@ class OnlineEdges:
         before, self._pose = self._pose, (frame.stamp_s, world_SE3_velo)
         self._count += 1
         phase = self._count % _EVERY
-        if phase == 0 and frame.image is not None and frame.calibration is not None:
+        if phase == _FIRST and frame.image is not None and frame.calibration is not None:
             motion = None if before is None else self._motion(frame, world_SE3_velo, *before)
             self._take_in(FrameEdges.of(frame, self._sensor, motion, _FOCAL_PX).thinned(_MAX_EDGES))
-        elif phase == _COARSE and self._is_due:
+        elif phase == _ALIGNED and self._is_due:
             self._is_due = False
-            self._coarse = self._align_coarsely()
-        elif phase == _FINE and self._coarse is not None:
-            found, self._coarse = self._align(self._coarse), None
-            return self.estimate_of(found)
+            return self.estimate_of(self._align())
         return None
 
     def _take_in(self, newest: FrameEdges) -> None:
         """Add the edges of a frame, and note whether they shall be aligned."""
-        # Smoothed now, maps take no time of the frames in which they are aligned.
-        for smoothing_px in _SMOOTHINGS_PX:
-            newest.image.smoothed(smoothing_px)
+        newest.image.smoothed(_NARROW_PX)  # now, not in the frame in which they are aligned
         self._frames.append(newest)
-        self._observed += 1
-        is_full = len(self._frames) == _FRAMES
         edges = sum(len(one.scan) for one in self._frames)
-        is_turn = (self._observed - _FRAMES) % _ALIGNED_EVERY == 0
-        self._is_due = is_full and is_turn and edges >= _MIN_EDGES
+        self._is_due = len(self._frames) == _FRAMES and edges >= _MIN_EDGES
 
     def _motion(
         self, frame: Frame, world_SE3_velo: Float64, before_s: float, world_SE3_before: Float64
@@ -182,14 +176,11 @@ class OnlineEdges:
         """Which of the (6,) changes stay as they are, as neither beams nor light tell them."""
         return _HELD if self._is_sparse or self.is_night else np.zeros_like(_HELD)
 
-    def _align_coarsely(self) -> Float64:
-        alignment = EdgeAlignment(self._frames, self._turn)
-        return alignment.align(self._determined, _SMOOTHINGS_PX[:1], self._prior)
-
-    def _align(self, coarse: Float64) -> EdgeOffset:
+    def _align(self) -> EdgeOffset:
         turn = self._turn
-        alignment = EdgeAlignment(self._frames, turn)
-        found = self._estimate(alignment, coarse, _SMOOTHINGS_PX[1:])
+        alignments = {one: EdgeAlignment(self._frames, one) for one in _TURNS}
+        alignment = alignments[turn]
+        found = self._estimate(alignment, self._determined, (_NARROW_PX,))
         if not found.is_determined and self._rest:
             self._rest -= 1
         elif not found.is_determined:
@@ -203,22 +194,19 @@ class OnlineEdges:
         if found.is_determined:
             self._determined, self._failed, self._rest = found.offset, 0, 0
         for one in _TURNS:
-            score = EdgeAlignment(self._frames, one).score(found.offset, _SMOOTHINGS_PX[-1]).value
+            score = alignments[one].score(found.offset, _NARROW_PX).value
             self._turn_scores[one] = _MEMORY * self._turn_scores[one] + score
         return found
 
     def _estimate(
-        self,
-        alignment: EdgeAlignment,
-        start: Float64,
-        smoothings_px: Sequence[float] = _SMOOTHINGS_PX,
+        self, alignment: EdgeAlignment, start: Float64, smoothings_px: Sequence[float]
     ) -> EdgeOffset:
-        offset = alignment.align(start, smoothings_px, self._prior)
-        here = alignment.score(offset, _SMOOTHINGS_PX[-1]).value
+        offset = alignment.align(start, smoothings_px, self._prior, _TOLERANCE)
+        here = alignment.score(offset, _NARROW_PX).value
         contrasts = np.ones(3)  # of axes that are held
         for axis in np.flatnonzero(~self._held[:3]):
             turned = [
-                alignment.score(offset + turn_rad * np.eye(6)[axis], _SMOOTHINGS_PX[-1]).value
+                alignment.score(offset + turn_rad * np.eye(6)[axis], _NARROW_PX).value
                 for turn_rad in (-_CONTRAST_RAD, _CONTRAST_RAD)
             ]
             contrasts[axis] = 1 - max(turned) / here if here > 0 else 0.0
@@ -230,5 +218,5 @@ class OnlineEdges:
         tried = [np.array([pitch, yaw, 0, 0, 0, 0]) for pitch in pitches for yaw in _SEARCH_RAD]
         tried += [np.array([0, 0, 0, right, 0, 0]) for right in _SEARCH_M]
         tried += [np.array([0, 0, 0, 0, down, 0]) for down in downs]
-        start = max(tried, key=lambda offset: alignment.score(offset, 2 * _SMOOTHINGS_PX[0]).value)
-        return self._estimate(alignment, start)
+        start = max(tried, key=lambda offset: alignment.score(offset, 2 * _BROAD_PX).value)
+        return self._estimate(alignment, start, (_BROAD_PX, _NARROW_PX))

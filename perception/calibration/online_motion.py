@@ -1,7 +1,7 @@
-"""The motion of images while driving: corners of every third frame, tracked into one soon after.
+"""The motion of images while driving: corners of every sixth frame, tracked into one soon after.
 
-frame    1        2       4        5       7        8       ...
-corners  tracks  corners  tracks  corners  tracks
+frame    3        4       9        10      15       ...
+corners  found    tracked found    tracked found    ...
 """
 
 from collections import deque
@@ -16,8 +16,8 @@ from perception.geometry.se3 import inverse
 from perception.sensor import LidarModel
 from perception.types import Float64, Frame
 
-_EVERY, _FIRST, _FRAMES = 3, 1, 6
-_MIN_FRAMES = 4  # without edges
+_EVERY, _FIRST, _FRAMES = 6, 3, 4
+_MIN_FRAMES = 3  # without edges
 _MAX_GAP_S, _MAX_AGE_S = 1.0, 4.0
 
 

@@ -23,8 +23,8 @@ from perception.kernels.window_planes import moments_of_view, planes_at_pixels
 from perception.maps.projection import rows_near_view
 from perception.types import Bool, Float32, Float64, Frame
 
-_MAX_CORNERS, _MIN_QUALITY, _MIN_DISTANCE_PX, _BLOCK_PX = 500, 0.002, 3.0, 3  # at half the size
-_MAX_TRACKED = 200
+_MAX_CORNERS, _MIN_QUALITY, _MIN_DISTANCE_PX, _BLOCK_PX = 600, 0.002, 3.0, 3  # at half the size
+_MAX_TRACKED = 250
 # Cells of the image, a quarter of a degree wide whatever the camera, and the windows of them that hold a plane: of a dense
 # LiDAR the first, of a sparse one the others.
 _CELL_RAD = np.radians(0.24)

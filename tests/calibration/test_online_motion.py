@@ -28,7 +28,7 @@ STILL = SweepVelocity(np.zeros(3), np.zeros(3), 0.1)
 
 @pytest.fixture(scope="module")
 def street():
-    return drive(15)
+    return drive(17)
 
 
 def motion_of(frames, error=None):
@@ -49,7 +49,7 @@ def corners_of(frame):
 
 def test_corners_lie_on_the_planes_of_the_street(street):
     corners = corners_of(street[0])
-    assert len(corners) == 200
+    assert len(corners) == 250
     distances = np.abs(corners.planes_velo[:, 3])
     nearest = np.abs(distances[:, None] - [1.7, 6.0, 7.0, 60.0]).min(axis=1)
     assert np.median(nearest) < 0.01
@@ -61,7 +61,7 @@ def test_corners_are_tracked_to_where_the_motion_brings_them(street):
     first, later = image_of(street[0]), image_of(street[1])
     later_SE3_velo = inverse(street[1].world_SE3_velo) @ street[0].world_SE3_velo
     tracks = CornerTracks.track(corners, first, later, later_SE3_velo, STILL)
-    assert len(tracks) > 170
+    assert len(tracks) > 210
     points = tracks.corners.surfaces_cam(np.eye(4)).points_m()
     moved = CAM_SE3_VELO @ later_SE3_velo @ inverse(CAM_SE3_VELO)
     expected_px, _ = project(IMAGE_P_CAM @ moved, points)
@@ -87,7 +87,7 @@ def test_an_error_is_found_without_edges(street, error):
 
 
 def test_a_vehicle_that_stands_leaves_what_edges_tell(street):
-    standing = [replace(street[0], index=index, stamp_s=0.1 * index) for index in range(15)]
+    standing = [replace(street[0], index=index, stamp_s=0.1 * index) for index in range(17)]
     by_edges = OffsetEstimate(np.full(6, 0.01), np.full(6, 0.002))
     assert motion_of(standing).refined(by_edges) is by_edges
 
