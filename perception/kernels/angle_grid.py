@@ -25,8 +25,8 @@ def nearest_by_angle(
     Args:
         points: (N, 4) scan.
         rows: (M,) those of its returns that are sorted.
-        ahead_x: Direction seen from above from which azimuths count, to the right.
-        ahead_y: The same along y.
+        ahead_x: Direction, seen from above, from which azimuths count to the right: its part along x.
+        ahead_y: Its part along y.
         column_rad: Angle between two columns.
         sines: (L - 1,) sines of the elevations between two beams, from the top.
         min_range_m: Range below which returns are left out.
@@ -82,10 +82,10 @@ def edges_of_grid(
     Args:
         grid: (L + 2, C + 4) ranges with their margin.
         max_range_m: Range from which on there are no edges.
-        far_ratio: How many times as far what is far has to be,
-        far_m: and by how much more.
-        same_ratio: Share of the range within which a neighbour is of the same surface,
-        same_m: and by how much more.
+        far_ratio: Something is far from a return where it is so many times as far, and by a distance more.
+        far_m: That distance in metres.
+        same_ratio: A neighbour is of the same surface where it is within such a share of the range, and a distance more.
+        same_m: That distance in metres.
     """
     beams, width = grid.shape[0] - 2 * MARGIN_ROWS, grid.shape[1] - 2 * MARGIN_COLUMNS
     edges = np.zeros((beams, width), np.uint8)
