@@ -17,10 +17,10 @@ FRAMES, FIRST, WITHIN = 45, 15, 30
 
 def boards_recording():
     """A drive that stands still before other boards in each frame."""
-    scenes = [Boards.drawn(14, seed) for seed in range(6)]
+    scenes = [Boards.drawn(14, seed) for seed in range(7)]
     rng = np.random.default_rng(0)
     drawn = [Frame(0, 0.0, scene.scan(), scene.image(rng), calibration=TRUE) for scene in scenes]
-    frames = [replace(drawn[i % 6], index=i, stamp_s=0.1 * i) for i in range(FRAMES)]
+    frames = [replace(drawn[i % 7], index=i, stamp_s=0.1 * i) for i in range(FRAMES)]
     return MonitoredRecording("boards", frames, [np.eye(4)] * FRAMES, HDL_64E)
 
 
@@ -28,7 +28,7 @@ def test_a_turned_calibration_is_named_in_time():
     recording = boards_recording()
     assert recording.parts == ["lidar", "camera", "calibration"]
     turned = Fault("calibration-yaw", FIRST, FIRST + WITHIN - 1, 2.0)
-    assert recording.delay(turned, WITHIN) == 13
+    assert recording.delay(turned, WITHIN) == 17
     assert recording.delay(replace(turned, size=0.0), WITHIN) is None
 
 
