@@ -26,7 +26,7 @@ _BESIDE = 6  # beams to each side
 _LOST_FRAMES = 3
 _MIN_LOST_SECTORS = 2
 # Scattered returns: a share of all directions, and how many times more than usual.
-_MIN_ALONE, _MIN_ALONE_AT_START, _MIN_ALONE_RATIO = 0.012, 0.05, 4.0
+_MIN_ALONE, _MIN_ALONE_AT_START, _MIN_ALONE_RATIO = 0.02, 0.05, 4.0
 _SCATTERED_FRAMES = 3
 _SAMPLE_STEP = 101
 
