@@ -7,12 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from perception.errors import DriveError, PerceptionError, optional_package
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
+
+Value = TypeVar("Value")
 
 _REPAIRS = {
     ".bag": "rosbag reindex FILE repairs a bag that was cut off",
@@ -90,7 +92,9 @@ class Bag:
         with self.errors():
             counts: Counter[tuple[str, str]] = Counter()
             for connection in self._reader.connections:
-                counts[connection.topic, connection.msgtype] += connection.msgcount
+                name = _checked(connection.topic, str, "a topic named")
+                kind = _checked(connection.msgtype, str, f"messages of {name} of type")
+                counts[name, kind] += connection.msgcount
         return tuple(BagTopic(*names, count) for names, count in sorted(counts.items()))
 
     @cached_property
@@ -112,7 +116,11 @@ class Bag:
             if not chosen:  # none would mean all
                 return
             for connection, received_ns, data in reader.messages(chosen, start=start_ns):
-                yield RawMessage(connection.topic, received_ns, bytes(data))
+                at_ns = _checked(received_ns, int, f"a message of {connection.topic} at")
+                contents = _checked(
+                    data, (bytes, memoryview), f"a message of {connection.topic} with"
+                )
+                yield RawMessage(connection.topic, at_ns, bytes(contents))
 
     def decode(self, message: RawMessage) -> Any:  # noqa: ANN401 - the classes are made from the bag's own definitions
         """Return the fields of a message.
@@ -165,6 +173,13 @@ class Bag:
                 found=_first_line(error),
                 advice=_REPAIRS.get(suffix) if where is None else None,
             ) from error
+
+
+def _checked(value: Value, kind: type | tuple[type, ...], what: str) -> Value:
+    """Return a value of a bag; a database may hold one of any type in every place."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{what} {value!r:.40}")
+    return value
 
 
 # Decodes the bytes of one message, or looks at them.

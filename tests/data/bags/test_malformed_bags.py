@@ -1,5 +1,7 @@
 """Bags that are damaged, or hold no drive: one sentence each."""
 
+import contextlib
+import sqlite3
 import sys
 from pathlib import Path
 
@@ -122,3 +124,26 @@ def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingDependencyError, match=r"the Python package rosbags.*\[bags\]"):
         open_drive(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ("UPDATE topics SET name = x'41'", "a topic named b'A'"),
+        ("UPDATE topics SET type = x'4142'", "/points of type b'AB'"),
+        ("UPDATE messages SET data = 1000000000000", "a message of /points with 1000000000000"),
+        ("UPDATE messages SET timestamp = 1.5", "a message of /points at 1.5"),
+    ],
+)
+def test_a_database_with_values_of_other_types_is_refused(
+    tmp_path: Path, change: str, found: str
+) -> None:
+    """SQLite holds a value of any type in every place; a number for bytes would ask for as much memory."""
+    path = write_scans(tmp_path / "bag", "db3")
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.executescript(change)
+    with pytest.raises(DriveError) as caught:
+        bag = Bag(path)
+        list(bag.messages(list(bag.kinds)))
+    assert f"{path}: expected a whole bag, found" in str(caught.value)
+    assert found in str(caught.value)
