@@ -95,9 +95,8 @@ class EdgeAlignment:
 
             def loss(steps: Float64, smoothing_px: float = smoothing_px) -> tuple[float, Float64]:
                 score = self.score(steps * STEP, smoothing_px)
-                beyond = np.square(steps / _TAIL)
-                lost = float(prior @ (np.square(_TAIL) * np.log1p(beyond))) / 2
-                gradient = prior * steps / (1 + beyond) - score.gradient * STEP
+                lost = prior_loss(steps * STEP, prior)
+                gradient = prior * steps / (1 + np.square(steps / _TAIL)) - score.gradient * STEP
                 return _PERCENT * (lost - score.value), _PERCENT * gradient
 
             found = minimize(
@@ -132,6 +131,12 @@ class EdgeAlignment:
             before, after = part.pixels(np.eye(4)), part.pixels(moved)
             squared += float(np.nansum((after - before) ** 2))
         return float(np.sqrt(squared / max(self.edges, 1)))
+
+
+def prior_loss(offset: Float64, prior: Float64) -> float:
+    """Return the score that a (6,) offset must gain by a (6,) prior of `EdgeAlignment.align`."""
+    beyond = np.square(offset / STEP / _TAIL)
+    return float(prior @ (np.square(_TAIL) * np.log1p(beyond))) / 2
 
 
 @dataclass(frozen=True)

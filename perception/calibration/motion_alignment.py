@@ -27,7 +27,7 @@ _PIXEL_DEVIATION, _SHARE_DEVIATION = 0.2, 0.02
 _SCALES = (6.0, 3.0, 1.5, 1.5)
 _MAX_INLIER = 3.0
 # What errors that are alike in all frames leave.
-_MIN_DEVIATIONS = np.array([*np.radians([0.06, 0.07, 0.09]), 0.010, 0.012, 0.015])
+_MIN_DEVIATIONS = np.array([*np.radians([0.07, 0.07, 0.09]), 0.010, 0.018, 0.015])
 # Planes are associated again where the calibration is found to be so far from the one of their association.
 _MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.15] * 3), *[0.03] * 3])
 _MAX_ASSOCIATIONS = 3

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.calibration.edge_alignment import EdgeAlignment
+from perception.calibration.edge_alignment import EdgeAlignment, prior_loss
 from perception.calibration.frame_edges import FrameEdges, SweepTurn, steady_motion
 from perception.calibration.offset import UNKNOWN, OffsetEstimate
 from perception.geometry.se3 import inverse
@@ -44,7 +44,7 @@ _TURNS = tuple(SweepTurn)
 _SEARCH_RAD = np.radians(np.arange(-6.0, 6.5, 1.5))
 _SEARCH_M = np.arange(-0.6, 0.7, 0.15)
 _CONTRAST_RAD = np.radians(1.5)
-_MIN_CONTRAST = 0.06
+_MIN_CONTRAST, _MIN_ROLL_CONTRAST = 0.06, 0.03
 # Alignments between two searches of a scene that tells nothing, such as a night: 0, 1, 3 and 7.
 _MAX_REST = 7
 _MEMORY = 0.9  # of earlier scores of the turns, at each alignment
@@ -54,8 +54,9 @@ _USUAL_INFORMATION = np.array([150.0, 150.0, 120.0])
 # that counts is half as certain as the usual.
 _MIN_SCORE, _USUAL_SCORE = 0.39, 0.44
 # By how much estimates of drives with a true calibration differ, in usual scenes; tops of objects lie between two beams.
-_DEVIATIONS = np.array([*np.radians((0.12, 0.08, 0.165)), 0.024, 0.024, 0.02])
+_DEVIATIONS = np.array([*np.radians((0.12, 0.08, 0.165)), 0.024, 0.03, 0.02])
 _SHARE_OF_BEAM_STEP = 0.15
+_MAX_USUAL = 2.0  # deviations of an offset that is about none
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class EdgeOffset:
     @property
     def is_determined(self) -> bool:
         """Whether the edges fit better here than around."""
-        return self.contrast >= _MIN_CONTRAST
+        return self.contrast >= _MIN_CONTRAST and self.contrasts[2] >= _MIN_ROLL_CONTRAST
 
     @property
     def uncertainties(self) -> Float64:
@@ -181,6 +182,12 @@ class OnlineEdges:
         alignments = {one: EdgeAlignment(self._frames, one) for one in _TURNS}
         alignment = alignments[turn]
         found = self._estimate(alignment, self._determined, (_NARROW_PX,))
+        if (np.abs(found.offset) > _MAX_USUAL * _DEVIATIONS).any():
+            # Narrow maps may have led to edges beside: what broad ones lead to from no offset, where it fits better.
+            broad = self._estimate(alignment, np.zeros(6), (_BROAD_PX, _NARROW_PX))
+            found = max(
+                found, broad, key=lambda one: one.score - prior_loss(one.offset, self._prior)
+            )
         if not found.is_determined and self._rest:
             self._rest -= 1
         elif not found.is_determined:
