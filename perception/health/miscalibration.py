@@ -15,7 +15,7 @@ FAULT = "calibration off"
 # the time between scan and image, too.
 _LIMITS = np.array([3.5] * 5 + [np.inf])
 # A change during a drive: what the scene adds to each estimate has shown in those before, whose deviation counts as well.
-_CHANGE_LIMITS = np.array([3.0, 3.0, 3.0, 2.5, 2.5, np.inf])
+_CHANGE_LIMITS = np.array([3.0] * 5 + [np.inf])
 _USUAL_LIMIT, _MIN_ESTIMATES = 4.0, 3
 # One estimate warns; the next one, which agrees, makes an error, and what the pipeline does depends on it.
 # An error is over where the estimate is below such a share of what makes one.
