@@ -20,7 +20,7 @@ TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
 # Steps up to which an offset is drawn back the more, the larger it is: 1 degree, 20 cm.
 _TAIL = np.array([2.0] * 3 + [4.0] * 3)
 _MAX_ITERATIONS = 60
-TOLERANCE = 2e-9
+_TOLERANCE = 2e-9  # that of the optimizer
 _PERCENT = 100.0  # scores have about the size that the optimizer's tolerances are made for
 
 
@@ -77,7 +77,7 @@ class EdgeAlignment:
         start: Float64 | None = None,
         smoothings_px: Sequence[float] = SMOOTHINGS_PX,
         prior: Float64 = TRANSLATION_PRIOR,
-        tolerance: float = TOLERANCE,
+        tolerance: float = _TOLERANCE,
     ) -> Float64:
         """Return the (6,) offset with the best score near a start.
 

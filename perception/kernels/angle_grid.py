@@ -47,20 +47,14 @@ def nearest_by_angle(
         across, along = x * ahead_y - y * ahead_x, x * ahead_x + y * ahead_y
         columns[k] = np.int64(np.floor(np.arctan2(across, along) / column_rad))
         first, last = min(first, int(columns[k])), max(last, int(columns[k]))
-    beams, width = len(sines) + 1, max(last - first + 1, 0)
+    rising, beams, width = -sines, len(sines) + 1, max(last - first + 1, 0)
     grid = np.full((beams + 2 * MARGIN_ROWS, width + 2 * MARGIN_COLUMNS), np.float32(np.inf))
     point_of = np.full((beams, width), -1)
     for k in range(len(rows)):
         if ranges_m[k] == np.inf:
             continue
         sine = np.float64(points[rows[k], 2]) / ranges_m[k]
-        beam, below = 0, beams - 1
-        while beam < below:
-            middle = (beam + below) // 2
-            if sine >= sines[middle]:
-                below = middle
-            else:
-                beam = middle + 1
+        beam = np.searchsorted(rising, -sine)
         column = columns[k] - first
         if ranges_m[k] < grid[MARGIN_ROWS + beam, MARGIN_COLUMNS + column]:
             grid[MARGIN_ROWS + beam, MARGIN_COLUMNS + column] = ranges_m[k]
