@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from perception.health.image_statistics import ImageStatistics, nearest_returns
+from perception.health.image_statistics import ImageStatistics, SampledReturns
 from perception.types import CAMERA, Bool, Float, Frame, HealthFinding, HealthLevel, UInt8
 
 # A lit street at night has lamps and headlights above 100; a covered lens has read noise below 20.
@@ -67,7 +67,7 @@ class CameraMonitors:
         repeats = self._frozen.update(image.sample)
         finding = _dark(image) or repeats or _washed_out(image)
         if finding is None or finding[0] < HealthLevel.ERROR:
-            blurred = self._blurred.update(image, nearest_returns(frame))
+            blurred = self._blurred.update(image, SampledReturns.of(frame))
             if finding and blurred:  # which it explains, and which makes it worse
                 finding = (blurred[0], *finding[1:])
             finding = finding or blurred
@@ -140,16 +140,16 @@ class _BlurredImage:
         self._mean: Float = self._coarse
         self._held: Bool = np.zeros(0, bool)
         self._recovered = 0
-        self._nearest: deque[Float] = deque(maxlen=_KEPT_FRAMES)
+        self._returns: deque[SampledReturns] = deque(maxlen=_KEPT_FRAMES)
 
-    def update(self, image: ImageStatistics, nearest_m: Float) -> _Fault | None:
+    def update(self, image: ImageStatistics, returns: SampledReturns) -> _Fault | None:
         """Return the fault where so many cells have lost their detail in the same frame.
 
         Args:
             image: Statistics of the image.
-            nearest_m: (16,) distance of the nearest return in each column of cells.
+            returns: Returns of the scan.
         """
-        self._nearest.append(nearest_m)
+        self._returns.append(returns)
         has_edges: Bool = image.coarse >= _MIN_COARSE
         detail = image.fine / np.maximum(image.coarse, 1e-3)
         if self._frames == 0:
@@ -207,9 +207,9 @@ class _BlurredImage:
 
     def _is_hidden(self, cells: Bool, age: int) -> bool:
         """Return whether something has come near in most of some cells since they were lost."""
-        before = self._nearest[max(len(self._nearest) - 1 - age - _BEFORE_FRAMES, 0)]
-        since = np.min(list(self._nearest)[-age:], axis=0)
-        has_neared = since < _MAX_NEARED * before
+        before = self._returns[max(len(self._returns) - 1 - age - _BEFORE_FRAMES, 0)]
+        since_m = np.min([one.nearest_m for one in list(self._returns)[-age:]], axis=0)
+        has_neared = since_m < _MAX_NEARED * before.nearest_m
         return bool((cells & has_neared).sum() > _MAX_NEARED_SHARE * cells.sum())
 
 

@@ -1,6 +1,7 @@
 """What camera monitors need of a frame: grey levels of a sample of pixels, how sharp each part is, and what is near there."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 
 from perception.geometry.camera import project
 from perception.geometry.se3 import transform_points
-from perception.types import Float, Float32, Frame, UInt8
+from perception.types import Calibration, Float32, Float64, Frame, UInt8
 
 _SAMPLE_STEP_PX = 4
 _ROW_STEP_PX = 4
@@ -67,22 +68,44 @@ class ImageStatistics:
         )
 
 
-def nearest_returns(frame: Frame) -> Float:
-    """Return the (16,) depths of the nearest returns above the ground in the columns of cells, of a sample of the scan.
+@dataclass(frozen=True)
+class SampledReturns:
+    """A sample of a scan that is kept until somebody asks where it is in the image.
 
-    Columns without a return, and all without a calibration, are infinitely far.
+    Attributes:
+        points_velo: (P, 3) points.
+        calibration: Calibration of the camera, or None.
+        width_px: Width of the image, 0 without one.
     """
-    nearest_m = np.full(_GRID[1], np.inf)
-    if frame.image is None or frame.calibration is None:
+
+    points_velo: Float32
+    calibration: Calibration | None
+    width_px: int
+
+    @classmethod
+    def of(cls, frame: Frame) -> Self:
+        """Sample the scan of a frame."""
+        step = max(len(frame.points_velo) // _SAMPLED_RETURNS, 1)
+        width_px = 0 if frame.image is None else frame.image.shape[1]
+        return cls(frame.points_velo[::step, :3].copy(), frame.calibration, width_px)
+
+    @cached_property
+    def nearest_m(self) -> Float64:
+        """(16,) depths of the nearest returns above the ground in the columns of cells.
+
+        Columns without a return, and all without a calibration or an image, are infinitely far.
+        """
+        nearest_m = np.full(_GRID[1], np.inf)
+        if self.calibration is None or not self.width_px:
+            return nearest_m
+        points = self.points_velo.astype(np.float64)
+        in_camera = transform_points(self.calibration.cam_SE3_velo, points)
+        is_near = (in_camera[:, 2] > _NEAREST_M) & (in_camera[:, 1] < _MAX_BELOW_CAMERA_M)
+        pixels, depths_m = project(self.calibration.image_P_cam, in_camera[is_near])
+        columns = np.floor(pixels[:, 0] * _GRID[1] / self.width_px)
+        is_inside = (columns >= 0) & (columns < _GRID[1])
+        np.minimum.at(nearest_m, columns[is_inside].astype(np.int64), depths_m[is_inside])
         return nearest_m
-    points = frame.points_velo[:: max(len(frame.points_velo) // _SAMPLED_RETURNS, 1), :3]
-    in_camera = transform_points(frame.calibration.cam_SE3_velo, points.astype(np.float64))
-    is_near = (in_camera[:, 2] > _NEAREST_M) & (in_camera[:, 1] < _MAX_BELOW_CAMERA_M)
-    pixels, depths_m = project(frame.calibration.image_P_cam, in_camera[is_near])
-    columns = np.floor(pixels[:, 0] * _GRID[1] / frame.image.shape[1])
-    is_inside = (columns >= 0) & (columns < _GRID[1])
-    np.minimum.at(nearest_m, columns[is_inside].astype(np.int64), depths_m[is_inside])
-    return nearest_m
 
 
 def _differences(ends: UInt8, starts: UInt8) -> UInt8:

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from perception.kernels.range_images import nearest_returns
 from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64
+from perception.types import Bool, Float32, Float64, Int, UInt8
 
 COLUMNS = 360  # a degree each
 SECTORS = 72
@@ -15,6 +16,7 @@ _NEAR_M = 20.0
 _FAR_M = 100.0  # of a direction without a return
 # A return is alone where it is nearer than all four beside it by this share and distance.
 _ALONE_RATIO, _ALONE_M = 1.3, 1.0
+_BESIDE = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.uint8)
 # Beams below it hit the road within some ten metres, whatever is around.
 _DOWN_RAD = np.radians(-3.3)
 
@@ -54,18 +56,25 @@ class ScanMeter:
         """Measure a scan of (N, 4) points."""
         points = np.ascontiguousarray(points_velo, np.float32)
         ranges_m = nearest_returns(points, *self._projection.numbers, self._projection.rows)
-        has_return = ranges_m < np.inf
-        of_sectors = has_return[self._down].mean(axis=0).reshape(SECTORS, -1).mean(axis=1)
-        return ScanStatistics(has_return.mean(axis=1), of_sectors, _share_alone(ranges_m))
+        has_return = (ranges_m < np.inf).view(np.uint8)
+        of_beams = _sum(has_return, axis=1) / has_return.shape[1]
+        of_columns = _sum(has_return[self._down], axis=0) / np.count_nonzero(self._down)
+        of_sectors = of_columns.reshape(SECTORS, -1).mean(axis=1)
+        return ScanStatistics(of_beams, of_sectors, _share_alone(ranges_m))
+
+
+def _sum(values: UInt8, axis: int) -> Int:
+    # OpenCV, as NumPy takes ten times as long over bytes.
+    return np.asarray(cv2.reduce(values, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S)).ravel()
 
 
 def _share_alone(ranges_m: Float32) -> float:
     """Return the share of the directions whose return is near, and nearer than those above, below and beside."""
-    framed = np.pad(np.minimum(ranges_m, np.float32(_FAR_M)), 1, "edge")
-    framed[1:-1, 0], framed[1:-1, -1] = framed[1:-1, -2], framed[1:-1, 1]
-    beside = np.minimum(framed[1:-1, :-2], framed[1:-1, 2:])
-    above = np.minimum(framed[:-2, 1:-1], framed[2:, 1:-1])
+    near_m = cv2.min(ranges_m, _FAR_M)
     # The first and the last beam are their own neighbours, and so never alone.
-    nearest_m = np.minimum(beside, above)
-    limit_m = np.float32(_ALONE_RATIO) * ranges_m + np.float32(_ALONE_M)
-    return float(((ranges_m < _NEAR_M) & (nearest_m > limit_m)).mean())
+    framed = cv2.copyMakeBorder(near_m, 1, 1, 0, 0, cv2.BORDER_REPLICATE)
+    framed = np.asarray(cv2.copyMakeBorder(framed, 0, 0, 1, 1, cv2.BORDER_WRAP), np.float32)
+    nearest_m = np.asarray(cv2.erode(framed, _BESIDE), np.float32)
+    limit_m = np.float32(_ALONE_RATIO) * framed + np.float32(_ALONE_M)
+    is_alone = (framed < _NEAR_M) & (nearest_m > limit_m)
+    return np.count_nonzero(is_alone[1:-1, 1:-1]) / ranges_m.size
