@@ -167,9 +167,13 @@ class _System:
         self.cost += cost
         # Where many are elsewhere, those that seem to be right tell less.
         trust = inliers**2
-        at = np.r_[0:_AXES, _AXES + 6 * number : _AXES + 6 * number + 6]
-        self.curvature[np.ix_(at, at)] += trust * curvature
-        self.slope[at] += trust * slope
+        curvature, slope = trust * curvature, trust * slope
+        blocks = (slice(_AXES), slice(_AXES + 6 * number, _AXES + 6 * number + 6))
+        own = (slice(_AXES), slice(_AXES, UNKNOWNS))
+        for rows, own_rows in zip(blocks, own, strict=True):
+            self.slope[rows] += slope[own_rows]
+            for columns, own_columns in zip(blocks, own, strict=True):
+                self.curvature[rows, columns] += curvature[own_rows, own_columns]
 
     def step(self) -> Float64:
         return np.asarray(-np.linalg.solve(self.curvature, self.slope))

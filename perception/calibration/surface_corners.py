@@ -228,7 +228,7 @@ class CornerTracks:
         is_found = status.ravel() == 1
         return cls(kept[is_found], found[is_found].astype(np.float64), later_SE3_velo, sweep)
 
-    @property
+    @cached_property
     def ways_px(self) -> Float64:
         """(K,) how far the corners moved in the image."""
         return np.asarray(np.linalg.norm(self.later_px - self.corners.pixels, axis=1))

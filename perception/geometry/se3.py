@@ -36,21 +36,30 @@ def from_euler(
 
 def rotation_vector(rotation: Float) -> Float64:
     """Return the (3,) axis times the angle in radians of a (3, 3) rotation by less than half a turn."""
-    twice_sine = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
-    sine = float(np.linalg.norm(twice_sine)) / 2
-    angle_rad = np.arctan2(sine, (np.trace(rotation) - 1) / 2)
-    return np.asarray(twice_sine / 2 * (angle_rad / sine if sine > 0 else 1.0), np.float64)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.asarray(rotation, np.float64).tolist()
+    twice_sines = (zy - yz, xz - zx, yx - xy)
+    sine = math.hypot(*twice_sines) / 2
+    angle_rad = math.atan2(sine, (xx + yy + zz - 1) / 2)
+    return np.array(twice_sines) * (angle_rad / sine / 2 if sine > 0 else 0.5)
 
 
 def from_rotation_vector(vector: Float) -> Float64:
     """Return the (3, 3) rotation about a (3,) axis by its length in radians (Rodrigues' formula)."""
-    cross = cross_matrix(vector)
-    angle_rad = math.hypot(*np.asarray(vector, np.float64).tolist())
+    # Scalars of Python: NumPy takes ten times as long for one number.
+    x, y, z = np.asarray(vector, np.float64).tolist()
+    angle_rad = math.hypot(x, y, z)
     if angle_rad == 0:
         return np.eye(3)
-    # Scalars of Python: NumPy takes ten times as long for one number.
-    along, half_chord = math.sin(angle_rad) / angle_rad, 2 * math.sin(angle_rad / 2) / angle_rad
-    return np.asarray(np.eye(3) + along * cross + 0.5 * half_chord**2 * (cross @ cross))
+    # I + a [v] + b [v]^2
+    a, half_chord = math.sin(angle_rad) / angle_rad, 2 * math.sin(angle_rad / 2) / angle_rad
+    b = half_chord**2 / 2
+    return np.array(
+        [
+            [1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+            [b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x],
+            [b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y)],
+        ]
+    )
 
 
 def cross_matrix(vector: Float) -> Float64:

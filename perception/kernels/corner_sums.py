@@ -55,8 +55,8 @@ def add_corner_sums(
     """
     T, M, P = cam_SE3_velo, later_SE3_cam, image_P_cam
     cost, known, inliers = 0.0, 0, 0
-    by_unknown = np.empty((3, UNKNOWNS))
-    row_u, row_v = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    row = np.empty(UNKNOWNS)
+    sums = np.zeros((UNKNOWNS, UNKNOWNS))  # above the diagonal
     for k in range(len(rays)):
         a, b, c = planes_velo[k, 0], planes_velo[k, 1], planes_velo[k, 2]
         nx = T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
@@ -74,16 +74,9 @@ def add_corner_sums(
         ly = M[1, 0] * x + M[1, 1] * y + M[1, 2] * z + M[1, 3]
         lz = M[2, 0] * x + M[2, 1] * y + M[2, 2] * z + M[2, 3]
         depth_m = P[2, 0] * lx + P[2, 1] * ly + P[2, 2] * lz + P[2, 3]
-        u = (
-            (P[0, 0] * lx + P[0, 1] * ly + P[0, 2] * lz + P[0, 3]) / depth_m
-            if depth_m != 0
-            else np.nan
-        )
-        v = (
-            (P[1, 0] * lx + P[1, 1] * ly + P[1, 2] * lz + P[1, 3]) / depth_m
-            if depth_m != 0
-            else np.nan
-        )
+        per_depth = 1 / depth_m if depth_m != 0 else np.nan
+        u = (P[0, 0] * lx + P[0, 1] * ly + P[0, 2] * lz + P[0, 3]) * per_depth
+        v = (P[1, 0] * lx + P[1, 1] * ly + P[1, 2] * lz + P[1, 3]) * per_depth
         left_u, left_v = u - later_px[k, 0], v - later_px[k, 1]
         misfit = np.sqrt(left_u * left_u + left_v * left_v) / deviations_px[k]
         if not np.isfinite(misfit):
@@ -93,39 +86,34 @@ def add_corner_sums(
         inliers += misfit < max_inlier
         square = (misfit / scale) ** 2
         cost += 0.5 * scale * scale * square / (1 + square)
-        px = (M[0, 0] * rx + M[0, 1] * ry + M[0, 2] * rz) / along
-        py = (M[1, 0] * rx + M[1, 1] * ry + M[1, 2] * rz) / along
-        pz = (M[2, 0] * rx + M[2, 1] * ry + M[2, 2] * rz) / along
-        cx, cy, cz = ny * z - nz * y, nz * x - nx * z, nx * y - ny * x
-        for i in range(3):
-            per_shift = px if i == 0 else (py if i == 1 else pz)
-            # -per_shift (n x x) . w + M [x] w - [y] w, and per_shift n . t + t - M t
-            by_unknown[i, 0] = -per_shift * cx + M[i, 1] * z - M[i, 2] * y
-            by_unknown[i, 1] = -per_shift * cy + M[i, 2] * x - M[i, 0] * z
-            by_unknown[i, 2] = -per_shift * cz + M[i, 0] * y - M[i, 1] * x
-            by_unknown[i, 3] = per_shift * nx - M[i, 0]
-            by_unknown[i, 4] = per_shift * ny - M[i, 1]
-            by_unknown[i, 5] = per_shift * nz - M[i, 2]
-            by_unknown[i, 3 + i] += 1
-            by_unknown[i, 6] = per_shift * shifts_m[k]
-            for j in range(7, UNKNOWNS):
-                by_unknown[i, j] = 1.0 if j == 10 + i else 0.0
-        # -[y], of the turn of the calibration and of that of the motion's error.
-        for first in (0, 7):
-            by_unknown[0, first + 1] += lz
-            by_unknown[0, first + 2] -= ly
-            by_unknown[1, first + 2] += lx
-            by_unknown[1, first] -= lz
-            by_unknown[2, first] += ly
-            by_unknown[2, first + 1] -= lx
-        for j in range(UNKNOWNS):
-            row_u[j], row_v[j] = 0.0, 0.0
-            for i in range(3):
-                row_u[j] += (P[0, i] - u * P[2, i]) / depth_m * by_unknown[i, j]
-                row_v[j] += (P[1, i] - v * P[2, i]) / depth_m * by_unknown[i, j]
         weight = 1 / ((1 + square) ** 2 * deviations_px[k] ** 2)
-        for i in range(UNKNOWNS):
-            slope[i] += weight * (row_u[i] * left_u + row_v[i] * left_v)
-            for j in range(UNKNOWNS):
-                curvature[i, j] += weight * (row_u[i] * row_u[j] + row_v[i] * row_v[j])
+        cx, cy, cz = ny * z - nz * y, nz * x - nx * z, nx * y - ny * x
+        for axis in range(2):
+            pixel, left = (u, left_u) if axis == 0 else (v, left_v)
+            # Slopes of the pixel along the later point, then along the earlier one, and with the plane's distance.
+            dx = (P[axis, 0] - pixel * P[2, 0]) * per_depth
+            dy = (P[axis, 1] - pixel * P[2, 1]) * per_depth
+            dz = (P[axis, 2] - pixel * P[2, 2]) * per_depth
+            ex = M[0, 0] * dx + M[1, 0] * dy + M[2, 0] * dz
+            ey = M[0, 1] * dx + M[1, 1] * dy + M[2, 1] * dz
+            ez = M[0, 2] * dx + M[1, 2] * dy + M[2, 2] * dz
+            per_shift = (ex * rx + ey * ry + ez * rz) / along
+            # The turn of the motion's error, and its shift.
+            row[7], row[8], row[9] = ly * dz - lz * dy, lz * dx - lx * dz, lx * dy - ly * dx
+            row[10], row[11], row[12] = dx, dy, dz
+            row[6] = per_shift * shifts_m[k]
+            row[3] = per_shift * nx + dx - ex
+            row[4] = per_shift * ny + dy - ey
+            row[5] = per_shift * nz + dz - ez
+            row[0] = row[7] - per_shift * cx + ey * z - ez * y
+            row[1] = row[8] - per_shift * cy + ez * x - ex * z
+            row[2] = row[9] - per_shift * cz + ex * y - ey * x
+            for i in range(UNKNOWNS):
+                weighted = weight * row[i]
+                slope[i] += weighted * left
+                for j in range(i, UNKNOWNS):
+                    sums[i, j] += weighted * row[j]
+    for i in range(UNKNOWNS):
+        for j in range(UNKNOWNS):
+            curvature[i, j] += sums[min(i, j), max(i, j)]
     return cost, inliers / known if known else 0.0

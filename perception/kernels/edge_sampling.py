@@ -58,6 +58,7 @@ def add_map_sums(
             translation, slopes by a translation.
     """
     M, P = moved_SE3_cam, map_P_cam
+    total, wx, wy, wz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(points_cam)):
         a, b, c = points_cam[k, 0], points_cam[k, 1], points_cam[k, 2]
         rx = M[0, 0] * a + M[0, 1] * b + M[0, 2] * c
@@ -66,20 +67,21 @@ def add_map_sums(
         x, y, z = rx + M[0, 3], ry + M[1, 3], rz + M[2, 3]
         depth_m = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
         if not depth_m > min_depth_m:
-            sums[0] += sample_map(edges, np.nan, np.nan)[0]
+            total += sample_map(edges, np.nan, np.nan)[0]
             continue
-        u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth_m
-        v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth_m
+        per_depth = 1 / depth_m
+        u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) * per_depth
+        v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) * per_depth
         value, along_u, along_v = sample_map(edges, u, v)
         # Slopes in the map, along the homogeneous pixel, along the point, along the change.
-        along_u, along_v = along_u / depth_m, along_v / depth_m
+        along_u, along_v = along_u * per_depth, along_v * per_depth
         along_w = -along_u * u - along_v * v
         gx = along_u * P[0, 0] + along_v * P[1, 0] + along_w * P[2, 0]
         gy = along_u * P[0, 1] + along_v * P[1, 1] + along_w * P[2, 1]
         gz = along_u * P[0, 2] + along_v * P[1, 2] + along_w * P[2, 2]
-        sums[0] += value
-        sums[1] += ry * gz - rz * gy
-        sums[2] += rz * gx - rx * gz
-        sums[3] += rx * gy - ry * gx
-        sums[4], sums[5] = sums[4] + gx, sums[5] + gy
-        sums[6] += gz
+        total += value
+        wx, wy, wz = wx + ry * gz - rz * gy, wy + rz * gx - rx * gz, wz + rx * gy - ry * gx
+        tx, ty, tz = tx + gx, ty + gy, tz + gz
+    sums[0] += total
+    sums[1], sums[2], sums[3] = sums[1] + wx, sums[2] + wy, sums[3] + wz
+    sums[4], sums[5], sums[6] = sums[4] + tx, sums[5] + ty, sums[6] + tz
