@@ -118,6 +118,8 @@ class _LostSectors:
         usual.learn(scan.sectors, ~is_lost)
         self._lasts = np.where(is_lost, self._lasts + 1, 0)
         lost = self._lasts >= _LOST_FRAMES
+        if not lost.any():
+            return None
         lost &= np.roll(lost, 1) | np.roll(lost, -1)
         count = int(np.count_nonzero(lost))
         if count < _MIN_LOST_SECTORS:
@@ -146,8 +148,9 @@ class _LostBeams:
         if usual.is_known:
             ratio = scan.beams / np.maximum(usual.values, 1 / COLUMNS)
             is_watched = usual.values >= _MIN_LEARNED_BEAM
-            is_alive = is_watched & (ratio >= _MIN_ALIVE)
-            is_lost = is_watched & (ratio < _MAX_LOST_BEAM) & _is_between(is_alive)
+            is_lost = is_watched & (ratio < _MAX_LOST_BEAM)
+            if is_lost.any():
+                is_lost &= _is_between(is_watched & (ratio >= _MIN_ALIVE))
         usual.learn(scan.beams, ~is_lost)
         lasts = np.zeros(len(scan.beams)) if self._lasts is None else self._lasts
         self._lasts = np.where(is_lost, lasts + 1, 0)

@@ -2,8 +2,8 @@
 
 from collections import deque
 from collections.abc import Sequence
-
-import numpy as np
+from math import inf
+from statistics import median
 
 from perception.types import LIDAR, Frame, HealthFinding, HealthLevel
 
@@ -41,7 +41,7 @@ class ScanTimeMonitor:
         if step_s < 0:
             return [self._not_rising(frame.stamp_s, step_s)]
         is_known = len(self._steps_s) >= _MIN_STEPS
-        usual_s = float(np.median(self._steps_s)) if is_known else np.inf
+        usual_s = median(self._steps_s) if is_known else inf
         expected_s = usual_s * (1 + self._rejected)
         self._last_s, self._rejected_s, self._rejected = frame.stamp_s, None, 0
         self._steps_s.append(step_s)

@@ -98,6 +98,19 @@ def test_edges_hold_what_they_know_better(street):
     assert np.abs(found.offset).max() < 3e-3
 
 
+@pytest.mark.parametrize("axis", [0, 2], ids=["pitch", "roll"])
+@pytest.mark.parametrize("true_deg", [0.0, 2.0])
+def test_motion_tells_whether_an_offset_by_edges_is_true(street, axis, true_deg):
+    """Edges that fit beside their own, as those of a shadow or a rail, claim an offset of 2 degrees."""
+    claim = np.radians(2.0) * np.eye(6)[axis]
+    by_edges = OffsetEstimate(claim, np.array([*np.radians([0.12, 0.08, 0.165]), 0.03, 0.03, 0.02]))
+    error = offset_SE3(-np.radians(true_deg) * np.eye(6)[axis])
+    refined = motion_of(street, error).refined(by_edges)
+    assert refined.is_determined == (true_deg > 0)
+    if refined.is_determined:
+        np.testing.assert_allclose(refined.offset[:3], claim[:3], atol=np.radians(0.3))
+
+
 def test_frames_without_image_and_gaps_are_left_out(street):
     blind = [replace(frame, image=None) for frame in street]
     assert motion_of(blind).refined(NO_EDGES) is NO_EDGES
