@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.offset import OffsetEstimate, offset_of, offset_SE3
 from perception.calibration.surface_corners import CornerTracks
 from perception.geometry.se3 import inverse
 from perception.kernels.corner_sums import UNKNOWNS, add_corner_sums
@@ -32,10 +32,7 @@ _MIN_DEVIATIONS = np.array([*np.radians([0.07, 0.07, 0.09]), 0.016, 0.018, 0.015
 _MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.15] * 3), *[0.03] * 3])
 _MAX_ASSOCIATIONS = 3
 _MAX_CONTRADICTION = 2.0  # in deviations of what is known
-# Without edges it is less certain than its corners say, of yaw and shifts most: what moves beside the vehicle looks like these.
-ALONE = np.array([1.3, 2.5, 1.6, 2.5, 1.3, 2.5])
-# In deviations of both: where edges have found the true offset it is at most 2.5, where they fit beside their own 3 to 8.
-_MAX_LEFT = 3.0
+_FIXED = np.full(6, 1e-5)
 _AXES = 7  # of the offset, and of the sweep
 
 
@@ -73,19 +70,25 @@ def refine_by_motion(
     return replace(found.estimate, deviations=deviations)
 
 
-def contradicts_motion(tracks: Sequence[CornerTracks], claimed: OffsetEstimate) -> bool:
-    """Return whether the motion of images alone, looked for from none and from a claimed offset, leads to another turn.
+def motion_gain(tracks: Sequence[CornerTracks], offset: Float64) -> float:
+    """Return by how much corners fit better with a (6,) offset than with none, half the sum of their squared deviations.
 
-    Args:
-        tracks: Corners of several frames, at least one.
-        claimed: Offset by other evidence, such as edges that may fit beside their own.
+    Of each frame those count that are on a surface both with the offset and without.
     """
-    nothing_else = OffsetEstimate(claimed.offset, UNKNOWN)
-    starts = (np.zeros(6), claimed.offset)
-    found = min((_refined(tracks, nothing_else, one) for one in starts), key=lambda one: one.cost)
-    deviations = ALONE * np.maximum(found.estimate.deviations, _MIN_DEVIATIONS)
-    left = np.abs(found.estimate.offset - claimed.offset)
-    return bool((left > _MAX_LEFT * np.hypot(deviations, claimed.deviations))[:3].any())
+    tried = (np.zeros(6), offset)
+    associated = [[one.reassociated(offset_SE3(by)) for one in tracks] for by in tried]
+    known = [
+        np.logical_and(*(one.is_known for one in both)) for both in zip(*associated, strict=True)
+    ]
+    costs = [
+        align_motion(
+            [one[rows] for one, rows in zip(frames, known, strict=True)],
+            by,
+            OffsetEstimate(by, _FIXED),
+        ).cost
+        for frames, by in zip(associated, tried, strict=True)
+    ]
+    return costs[0] - costs[1]
 
 
 def _refined(

@@ -142,6 +142,14 @@ class OnlineEdges:
             return self.estimate_of(self._align())
         return None
 
+    def gain(self, offset: Float64) -> float:
+        """Return by how much edges score better with a (6,) offset than with none."""
+        alignment = EdgeAlignment(self._frames, self._turn)
+        with_offset, without = (
+            alignment.score(one, _NARROW_PX).value for one in (offset, np.zeros(6))
+        )
+        return with_offset - without
+
     def _take_in(self, newest: FrameEdges) -> None:
         """Add the edges of a frame, and note whether they shall be aligned."""
         newest.image.smoothed(_NARROW_PX)  # now, not in the frame in which they are aligned

@@ -9,12 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.calibration.motion_alignment import (
-    ALONE,
-    contradicts_motion,
-    is_large,
-    refine_by_motion,
-)
+from perception.calibration.motion_alignment import is_large, motion_gain, refine_by_motion
 from perception.calibration.observed_corners import MIN_TRAVEL_M, USUAL_TRAVEL_M, ObservedCorners
 from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_SE3
 from perception.calibration.surface_corners import CornerTracks, SweepVelocity
@@ -24,7 +19,8 @@ from perception.types import Float64, Frame
 
 _EVERY, _FIRST, _FRAMES = 6, 3, 4
 _MIN_FRAMES = 3  # without edges
-_MAX_USUAL = 2.0  # deviations of an offset by edges that motion need not confirm
+# Without edges it is less certain than its corners say, of yaw and shifts most: what moves beside the vehicle looks like these.
+_ALONE = np.array([1.3, 2.5, 1.6, 2.5, 1.3, 2.5])
 _MAX_GAP_S, _MAX_AGE_S = 1.0, 4.0
 
 
@@ -95,18 +91,18 @@ class OnlineMotion:
         """Return an estimate with what the motion of the images tells beside it.
 
         Args:
-            by_edges: Estimate by edges; one that does not count is replaced, where the vehicle has moved enough, and one
-                that motion contradicts does not count.
+            by_edges: Estimate by edges; one that does not count is replaced, where the vehicle has moved enough.
         """
         tracks = [one for _, one in self._tracks]
         if not tracks or (not by_edges.is_determined and len(tracks) < _MIN_FRAMES):
             return by_edges
-        is_unusual = bool((np.abs(by_edges.offset) > _MAX_USUAL * by_edges.deviations).any())
-        if by_edges.is_determined and is_unusual and contradicts_motion(tracks, by_edges):
-            return replace(by_edges, is_determined=False)
         known = by_edges if by_edges.is_determined else OffsetEstimate(self._offset, UNKNOWN)
         found = refine_by_motion(tracks, known, self._offset)
         self._offset = found.offset if is_large(found.offset) else np.zeros(6)
         if by_edges.is_determined:
             return found
-        return replace(found, deviations=ALONE * found.deviations)
+        return replace(found, deviations=_ALONE * found.deviations)
+
+    def gain(self, offset: Float64) -> float:
+        """Return by how much the corners fit better with a (6,) offset than with none, a logarithm of likelihoods."""
+        return motion_gain([one for _, one in self._tracks], offset) if self._tracks else 0.0

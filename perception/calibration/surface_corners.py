@@ -193,6 +193,15 @@ class CornerTracks:
         """Return K."""
         return len(self.corners)
 
+    def __getitem__(self, rows: Bool) -> Self:
+        """Return some of them."""
+        return replace(self, corners=self.corners[rows], later_px=self.later_px[rows])
+
+    @property
+    def is_known(self) -> Bool:
+        """(K,) whether the plane of a corner is known."""
+        return np.isfinite(self.corners.planes_velo[:, 3])
+
     @classmethod
     def track(
         cls,

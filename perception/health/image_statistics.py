@@ -98,8 +98,9 @@ class SampledReturns:
         nearest_m = np.full(_GRID[1], np.inf)
         if self.calibration is None or not self.width_px:
             return nearest_m
-        points = self.points_velo.astype(np.float64)
-        in_camera = transform_points(self.calibration.cam_SE3_velo, points)
+        in_camera = transform_points(
+            self.calibration.cam_SE3_velo, self.points_velo.astype(np.float64)
+        )
         is_near = (in_camera[:, 2] > _NEAREST_M) & (in_camera[:, 1] < _MAX_BELOW_CAMERA_M)
         pixels, depths_m = project(self.calibration.image_P_cam, in_camera[is_near])
         columns = np.floor(pixels[:, 0] * _GRID[1] / self.width_px)

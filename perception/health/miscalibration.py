@@ -17,6 +17,9 @@ _LIMITS = np.array([3.5] * 5 + [np.inf])
 # A change during a drive: what the scene adds to each estimate has shown in those before, whose deviation counts as well.
 _CHANGE_LIMITS = np.array([3.0] * 5 + [np.inf])
 _USUAL_LIMIT, _MIN_ESTIMATES = 4.0, 3
+# By how much edges and motion together must fit better than without the offset, a logarithm of likelihoods: edges that
+# fit beside their own are contradicted by motion, and what moves beside the vehicle by edges.
+_MIN_GAIN = 9.0
 # One estimate warns; the next one, which agrees, makes an error, and what the pipeline does depends on it.
 # An error is over where the estimate is below such a share of what makes one.
 _END_SHARE = 0.7
@@ -52,17 +55,23 @@ class MiscalibrationMonitor:
         """
         estimate = self._online.update(frame, world_SE3_velo)
         if estimate is not None and estimate.is_determined:
-            share = float((np.abs(estimate.offset) / (_LIMITS * estimate.deviations)).max())
-            share = max(share, self._usual.share(estimate))
-            is_off = share > (1.0 if self._found is None else _END_SHARE)
-            self._is_confirmed = is_off and self._found is not None
-            self._found = estimate if is_off else None
-            if not is_off:
-                self._usual.add(estimate.offset)
+            self._judge(estimate)
         if self._found is None:
             return ()
         level = HealthLevel.ERROR if self._is_confirmed else HealthLevel.WARN
         return (HealthFinding(CALIBRATION, level, FAULT, _sentence(self._found)),)
+
+    def _judge(self, estimate: OffsetEstimate) -> None:
+        """Find out whether the calibration is off by a new estimate."""
+        share = float((np.abs(estimate.offset) / (_LIMITS * estimate.deviations)).max())
+        share = max(share, self._usual.share(estimate))
+        is_off = share > (1.0 if self._found is None else _END_SHARE)
+        if is_off and self._found is None and self._online.gain(estimate.offset) < _MIN_GAIN:
+            return
+        self._is_confirmed = is_off and self._found is not None
+        self._found = estimate if is_off else None
+        if not is_off:
+            self._usual.add(estimate.offset)
 
 
 class _UsualOffset:

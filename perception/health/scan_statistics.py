@@ -65,12 +65,12 @@ class ScanMeter:
 
 def _sum(values: UInt8, axis: int) -> Int:
     # OpenCV, as NumPy takes ten times as long over bytes.
-    return np.asarray(cv2.reduce(values, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S)).ravel()
+    return np.asarray(cv2.reduce(values, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S), np.int32).ravel()
 
 
 def _share_alone(ranges_m: Float32) -> float:
     """Return the share of the directions whose return is near, and nearer than those above, below and beside."""
-    near_m = cv2.min(ranges_m, _FAR_M)
+    near_m = cv2.min(ranges_m, np.array(_FAR_M))
     # The first and the last beam are their own neighbours, and so never alone.
     framed = cv2.copyMakeBorder(near_m, 1, 1, 0, 0, cv2.BORDER_REPLICATE)
     framed = np.asarray(cv2.copyMakeBorder(framed, 0, 0, 1, 1, cv2.BORDER_WRAP), np.float32)

@@ -7,7 +7,8 @@ import pytest
 
 from perception.calibration.edge_alignment import EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges
-from perception.calibration.offset import UNKNOWN, offset_SE3
+from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_SE3
+from perception.calibration.online import OnlineCalibration
 from perception.calibration.online_edges import OnlineEdges
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.sensor import HDL_64E
@@ -60,6 +61,18 @@ def test_an_error_is_named_within_two_seconds(board_frames, name):
     assert finding.reason.endswith("recalibrate with: trifuse calibrate DRIVE")
     left = (monitor.correction @ error_of(name))[:3, :3]
     assert np.degrees(np.arccos(np.clip((np.trace(left) - 1) / 2, -1, 1))) < 0.25
+
+
+@pytest.mark.parametrize("gain", [8.0, 10.0])
+def test_an_offset_that_fits_no_better_than_none_is_no_fault(board_frames, monkeypatch, gain):
+    """Nor is it learned as usual for the drive."""
+    far = OffsetEstimate(np.radians([2.0, 0, 0, 0, 0, 0]), np.full(6, 0.002))
+    monkeypatch.setattr(OnlineCalibration, "update", lambda self, frame, pose: far)
+    monkeypatch.setattr(OnlineCalibration, "gain", lambda self, offset: gain)
+    monitor = MiscalibrationMonitor(HDL_64E)
+    found = [one[0].level for one in findings(monitor, board_frames, count=2) if one]
+    assert found == ([] if gain < 9 else [HealthLevel.WARN, HealthLevel.ERROR])
+    assert monitor._usual._newest is None
 
 
 def test_edges_and_their_alignment_are_work_of_two_frames(board_frames, monkeypatch):
