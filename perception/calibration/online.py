@@ -10,7 +10,7 @@ from perception.sensor import LidarModel
 from perception.types import Float64, Frame
 
 # What a score of edges is worth as a logarithm of likelihoods: an offset by half a degree gains 0.03 to 0.1 of score.
-_SCORE_WEIGHT = 200.0
+_SCORE_WEIGHT = 150.0
 
 
 class OnlineCalibration:
