@@ -55,13 +55,13 @@ class MiscalibrationMonitor:
         """
         estimate = self._online.update(frame, world_SE3_velo)
         if estimate is not None and estimate.is_determined:
-            self._judge(estimate)
+            self._take_in(estimate)
         if self._found is None:
             return ()
         level = HealthLevel.ERROR if self._is_confirmed else HealthLevel.WARN
         return (HealthFinding(CALIBRATION, level, FAULT, _sentence(self._found)),)
 
-    def _judge(self, estimate: OffsetEstimate) -> None:
+    def _take_in(self, estimate: OffsetEstimate) -> None:
         """Find out whether the calibration is off by a new estimate."""
         share = float((np.abs(estimate.offset) / (_LIMITS * estimate.deviations)).max())
         share = max(share, self._usual.share(estimate))
