@@ -32,7 +32,7 @@ _MIN_DEVIATIONS = np.array([*np.radians([0.07, 0.07, 0.09]), 0.016, 0.018, 0.015
 _MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.15] * 3), *[0.03] * 3])
 _MAX_ASSOCIATIONS = 3
 _MAX_CONTRADICTION = 2.0  # in deviations of what is known
-_FIXED = np.full(6, 1e-5)
+_FIXED = np.full(6, 1e-5)  # deviations of an offset that is held as it is
 _AXES = 7  # of the offset, and of the sweep
 
 
@@ -76,19 +76,16 @@ def motion_gain(tracks: Sequence[CornerTracks], offset: Float64) -> float:
     Of each frame those count that are on a surface both with the offset and without.
     """
     tried = (np.zeros(6), offset)
-    associated = [[one.reassociated(offset_SE3(by)) for one in tracks] for by in tried]
-    known = [
-        np.logical_and(*(one.is_known for one in both)) for both in zip(*associated, strict=True)
-    ]
-    costs = [
-        align_motion(
-            [one[rows] for one, rows in zip(frames, known, strict=True)],
-            by,
-            OffsetEstimate(by, _FIXED),
-        ).cost
-        for frames, by in zip(associated, tried, strict=True)
-    ]
-    return costs[0] - costs[1]
+    kept = []
+    for one in tracks:
+        both = [one.reassociated(offset_SE3(by)) for by in tried]
+        is_known = np.logical_and(*(each.corners.is_known for each in both))
+        kept.append([each[is_known] for each in both])
+    without, with_offset = (
+        align_motion(frames, by, OffsetEstimate(by, _FIXED)).cost
+        for frames, by in zip(zip(*kept, strict=True), tried, strict=True)
+    )
+    return without - with_offset
 
 
 def _refined(
@@ -189,13 +186,9 @@ class _System:
         self.cost += cost
         # Where many are elsewhere, those that seem to be right tell less.
         trust = inliers**2
-        curvature, slope = trust * curvature, trust * slope
-        blocks = (slice(_AXES), slice(_AXES + 6 * number, _AXES + 6 * number + 6))
-        own = (slice(_AXES), slice(_AXES, UNKNOWNS))
-        for rows, own_rows in zip(blocks, own, strict=True):
-            self.slope[rows] += slope[own_rows]
-            for columns, own_columns in zip(blocks, own, strict=True):
-                self.curvature[rows, columns] += curvature[own_rows, own_columns]
+        at = np.r_[0:_AXES, _AXES + 6 * number : _AXES + 6 * number + 6]
+        self.curvature[np.ix_(at, at)] += trust * curvature
+        self.slope[at] += trust * slope
 
     def step(self) -> Float64:
         return np.asarray(-np.linalg.solve(self.curvature, self.slope))

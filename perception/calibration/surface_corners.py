@@ -112,7 +112,7 @@ class SurfaceCorners:
         moments = view.moments(offset_SE3_cam)
         pixels = _clear_corners(image, moments[..., 0] > 0)
         found = cls(view, pixels, view.planes(moments, pixels), offset_SE3_cam)
-        return found[np.isfinite(found.planes_velo[:, 3])][:_MAX_TRACKED]
+        return found[found.is_known][:_MAX_TRACKED]
 
     def __len__(self) -> int:
         """Return K."""
@@ -121,6 +121,11 @@ class SurfaceCorners:
     def __getitem__(self, rows: slice | Bool) -> Self:
         """Return some of the corners."""
         return replace(self, pixels=self.pixels[rows], planes_velo=self.planes_velo[rows])
+
+    @property
+    def is_known(self) -> Bool:
+        """(K,) whether the plane of a corner is known."""
+        return np.isfinite(self.planes_velo[:, 3])
 
     @cached_property
     def rays(self) -> Float64:
@@ -194,13 +199,8 @@ class CornerTracks:
         return len(self.corners)
 
     def __getitem__(self, rows: Bool) -> Self:
-        """Return some of them."""
+        """Return some of the tracks."""
         return replace(self, corners=self.corners[rows], later_px=self.later_px[rows])
-
-    @property
-    def is_known(self) -> Bool:
-        """(K,) whether the plane of a corner is known."""
-        return np.isfinite(self.corners.planes_velo[:, 3])
 
     @classmethod
     def track(

@@ -70,7 +70,7 @@ class ImageStatistics:
 
 @dataclass(frozen=True)
 class SampledReturns:
-    """A sample of a scan that is kept until somebody asks where it is in the image.
+    """A sample of a scan; its depths in the image are computed when they are needed.
 
     Attributes:
         points_velo: (P, 3) points.

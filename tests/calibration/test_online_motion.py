@@ -108,7 +108,7 @@ def test_motion_tells_whether_a_claimed_offset_is_true(street, axis, true_deg):
     assert gain > 20 if true_deg else gain < -20
 
 
-def test_without_tracks_motion_tells_nothing(street):
+def test_the_gain_is_zero_without_tracks(street):
     assert motion_of(street[:1]).gain(np.full(6, 0.01)) == 0.0
 
 

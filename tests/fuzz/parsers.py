@@ -4,7 +4,6 @@ A parser may refuse what it reads by a PerceptionError in one line, and nothing 
 no memory beyond what a whole file of its kind needs.
 """
 
-import functools
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -422,18 +421,9 @@ def _feathers() -> Sequence[bytes]:
     return contents
 
 
-@functools.cache
-def _remember_definitions() -> None:
-    """Have rosbags parse each definition of a message once: it takes half the time of a small bag."""
-    from rosbags.highlevel import anyreader
-
-    anyreader.get_types_from_msg = functools.lru_cache(anyreader.get_types_from_msg)
-
-
 def _read_bag(path: Path) -> object:
     from data.bags.bag import Bag
 
-    _remember_definitions()
     bag = Bag(path)
     return [bag.decode(message) for message in bag.messages(list(bag.kinds))]
 
