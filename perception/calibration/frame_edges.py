@@ -4,7 +4,7 @@ A spinning LiDAR measures the left and the right of an image at other times than
 are moved to the time of the stamp. Which way it spins is one of three hypotheses, as no file states it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
@@ -47,6 +47,7 @@ class FrameEdges:
     period_s: float
     motion: SweepMotion | None = None
     is_night: bool = False
+    _points_cam: dict[SweepTurn, Float64] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(
@@ -98,11 +99,14 @@ class FrameEdges:
 
     def points_cam(self, turn: SweepTurn) -> Float64:
         """Return the (K, 3) edges of the scan in the camera's frame, if the LiDAR turns in such a way."""
-        points = self.scan.points_velo.astype(np.float32)
-        if self.motion is not None and turn is not SweepTurn.NONE:
-            times_s = (turn * self.period_s * self.scan.turns).astype(np.float32)
-            points = deskew(points, times_s, self.motion)
-        return np.asarray(transform_points(self.cam_SE3_velo, points), np.float64)
+        if turn not in self._points_cam:
+            points = self.scan.points_velo.astype(np.float32)
+            if self.motion is not None and turn is not SweepTurn.NONE:
+                times_s = (turn * self.period_s * self.scan.turns).astype(np.float32)
+                points = deskew(points, times_s, self.motion)
+            points_cam = transform_points(self.cam_SE3_velo, points)
+            self._points_cam[turn] = np.asarray(points_cam, np.float64)
+        return self._points_cam[turn]
 
 
 def steady_motion(velo_SE3_later: Float64, later_s: float, sensor: LidarModel) -> SweepMotion:

@@ -39,7 +39,7 @@ class EdgeMaps:
     level: UInt8
     brightest: UInt8
     map_P_cam: Float64
-    _smoothed: dict[float, tuple[Float32, Float32]] = field(default_factory=dict, repr=False)
+    _smoothed: dict[float, Float32] = field(default_factory=dict, repr=False)
 
     def pixels(self, points_cam: Float64) -> Float64:
         """Return (K, 2) places of (K, 3) points in the maps, NaN behind the camera."""
@@ -55,15 +55,15 @@ class EdgeMaps:
         dark[inside] = self.brightest[v, u] < _MIN_LIT
         return dark
 
-    def smoothed(self, smoothing_px: float) -> tuple[Float32, Float32]:
-        """Return both maps from 0 to 1, smoothed by a Gaussian; those of the last two smoothings are kept."""
+    def smoothed(self, smoothing_px: float) -> Float32:
+        """Return the (2, h, w) maps, upright and level, from 0 to 1, smoothed by a Gaussian; those of the last two are kept."""
         if smoothing_px not in self._smoothed:
             if len(self._smoothed) == _KEPT:
                 del self._smoothed[next(iter(self._smoothed))]
-            self._smoothed[smoothing_px] = (
-                _blurred(self.upright, smoothing_px),
-                _blurred(self.level, smoothing_px),
-            )
+            maps = np.multiply([self.upright, self.level], np.float32(1 / 255), dtype=np.float32)
+            for one in maps:
+                cv2.GaussianBlur(one, (0, 0), smoothing_px, dst=one)
+            self._smoothed[smoothing_px] = maps
         return self._smoothed[smoothing_px]
 
 
@@ -97,8 +97,3 @@ def _relative(slopes: Float32) -> UInt8:
     around += np.float32(_MIN_SLOPE)
     ratio = cv2.divide(sizes, around, scale=255 / _MAX_RATIO, dtype=cv2.CV_8U)  # at most 255
     return np.asarray(ratio, np.uint8)
-
-
-def _blurred(edges: UInt8, smoothing_px: float) -> Float32:
-    scaled = np.multiply(edges, np.float32(1 / 255), dtype=np.float32)
-    return np.asarray(cv2.GaussianBlur(scaled, (0, 0), smoothing_px, dst=scaled), np.float32)

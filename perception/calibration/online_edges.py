@@ -104,9 +104,6 @@ class OnlineEdges:
         Args:
             sensor: LiDAR model of the scans.
         """
-        # Imported by now, it takes no 50 ms of the first frame that is aligned.
-        import scipy.optimize  # noqa: F401
-
         self._sensor = sensor
         self._is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
         self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)

@@ -39,13 +39,17 @@ def test_places_outside_take_the_border_without_a_slope_across_it():
 
 def test_sums_are_those_of_numpy():
     rng = np.random.default_rng(1)
-    edges = rng.random((40, 60), np.float32)
+    maps = rng.random((2, 40, 60), np.float32)
+    is_first = rng.random(300) < 0.4
     # Some points beside the map, some behind the camera.
     points = rng.uniform([-8, -6, -2], [8, 6, 15], (300, 3))
     moved = offset_SE3(np.array([0.02, -0.1, 0.3, 0.1, 0.2, -0.3]))
     sums = np.ones(7)
-    add_map_sums(edges, MAP_P_CAM, points, moved, MIN_DEPTH_M, sums)
-    reference = _numpy_sums(edges, points, moved)
+    add_map_sums(maps, is_first, MAP_P_CAM, points, moved, MIN_DEPTH_M, sums)
+    reference = sum(
+        _numpy_sums(edges, points[is_its], moved)
+        for edges, is_its in zip(maps, (is_first, ~is_first), strict=True)
+    )
     assert np.abs(reference).min() > 1e-3
     np.testing.assert_allclose(sums, 1 + reference, rtol=1e-10)
 
@@ -56,7 +60,10 @@ def test_the_slopes_are_those_of_the_sums():
 
     def sums(offset: Float64) -> Float64:
         found = np.zeros(7)
-        add_map_sums(edges, MAP_P_CAM, points, offset_SE3(offset), MIN_DEPTH_M, found)
+        is_first = np.ones(len(points), bool)
+        add_map_sums(
+            edges[None], is_first, MAP_P_CAM, points, offset_SE3(offset), MIN_DEPTH_M, found
+        )
         return found
 
     slopes = sums(np.zeros(6))[1:]
@@ -69,7 +76,10 @@ def test_the_slopes_are_those_of_the_sums():
 def _sampled(edges: Float32, columns: Float64, rows: Float64) -> Float64:
     """Return (3, K) values and slopes of K places."""
     return np.array(
-        [sample_map(edges, u, v) for u, v in zip(columns.tolist(), rows.tolist(), strict=True)]
+        [
+            sample_map(edges[None], 0, u, v)
+            for u, v in zip(columns.tolist(), rows.tolist(), strict=True)
+        ]
     ).T
 
 
