@@ -21,15 +21,13 @@ _MOTION_DEVIATIONS = np.array([0.0005] * 3 + [0.005] * 3)
 # Slow drives do not tell the sweep. In between both directions a drive at 5 m/s tells the calibration as well as in the true
 # one, at 12 m/s 2 cm less well.
 _SWEEP_DEVIATION = 0.3
-# A tracked corner is off by some of a pixel, and by a share of its way: planes are not quite as far as they seem.
-_PIXEL_DEVIATION, _SHARE_DEVIATION = 0.2, 0.02
 # Deviations from which on a corner counts little, as one on what moves: broad at first, then narrow.
 _SCALES = (6.0, 3.0, 1.5, 1.5)
 _MAX_INLIER = 3.0
 # What errors that are alike in all frames leave.
 _MIN_DEVIATIONS = np.array([*np.radians([0.07, 0.07, 0.09]), 0.016, 0.018, 0.015])
 # Planes are associated again where the calibration is found to be so far from the one of their association.
-_MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.15] * 3), *[0.03] * 3])
+_MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.25] * 3), *[0.05] * 3])
 _MAX_ASSOCIATIONS = 3
 _MAX_CONTRADICTION = 2.0  # in deviations of what is known
 _FIXED = np.full(6, 1e-5)  # deviations of an offset that is held as it is
@@ -176,19 +174,20 @@ class _System:
         corners, error = tracks.corners, state.motion_errors[number]
         cam_SE3_velo = state.offset_SE3_cam @ corners.view.cam_SE3_velo
         moved = offset_SE3(error) @ cam_SE3_velo @ tracks.later_SE3_velo @ inverse(cam_SE3_velo)
-        deviations_px = np.hypot(_PIXEL_DEVIATION, _SHARE_DEVIATION * tracks.ways_px)
         curvature, slope = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
         cost, inliers = add_corner_sums(
-            corners.planes_velo, corners.rays, tracks.later_px, deviations_px, tracks.sweep_shifts_m,
+            corners.planes_velo, corners.rays, tracks.later_px, tracks.deviations_px, tracks.sweep_shifts_m,
             cam_SE3_velo, moved, corners.view.image_P_cam, corners.view.center_m,
             state.sweep, scale, _MAX_INLIER, curvature, slope,
         )  # fmt: skip
         self.cost += cost
         # Where many are elsewhere, those that seem to be right tell less.
-        trust = inliers**2
-        at = np.r_[0:_AXES, _AXES + 6 * number : _AXES + 6 * number + 6]
-        self.curvature[np.ix_(at, at)] += trust * curvature
-        self.slope[at] += trust * slope
+        curvature, slope = inliers**2 * curvature, inliers**2 * slope
+        shared, own = slice(_AXES), slice(_AXES + 6 * number, _AXES + 6 * (number + 1))
+        for here, rows in ((shared, slice(_AXES)), (own, slice(_AXES, None))):
+            self.slope[here] += slope[rows]
+            self.curvature[here, shared] += curvature[rows, :_AXES]
+            self.curvature[here, own] += curvature[rows, _AXES:]
 
     def step(self) -> Float64:
         return np.asarray(-np.linalg.solve(self.curvature, self.slope))
