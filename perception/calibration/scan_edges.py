@@ -25,7 +25,7 @@ from perception.kernels.angle_grid import (
 )
 from perception.maps.projection import rows_near_view
 from perception.sensor import LidarModel
-from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, Int, UInt8
+from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, Int
 
 _MAX_RANGE_M = 60.0  # beyond, neighbouring beams are half a metre apart
 # Something is far from a surface where it is farther by a tenth and 0.4 m, and belongs to it within 2 % and 0.25 m.
@@ -34,6 +34,11 @@ _SAME_RATIO, _SAME_M = 0.02, 0.25
 _LIMITS = _MAX_RANGE_M, _FAR_RATIO, _FAR_M, _SAME_RATIO, _SAME_M
 _MARGIN_SHARE = 0.1  # of the image's size, by which edges beyond its borders are kept
 _NEAREST_M = 1.0
+_KINDS = np.array([AT_LEFT, AT_RIGHT, AT_TOP], np.uint8)
+_SIDEWAYS, _UPWARDS = (
+    np.array([-1.0, 1.0, 0.0]),
+    np.array([0.0, 0.0, 1.0]),
+)  # where the next beam is
 
 
 @dataclass(frozen=True)
@@ -65,10 +70,11 @@ def find_scan_edges(
     in_view = rows_near_view(points_velo, *_widened(calibration, size_px))
     grid = _AngleGrid.of(points_velo, in_view, calibration, sensor)
     edges = edges_of_grid(grid.ranges_m, *_LIMITS)
-    found = [grid.ends(edges, kind) for kind in (AT_LEFT, AT_RIGHT, AT_TOP)]
-    places = np.concatenate(found)
-    is_upright = np.repeat([True, True, False], [len(part) for part in found])
-    return ScanEdges(places, is_upright, np.arctan2(places[:, 1], places[:, 0]) / (2 * np.pi))
+    rows, columns = np.nonzero(edges > 0)
+    kinds, at = np.nonzero(edges[rows, columns] & _KINDS[:, None])
+    places = grid.ends(rows[at], columns[at], _SIDEWAYS[kinds], _UPWARDS[kinds])
+    turns = np.arctan2(places[:, 1], places[:, 0]) / (2 * np.pi)
+    return ScanEdges(places, _UPWARDS[kinds] == 0, turns)
 
 
 def _widened(calibration: Calibration, size_px: tuple[int, int]) -> tuple[Float64, tuple[int, int]]:
@@ -119,19 +125,23 @@ class _AngleGrid:
         )
         return cls(ranges_m, point_of, points_velo, sensor.azimuth_step_rad, sensor.elevations_rad)
 
-    def ends(self, edges: UInt8, kind: int) -> Float64:
-        """Return the (K, 3) returns with edges of one kind, moved by half a beam: an edge is between it and the next one."""
-        rows, columns = np.nonzero(edges & kind)
+    def ends(self, rows: Int, columns: Int, sideways: Float64, upwards: Float64) -> Float64:
+        """Return (K, 3) returns, moved by half a beam: an edge is between it and the next one.
+
+        Args:
+            rows: (K,) rows of the returns in the grid.
+            columns: (K,) their columns.
+            sideways: (K,) columns by which the next beam is to the right.
+            upwards: (K,) rows by which it is above.
+        """
         points = self.points_velo[self.point_of[rows, columns], :3].astype(np.float64)
         across_m = np.hypot(points[:, 0], points[:, 1])
-        sideways, upwards = (kind == AT_RIGHT) - (kind == AT_LEFT), int(kind == AT_TOP)
         turned_rad = np.arctan2(points[:, 1], points[:, 0]) - sideways * self.column_rad / 2
         gaps_rad = self.rows_rad[np.maximum(rows - 1, 0)] - self.rows_rad[rows]
         raised_rad = np.arctan2(points[:, 2], across_m) + upwards * gaps_rad / 2
-        return np.column_stack(
-            [
-                across_m * np.cos(turned_rad),
-                across_m * np.sin(turned_rad),
-                across_m * np.tan(raised_rad),
-            ]
-        )
+        places = [
+            across_m * np.cos(turned_rad),
+            across_m * np.sin(turned_rad),
+            across_m * np.tan(raised_rad),
+        ]
+        return np.column_stack(places)

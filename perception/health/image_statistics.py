@@ -11,8 +11,7 @@ from perception.geometry.camera import project
 from perception.geometry.se3 import transform_points
 from perception.types import Calibration, Float32, Float64, Frame, UInt8
 
-_SAMPLE_STEP_PX = 4
-_ROW_STEP_PX = 4
+_STEP_PX = 4
 _GRID = (6, 16)  # cells, down and across
 _WIDTH_PX = 1242  # width of an image, at which the steps below are as they stand
 _FINE_PX, _COARSE_PX = 2, 8
@@ -47,11 +46,11 @@ class ImageStatistics:
     @classmethod
     def of(cls, image: UInt8) -> Self:
         """Measure an (H, W, 3) image."""
-        sample = np.ascontiguousarray(image[::_SAMPLE_STEP_PX, ::_SAMPLE_STEP_PX, _GREEN])
+        rows = np.asarray(cv2.extractChannel(image[::_STEP_PX], _GREEN), np.uint8)
+        sample = np.ascontiguousarray(rows[:, ::_STEP_PX])
         counts = cv2.calcHist([sample], [0], None, [256], [0, 256]).ravel()
         shares = np.cumsum(counts, dtype=np.float64) / sample.size
         low, median, high = np.searchsorted(shares, (_LOW, 0.5, _HIGH))
-        rows = np.ascontiguousarray(image[::_ROW_STEP_PX, :, _GREEN])
         scale = max(1, round(image.shape[1] / _WIDTH_PX))
         fine_px, coarse_px = scale * _FINE_PX, scale * _COARSE_PX
         ends = rows[:, :-coarse_px]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, array_of, compiled
+from perception.kernels.range_images import azimuth_rad
 from perception.types import Float32, Float64, Int, UInt8
 
 _ROWS, _GRID = array_of(np.int64), array_of(np.float32, 2)
@@ -45,16 +46,22 @@ def nearest_by_angle(
             ranges_m[k] = np.inf
             continue
         across, along = x * ahead_y - y * ahead_x, x * ahead_x + y * ahead_y
-        columns[k] = np.int64(np.floor(np.arctan2(across, along) / column_rad))
+        turned_rad = azimuth_rad(np.float32(-along), np.float32(-across)) - np.pi
+        columns[k] = np.int64(np.floor(turned_rad / column_rad))
         first, last = min(first, int(columns[k])), max(last, int(columns[k]))
     rising, beams, width = -sines, len(sines) + 1, max(last - first + 1, 0)
     grid = np.full((beams + 2 * MARGIN_ROWS, width + 2 * MARGIN_COLUMNS), np.float32(np.inf))
     point_of = np.full((beams, width), -1)
+    beam = 0
     for k in range(len(rows)):
         if ranges_m[k] == np.inf:
             continue
-        sine = np.float64(points[rows[k], 2]) / ranges_m[k]
-        beam = np.searchsorted(rising, -sine)
+        falling = -np.float64(points[rows[k], 2]) / ranges_m[k]
+        # Scans are in the order of beams or of firings: the next return is of the same beam or of one beside it.
+        while beam < beams - 1 and rising[beam] < falling:
+            beam += 1
+        while beam > 0 and rising[beam - 1] >= falling:
+            beam -= 1
         column = columns[k] - first
         if ranges_m[k] < grid[MARGIN_ROWS + beam, MARGIN_COLUMNS + column]:
             grid[MARGIN_ROWS + beam, MARGIN_COLUMNS + column] = ranges_m[k]

@@ -25,7 +25,7 @@ _PI = np.float32(np.pi)
 
 
 @compiled((_F32, _F32))
-def _azimuth_rad(x: np.float32, y: np.float32) -> np.float32:
+def azimuth_rad(x: np.float32, y: np.float32) -> np.float32:
     """Return the direction of (x, y), from 0 to 2 pi."""
     across, along = abs(x), abs(y)
     ratio = min(across, along) / max(across, along, np.float32(1e-30))
@@ -51,7 +51,7 @@ def _directions(
     for k in range(len(x)):
         across = np.sqrt(x[k] * x[k] + y[k] * y[k])
         steps[k] = (z[k] / max(across, np.float32(1e-3)) - lowest_slope) * steps_per_slope
-        columns[k] = min(int(_azimuth_rad(x[k], y[k]) * columns_per_rad), width - 1)
+        columns[k] = min(int(azimuth_rad(x[k], y[k]) * columns_per_rad), width - 1)
         ranges_m[k] = np.sqrt(across * across + z[k] * z[k])
 
 
