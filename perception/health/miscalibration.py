@@ -71,7 +71,7 @@ class MiscalibrationMonitor:
         self._is_confirmed = is_off and self._found is not None
         self._found = estimate if is_off else None
         if not is_off:
-            self._usual.add(estimate.offset)
+            self._usual.add(estimate)
 
 
 class _UsualOffset:
@@ -80,24 +80,28 @@ class _UsualOffset:
     def __init__(self) -> None:
         """Begin a drive."""
         self._count, self._mean, self._squares = 0, np.zeros(6), np.zeros(6)
-        self._newest: Float64 | None = None
+        self._deviations = np.zeros(6)
+        self._newest: OffsetEstimate | None = None
 
-    def add(self, newest: Float64) -> None:
+    def add(self, newest: OffsetEstimate) -> None:
         """Learn from the estimate before the newest one, as the newest may be half of a change."""
-        offset, self._newest = self._newest, newest
-        if offset is None:
+        learned, self._newest = self._newest, newest
+        if learned is None:
             return
         self._count += 1
-        before = offset - self._mean
+        before = learned.offset - self._mean
         self._mean = self._mean + before / self._count
-        self._squares = self._squares + before * (offset - self._mean)
+        self._squares = self._squares + before * (learned.offset - self._mean)
+        self._deviations = self._deviations + (learned.deviations - self._deviations) / self._count
 
     def share(self, estimate: OffsetEstimate) -> float:
         """Return the change as a share of what counts, the largest of the six; none before enough is known."""
         if self._count < _MIN_ESTIMATES:
             return 0.0
         usual = np.sqrt(self._squares / (self._count - 1))
-        limits = np.maximum(_CHANGE_LIMITS * estimate.deviations, _USUAL_LIMIT * usual)
+        # Where little was known before, what is known now is no change.
+        deviations = np.maximum(estimate.deviations, self._deviations)
+        limits = np.maximum(_CHANGE_LIMITS * deviations, _USUAL_LIMIT * usual)
         return float((np.abs(estimate.offset - self._mean) / limits).max())
 
 

@@ -10,7 +10,7 @@ from perception.calibration.frame_edges import FrameEdges
 from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_SE3
 from perception.calibration.online import OnlineCalibration
 from perception.calibration.online_edges import OnlineEdges
-from perception.health.miscalibration import MiscalibrationMonitor, corrected
+from perception.health.miscalibration import MiscalibrationMonitor, _UsualOffset, corrected
 from perception.sensor import HDL_64E
 from perception.snapshot import read_snapshot, write_snapshot
 from perception.types import CALIBRATION, HealthLevel
@@ -202,3 +202,17 @@ def test_beams_far_apart_tell_yaw_alone(board_frames, name, is_named):
         np.testing.assert_allclose(monitor.correction[1, :3], [0, 1, 0], atol=0.01)
         left = np.degrees((monitor.correction @ error_of(name))[0, 2])
         assert abs(left) < 0.4
+
+
+@pytest.mark.parametrize(("known_m", "is_change"), [(0.02, True), (0.2, False)])
+def test_what_was_hardly_known_before_does_not_change(known_m, is_change):
+    """Shifts by 30 cm, then by 2 cm: a change where the former were known to 2 cm, none where to 20 cm."""
+    usual, right = _UsualOffset(), np.eye(6)[3]
+    before, now = (
+        OffsetEstimate(shift_m * right, np.full(6, deviation_m))
+        for shift_m, deviation_m in ((0.3, known_m), (0.02, 0.02))
+    )
+    for _ in range(5):
+        usual.add(before)
+    assert (usual.share(now) > 1) == is_change
+    assert usual.share(before) == 0
