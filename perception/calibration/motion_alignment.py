@@ -27,7 +27,7 @@ _MAX_INLIER = 3.0
 # What errors that are alike in all frames leave.
 _MIN_DEVIATIONS = np.array([*np.radians([0.07, 0.07, 0.09]), 0.016, 0.018, 0.015])
 # Planes are associated again where the calibration is found to be so far from the one of their association.
-_MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.25] * 3), *[0.05] * 3])
+_MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.2] * 3), *[0.04] * 3])
 _MAX_ASSOCIATIONS = 3
 _MAX_CONTRADICTION = 2.0  # in deviations of what is known
 _FIXED = np.full(6, 1e-5)  # deviations of an offset that is held as it is

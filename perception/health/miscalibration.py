@@ -19,7 +19,7 @@ _CHANGE_LIMITS = np.array([3.0] * 5 + [np.inf])
 _USUAL_LIMIT, _MIN_ESTIMATES = 4.0, 3
 # By how much edges and motion together must fit better than without the offset, a logarithm of likelihoods: edges that
 # fit beside their own are contradicted by motion, and what moves beside the vehicle by edges.
-_MIN_GAIN = 7.0
+_MIN_GAIN = 8.0
 # One estimate warns; the next one, which agrees, makes an error, and what the pipeline does depends on it.
 # An error is over where the estimate is below such a share of what makes one.
 _END_SHARE = 0.7
@@ -79,8 +79,8 @@ class _UsualOffset:
 
     def __init__(self) -> None:
         """Begin a drive."""
-        self._count, self._mean, self._squares = 0, np.zeros(6), np.zeros(6)
-        self._deviations = np.zeros(6)
+        self._count, self._weights = 0, np.zeros(6)
+        self._mean, self._squares = np.zeros(6), np.zeros(6)
         self._newest: OffsetEstimate | None = None
 
     def add(self, newest: OffsetEstimate) -> None:
@@ -88,19 +88,22 @@ class _UsualOffset:
         learned, self._newest = self._newest, newest
         if learned is None:
             return
-        self._count += 1
+        weights = 1 / np.square(learned.deviations)
+        self._count, self._weights = self._count + 1, self._weights + weights
         before = learned.offset - self._mean
-        self._mean = self._mean + before / self._count
-        self._squares = self._squares + before * (learned.offset - self._mean)
-        self._deviations = self._deviations + (learned.deviations - self._deviations) / self._count
+        self._mean = self._mean + weights / self._weights * before
+        self._squares = self._squares + weights * before * (learned.offset - self._mean)
 
     def share(self, estimate: OffsetEstimate) -> float:
         """Return the change as a share of what counts, the largest of the six; none before enough is known."""
         if self._count < _MIN_ESTIMATES:
             return 0.0
-        usual = np.sqrt(self._squares / (self._count - 1))
+        of_mean = (
+            self._count / self._weights
+        )  # the variance of one estimate: they share what the scene adds
+        usual = np.sqrt(self._squares / self._weights * self._count / (self._count - 1))
         # Where little was known before, what is known now is no change.
-        deviations = np.maximum(estimate.deviations, self._deviations)
+        deviations = np.maximum(estimate.deviations, np.sqrt(of_mean))
         limits = np.maximum(_CHANGE_LIMITS * deviations, _USUAL_LIMIT * usual)
         return float((np.abs(estimate.offset - self._mean) / limits).max())
 
