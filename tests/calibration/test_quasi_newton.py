@@ -7,7 +7,7 @@ from scipy.optimize import minimize, rosen, rosen_der
 from perception.calibration.quasi_newton import minimize_loss
 
 
-def test_the_least_loss_is_scipys():
+def test_it_ends_where_scipy_does():
     rng = np.random.default_rng(0)
     root, bend, start = rng.normal(size=(4, 4)), rng.normal(size=4), rng.normal(size=4)
     curvature = root @ root.T + np.eye(4)
