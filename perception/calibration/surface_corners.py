@@ -24,7 +24,7 @@ from perception.maps.projection import rows_near_view
 from perception.types import Bool, Float32, Float64, Frame
 
 _MAX_CORNERS, _MIN_QUALITY, _MIN_DISTANCE_PX, _BLOCK_PX = 600, 0.002, 3.0, 3  # at half the size
-_MARGIN_PX = 4  # beside which the image ends, as far as a corner is concerned
+_MARGIN_PX = 4  # around a corner, of pixels that tell how clear it is
 _MAX_TRACKED = 250
 # Cells of the image, a quarter of a degree wide whatever the camera, and the windows of them that hold a plane: of a dense
 # LiDAR the first, of a sparse one the others.

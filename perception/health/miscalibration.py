@@ -98,12 +98,11 @@ class _UsualOffset:
         """Return the change as a share of what counts, the largest of the six; none before enough is known."""
         if self._count < _MIN_ESTIMATES:
             return 0.0
-        of_mean = (
-            self._count / self._weights
-        )  # the variance of one estimate: they share what the scene adds
+        # Of one estimate, not of their mean: they share what the scene adds.
+        variances = self._count / self._weights
         usual = np.sqrt(self._squares / self._weights * self._count / (self._count - 1))
         # Where little was known before, what is known now is no change.
-        deviations = np.maximum(estimate.deviations, np.sqrt(of_mean))
+        deviations = np.maximum(estimate.deviations, np.sqrt(variances))
         limits = np.maximum(_CHANGE_LIMITS * deviations, _USUAL_LIMIT * usual)
         return float((np.abs(estimate.offset - self._mean) / limits).max())
 
