@@ -12,8 +12,7 @@ import numpy as np
 
 from perception.calibration.offset import OffsetEstimate, offset_of, offset_SE3
 from perception.calibration.surface_corners import CornerTracks
-from perception.geometry.se3 import inverse
-from perception.kernels.corner_sums import UNKNOWNS, add_corner_sums
+from perception.kernels.corner_sums import SHARED, add_corner_sums
 from perception.types import Float64
 
 # Poses of registration: standard deviations of a motion between two of them.
@@ -31,7 +30,6 @@ _MAX_ASSOCIATION_CHANGE = np.array([*np.radians([0.2] * 3), *[0.04] * 3])
 _MAX_ASSOCIATIONS = 3
 _MAX_CONTRADICTION = 2.0  # in deviations of what is known
 _FIXED = np.full(6, 1e-5)  # deviations of an offset that is held as it is
-_AXES = 7  # of the offset, and of the sweep
 
 
 @dataclass(frozen=True)
@@ -42,15 +40,17 @@ class MotionAlignment:
         estimate: Offset.
         cost: Half the sum of squared deviations of all that is known, robust for corners; one without a plane counts as one
             that is elsewhere.
+        tracks: Corners with the planes that were associated last.
     """
 
     estimate: OffsetEstimate
     cost: float
+    tracks: Sequence[CornerTracks]
 
 
 def refine_by_motion(
     tracks: Sequence[CornerTracks], known: OffsetEstimate, start: Float64 | None = None
-) -> OffsetEstimate:
+) -> MotionAlignment:
     """Return an estimate with what the motion of images tells beside it.
 
     Args:
@@ -65,7 +65,7 @@ def refine_by_motion(
     if start is not None and (left > _MAX_CONTRADICTION * known.deviations).any():
         found = min(found, _refined(tracks, known, known.offset), key=lambda one: one.cost)
     deviations = np.maximum(found.estimate.deviations, _MIN_DEVIATIONS)
-    return replace(found.estimate, deviations=deviations)
+    return replace(found, estimate=replace(found.estimate, deviations=deviations))
 
 
 def motion_gain(tracks: Sequence[CornerTracks], offset: Float64) -> float:
@@ -88,7 +88,7 @@ def motion_gain(tracks: Sequence[CornerTracks], offset: Float64) -> float:
 
 def _refined(
     tracks: Sequence[CornerTracks], known: OffsetEstimate, start: Float64
-) -> "MotionAlignment":
+) -> MotionAlignment:
     offset, found = start, None
     for _ in range(_MAX_ASSOCIATIONS):
         if any(is_large(one.corners.offset - offset) for one in tracks):
@@ -117,16 +117,14 @@ def align_motion(
         known: What is known of the offset beside their motion.
     """
     state = _State(offset_SE3(start), 0.0, np.zeros((len(tracks), 6)))
-    system = _System(len(tracks))
     for scale in _SCALES:
-        system = _System(len(tracks))
-        system.add_priors(state, known)
+        system = _System(state, known)
         for number, one in enumerate(tracks):
-            system.add_tracks(number, one, state, scale)
+            system.add_tracks(number, one, scale)
         state = state.moved(system.step())
     deviations = np.sqrt(np.diag(np.linalg.inv(system.curvature))[:6])
     estimate = OffsetEstimate(offset_of(state.offset_SE3_cam), deviations)
-    return MotionAlignment(estimate, system.cost)
+    return MotionAlignment(estimate, system.cost, tracks)
 
 
 @dataclass(frozen=True)
@@ -141,53 +139,33 @@ class _State:
         return _State(
             offset_SE3(step[:6]) @ self.offset_SE3_cam,
             self.sweep + float(step[6]),
-            self.motion_errors + step[_AXES:].reshape(-1, 6),
+            self.motion_errors + step[SHARED:].reshape(-1, 6),
         )
 
 
 class _System:
     """Normal equations of one step: the offset, the sweep, then the error of each motion."""
 
-    def __init__(self, motions: int) -> None:
-        size = _AXES + 6 * motions
-        self.curvature, self.slope = np.zeros((size, size)), np.zeros(size)
-        self.cost = 0.0
+    def __init__(self, state: _State, known: OffsetEstimate) -> None:
+        """Begin with what is known beside the corners."""
+        motions = len(state.motion_errors)
+        left = offset_of(state.offset_SE3_cam) - known.offset
+        errors = np.concatenate([left, [state.sweep], state.motion_errors.ravel()])
+        deviations = [known.deviations, [_SWEEP_DEVIATION], *[_MOTION_DEVIATIONS] * motions]
+        weights = 1 / np.square(np.concatenate(deviations))
+        self._state = state
+        self.curvature, self.slope = np.diag(weights), weights * errors
+        self.cost = float(self.slope @ errors) / 2
 
-    def add_priors(self, state: _State, known: OffsetEstimate) -> None:
-        errors = [
-            *(offset_of(state.offset_SE3_cam) - known.offset),
-            state.sweep,
-            *state.motion_errors.ravel(),
-        ]
-        deviations = [
-            *known.deviations,
-            _SWEEP_DEVIATION,
-            *np.tile(_MOTION_DEVIATIONS, len(state.motion_errors)),
-        ]
-        weights = 1 / np.square(deviations)
-        self.curvature += np.diag(weights)
-        self.slope += weights * errors
-        self.cost += float(weights @ np.square(errors)) / 2
-
-    def add_tracks(self, number: int, tracks: CornerTracks, state: _State, scale: float) -> None:
+    def add_tracks(self, number: int, tracks: CornerTracks, scale: float) -> None:
         """Add the corners of one frame."""
-        corners, error = tracks.corners, state.motion_errors[number]
-        cam_SE3_velo = state.offset_SE3_cam @ corners.view.cam_SE3_velo
-        moved = offset_SE3(error) @ cam_SE3_velo @ tracks.later_SE3_velo @ inverse(cam_SE3_velo)
-        curvature, slope = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
-        cost, inliers = add_corner_sums(
+        corners, state = tracks.corners, self._state
+        self.cost += add_corner_sums(
             corners.planes_velo, corners.rays, tracks.later_px, tracks.deviations_px, tracks.sweep_shifts_m,
-            cam_SE3_velo, moved, corners.view.image_P_cam, corners.view.center_m,
-            state.sweep, scale, _MAX_INLIER, curvature, slope,
+            state.offset_SE3_cam @ corners.view.cam_SE3_velo, tracks.later_SE3_velo,
+            offset_SE3(state.motion_errors[number]), corners.view.image_P_cam, corners.view.center_m,
+            state.sweep, scale, _MAX_INLIER, SHARED + 6 * number, self.curvature, self.slope,
         )  # fmt: skip
-        self.cost += cost
-        # Where many are elsewhere, those that seem to be right tell less.
-        curvature, slope = inliers**2 * curvature, inliers**2 * slope
-        shared, own = slice(_AXES), slice(_AXES + 6 * number, _AXES + 6 * (number + 1))
-        for here, rows in ((shared, slice(_AXES)), (own, slice(_AXES, None))):
-            self.slope[here] += slope[rows]
-            self.curvature[here, shared] += curvature[rows, :_AXES]
-            self.curvature[here, own] += curvature[rows, _AXES:]
 
     def step(self) -> Float64:
         return np.asarray(-np.linalg.solve(self.curvature, self.slope))

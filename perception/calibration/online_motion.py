@@ -97,8 +97,13 @@ class OnlineMotion:
         if not tracks or (not by_edges.is_determined and len(tracks) < _MIN_FRAMES):
             return by_edges
         known = by_edges if by_edges.is_determined else OffsetEstimate(self._offset, UNKNOWN)
-        found = refine_by_motion(tracks, known, self._offset)
+        refined = refine_by_motion(tracks, known, self._offset)
+        found = refined.estimate
         self._offset = found.offset if is_large(found.offset) else np.zeros(6)
+        # With their planes, which the next estimate need not look for again.
+        stamps_s = [stamp_s for stamp_s, _ in self._tracks]
+        self._tracks.clear()
+        self._tracks.extend(zip(stamps_s, refined.tracks, strict=True))
         if by_edges.is_determined:
             return found
         return replace(found, deviations=_ALONE * found.deviations)

@@ -104,7 +104,7 @@ def recalibrate(
     covariance[range(3), range(3)] += np.array([beam_rad, 0.0, beam_rad]) ** 2
     if tracks:
         deviations = np.sqrt(np.diag(covariance) + np.square(_SCENES))
-        refined = refine_by_motion(tracks, OffsetEstimate(best, deviations))
+        refined = refine_by_motion(tracks, OffsetEstimate(best, deviations)).estimate
         best, covariance = refined.offset, np.diag(np.square(refined.deviations))
     score = alignment.score(best, SMOOTHINGS_PX[-1]).value
     contrast = _contrast(alignment, best)

@@ -23,7 +23,7 @@ from perception.kernels.window_planes import moments_of_view, planes_at_pixels
 from perception.maps.projection import rows_near_view
 from perception.types import Bool, Float32, Float64, Frame
 
-_MAX_CORNERS, _MIN_QUALITY, _MIN_DISTANCE_PX, _BLOCK_PX = 600, 0.002, 3.0, 3  # at half the size
+_MAX_CORNERS, _MIN_QUALITY, _MIN_DISTANCE_PX, _BLOCK_PX = 600, 0.005, 3.0, 3  # at half the size
 _MARGIN_PX = 4  # around a corner, of pixels that tell how clear it is
 _MAX_TRACKED = 250
 # Cells of the image, a quarter of a degree wide whatever the camera, and the windows of them that hold a plane: of a dense
@@ -34,7 +34,7 @@ _MIN_RETURNS = 12
 _NEAREST_M, _FARTHEST_M = 1.0, 60.0
 # A tracked corner is off by some of a pixel, and by a share of its way: planes are not quite as far as they seem.
 _PIXEL_DEVIATION, _SHARE_DEVIATION = 0.2, 0.02
-_PATCH_PX, _PYRAMID_LEVELS, _ITERATIONS, _MIN_STEP_PX = 11, 2, 10, 0.02
+_PATCH_PX, _PYRAMID_LEVELS, _ITERATIONS, _MIN_STEP_PX = 11, 1, 10, 0.02
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,9 @@ class ScanView:
         )
 
     def planes(self, moments: Float64, pixels: Float64) -> Float64:
-        """Return (K, 4) planes through the returns around (K, 2) pixels, NaN where these do not lie flat."""
+        """Return (K, 4) planes through the returns around (K, 2) pixels, NaN where these do not lie flat or enough are found."""
         return planes_at_pixels(
-            moments, np.ascontiguousarray(pixels), self.cell_px, _WINDOWS, _MIN_RETURNS
+            moments, np.ascontiguousarray(pixels), self.cell_px, _WINDOWS, _MIN_RETURNS, _MAX_TRACKED
         )
 
 
@@ -116,7 +116,7 @@ class SurfaceCorners:
         moments = view.moments(offset_SE3_cam)
         pixels = _clear_corners(image, moments[..., 0] > 0)
         found = cls(view, pixels, view.planes(moments, pixels), offset_SE3_cam)
-        return found[found.is_known][:_MAX_TRACKED]
+        return found[found.is_known]
 
     def __len__(self) -> int:
         """Return K."""

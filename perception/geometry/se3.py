@@ -88,8 +88,8 @@ def transform_points(dst_SE3_src: Float64, points_src: Float32) -> Float32:
 
 def rotation_angle_rad(dst_SE3_src: Float64) -> float:
     """Return the angle of rotation of a transform, 0 to pi."""
-    cosine = (np.trace(dst_SE3_src[:3, :3]) - 1) / 2
-    return float(np.arccos(np.clip(cosine, -1, 1)))
+    (xx, _, _), (_, yy, _), (_, _, zz) = dst_SE3_src[:3, :3].tolist()
+    return math.acos(min(max((xx + yy + zz - 1) / 2, -1.0), 1.0))
 
 
 def orthonormal(dst_SE3_src: Float64) -> Float64:

@@ -2,17 +2,41 @@
 
 import numpy as np
 
-from perception.kernels.compiled import NUMBER, array_of, compiled, written
+from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.types import Float64
 
 _ROWS, _LINE = array_of(np.float64, 2), array_of(np.float64)
 UNKNOWNS = 13  # turn and shift of the calibration, sweep, turn and shift of the error of the motion
+SHARED = 7  # of these by all frames; each has a motion of its own
+
+
+@compiled((_ROWS, _ROWS))
+def _product(first: Float64, second: Float64) -> Float64:
+    """Return the product of two (4, 4) transforms."""
+    product = np.zeros((4, 4))
+    for i in range(4):
+        for j in range(4):
+            for k in range(4):
+                product[i, j] += first[i, k] * second[k, j]
+    return product
+
+
+@compiled((_ROWS, _ROWS))
+def _in_camera(later_SE3_velo: Float64, cam_SE3_velo: Float64) -> Float64:
+    """Return a (4, 4) motion of the LiDAR as one of the camera."""
+    T, velo_SE3_cam = cam_SE3_velo, np.zeros((4, 4))
+    for i in range(3):
+        for j in range(3):
+            velo_SE3_cam[i, j] = T[j, i]
+            velo_SE3_cam[i, 3] -= T[j, i] * T[j, 3]
+    velo_SE3_cam[3, 3] = 1
+    return _product(_product(cam_SE3_velo, later_SE3_velo), velo_SE3_cam)
 
 
 @compiled(
     (
-        _ROWS, _ROWS, _ROWS, _LINE, _LINE, _ROWS, _ROWS, _ROWS, _LINE, NUMBER, NUMBER, NUMBER,
-        written(np.float64, 2), written(np.float64),
+        _ROWS, _ROWS, _ROWS, _LINE, _LINE, _ROWS, _ROWS, _ROWS, _ROWS, _LINE, NUMBER, NUMBER, NUMBER,
+        WHOLE, written(np.float64, 2), written(np.float64),
     )
 )  # fmt: skip
 def add_corner_sums(
@@ -22,20 +46,23 @@ def add_corner_sums(
     deviations_px: Float64,
     shifts_m: Float64,
     cam_SE3_velo: Float64,
-    later_SE3_cam: Float64,
+    later_SE3_velo: Float64,
+    error_SE3_cam: Float64,
     image_P_cam: Float64,
     center_m: Float64,
     sweep: float,
     scale: float,
     max_inlier: float,
+    own: int,
     curvature: Float64,
     slope: Float64,
-) -> tuple[float, float]:
-    """Add the corners of one frame to normal equations; return their robust cost and the share that is where it should be.
+) -> float:
+    """Add the corners of one frame to normal equations of several; return their robust cost.
 
     With the ray r through a corner, its plane n . x = d and the motion M, all in the camera's frame, it comes to be at
     y = M x with x on the ray and on the plane. A change of the calibration by a turn w and a shift t moves x by
-    r (n . t - w . (n x x)) / (n . r), and M by the same change before and after it.
+    r (n . t - w . (n x x)) / (n . r), and M by the same change before and after it. Where many corners are elsewhere, those
+    that seem to be right tell less: the sums count as the square of the share that is where it should be.
 
     Args:
         planes_velo: (K, 4) planes in the LiDAR's frame; a corner whose plane is NaN costs as one that is elsewhere.
@@ -44,19 +71,22 @@ def add_corner_sums(
         deviations_px: (K,) standard deviations of these.
         shifts_m: (K,) how far planes move along their normals if the LiDAR turns counter-clockwise.
         cam_SE3_velo: (4, 4) calibration.
-        later_SE3_cam: (4, 4) motion of the camera.
+        later_SE3_velo: (4, 4) motion of the LiDAR.
+        error_SE3_cam: (4, 4) its error, in the camera's frame.
         image_P_cam: (3, 4) projection to pixels.
         center_m: (3,) centre of the camera, where the rays begin.
         sweep: Share of the sweep.
         scale: Deviations from which on a corner counts little (Geman-McClure).
         max_inlier: Deviations up to which a corner is where it should be.
-        curvature: (13, 13) that is added to.
-        slope: (13,) that is added to.
+        own: First row of the motion's error in the equations.
+        curvature: (D, D) that is added to: the calibration, the sweep, then the error of each frame's motion.
+        slope: (D,) that is added to.
     """
-    T, M, P = cam_SE3_velo, later_SE3_cam, image_P_cam
+    T, P = cam_SE3_velo, image_P_cam
+    M = _product(error_SE3_cam, _in_camera(later_SE3_velo, cam_SE3_velo))
     cost, known, inliers = 0.0, 0, 0
     row = np.empty(UNKNOWNS)
-    sums = np.zeros((UNKNOWNS, UNKNOWNS))  # above the diagonal
+    sums, slopes = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)  # sums above the diagonal
     for k in range(len(rays)):
         a, b, c = planes_velo[k, 0], planes_velo[k, 1], planes_velo[k, 2]
         nx = T[0, 0] * a + T[0, 1] * b + T[0, 2] * c
@@ -110,10 +140,14 @@ def add_corner_sums(
             row[2] = row[9] - per_shift * cz + ex * y - ey * x
             for i in range(UNKNOWNS):
                 weighted = weight * row[i]
-                slope[i] += weighted * left
+                slopes[i] += weighted * left
                 for j in range(i, UNKNOWNS):
                     sums[i, j] += weighted * row[j]
+    share = inliers / known if known else 0.0
     for i in range(UNKNOWNS):
+        into = i if i < SHARED else own + i - SHARED
+        slope[into] += share * share * slopes[i]
         for j in range(UNKNOWNS):
-            curvature[i, j] += sums[min(i, j), max(i, j)]
-    return cost, inliers / known if known else 0.0
+            across = j if j < SHARED else own + j - SHARED
+            curvature[into, across] += share * share * sums[min(i, j), max(i, j)]
+    return cost

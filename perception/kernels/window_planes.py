@@ -62,9 +62,9 @@ def moments_of_view(
     return moments
 
 
-@compiled((array_of(np.float64, 3), _ROWS, NUMBER, array_of(np.int64, 2), WHOLE))
+@compiled((array_of(np.float64, 3), _ROWS, NUMBER, array_of(np.int64, 2), WHOLE, WHOLE))
 def planes_at_pixels(
-    moments: Float64, pixels: Float64, cell_px: float, windows: Int, min_returns: int
+    moments: Float64, pixels: Float64, cell_px: float, windows: Int, min_returns: int, most: int
 ) -> Float64:
     """Return (K, 4) planes through the returns around pixels, n . x = d as n, d; NaN where these do not lie flat.
 
@@ -76,11 +76,15 @@ def planes_at_pixels(
         cell_px: Edge of a cell in pixels.
         windows: (W, 2) cells to the sides and above and below, the smallest window first.
         min_returns: Number of returns that determine a plane.
+        most: Number of planes that are looked for; the pixels after these have none.
     """
+    found = 0
     planes = np.full((len(pixels), 4), np.nan)
     total, covariance = np.empty(10), np.empty((3, 3))
     rows, columns = moments.shape[:2]
     for k in range(len(pixels)):
+        if found == most:
+            break
         column, row = int(pixels[k, 0] / cell_px), int(pixels[k, 1] / cell_px)
         for w in range(len(windows)):
             total[:] = 0
@@ -107,5 +111,6 @@ def planes_at_pixels(
             limit_m = _MAX_FLATNESS_M + _MAX_FLATNESS_SHARE * distance_m
             if variance < limit_m * limit_m and abs(through) > _MIN_GRAZING * distance_m:
                 planes[k] = nx, ny, nz, through
+                found += 1
             break
     return planes

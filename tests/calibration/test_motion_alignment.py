@@ -16,7 +16,7 @@ from perception.calibration.surface_corners import (
 )
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler, inverse
-from perception.kernels.corner_sums import UNKNOWNS, add_corner_sums
+from perception.kernels.corner_sums import SHARED, UNKNOWNS, add_corner_sums
 from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, PLANES, SIZE_PX
 
 NOTHING = OffsetEstimate(np.zeros(6), UNKNOWN)
@@ -75,20 +75,23 @@ def test_sums_are_those_of_the_misfits():
     weights = 1 / np.square((1 + squares) * deviations_px[known])
     rows = slopes_px[known]
     cam_SE3_velo = offset @ one.corners.view.cam_SE3_velo
-    moved = offset_SE3(motion_error) @ cam_SE3_velo @ one.later_SE3_velo @ inverse(cam_SE3_velo)
-    curvature, slope = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
-    cost, inliers = add_corner_sums(
+    # Of two frames the second one: the errors of the first one's motion are left as they are.
+    curvature, slope = np.zeros((UNKNOWNS + 6, UNKNOWNS + 6)), np.zeros(UNKNOWNS + 6)
+    cost = add_corner_sums(
         one.corners.planes_velo, one.corners.rays, one.later_px, deviations_px, one.sweep_shifts_m,
-        cam_SE3_velo, moved, IMAGE_P_CAM, one.corners.view.center_m, 0.2, 3.0, 3.0, curvature, slope,
+        cam_SE3_velo, one.later_SE3_velo, offset_SE3(motion_error), IMAGE_P_CAM, one.corners.view.center_m,
+        0.2, 3.0, 3.0, UNKNOWNS, curvature, slope,
     )  # fmt: skip
-    np.testing.assert_allclose(
-        slope, np.einsum("k,kri,kr->i", weights, rows, left_px[known]), atol=1e-6
-    )
-    np.testing.assert_allclose(
-        curvature, np.einsum("k,kri,krj->ij", weights, rows, rows), atol=1e-6
-    )
+    inliers = np.mean(misfits[known] < 3)
+    assert 0.05 < inliers < 0.95
+    expected_slope = inliers**2 * np.einsum("k,kri,kr->i", weights, rows, left_px[known])
+    expected = inliers**2 * np.einsum("k,kri,krj->ij", weights, rows, rows)
+    its = [*range(SHARED), *range(UNKNOWNS, UNKNOWNS + 6)]
+    np.testing.assert_allclose(slope[its], expected_slope, atol=1e-6)
+    np.testing.assert_allclose(curvature[np.ix_(its, its)], expected, atol=1e-6)
+    assert not slope[SHARED:UNKNOWNS].any()
+    assert not curvature[SHARED:UNKNOWNS].any()
     assert cost == pytest.approx(4.5 * ((squares / (1 + squares)).sum() + 1))
-    assert inliers == pytest.approx(np.mean(misfits[known] < 3))
     assert known.sum() == len(one) - 1
 
 
@@ -145,7 +148,7 @@ def test_an_estimate_is_refined_by_motion_and_never_surer_than_scenes_allow():
         corners = replace(one.corners, offset_SE3_cam=offset_SE3(ERROR))
         frames.append(replace(one, corners=corners))
     by_edges = OffsetEstimate(ERROR + np.array([0.002, 0, -0.002, 0.01, 0, 0.01]), np.full(6, 0.01))
-    found = refine_by_motion(frames, by_edges)
+    found = refine_by_motion(frames, by_edges).estimate
     assert np.abs(found.offset - ERROR)[:3].max() < 1e-3
     assert (found.deviations >= [*np.radians([0.06, 0.07, 0.09]), 0.010, 0.012, 0.015]).all()
 

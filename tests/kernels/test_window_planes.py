@@ -12,12 +12,13 @@ IMAGE_P_VELO = np.array(
 WINDOWS = np.array([(1, 1), (3, 3)])
 
 
-def planes(points, pixels, min_returns=6):
+def planes(points, pixels, min_returns=6, most=9):
     moments = moments_of_view(
         np.column_stack([points, np.zeros(len(points))]).astype(np.float32),
         IMAGE_P_VELO, CELL_PX, 25, 20, 0.5, 2.0,
     )  # fmt: skip
-    return planes_at_pixels(moments, np.array(pixels, np.float64), CELL_PX, WINDOWS, min_returns)
+    places = np.array(pixels, np.float64)
+    return planes_at_pixels(moments, places, CELL_PX, WINDOWS, min_returns, most)
 
 
 def grid(height):
@@ -53,6 +54,14 @@ def test_a_plane_is_found_where_returns_lie_on_it():
     for plane in found:
         assert abs(abs(plane[:3] @ normal) - 1) < 1e-9
         assert plane[3] == pytest.approx(plane[:3] @ [0, 0, 1.5])
+
+
+def test_no_more_planes_are_looked_for_than_asked():
+    points = grid(lambda x, y: 0.3 * x - 0.2 * y + 1.5)
+    pixels = [(4, 4), (50, 40), (40, 50), (45, 45)]  # the first one has no return around
+    found = planes(points, pixels, most=2)
+    np.testing.assert_array_equal(np.isnan(found[:, 3]), [True, False, False, True])
+    np.testing.assert_array_equal(found[1:3], planes(points, pixels)[1:3])
 
 
 @pytest.mark.parametrize(
