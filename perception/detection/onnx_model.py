@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 from importlib.resources import files
 from typing import Any, Self, TypeVar
 
@@ -130,11 +130,17 @@ class OnnxModel:
             self(self._blank_inputs(contract.warmup_rows))
 
     def __call__(self, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Run the network once.
+        """Run the network once; inputs without rows have outputs without rows.
 
         Raises:
             ModelError: the inputs do not fit the network, or an output is not finite.
         """
+        if any(array.shape[:1] == (0,) for array in inputs.values()):
+            # Some releases of ONNX Runtime multiply no matrix without rows.
+            return {
+                name: np.zeros([length or 0 for length in shape], np.float32)
+                for name, shape in self.output_shapes.items()
+            }
         try:
             arrays = self._session.run(list(self.output_shapes), dict(inputs))
         except Exception as error:  # ONNX Runtime's errors have no base of their own

@@ -176,7 +176,8 @@ def _read_columns(table: type[ArrayTable]) -> Iterator[_Column]:
 
 def _dtype(kind: Any) -> Any:  # noqa: ANN401 - any annotation
     """Return the type of the numbers of an annotated array; of several, the widest, which is the last."""
+    if isinstance(kind, type) and issubclass(kind, np.generic):
+        return kind
+    # `NDArray[T]` is an array of some shape and `dtype[T]`, from NumPy 2.5 on a name of its own that holds T alone.
     members = get_args(kind)
-    if get_origin(kind) is np.ndarray:
-        return get_args(members[1])[0]
     return _dtype(members[-1]) if members else np.float64

@@ -32,6 +32,18 @@ def test_any_number_of_rows_goes_through_at_once(write_model, rows):
     np.testing.assert_array_equal(outputs["boxes_px"], inputs_of(rows)["windows_px"])
 
 
+def test_inputs_without_rows_run_no_network(write_model, monkeypatch):
+    """Some releases of ONNX Runtime multiply no matrix without rows."""
+    model = OnnxModel(write_model(), CONTRACT)
+    monkeypatch.setattr(model, "_session", None)
+    outputs = model(inputs_of(0))
+    assert {name: array.shape for name, array in outputs.items()} == {
+        "scores": (0,),
+        "boxes_px": (0, 4),
+    }
+    assert {array.dtype for array in outputs.values()} == {np.dtype(np.float32)}
+
+
 def test_file_says_what_it_is(write_model):
     model = OnnxModel(write_model(), CONTRACT)
     assert model.metadata["classes"] == "Car"

@@ -1,8 +1,10 @@
 from dataclasses import dataclass
-from typing import Annotated
+from types import GenericAlias
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from perception.errors import PerceptionError
 from perception.types import (
@@ -63,6 +65,17 @@ def test_no_parts_and_an_empty_table_have_the_shapes_and_types_of_their_columns(
     assert fused.source_indices.shape == (0, 3)
     assert fused.detections.types.dtype.kind == "U"
     assert Tracks.empty().is_observed.dtype == bool
+
+
+@pytest.mark.parametrize("scalar", [np.bool_, np.int64, np.float32, np.str_])
+def test_the_type_of_a_column_is_read_from_its_annotation(scalar):
+    """`NDArray[T]` stands for an array of `dtype[T]`, from NumPy 2.5 on by a name that holds T alone."""
+    of_a_name = GenericAlias(list, (scalar,))
+    for annotation in (np.ndarray[Any, np.dtype[scalar]], of_a_name, NDArray[scalar]):
+        kind = dataclass(frozen=True)(
+            type("One", (ArrayTable,), {"__annotations__": {"values": annotation}})
+        )
+        assert kind.empty().values.dtype.type is scalar
 
 
 def test_rows_are_replaced():

@@ -6,7 +6,7 @@ The thesis verifies its proposals and suppresses none.
 """
 
 from dataclasses import dataclass
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 
 import numpy as np
 

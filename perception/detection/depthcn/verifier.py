@@ -1,7 +1,7 @@
 """The network that verifies proposals; its file states window, channels and method."""
 
 from dataclasses import dataclass
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 from typing import Annotated, get_args
 
 import numpy as np

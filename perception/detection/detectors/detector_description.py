@@ -11,7 +11,7 @@ In YAML, with the YAML file's name as the model's where it is not given:
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, get_args
 

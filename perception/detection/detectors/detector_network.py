@@ -5,7 +5,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 from typing import get_args
 
 import cv2

@@ -5,7 +5,7 @@ image -- compress, crop, letterbox --> network --> boxes and scores -- NMS --> d
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 
 import numpy as np
 

@@ -23,7 +23,7 @@ was not trained with, keep their scores:
 """
 
 from dataclasses import dataclass, replace
-from importlib.abc import Traversable
+from importlib.resources.abc import Traversable
 
 import numpy as np
 from numpy.typing import NDArray
