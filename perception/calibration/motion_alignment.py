@@ -150,9 +150,9 @@ class _System:
         """Begin with what is known beside the corners."""
         motions = len(state.motion_errors)
         left = offset_of(state.offset_SE3_cam) - known.offset
-        errors = np.concatenate([left, [state.sweep], state.motion_errors.ravel()])
-        deviations = [known.deviations, [_SWEEP_DEVIATION], *[_MOTION_DEVIATIONS] * motions]
-        weights = 1 / np.square(np.concatenate(deviations))
+        errors = np.array([*left, state.sweep, *state.motion_errors.ravel()])
+        of_motions = np.tile(_MOTION_DEVIATIONS, motions)
+        weights = 1 / np.square([*known.deviations, _SWEEP_DEVIATION, *of_motions])
         self._state = state
         self.curvature, self.slope = np.diag(weights), weights * errors
         self.cost = float(self.slope @ errors) / 2

@@ -84,7 +84,12 @@ class ScanView:
     def planes(self, moments: Float64, pixels: Float64) -> Float64:
         """Return (K, 4) planes through the returns around (K, 2) pixels, NaN where these do not lie flat or enough are found."""
         return planes_at_pixels(
-            moments, np.ascontiguousarray(pixels), self.cell_px, _WINDOWS, _MIN_RETURNS, _MAX_TRACKED
+            moments,
+            np.ascontiguousarray(pixels),
+            self.cell_px,
+            _WINDOWS,
+            _MIN_RETURNS,
+            _MAX_TRACKED,
         )
 
 

@@ -56,7 +56,7 @@ def test_a_plane_is_found_where_returns_lie_on_it():
         assert plane[3] == pytest.approx(plane[:3] @ [0, 0, 1.5])
 
 
-def test_no_more_planes_are_looked_for_than_asked():
+def test_no_more_planes_are_found_than_asked():
     points = grid(lambda x, y: 0.3 * x - 0.2 * y + 1.5)
     pixels = [(4, 4), (50, 40), (40, 50), (45, 45)]  # the first one has no return around
     found = planes(points, pixels, most=2)

@@ -32,14 +32,16 @@ class ShardSampler(EpochSampler):
             sizes: (S,) number of samples of each shard; rows are numbered over all of them.
             seed: Seed of the order.
             processes: Training processes.
-            workers: Loading processes of each, at least 1.
+            workers: Loading processes of each, at least 1; those beyond its number of samples have no run of their own.
             batch_size: Samples of a batch.
         """
         super().__init__(seed)
         self._first = np.concatenate([[0], np.cumsum(sizes)])
-        self._processes, self._workers, self._batch_size = processes, workers, batch_size
+        self._processes, self._batch_size = processes, batch_size
         self._mixed = WINDOW * int(max(sizes))
-        self._length = int(self._first[-1]) // (processes * workers)
+        samples = int(self._first[-1]) // processes
+        self._workers = min(workers, max(samples, 1))
+        self._length = samples // self._workers
 
     def __len__(self) -> int:
         return self._processes * self._workers * self._length

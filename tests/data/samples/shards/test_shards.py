@@ -236,3 +236,10 @@ def test_a_forked_process_opens_its_own_connection(write, monkeypatch):
     monkeypatch.setattr("data.remote_folder.os.getpid", lambda: -1)
     assert folder._files is not connection
     assert folder.read(NAME) == index
+
+
+@pytest.mark.parametrize(("processes", "drawn"), [(1, 6), (2, 6), (4, 4)])
+def test_more_workers_than_samples_leave_none_out(processes, drawn):
+    sampler = ShardSampler(np.array([6]), processes=processes, workers=8, batch_size=2)
+    rows = [one.row for one in sampler]
+    assert len(rows) == len(set(rows)) == len(sampler) == drawn
