@@ -102,8 +102,7 @@ class OnlineMotion:
         self._offset = found.offset if is_large(found.offset) else np.zeros(6)
         # With their planes, which the next estimate need not look for again.
         stamps_s = [stamp_s for stamp_s, _ in self._tracks]
-        self._tracks.clear()
-        self._tracks.extend(zip(stamps_s, refined.tracks, strict=True))
+        self._tracks = deque(zip(stamps_s, refined.tracks, strict=True), maxlen=_FRAMES)
         if by_edges.is_determined:
             return found
         return replace(found, deviations=_ALONE * found.deviations)
