@@ -17,7 +17,8 @@ def _fractal_noise(seed: int) -> Float32:
     radius = np.maximum(np.hypot(waves[:, None], waves[None]), 1.0)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, radius.shape)
     image = np.fft.ifft2(np.exp(1j * phases) / radius**1.1).real
-    return np.asarray((image - image.mean()) / image.std(), np.float32)
+    # Releases of NumPy differ about the order of the axes in memory.
+    return np.ascontiguousarray((image - image.mean()) / image.std(), np.float32)
 
 
 _NOISE = _fractal_noise(5)

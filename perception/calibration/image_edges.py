@@ -60,9 +60,12 @@ class EdgeMaps:
         if smoothing_px not in self._smoothed:
             if len(self._smoothed) == _KEPT:
                 del self._smoothed[next(iter(self._smoothed))]
-            maps = np.multiply([self.upright, self.level], np.float32(1 / 255), dtype=np.float32)
-            for one in maps:
-                cv2.GaussianBlur(one, (0, 0), smoothing_px, dst=one)
+            size_px = round(8 * smoothing_px + 1) | 1  # that of OpenCV's Gaussian over floats
+            across = cv2.getGaussianKernel(size_px, smoothing_px, cv2.CV_32F)
+            maps = np.empty((2, *self.upright.shape), np.float32)
+            for edges, smoothed in zip((self.upright, self.level), maps, strict=True):
+                # From bytes at once: a copy in floats takes a quarter of the time.
+                cv2.sepFilter2D(edges, cv2.CV_32F, across, across / 255, dst=smoothed)
             self._smoothed[smoothing_px] = maps
         return self._smoothed[smoothing_px]
 

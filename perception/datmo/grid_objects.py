@@ -77,7 +77,7 @@ def fill_holes(grid: Float32) -> Float32:
     padded = cv2.copyMakeBorder(grid, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     is_high = (padded > 0).astype(np.uint8)
     cv2.floodFill(is_high, None, (0, 0), 2)
-    level = np.where(is_high == 2, 0, padded.max())
+    level = np.where(is_high == 2, np.float32(0), padded.max())
     while True:
         lower = np.asarray(cv2.max(cv2.erode(level, _CROSS), padded), np.float32)
         if np.array_equal(lower, level):

@@ -34,7 +34,8 @@ def _scaled_to_8_bits(values: Float32, factor: float, offset: float = 0.0) -> UI
     """Scale, round and saturate in one call; no scaled value is below -0.5."""
     if values.size == 0:  # OpenCV returns nothing for nothing
         return np.zeros(values.shape, np.uint8)
-    return np.asarray(cv2.convertScaleAbs(values, alpha=factor, beta=offset), np.uint8)
+    scaled = np.asarray(cv2.convertScaleAbs(values, alpha=factor, beta=offset), np.uint8)
+    return scaled.reshape(values.shape)  # OpenCV 4 makes a column of a line
 
 
 def decode_depth(encoded: UInt8, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> Float32:

@@ -38,7 +38,7 @@ def legend_below(axes: "Axes", columns: int = 1, title: str | None = None) -> No
     """Draw the legend of a panel below the label of its x axis, where it hides nothing."""
     from matplotlib.transforms import ScaledTranslation
 
-    figure = axes.get_figure(root=True)
+    figure = axes.figure
     assert figure is not None  # panels are drawn in one
     below = ScaledTranslation(0, -_BELOW_AXIS_IN, figure.dpi_scale_trans)
     axes.legend(
