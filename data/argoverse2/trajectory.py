@@ -51,7 +51,8 @@ def rigid_transforms(table: FeatherTable, kind: type[PerceptionError]) -> Float6
             found="NaN, infinity or a quaternion of length 0",
         )
     transforms = np.tile(np.eye(4), (len(numbers), 1, 1))
-    transforms[:, :3, :3] = Rotation.from_quat(numbers[:, [1, 2, 3, 0]]).as_matrix()
+    if len(numbers):  # older releases of SciPy have no rotations of no rows
+        transforms[:, :3, :3] = Rotation.from_quat(numbers[:, [1, 2, 3, 0]]).as_matrix()
     transforms[:, :3, 3] = numbers[:, 4:]
     return transforms
 
