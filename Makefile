@@ -3,12 +3,13 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick lint fuzz mutants audit reliability docs wheel bench bench-compare weights thesis format clean help
+.PHONY: demo test quick oldest lint fuzz mutants audit reliability docs wheel bench bench-compare weights thesis format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
 	@echo "make test   install with the developers' tools, lint, and run all tests on all cores"
 	@echo "make quick  the tests that take less than five seconds, read no KITTI frames and train nothing"
+	@echo "make oldest the tests with the oldest releases of the dependencies that pyproject.toml allows"
 	@echo "make lint   ruff and mypy"
 	@echo "make fuzz   damaged files for every parser; RUNS=1000000 for the long form, an hour on one core"
 	@echo "make mutants  which small changes of the code the tests do not notice: hours"
@@ -29,6 +30,13 @@ test: $(VENV)/.installed-dev lint
 
 quick: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not kitti and not train"
+
+# The tests with the oldest releases that pyproject.toml allows, in an environment of their own.
+oldest:
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet uv
+	.venv-oldest/bin/uv pip install --quiet --python .venv-oldest/bin/python --resolution lowest-direct --editable ".[dev]"
+	.venv-oldest/bin/python -m pytest -n auto --dist loadfile
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

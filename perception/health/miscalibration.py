@@ -19,7 +19,7 @@ _CHANGE_LIMITS = np.array([3.0] * 5 + [np.inf])
 _USUAL_LIMIT, _MIN_ESTIMATES = 4.0, 3
 # By how much edges and motion together must fit better than without the offset, a logarithm of likelihoods: edges that
 # fit beside their own are contradicted by motion, and what moves beside the vehicle by edges.
-_MIN_GAIN = 8.0
+_MIN_GAIN = 9.0
 # One estimate warns; the next one, which agrees, makes an error, and what the pipeline does depends on it.
 # An error is over where the estimate is below such a share of what makes one.
 _END_SHARE = 0.7
