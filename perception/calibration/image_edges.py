@@ -61,11 +61,11 @@ class EdgeMaps:
             if len(self._smoothed) == _KEPT:
                 del self._smoothed[next(iter(self._smoothed))]
             size_px = round(8 * smoothing_px + 1) | 1  # that of OpenCV's Gaussian over floats
-            across = cv2.getGaussianKernel(size_px, smoothing_px, cv2.CV_32F)
+            gaussian = cv2.getGaussianKernel(size_px, smoothing_px, cv2.CV_32F)
             maps = np.empty((2, *self.upright.shape), np.float32)
-            for edges, smoothed in zip((self.upright, self.level), maps, strict=True):
+            for edges, one in zip((self.upright, self.level), maps, strict=True):
                 # From bytes at once: a copy in floats takes a quarter of the time.
-                cv2.sepFilter2D(edges, cv2.CV_32F, across, across / 255, dst=smoothed)
+                cv2.sepFilter2D(edges, cv2.CV_32F, gaussian, gaussian / 255, dst=one)
             self._smoothed[smoothing_px] = maps
         return self._smoothed[smoothing_px]
 
