@@ -166,7 +166,7 @@ def series_entities(result: Result) -> Entities:
     vehicles = 0 if result.vehicles is None else len(result.vehicles.fused.detections)
     values = {
         **{f"timings/{stage}": 1e3 * seconds for stage, seconds in result.timings_s.items()},
-        "timings/end to end": 1e3 * result.latency_s,
+        "timings/end to end": 1e3 * result.duration_s,
         **{f"counts/points/{state.name.lower()}": counts[state] for state in PointState},
         "counts/tracks": len(result.tracks),
         "counts/detections": vehicles,

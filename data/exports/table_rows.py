@@ -56,7 +56,7 @@ def _frame_rows(result: Result, tables: Mapping[str, Rows]) -> Rows:
         "moving_voxels": len(obstacles.moving),
         "tracks": len(result.tracks),
         "vehicles": _length(tables["vehicles"]) if "vehicles" in tables else np.nan,
-        "latency_s": result.latency_s,
+        "latency_s": result.duration_s,
         "health": result.health.level.name,
         "findings": "; ".join(map(str, result.health.findings)),
     }

@@ -85,7 +85,7 @@ TABLES: Final[Mapping[str, Columns]] = {
             "int32", "rows of this frame in `vehicles`; null without detectors"
         ),
         "latency_s": TableColumn(
-            "double", "time from the frame's arrival to the end of its last stage"
+            "double", "time from the start of the first stage to the end of the last"
         ),
         "health": TableColumn("string", "OK, WARN or ERROR, the worst of all sensors and stages"),
         "findings": TableColumn("string", "what is wrong, with level and reason; null where OK"),

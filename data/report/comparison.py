@@ -201,7 +201,7 @@ def _timings_markup(runs: Mapping[str, RunData], plots: Plots) -> str:
         a, b = (of_run.get(stage) for of_run in medians.values())
         rows.append([stage, number_text(a), number_text(b), _difference(a, b)])
     return (
-        _overlaid("From arrival to result", whole, plots, limits)
+        _overlaid("End to end", whole, plots, limits)
         + plots.add("Median time of each stage", bars_figure(of_stages, "", "p50 [ms]"))
         + table_markup("Median time of each stage in ms", ["stage", *runs, "difference"], rows)
     )

@@ -113,7 +113,7 @@ class RunData:
 
     @cached_property
     def frames_ms(self) -> Float64:
-        """(F,) times from the arrival of a frame to the end of its last stage, NaN where unknown."""
+        """(F,) times from the start of the first stage to the end of the last, NaN where unknown."""
         latencies_s = [one.latency_s for one in self.frames]
         return np.array([np.nan if one is None else 1e3 * one for one in latencies_s])
 

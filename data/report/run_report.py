@@ -128,7 +128,7 @@ def object_name(path: ObjectPath) -> str:
 def times_panel(run: RunData) -> CurvePanel:
     """Return the times of the stages and of the whole frame over the frames."""
     curves = [Curve(name, run.frame_numbers, ms) for name, ms in run.stages_ms.items()]
-    whole = Curve("arrival to result", run.frame_numbers, run.frames_ms, is_emphasised=True)
+    whole = Curve(END_TO_END, run.frame_numbers, run.frames_ms, is_emphasised=True)
     shown = [whole, *curves] if np.isfinite(run.frames_ms).any() else curves
     return CurvePanel("Times of the stages", FRAME, "time [ms]", shown)
 
@@ -309,12 +309,10 @@ def _faults_markup(run: RunData, plots: Plots) -> str:
 
 def _health_markup(run: RunData, plots: Plots) -> str:
     missing = int(run.frame_numbers[-1] - run.frame_numbers[0]) + 1 - len(run.frames)
-    late = int(np.sum(run.frames_ms > 1e3 * run.period_s))
     invalid = sum(one.invalid_points for one in run.frames)
     skipped = run.facts.skipped
     tiles = [
         Tile("Bad frames", str(missing), "left out of the results", is_bad=missing > 0),
-        Tile("Late frames", str(late), f"of {len(run.frames)}, after the next scan"),
         Tile("Skipped stages", str(sum(skipped.values())), "to keep the time budget"),
         Tile("Invalid points", str(invalid), "NaN, infinity or beyond 10 km"),
     ]

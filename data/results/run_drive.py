@@ -8,6 +8,7 @@ from dataclasses import replace
 from data.results.checkpoint import Checkpoint, Checkpoints
 from data.results.documents import write_json
 from data.results.folder import ResultsFolder, started
+from data.results.process_writer import ProcessWriter
 from data.results.result_writer import open_writers
 from data.results.run_config import RunConfig
 from data.results.run_writers import run_writers
@@ -46,17 +47,21 @@ def run_drive(
     Raises:
         PerceptionError: A frame cannot be used; the results of the frames before it stay.
     """
-    pipeline, start_s = config.pipeline, time.perf_counter()
+    start_s = time.perf_counter()
     handover = _handover(drive, config) if checkpoint is None else checkpoint.handover
+    # It starts while the networks are opened, and ends with this process where the first frame cannot be read.
+    drawing = ProcessWriter("video") if config.video else None
     steps = started(track_selected(results, handover))
     out = folder.prepare()
-    summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
+    period_s, pipeline = 1 / drive.sensor.rate_hz, config.pipeline
+    score = pipeline.detection.display_score
+    summary = RunSummary(drive.name, out, pipeline.area, score, period_s)
     if checkpoint is not None:
         checkpoint.rewind(out)
         summary = replace(checkpoint.summary, out=out)
         start_s -= summary.elapsed_s
     checkpoints = Checkpoints(out, handover)
-    with open_writers(run_writers(drive, out, config, report_progress)) as writers:
+    with open_writers(run_writers(drive, out, config, drawing, report_progress)) as writers:
         if checkpoint is not None:
             for writer, snapshot in zip(writers, checkpoint.writers, strict=True):
                 writer.restore(snapshot)
@@ -77,11 +82,10 @@ def run_drive(
             release_free_memory()  # the networks are closed; writers may take as much at their end
             summary.elapsed_s = time.perf_counter() - start_s
             write_json(out / "summary.json", {"sensor": drive.sensor.name, **summary.to_json()})
+    summary.elapsed_s = time.perf_counter() - start_s  # with what the writers do at their end
     if summary.frames:
         title = f"{drive.name}: a typical frame"
-        plot_timeline(
-            out / "timeline.png", title, summary.times.typical(), 1 / drive.sensor.rate_hz
-        )
+        plot_timeline(out / "timeline.png", title, summary.times.typical(), period_s)
     checkpoints.remove()
     return summary
 

@@ -98,7 +98,7 @@ class FrameRecord(FrameLine):
             voxels={"static": len(obstacles.static), "moving": len(obstacles.moving)},
             tracks=len(result.tracks),
             vehicles=None if vehicles is None else len(vehicles.vehicles),
-            latency_s=round(result.latency_s, 6) if result.spans else None,
+            latency_s=round(result.duration_s, 6) if result.spans else None,
             seconds={stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
             pose_deviations=numbers(np.sqrt(np.diagonal(result.pose_covariance)), digits=5),
             health=[

@@ -10,7 +10,7 @@ from perception.render.scene import SceneObjects, SelectedObject
 from perception.render.trails import SceneHistory
 from perception.render.video import VideoWriter
 from perception.snapshot import Restorable
-from perception.types import Drive, Result, UInt8
+from perception.types import Result, UInt8
 
 
 class RunVideo(Restorable, ResultWriter):
@@ -18,21 +18,23 @@ class RunVideo(Restorable, ResultWriter):
 
     memories = ("_count", "_history", "_video_snapshot")
 
-    def __init__(self, out: Path, composition: Composition, drive: Drive, frames: int) -> None:
+    def __init__(
+        self, out: Path, composition: Composition, frames: int, *, is_sequence: bool
+    ) -> None:
         """Begin the video.
 
         Args:
             out: Folder of the results.
             composition: Layout of an image of the video.
-            drive: Drive of the run.
             frames: Number of frames of the run.
+            is_sequence: Whether the frames follow each other; else no paths are drawn.
         """
         self._out, self._composition = out, composition
         self._middle, self._count = frames // 2, 0
-        self._video = VideoWriter(out / "video.mp4", drive.sensor.rate_hz)
+        self._video = VideoWriter(out / "video.mp4", 1 / composition.turn_s)
         self._video_snapshot = b""
         self._canvas: UInt8 | None = None
-        self._history = SceneHistory() if drive.is_sequence else SceneHistory(duration_s=0.0)
+        self._history = SceneHistory() if is_sequence else SceneHistory(duration_s=0.0)
 
     def add(self, result: Result, selected: SelectedObject | None) -> None:
         """Draw and encode the next frame."""

@@ -1,11 +1,13 @@
 """The writers of a run, by its configuration."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from data.frames import clock_origin_ns, frame_count, further_camera_names
 from data.report.page import can_write_report
 from data.results.background_writer import BackgroundWriter
+from data.results.process_writer import ProcessWriter
 from data.results.result_writer import ResultWriter
 from data.results.run_config import RunConfig
 from data.results.run_folder import RunFiles
@@ -15,7 +17,11 @@ from perception.types import Drive, Progress
 
 
 def run_writers(
-    drive: Drive, out: Path, config: RunConfig, progress: Progress = iter
+    drive: Drive,
+    out: Path,
+    config: RunConfig,
+    drawing: ProcessWriter | None,
+    progress: Progress = iter,
 ) -> Iterator[ResultWriter]:
     """Make the writers that a run asks for; optional packages are imported by those that need them.
 
@@ -23,6 +29,7 @@ def run_writers(
         drive: Drive of the run.
         out: Folder of the results.
         config: Configuration of the run.
+        drawing: Process of the video; None for no video.
         progress: Progress bar of the report.
     """
     composition = Composition(
@@ -37,10 +44,11 @@ def run_writers(
 
         # First, and so closed last: it reads the files of the others.
         yield RunReportWriter(
-            out, drive, composition, frames, has_video=config.video, progress=progress
+            out, drive, composition, frames, has_video=drawing is not None, progress=progress
         )
-    if config.video:
-        yield BackgroundWriter(RunVideo(out, composition, drive, frames), "video")
+    if drawing is not None:
+        drawing.start(partial(RunVideo, out, composition, frames, is_sequence=drive.is_sequence))
+        yield BackgroundWriter(drawing, "video")
     yield RunFiles(out, drive, config.pipeline.area, config.min_vehicle_score)
     if config.exports.mcap:
         from data.exports.mcap_writer import McapWriter

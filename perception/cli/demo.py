@@ -12,6 +12,7 @@ def demo(
     frames: int = 60,
     sensor: str = "HDL-64E",
     seed: int = 0,
+    stages: bool = False,
 ) -> None:
     """Write a short synthetic drive and run every stage on it; needs no data.
 
@@ -24,13 +25,14 @@ def demo(
         frames: Number of frames, ten a second.
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         seed: Seed of the street.
+        stages: Print the time of each stage, too.
     """
     from data.open_drive import open_drive
     from data.results.folder import ResultsFolder
     from data.results.run_config import RunConfig
     from data.results.run_drive import run_drive
     from data.synthetic.collection import SynthConfig, write_drives
-    from perception.cli.drive_results import drive_results
+    from perception.cli.drive_results import compile_functions, drive_results
     from perception.cli.progress import counting_bar
     from perception.sensor import load_sensor
 
@@ -38,9 +40,10 @@ def demo(
     results_folder = ResultsFolder.choose(out, config, overwrite=True)
     recipe = CommandConfig("synth", config.values)
     street = ResultsFolder.choose(out / "drive", recipe, overwrite=True).prepare()
+    compile_functions()
     with counting_bar("writing a street", frames) as bar:
         (folder,) = write_drives(street, synth_config, bar.update)
     drive, run_config = open_drive(folder), RunConfig()
     results = drive_results(drive, run_config.pipeline, limit=None, on_bad_frame="stop")
-    print(run_drive(drive, results, results_folder, run_config).text())
+    print(run_drive(drive, results, results_folder, run_config).text(stages=stages))
     print(f"video: {out / 'video.mp4'}")

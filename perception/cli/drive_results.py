@@ -6,8 +6,16 @@ from data.faults.injection import Fault, inject
 from data.frames import frame_count, read_frames
 from data.results.checkpoint import Checkpoint
 from perception.cli.progress import progress_bar
+from perception.kernels.compiled import load_compiled
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, OnBadFrame, Result
+
+
+def compile_functions() -> None:
+    """Compile or load the compiled functions of all modules that are imported, with a bar where it takes time."""
+    load_compiled(
+        lambda functions: progress_bar(functions, "compiling", unit="function", delay_s=1)
+    )
 
 
 def drive_results(

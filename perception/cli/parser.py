@@ -28,7 +28,7 @@ CommandFunction = Callable[..., None]
 _OUTPUT_FILES = {"json", "html", "plot", "reliability_plot", "rerun"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
 _OUTPUTS = {
-    *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "runs", "view",
+    *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "runs", "stages", "view",
     "worst_frames",
 }  # fmt: skip
 _PRINT_CONFIG = {"--print-config", "--print_config"}

@@ -55,6 +55,7 @@ def run(
     min_vehicle_score: float = 0.05,
     fault: tuple[str, ...] = (),
     fault_seed: int = 0,
+    stages: bool = False,
     tracker_config: SingleObjectTrackerConfig = _TRACKER_CONFIG,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
@@ -72,6 +73,7 @@ def run(
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl; 0 for all.
         fault: Faults of sensors to inject, as KIND:FIRST-LAST or KIND:FIRST-LAST:SIZE, such as camera-dark:50-80.
         fault_seed: Seed of the injected faults.
+        stages: Print the time of each stage, too; it is in summary.json in any case.
         tracker_config: Parameters of the one-object trackers.
         pipeline: Pipeline configuration.
     """
@@ -80,7 +82,7 @@ def run(
     from data.results.run_config import RunConfig
     from data.results.run_drive import run_drive
     from data.results.stopped_run import StoppedRun
-    from perception.cli.drive_results import drive_results
+    from perception.cli.drive_results import compile_functions, drive_results
     from perception.cli.progress import frame_progress_bar
     from perception.detection.networks import enabled_modalities
 
@@ -112,4 +114,6 @@ def run(
         faults=faults,
     )
     progress = frame_progress_bar("report")
-    print(run_drive(opened, found, folder, run_config, checkpoint, progress).text())
+    compile_functions()
+    summary = run_drive(opened, found, folder, run_config, checkpoint, progress)
+    print(summary.text(stages=stages))

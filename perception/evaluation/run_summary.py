@@ -1,4 +1,4 @@
-"""Summary of a run: times of the stages, counts per frame, and metrics where the drive has exact truth."""
+"""Summary of a run: counts per frame, metrics where the drive has exact truth, and whether the pipeline keeps up."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +25,7 @@ class RunSummary:
         out: Folder of the results.
         area: Local area of the pipeline.
         display_score: Score from which a vehicle is counted.
+        period_s: Time of one LiDAR revolution in seconds.
         times: Times of the stages.
         points: Number of points by `PointState`, over all frames.
         track_ids: Ids of all tracks so far.
@@ -41,6 +42,7 @@ class RunSummary:
     out: Path
     area: LocalArea
     display_score: float = 0.5
+    period_s: float = 0.1
     times: StageTimes = field(default_factory=StageTimes)
     points: Int = field(default_factory=lambda: np.zeros(len(PointState), np.int64))
     track_ids: set[int] = field(default_factory=set)
@@ -77,11 +79,17 @@ class RunSummary:
         """Number of frames so far."""
         return len(self.tracks)
 
-    def text(self) -> str:
-        """Return what is printed at the end of a run."""
+    def text(self, *, stages: bool = False) -> str:
+        """Return what is printed at the end of a run.
+
+        Args:
+            stages: Whether the time of each stage is in it.
+        """
         if not self.frames:
             return f"{self.drive}: no frame could be read"
-        blocks = [self.times.table(f"{self.drive}: {self.frames} frames").text()]
+        blocks = [f"{self.drive}: {self.frames} frames"]
+        if stages:
+            blocks.append(self.times.table("times of the stages").text())
         if self.confusions:
             title = "points against the truth of this drive"
             blocks.append(Table(title, Confusion.columns(), self.confusions).text())
@@ -96,10 +104,12 @@ class RunSummary:
                 f"vehicles: {len(self.vehicle_ids)} tracked, {np.mean(self.vehicles):.1f}/frame "
                 f"with a score of at least {self.display_score:g}"
             )
-        speed = f"{self.frames / self.elapsed_s:.1f} frames/s with reading, drawing and writing"
-        return "\n\n".join(
-            [*blocks, "\n".join([*lines, self.health.text(), speed, f"results: {self.out}"])]
+        run = (
+            f"run: {self.elapsed_s:.1f} s with reading, drawing and writing, "
+            f"{self.frames / self.elapsed_s:.1f} frames/s"
         )
+        lines += [self.health.text(), self.times.verdict(self.period_s), run]
+        return "\n\n".join([*blocks, "\n".join([*lines, f"results: {self.out}"])])
 
     def to_json(self) -> dict[str, object]:
         """Return the content of `summary.json`."""
@@ -115,6 +125,7 @@ class RunSummary:
             "frames": self.frames,
             "is_complete": self.is_complete,
             "elapsed_s": round(self.elapsed_s, 3),
+            "period_ms": 1e3 * self.period_s,
             "stages_ms": self.times.table("").to_json(),
             "points_against_truth": confusions or None,
             "tracks": tracks,

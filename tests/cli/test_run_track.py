@@ -134,7 +134,7 @@ def test_the_followed_object_is_drawn_over_the_others(result):
 def test_a_run_tracks_one_of_its_objects(street, tmp_path, capsys):
     # Detected vehicles would share the count of ids.
     words = ["run", str(street), "--out", str(tmp_path), "--pipeline.detection.modalities", ""]
-    assert main([*words, "--track", "0", "--tracker", "3d-ms"]) == 0
+    assert main([*words, "--track", "0", "--tracker", "3d-ms", "--stages"]) == 0
     assert TRACKING_STAGE in capsys.readouterr().out
     given = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
     ids = [[track["id"] for track in line["tracks"]] for line in given]

@@ -1,11 +1,12 @@
 """Tables of stages that overlap, and of stages that some frames do without."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
 from perception.evaluation.stage_times import StageTimes
 from perception.types import StageSpan
+from tests.known_result import known_result
 
 
 @dataclass
@@ -13,6 +14,10 @@ class Timed:
     """As much of a result as has to do with time; every stage takes 10 ms."""
 
     spans: tuple[StageSpan, ...]
+
+    @property
+    def duration_s(self):
+        return 0.010 + max(span.start_s for span in self.spans) - self.spans[0].start_s
 
     @property
     def timings_s(self):
@@ -54,3 +59,43 @@ def test_a_typical_frame_has_all_stages_and_takes_neither_long_nor_short(times):
 
 def test_no_frames_have_no_rows():
     assert StageTimes().table("").to_json() == {}
+
+
+def collected_of(*frames_ms, depthcn_ms=0.0):
+    """Return the times of frames, in each of which DepthCN takes a part."""
+    collected = StageTimes()
+    for frame_ms in frames_ms:
+        spans = (
+            StageSpan("DepthCN", "worker", 0.0, depthcn_ms / 1e3),
+            StageSpan("ground", "worker", depthcn_ms / 1e3, frame_ms / 1e3),
+        )
+        timings_s = {span.stage: span.stop_s - span.start_s for span in spans}
+        collected.update(replace(known_result(0), spans=spans, timings_s=timings_s))
+    return collected
+
+
+@pytest.mark.parametrize(
+    ("frames_ms", "depthcn_ms", "verdict"),
+    [
+        (
+            (60, 60, 80),
+            20,
+            "60 ms/frame at the median, 80 ms at p99: keeps up with the LiDAR at 10 Hz",
+        ),
+        (
+            (90, 110, 110, 110),
+            40,
+            "110 ms/frame at the median, 110 ms at p99: too slow for the LiDAR at 10 Hz in 75 % of the frames; "
+            "--pipeline.detection.depthcn.no-enabled would keep up, and leaves out DepthCN",
+        ),
+        (
+            (300, 300),
+            10,
+            "300 ms/frame at the median, 300 ms at p99: too slow for the LiDAR at 10 Hz in 100 % of the frames; "
+            "no flag makes this machine keep up",
+        ),
+    ],
+)
+def test_the_verdict_names_what_would_keep_up(frames_ms, depthcn_ms, verdict):
+    times = collected_of(*frames_ms, depthcn_ms=depthcn_ms)
+    assert times.verdict(period_s=0.1) == f"pipeline: {verdict}"

@@ -132,7 +132,7 @@ def test_numbers_are_series(recording):
         for path in ("/timings/ground", "/timings/end\\ to\\ end", "/counts/tracks", "/health/skipped\\ stages")
     }  # fmt: skip
     assert numbers["/timings/ground"] == [[5.0]] * 3
-    assert numbers["/timings/end\\ to\\ end"] == [[pytest.approx(8.0)]] * 3
+    assert numbers["/timings/end\\ to\\ end"] == [[pytest.approx(7.0)]] * 3
     assert numbers["/counts/tracks"] == [[2.0], [0.0], [2.0]]
     assert numbers["/health/skipped\\ stages"] == [[1.0]] * 3
 

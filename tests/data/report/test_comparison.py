@@ -48,8 +48,8 @@ def test_frames_of_both_stand_beside_each_other(run_folder, other_folder):
 def test_curves_of_one_quantity_have_one_colour(run_folder, other_folder):
     figures = read_page(write_report(run_folder, other_folder)).data["figures"].values()
     traces = [trace for figure in figures for trace in figure["data"]]
-    times = {one["name"]: one for one in traces if one["name"].startswith("arrival")}
-    first, second = times["arrival to result, run"], times["arrival to result, other"]
+    times = {one["name"]: one for one in traces if one["name"].startswith("end to end")}
+    first, second = times["end to end, run"], times["end to end, other"]
     assert first["y"] == [60, 120, 180]
     assert second["y"] == [120, 240]
     assert (first["meta"], "dash" in first["line"]) == (second["meta"], False)

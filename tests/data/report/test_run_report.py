@@ -70,7 +70,7 @@ def test_figures_hold_the_values_of_the_files(run):
     times = {one["name"]: one for one in figures["Times of the stages"]["data"]}
     assert times["ground"]["y"] == [10, 10, None]
     assert times["tracking"]["y"] == [20, 40, 60]
-    assert times["arrival to result"]["y"] == [60, 120, 180]
+    assert times["end to end"]["y"] == [60, 120, 180]
     (period,) = figures["Times of the stages"]["layout"]["shapes"]
     assert period["y0"] == period["y1"] == 100
     ground = {one["name"]: one["y"] for one in figures["Ground at labelled objects"]["data"]}
@@ -94,7 +94,6 @@ def test_the_summary_counts_what_needs_attention(run):
     assert (tiles["End to end, p50"].value, tiles["End to end, p50"].is_bad) == ("120.0 ms", True)
     health = next(one for one in run_page(run).sections if one.title == "Health")
     assert "<dt>Bad frames</dt><dd>1<" in health.markup
-    assert "<dt>Late frames</dt><dd>2<" in health.markup
     assert "<dt>Skipped stages</dt><dd>1<" in health.markup
     assert "<dt>Invalid points</dt><dd>15<" in health.markup
 

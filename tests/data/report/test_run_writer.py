@@ -153,6 +153,6 @@ def test_without_plotly_there_is_no_report(is_installed, monkeypatch, tmp_path, 
     street = Street(sensor=SimpleNamespace(rate_hz=10.0), is_sequence=True, has_labels=False)
     spec = object() if is_installed else None
     monkeypatch.setattr("data.report.page.find_spec", lambda name: spec)
-    writers = list(run_writers(street, tmp_path, RunConfig(video=False)))
+    writers = list(run_writers(street, tmp_path, RunConfig(video=False), None))
     assert any(isinstance(one, RunReportWriter) for one in writers) is is_installed
     assert ("no report.html: " in caplog.text) is not is_installed

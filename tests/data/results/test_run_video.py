@@ -1,7 +1,6 @@
 """The video of a run: one image a frame, drawn beside the pipeline, and a preview of its middle."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import av
 import cv2
@@ -16,8 +15,6 @@ from perception.types import Boxes3D, Tracks
 from tests.render.conftest import scene  # noqa: F401 - fixture
 
 LAYOUT = Composition(size_px=(640, 360))
-STRAIGHT = SimpleNamespace(sensor=SimpleNamespace(rate_hz=10.0), is_sequence=True)
-SEPARATE = SimpleNamespace(sensor=SimpleNamespace(rate_hz=10.0), is_sequence=False)
 
 
 @pytest.fixture
@@ -40,18 +37,19 @@ def images_of(path):
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
 
-def video_of(out, drive, frames):
-    return open_writers([BackgroundWriter(RunVideo(out, LAYOUT, drive, frames), "video")])
+def video_of(out, frames, *, is_sequence=True):
+    video = RunVideo(out, LAYOUT, frames, is_sequence=is_sequence)
+    return open_writers([BackgroundWriter(video, "video")])
 
 
-def write(out, drive, results):
-    with video_of(out, drive, len(results)) as (video,):
+def write(out, results, *, is_sequence=True):
+    with video_of(out, len(results), is_sequence=is_sequence) as (video,):
         for result in results:
             video.add(result, None)
 
 
 def test_a_run_leaves_a_video_and_the_preview_of_its_middle(results, tmp_path):
-    write(tmp_path, STRAIGHT, results)
+    write(tmp_path, results)
     images = images_of(tmp_path / "video.mp4")
     assert [image.shape for image in images] == [(360, 640, 3)] * 4
     preview = cv2.imread(str(tmp_path / "preview.jpg"))[:, :, ::-1].astype(int)
@@ -60,9 +58,9 @@ def test_a_run_leaves_a_video_and_the_preview_of_its_middle(results, tmp_path):
 
 
 def test_paths_and_speeds_need_a_sequence(results, tmp_path):
-    for name, drive in (("sequence", STRAIGHT), ("frames", SEPARATE)):
+    for name, is_sequence in (("sequence", True), ("frames", False)):
         (tmp_path / name).mkdir()
-        write(tmp_path / name, drive, results)
+        write(tmp_path / name, results, is_sequence=is_sequence)
     sequence, frames = (
         images_of(tmp_path / name / "video.mp4")[3].astype(int) for name in ("sequence", "frames")
     )
@@ -71,7 +69,7 @@ def test_paths_and_speeds_need_a_sequence(results, tmp_path):
 
 
 def test_a_run_that_fails_leaves_a_partial_video(results, tmp_path):
-    with pytest.raises(RuntimeError), video_of(tmp_path, STRAIGHT, 4) as (video,):
+    with pytest.raises(RuntimeError), video_of(tmp_path, 4) as (video,):
         video.add(results[0], None)
         raise RuntimeError
     assert [path.name for path in tmp_path.iterdir()] == ["video.partial.mp4"]
