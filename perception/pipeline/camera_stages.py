@@ -259,7 +259,7 @@ class CameraStages(Restorable):
                 for camera, one in enumerate(detections)
                 if one is not None
             }
-            vehicles = join_cameras(located, frame, self._vehicles)
+            vehicles = join_cameras(located, frame, self._vehicles.min_existence)
             return self._tracker.update(vehicles, frame, lidar.world_SE3_velo, lidar.tracks)
 
 

@@ -21,6 +21,17 @@ from perception.tracking.track_update import init_tracks, measure_boxes, update_
 from perception.tracking.tracker import covariances_velo
 from perception.types import Bool, Float64, Int, Tracks
 
+# Margin around a track's predicted box within which clusters are fragments of one object.
+_FRAGMENT_MARGIN_M = 0.3
+# Maximum number of points of a fragment, as a share of those of the largest one.
+_FRAGMENT_SHARE = 0.5
+# Maximum excess of the size of a static cluster over that of the track it continues.
+_STATIC_MARGIN_M = 0.5
+# Minimum size of a static cluster, as a share of the track's last observed size.
+_STATIC_MIN_SHARE = 0.6
+# Distance from a static cluster of the previous scan within which a static cluster is not new.
+_STATIC_REACH_M = 0.3
+
 
 class BoxTracker:
     """Tracks moving objects as boxes, located by the sides that face the sensor; a `MultiObjectTracker`."""
@@ -32,7 +43,7 @@ class BoxTracker:
 
         Args:
             area: Local area of the clusters, outside of which unseen tracks are deleted; None for no limit.
-            config: Motion, heading, size and life cycle of tracks.
+            config: Confirmation, reporting and deletion of tracks.
         """
         self._area = area
         self._config = config or BoxTrackerConfig()
@@ -63,9 +74,9 @@ class BoxTracker:
 
     def _predict(self, elapsed_s: float) -> None:
         """Predict the tracks; after a long gap in time none is left."""
-        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config.lifecycle)]
-        headings = update_from_course(tracks, elapsed_s, self._config.heading)
-        states = motion_model.predict(tracks.states, elapsed_s, self._config.motion)
+        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config)]
+        headings = update_from_course(tracks, elapsed_s)
+        states = motion_model.predict(tracks.states, elapsed_s)
         turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))
         self._tracks = replace(
             with_sides_swapped(tracks, turn_rad > np.pi / 4),
@@ -81,16 +92,16 @@ class BoxTracker:
         clusters = join_fragments(
             clusters,
             self._is_inside(self._tracks[confirmed], clusters.centroids_m),
-            self._config.fragment_share,
+            _FRAGMENT_SHARE,
         )
         for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
             if len(clusters) and len(rows):
                 tracks = self._tracks[rows]
-                measured = measure_boxes(tracks, clusters, sensor_m, self._config)
+                measured = measure_boxes(tracks, clusters, sensor_m)
                 costs = motion_model.squared_distances(
                     tracks.states, measured.centers_m, measured.noise
                 )
-                pairs = assign_hungarian(costs, costs <= self._config.motion.gate)
+                pairs = assign_hungarian(costs, costs <= motion_model.GATE)
                 self._update_matched(
                     rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=True
                 )
@@ -99,24 +110,24 @@ class BoxTracker:
 
     def _is_inside(self, tracks: TrackTable, positions_m: Float64) -> Bool:
         """Return (T, F) whether each position lies within the box of each track, or in its margin."""
-        sizes_m = likely_sizes_m(tracks, self._config.size) + 2 * self._config.fragment_margin_m
+        sizes_m = likely_sizes_m(tracks) + 2 * _FRAGMENT_MARGIN_M
         return is_inside_boxes(positions_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
     def _update_with_static(self, clusters: Footprints, sensor_m: Float64) -> None:
         """Continue confirmed tracks by static clusters where no moving cluster has."""
         is_new = self._is_newly_static(clusters)
-        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config.lifecycle))
+        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config))
         if len(clusters) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
-        measured = measure_boxes(tracks, clusters, sensor_m, self._config)
+        measured = measure_boxes(tracks, clusters, sensor_m)
         costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
-        room_m = likely_sizes_m(tracks, self._config.size) + self._config.static_margin_m
-        min_m = self._config.static_min_share * tracks.recent_sizes_m[:, 0]
+        room_m = likely_sizes_m(tracks) + _STATIC_MARGIN_M
+        min_m = _STATIC_MIN_SHARE * tracks.recent_sizes_m[:, 0]
         fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
         was_static = tracks.last_moved_s < tracks.last_seen_s
         may = fits.all(axis=2) & (was_static[:, None] | is_new)
-        pairs = assign_hungarian(costs, may & (costs <= self._config.motion.gate))
+        pairs = assign_hungarian(costs, may & (costs <= motion_model.GATE))
         self._update_matched(
             rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=False
         )
@@ -126,7 +137,7 @@ class BoxTracker:
         before, self._static_before_m = self._static_before_m, clusters.centroids_m
         if len(before) == 0 or len(clusters) == 0:
             return np.ones(len(clusters), bool)
-        reach_m = self._config.static_reach_m
+        reach_m = _STATIC_REACH_M
         away_m = np.linalg.norm(clusters.centroids_m[:, None] - before[None], axis=2)
         return np.asarray(away_m.min(axis=1) >= reach_m)
 
@@ -136,7 +147,7 @@ class BoxTracker:
         """Correct some tracks by one cluster each."""
         if len(rows) == 0:
             return
-        tracks = update_tracks(self._tracks[rows], clusters, sensor_m, self._config)
+        tracks = update_tracks(self._tracks[rows], clusters, sensor_m)
         stamps_s = np.full(len(rows), self._stamp)
         tracks = replace(
             tracks,
@@ -144,7 +155,7 @@ class BoxTracker:
             last_moved_s=stamps_s if is_moving else tracks.last_moved_s,
             hits=tracks.hits + is_moving,
         )
-        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.lifecycle))
+        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config))
         self._tracks = self._tracks.replaced(rows, tracks)
 
     def _init_tracks(self, clusters: Footprints, sensor_m: Float64) -> None:
@@ -154,7 +165,7 @@ class BoxTracker:
         clusters = clusters[np.flatnonzero(~is_part)]
         if len(clusters) == 0:
             return
-        tracks = init_tracks(clusters, sensor_m, self._stamp, self._config)
+        tracks = init_tracks(clusters, sensor_m, self._stamp)
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
         self._next_id += len(clusters)
 
@@ -162,13 +173,11 @@ class BoxTracker:
         """Join the tracks of one object: the larger box goes on, by the older id where both moved alike."""
         tracks = self._tracks
         is_within = self._is_inside(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
-        areas_m2 = likely_sizes_m(tracks, self._config.size).prod(axis=1)
+        areas_m2 = likely_sizes_m(tracks).prod(axis=1)
         goes_on = np.ones(len(tracks), bool)
         for older, younger in zip(*np.nonzero(np.triu(is_within | is_within.T, 1)), strict=True):
             is_part = is_within[younger, older] and areas_m2[younger] > areas_m2[older]
-            moves_alike = motion_model.moves_alike(
-                tracks.states, older, younger, self._config.motion
-            )
+            moves_alike = motion_model.moves_alike(tracks.states, older, younger)
             if not goes_on[older] or not goes_on[younger]:
                 continue
             if is_part and moves_alike and tracks.is_confirmed[older]:
@@ -184,7 +193,7 @@ class BoxTracker:
     def _delete_tracks(self, world_SE3_velo: Float64) -> None:
         """Delete the tracks that are unseen for too long or beyond the area."""
         tracks = self._tracks
-        goes_on = is_alive(tracks, self._stamp, self._config.lifecycle)
+        goes_on = is_alive(tracks, self._stamp, self._config)
         if self._area is not None:
             positions_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
             positions_velo = se3.transform_points(se3.inverse(world_SE3_velo), positions_m)
@@ -197,15 +206,15 @@ class BoxTracker:
 
     def _report(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
         """Return the reported tracks in the frame of the scan."""
-        tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.lifecycle)]
-        outlines_m = likely_sizes_m(tracks, self._config.size)
+        tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config)]
+        outlines_m = likely_sizes_m(tracks)
         sizes_m = np.column_stack([outlines_m, tracks.heights_m])
-        tracks = replace(tracks, yaw_rad=reported_yaws(tracks, self._config.heading))
+        tracks = replace(tracks, yaw_rad=reported_yaws(tracks))
         return Tracks.unclassified(
             tracks.ids,
             tracks.boxes_velo(sizes_m, world_SE3_velo),
             tracks.velocities_velo(world_SE3_velo),
             np.asarray(tracks.last_seen_s == stamp_s),
-            covariances_velo(reported_covariances(tracks, sizes_m, self._config), world_SE3_velo),
-            reported_deviations(tracks, sizes_m, self._config),
+            covariances_velo(reported_covariances(tracks, sizes_m), world_SE3_velo),
+            reported_deviations(tracks, sizes_m),
         )

@@ -9,14 +9,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.tracking import kalman
-from perception.tracking.config import MotionModelConfig
 from perception.tracking.kalman import Gaussians
 from perception.types import Float64, Int
+
+# Standard deviation of the change of velocity within a second, along x and along y.
+_VELOCITY_NOISE_M_S = 0.9
+# Standard deviation of the initial velocity along x and along y: of vehicles, and of what is small.
+_INITIAL_SPEED_M_S, _SMALL_INITIAL_SPEED_M_S = 6.0, 3.0
+_SMALL_LENGTH_M = 1.3  # maximum length and width of pedestrians and cyclists
+# Standard deviation of the position of an observed side, from pose, range, and swinging arms.
+_SIDE_NOISE_M = 0.06
+# Share of the object's size, over the root of the number of points, by which an end is missed.
+_SAMPLING = 0.5
+# Deviation of the centre as a share of the length that is not observed; 0.29 if it is uniform.
+_SLACK_SHARE = 0.3
+# Maximum squared Mahalanobis distance of a detection: 99 % of true pairs (chi-squared, 2 degrees).
+GATE = 9.21
+# Standard deviation of a centre that no number of observations removes: a sparse side.
+_BOX_ERROR_M = 0.05
+# Reported share of the variance of a velocity: most keep theirs, which the filter does not know.
+_VELOCITY_INFLATION = 0.4
 
 _OBSERVATION = np.eye(2, 4)
 
 
-def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Gaussians:
+def predict(states: Gaussians, elapsed_s: float) -> Gaussians:
     """Predict the states, with random accelerations.
 
     The noise of two steps is that of one step as long as both, so that neither the scan rate nor a gap in time changes
@@ -28,23 +45,20 @@ def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Ga
     noise[position, position] = elapsed_s**3 / 3 * np.eye(2)
     noise[position, speed] = noise[speed, position] = elapsed_s**2 / 2 * np.eye(2)
     noise[speed, speed] = elapsed_s * np.eye(2)
-    return kalman.predict(states, transition, model.velocity_noise_m_s**2 * noise)
+    return kalman.predict(states, transition, _VELOCITY_NOISE_M_S**2 * noise)
 
 
-def init(
-    positions_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModelConfig
-) -> Gaussians:
+def init(positions_m: Float64, noise: Float64, sizes_m: Float64) -> Gaussians:
     """Return the states after one observation.
 
     Args:
         positions_m: (T, 2) observed positions.
         noise: (T, 2, 2) covariances of the positions.
         sizes_m: (T, 2) observed lengths and widths.
-        model: Initial velocities.
     """
     count = len(positions_m)
-    is_small = sizes_m.max(axis=1) < model.small_length_m
-    speed_m_s = np.where(is_small, model.small_initial_speed_m_s, model.initial_speed_m_s)
+    is_small = sizes_m.max(axis=1) < _SMALL_LENGTH_M
+    speed_m_s = np.where(is_small, _SMALL_INITIAL_SPEED_M_S, _INITIAL_SPEED_M_S)
     covariance = np.zeros((count, 4, 4))
     covariance[:, :2, :2] = noise
     covariance[:, 2:, 2:] = speed_m_s[:, None, None] ** 2 * np.eye(2)
@@ -66,20 +80,17 @@ class CenterUncertainty:
     slack_m: Float64
 
 
-def position_noise(
-    uncertainty: CenterUncertainty, points: Int, yaw_rad: Float64, model: MotionModelConfig
-) -> Float64:
+def position_noise(uncertainty: CenterUncertainty, points: Int, yaw_rad: Float64) -> Float64:
     """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:
         uncertainty: (..., 2) sources of uncertainty.
         points: (...) numbers of observed points; more points locate a side better.
         yaw_rad: (...) headings.
-        model: Noise of sides.
     """
-    missed_m = model.sampling * uncertainty.seen_m / np.sqrt(points)[..., None]
-    slack_m = model.slack_share * uncertainty.slack_m
-    variances = model.side_noise_m**2 + missed_m**2 + uncertainty.swing_m**2 + slack_m**2
+    missed_m = _SAMPLING * uncertainty.seen_m / np.sqrt(points)[..., None]
+    slack_m = _SLACK_SHARE * uncertainty.slack_m
+    variances = _SIDE_NOISE_M**2 + missed_m**2 + uncertainty.swing_m**2 + slack_m**2
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))
@@ -95,15 +106,15 @@ def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
     return kalman.update(states, centers_m, _OBSERVATION, noise)
 
 
-def reported_covariances(states: Gaussians, model: MotionModelConfig) -> Float64:
+def reported_covariances(states: Gaussians) -> Float64:
     """Return (T, 4, 4) covariances to report of observed centres and of velocities."""
-    ratios = np.repeat([1.0, model.velocity_inflation], 2)
+    ratios = np.repeat([1.0, _VELOCITY_INFLATION], 2)
     inflated = states.covariance * np.sqrt(np.outer(ratios, ratios))
-    return np.asarray(inflated + np.diag([model.box_error_m**2] * 2 + [0.0] * 2))
+    return np.asarray(inflated + np.diag([_BOX_ERROR_M**2] * 2 + [0.0] * 2))
 
 
-def moves_alike(states: Gaussians, first: int, second: int, model: MotionModelConfig) -> bool:
+def moves_alike(states: Gaussians, first: int, second: int) -> bool:
     """Return whether two of T states have one velocity, within their uncertainty."""
     apart_m_s = states.mean[first, 2:] - states.mean[second, 2:]
     covariance = states.covariance[first, 2:, 2:] + states.covariance[second, 2:, 2:]
-    return bool(apart_m_s @ np.linalg.solve(covariance, apart_m_s) <= model.gate)
+    return bool(apart_m_s @ np.linalg.solve(covariance, apart_m_s) <= GATE)

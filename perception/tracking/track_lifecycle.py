@@ -2,14 +2,18 @@
 
 import numpy as np
 
-from perception.tracking.config import TrackLifecycleConfig
+from perception.tracking.config import BoxTrackerConfig
 from perception.tracking.track_table import TrackTable
 from perception.types import Bool
 
+_MIN_HITS_REPORTED_UNSEEN = 5  # number of hits of a track that is reported without an observation
+# Time since the last observation within which a static cluster may continue a track.
+_MAX_STOPPING_S = 0.35
+_MAX_STOPPING_SPEED_M_S = 3.0  # maximum speed of such a track
 _ROUNDING_S = 1e-3  # of stamps
 
 
-def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
+def is_confirmed(tracks: TrackTable, config: BoxTrackerConfig) -> Bool:
     """Return whether each track is confirmed: observed often enough and moving; a confirmed track stays so."""
     age_s = tracks.last_seen_s - tracks.first_seen_s
     travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.first_seen_world_m, axis=1)
@@ -23,7 +27,7 @@ def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
     return np.asarray(tracks.is_confirmed | ((tracks.hits >= needed) & travels))
 
 
-def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
+def is_alive(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each track is kept: observed recently, and as a moving object not too long ago."""
     limit_s = np.where(tracks.is_confirmed, config.max_unseen_s, config.max_unseen_unconfirmed_s)
     is_lost = stamp_s - tracks.last_seen_s > limit_s + _ROUNDING_S
@@ -31,18 +35,16 @@ def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -
     return np.asarray(~is_lost & ~is_static)
 
 
-def may_be_static(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
+def may_be_static(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each confirmed track that is not observed in this scan may have stopped."""
-    is_fresh = stamp_s - tracks.last_seen_s <= config.max_stopping_s + _ROUNDING_S
-    is_slow = tracks.speeds_m_s <= config.max_stopping_speed_m_s
+    is_fresh = stamp_s - tracks.last_seen_s <= _MAX_STOPPING_S + _ROUNDING_S
+    is_slow = tracks.speeds_m_s <= _MAX_STOPPING_SPEED_M_S
     return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
 
-def is_reported(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
+def is_reported(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each track is reported."""
-    limit_s = np.where(
-        tracks.hits >= config.min_hits_reported_unseen, config.max_unseen_reported_s, 0.0
-    )
+    limit_s = np.where(tracks.hits >= _MIN_HITS_REPORTED_UNSEEN, config.max_unseen_reported_s, 0.0)
     is_observed = stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
     moves = stamp_s - tracks.last_moved_s <= config.max_static_reported_s + _ROUNDING_S
     return np.asarray(tracks.is_confirmed & is_observed & moves)

@@ -9,7 +9,6 @@ import numpy as np
 
 from perception.geometry.footprints import Footprints
 from perception.tracking import motion_model
-from perception.tracking.config import BoxTrackerConfig, SizeEstimateConfig
 from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
 from perception.tracking.size_estimate import likely_sizes_m, update_sizes
 from perception.tracking.track_table import TrackTable
@@ -22,6 +21,10 @@ from perception.tracking.visible_sides import (
     to_world,
 )
 from perception.types import Float64, Int
+
+_HEIGHT_GAIN = 0.3  # of a correction of the height
+# Maximum standard deviation of the heading that shifts the centre of a partly hidden box.
+_MAX_SWING_RAD = 0.3
 
 
 @dataclass(frozen=True)
@@ -39,58 +42,49 @@ class BoxMeasurements:
     sizes_m: Float64
 
 
-def measure_boxes(
-    tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
-) -> BoxMeasurements:
+def measure_boxes(tracks: TrackTable, clusters: Footprints, sensor_m: Float64) -> BoxMeasurements:
     """Measure every track by every one of F clusters, at least one."""
     seen = measure_extents(clusters, tracks.yaw_rad, sensor_m)
-    return _measure(tracks, seen, clusters.points[None], config)
+    return _measure(tracks, seen, clusters.points[None])
 
 
-def _measure(
-    tracks: TrackTable, seen: Extents, points: Int, config: BoxTrackerConfig
-) -> BoxMeasurements:
-    sizes_m = likely_sizes_m(tracks, config.size)
-    centers = place_centers(seen, sizes_m, config.size.complete_angle_rad)
+def _measure(tracks: TrackTable, seen: Extents, points: Int) -> BoxMeasurements:
+    sizes_m = likely_sizes_m(tracks)
+    centers = place_centers(seen, sizes_m)
     # A box turns around the observed side: its centre swings by the length of the hidden part.
-    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, config.motion.max_swing_rad**2))
+    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, _MAX_SWING_RAD**2))
     hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
     uncertainty = motion_model.CenterUncertainty(seen.sizes_m, swing_m, centers.slack_m)
     return BoxMeasurements(
         to_world(centers.along_left_m, tracks.yaw_rad),
-        motion_model.position_noise(uncertainty, points, tracks.yaw_rad[:, None], config.motion),
+        motion_model.position_noise(uncertainty, points, tracks.yaw_rad[:, None]),
         seen.sizes_m,
     )
 
 
-def update_tracks(
-    tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
-) -> TrackTable:
+def update_tracks(tracks: TrackTable, clusters: Footprints, sensor_m: Float64) -> TrackTable:
     """Correct each of T tracks by the cluster that continues it."""
-    headings = update_from_shape(tracks, clusters, config.heading)
+    headings = update_from_shape(tracks, clusters)
     tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
     seen = _own_extents(clusters, tracks.yaw_rad, sensor_m)
-    tracks = _grown(tracks, seen, config.size)
-    measured = _measure(tracks, seen, clusters.points[:, None], config)
+    tracks = _grown(tracks, seen)
+    measured = _measure(tracks, seen, clusters.points[:, None])
     states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
     heights_m = clusters.high_m - clusters.low_m
     return replace(
         tracks,
         mean=states.mean,
         covariance=states.covariance,
-        heights_m=tracks.heights_m + config.size.height_gain * (heights_m - tracks.heights_m),
-        low_world_m=tracks.low_world_m
-        + config.size.height_gain * (clusters.low_m - tracks.low_world_m),
+        heights_m=tracks.heights_m + _HEIGHT_GAIN * (heights_m - tracks.heights_m),
+        low_world_m=tracks.low_world_m + _HEIGHT_GAIN * (clusters.low_m - tracks.low_world_m),
         points=tracks.points + clusters.points,
     )
 
 
-def init_tracks(
-    clusters: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
-) -> TrackTable:
+def init_tracks(clusters: Footprints, sensor_m: Float64, stamp_s: float) -> TrackTable:
     """Return the new tracks of F clusters; their ids are 0 to F - 1."""
-    count, yaw_rad = len(clusters), first_yaws(clusters, sensor_m, config.heading)
+    count, yaw_rad = len(clusters), first_yaws(clusters, sensor_m)
     seen = _own_extents(clusters, yaw_rad, sensor_m)
     sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
     tracks = TrackTable(
@@ -112,9 +106,9 @@ def init_tracks(
         points=clusters.points,
         is_confirmed=np.zeros(count, bool),
     )
-    measured = _measure(tracks, seen, clusters.points[:, None], config)
+    measured = _measure(tracks, seen, clusters.points[:, None])
     centers_m = measured.centers_m[:, 0]
-    states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m, config.motion)
+    states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m)
     return replace(
         tracks, mean=states.mean, covariance=states.covariance, first_seen_world_m=centers_m
     )
@@ -126,13 +120,13 @@ def _own_extents(clusters: Footprints, yaw_rad: Float64, sensor_m: Float64) -> E
     return Extents(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
 
 
-def _grown(tracks: TrackTable, seen: Extents, config: SizeEstimateConfig) -> TrackTable:
+def _grown(tracks: TrackTable, seen: Extents) -> TrackTable:
     """Update the sizes; a box grows behind the side that faces the sensor."""
-    before_m = likely_sizes_m(tracks, config)
-    is_complete = seen.is_complete(config.complete_angle_rad)[:, 0]
-    sizes_m, recent_m, complete = update_sizes(tracks, seen.sizes_m[:, 0], is_complete, config)
+    before_m = likely_sizes_m(tracks)
+    is_complete = seen.is_complete[:, 0]
+    sizes_m, recent_m, complete = update_sizes(tracks, seen.sizes_m[:, 0], is_complete)
     grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_counts=complete)
-    growth_m = likely_sizes_m(grown, config) - before_m
+    growth_m = likely_sizes_m(grown) - before_m
     away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
     is_outside = np.abs(away_m) > before_m / 2
     shift_m = to_world(np.sign(away_m) * is_outside * growth_m / 2, tracks.yaw_rad)

@@ -15,6 +15,9 @@ import numpy as np
 from perception.geometry.footprints import Footprints
 from perception.types import Bool, Float64
 
+# Minimum angle between line of sight and face at which the far end of the face is observed.
+_COMPLETE_ANGLE_RAD = np.radians(10.0)
+
 
 @dataclass(frozen=True)
 class Extents:
@@ -35,15 +38,16 @@ class Extents:
         """(T, F, 2) observed length and width."""
         return self.high_m - self.low_m
 
-    def is_complete(self, min_angle_rad: float) -> Bool:
-        """Return (T, F, 2) whether both ends along an axis are observed, on a face that is not too slanted.
+    @property
+    def is_complete(self) -> Bool:
+        """(T, F, 2) whether both ends along an axis are observed, on a face that is not too slanted.
 
         Length is observed on the left or right face, width on the front or the rear.
         """
         sensor_m = self.sensor_m[:, None]
         beside_m = np.maximum(self.low_m - sensor_m, sensor_m - self.high_m)
         far_m = np.maximum(np.abs(self.low_m - sensor_m), np.abs(self.high_m - sensor_m))
-        return np.asarray(beside_m[..., ::-1] > np.tan(min_angle_rad) * far_m)
+        return np.asarray(beside_m[..., ::-1] > np.tan(_COMPLETE_ANGLE_RAD) * far_m)
 
 
 def measure_extents(clusters: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Extents:
@@ -85,16 +89,15 @@ class Centers:
     slack_m: Float64
 
 
-def place_centers(seen: Extents, sizes_m: Float64, min_angle_rad: float) -> Centers:
+def place_centers(seen: Extents, sizes_m: Float64) -> Centers:
     """Locate each box by the end that faces the sensor or, where both ends are observed, between them.
 
     Args:
         seen: Extents of the outlines.
         sizes_m: (T, 2) estimated length and width.
-        min_angle_rad: Minimum angle to the line of sight of a face whose far end is observed.
     """
     half_m, sensor_m = sizes_m[:, None] / 2, seen.sensor_m[:, None]
-    is_complete = seen.is_complete(min_angle_rad)
+    is_complete = seen.is_complete
     from_low = ~is_complete & (sensor_m < seen.low_m)
     from_high = ~is_complete & (sensor_m > seen.high_m)
     middle_m = (seen.low_m + seen.high_m) / 2

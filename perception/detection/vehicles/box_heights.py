@@ -2,10 +2,14 @@
 
 import numpy as np
 
-from perception.detection.vehicles.config import BoxHeightConfig
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.tracking.vehicles.image_heights import image_heights_m
+from perception.tracking.vehicles.image_heights import image_heights_m, top_deviations
 from perception.types import Boxes3D, Calibration, Float64
+
+# Maximum difference from the height of the class that is trusted, in its standard deviations.
+_MAX_DEVIATIONS = 2.5
+# Minimum standard deviation of the height of a vehicle, whose class may be another.
+_MIN_VEHICLE_DEVIATION_M = 0.3
 
 
 def fit_heights(
@@ -13,7 +17,6 @@ def fit_heights(
     boxes_px: Float64,
     sizes: SizePriors,
     calibration: Calibration,
-    config: BoxHeightConfig,
 ) -> Float64:
     """Return (F,) heights, weighted by the variances of the class and of the 2D box.
 
@@ -22,19 +25,15 @@ def fit_heights(
         boxes_px: (F, 4) boxes in the image.
         sizes: (F) sizes of their classes.
         calibration: Calibration of the camera.
-        config: Deviations.
     """
-    _, y1, _, y2 = boxes_px.T
     seen_m = image_heights_m(boxes, boxes_px, calibration.image_P_velo)
     mean_m, deviation_m = sizes.height_m.T
     # A vehicle may be of another class, a person is not.
     deviation_m = np.where(
-        sizes.has_sides, np.maximum(deviation_m, config.min_vehicle_deviation_m), deviation_m
+        sizes.has_sides, np.maximum(deviation_m, _MIN_VEHICLE_DEVIATION_M), deviation_m
     )
-    height_px = np.maximum(y2 - y1, 1.0)
-    share = config.top_deviation_px / height_px + config.top_deviation_share
-    variance_m2 = (share * mean_m) ** 2
+    variance_m2 = (top_deviations(boxes_px) * mean_m) ** 2
     # The image's border cuts the upper side of what is near.
-    trust = np.where(y1 <= 1, 0.0, deviation_m**2 / (deviation_m**2 + variance_m2))
-    reach_m = config.max_deviations * deviation_m
+    trust = np.where(boxes_px[:, 1] <= 1, 0.0, deviation_m**2 / (deviation_m**2 + variance_m2))
+    reach_m = _MAX_DEVIATIONS * deviation_m
     return np.asarray(mean_m + trust * np.clip(seen_m - mean_m, -reach_m, reach_m))

@@ -10,18 +10,25 @@ from itertools import combinations
 
 import numpy as np
 
-from perception.detection.vehicles.config import CameraJoiningConfig, VehicleConfig
+from perception.detection.vehicles.config import VehicleConfig
 from perception.geometry.box_overlap import center_distances_m, paired_iou_bev
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.tracking.vehicles.observations import FrameGeometry
+from perception.tracking.vehicles.observations import ASSUMED_HEIGHT_M, FrameGeometry
 from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
+
+_MIN_SHARED = 0.5  # minimum share of the returns of the one that has fewer which both have
+_MIN_IOU = 0.2  # minimum IoU of both boxes on the ground, unless they share returns
+# Minimum IoU in one image where one has no box on the ground: the other is moved there.
+_MIN_IOU_PX = 0.4
 
 
 def join_cameras(
-    located: Mapping[int, Vehicles], frame: Frame, config: VehicleConfig | None = None
+    located: Mapping[int, Vehicles],
+    frame: Frame,
+    min_existence: float = VehicleConfig.min_existence,
 ) -> Vehicles:
     """Return the vehicles of all cameras, each once, with the detection of the camera that shows it better.
 
@@ -30,19 +37,18 @@ def join_cameras(
     Args:
         located: Located detections in at least one camera of the frame, by its number.
         frame: Frame of the detections.
-        config: When two detections are one object, and the minimum score.
+        min_existence: Minimum existence of a detection that is joined.
     """
     if located.keys() == {0}:
         return located[0]
-    config = config or VehicleConfig()
     vehicles, owners = _concatenated(located)
     cameras = [
         FrameGeometry(frame.stamp_s, np.eye(4), calibration.image_P_velo, size_px)
         for calibration, size_px in map(camera_of, frame.views)
     ]
-    is_same = _share_returns(owners, len(vehicles), config.joining.min_shared)
-    likely = np.flatnonzero(vehicles.fused.existence >= config.min_existence)
-    is_same[np.ix_(likely, likely)] |= _overlap(vehicles.select(likely), cameras, config.joining)
+    is_same = _share_returns(owners, len(vehicles))
+    likely = np.flatnonzero(vehicles.fused.existence >= min_existence)
+    is_same[np.ix_(likely, likely)] |= _overlap(vehicles.select(likely), cameras)
     is_same &= vehicles.cameras[:, None] != vehicles.cameras
     has_sides = SizePriors.of(vehicles.fused.detections.types).has_sides
     is_same &= has_sides[:, None] == has_sides  # a person may stand in front of a car
@@ -69,7 +75,7 @@ def _concatenated(located: Mapping[int, Vehicles]) -> tuple[Vehicles, Int]:
     return Vehicles.concatenate(parts, owners[0]), owners
 
 
-def _share_returns(owners: Int, count: int, min_shared: float) -> Bool:
+def _share_returns(owners: Int, count: int) -> Bool:
     """Return (M, M) whether two vehicles have most returns of one of them in common."""
     shared = np.zeros((count, count), np.int64)
     claimed = owners[:, (owners >= 0).sum(axis=0) > 1]  # few points are in two images
@@ -79,12 +85,10 @@ def _share_returns(owners: Int, count: int, min_shared: float) -> Bool:
     shared += shared.T
     counts = np.bincount(owners[owners >= 0], minlength=count)
     fewer = np.minimum(counts[:, None], counts)
-    return np.asarray((fewer > 0) & (shared >= min_shared * fewer))
+    return np.asarray((fewer > 0) & (shared >= _MIN_SHARED * fewer))
 
 
-def _overlap(
-    vehicles: Vehicles, cameras: Sequence[FrameGeometry], config: CameraJoiningConfig
-) -> Bool:
+def _overlap(vehicles: Vehicles, cameras: Sequence[FrameGeometry]) -> Bool:
     """Return (M, M) whether two vehicles overlap on the ground, or in an image where one has no place there."""
     numbers, boxes = vehicles.cameras, vehicles.boxes
     boxes_px = vehicles.fused.detections.boxes_px
@@ -92,8 +96,8 @@ def _overlap(
     is_same = np.zeros((len(vehicles), len(vehicles)), bool)
     located = np.flatnonzero(is_located)
     first, second = (located[one] for one in _near_pairs(boxes[located]))
-    is_same[first, second] = paired_iou_bev(boxes[first], boxes[second]) >= config.min_iou
-    corners_velo = _corners_velo(vehicles, cameras, config.assumed_height_m)
+    is_same[first, second] = paired_iou_bev(boxes[first], boxes[second]) >= _MIN_IOU
+    corners_velo = _corners_velo(vehicles, cameras)
     for number in np.unique(numbers).tolist():
         others, rows = np.flatnonzero(numbers == number), np.flatnonzero(numbers != number)
         if is_located.all() or not len(rows):
@@ -102,7 +106,7 @@ def _overlap(
         moved_px = _moved_px(corners_velo[:, rows], camera)
         outlines_px = box_outlines_px(camera.image_P_velo, boxes[rows], camera.image_size_px)
         seen_px = np.where(is_located[rows, None], outlines_px, moved_px)
-        in_image = iou_px(np.nan_to_num(seen_px), boxes_px[others]) >= config.min_iou_px
+        in_image = iou_px(np.nan_to_num(seen_px), boxes_px[others]) >= _MIN_IOU_PX
         in_image &= ~(is_located[rows, None] & is_located[others])
         is_same[np.ix_(rows, others)] |= in_image
     return is_same | is_same.T
@@ -115,14 +119,14 @@ def _near_pairs(boxes: Boxes3D) -> tuple[Int, Int]:
     return first, second
 
 
-def _corners_velo(vehicles: Vehicles, cameras: Sequence[FrameGeometry], height_m: float) -> Float64:
-    """Return (4, M, 3) where the corners of boxes in the images are, of objects of a height."""
+def _corners_velo(vehicles: Vehicles, cameras: Sequence[FrameGeometry]) -> Float64:
+    """Return (4, M, 3) where the corners of boxes in the images are, of objects of the assumed height."""
     boxes_px = vehicles.fused.detections.boxes_px
     heights_px = np.maximum(boxes_px[:, 3] - boxes_px[:, 1], 1.0)
     corners = np.empty((4, len(vehicles), 3))
     for number in np.unique(vehicles.cameras).tolist():
         rows, camera = np.flatnonzero(vehicles.cameras == number), cameras[number]
-        depths_m = camera.focal_px * height_m / heights_px[rows]
+        depths_m = camera.focal_px * ASSUMED_HEIGHT_M / heights_px[rows]
         places = ([column, row] for column in (0, 2) for row in (1, 3))
         for corner, place in zip(corners, places, strict=True):
             corner[rows] = camera.unproject(boxes_px[rows][:, place], depths_m)

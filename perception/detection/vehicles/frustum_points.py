@@ -5,10 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.detection.height_cells import HeightCells
-from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.geometry.camera import project
 from perception.maps.projection import rows_near_view
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
+
+# Extension of a box that the image's border cuts, in its heights: the LiDAR sees beyond, too.
+_BORDER_EXTENSION = 3.0
+_GROUND_CELL_M = 0.5  # edge of the cells of the lowest points
+_GROUND_SEARCH_RADIUS_M = 1.5  # distance within which some ground is observed, beside a car
+_GROUND_STEP_M = 0.2  # maximum height of ground above the lowest point within that distance
+_CLEARANCE_M = 0.2  # minimum height above the ground of a vehicle's points
+_MODEL_ERROR_M = 0.3  # maximum difference between the ground around and a ground model that is used
+_MODEL_REACH_M = 30.0  # maximum distance from the LiDAR at which the ground model is used
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,7 @@ def find_frustum_points(
     boxes_px: Float64,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
-    config: VehiclePointsConfig,
+    max_depth_m: float,
 ) -> FrustumPoints:
     """Return the points above the ground within boxes in the image, and the height of the ground there.
 
@@ -46,7 +54,7 @@ def find_frustum_points(
         boxes_px: (M, 4) boxes, within the image or beyond its borders.
         camera: Calibration, and (width, height) of the image.
         ground: Ground model; None takes the lowest points of the cells around.
-        config: Distances and heights.
+        max_depth_m: Maximum depth of a point along the optical axis.
     """
     around_px = _with_ground_before(boxes_px, camera[1])
     low_px, size_px = _window(around_px)
@@ -57,20 +65,20 @@ def find_frustum_points(
     xyz_m = points_velo.take(rows, axis=0)[:, :3].astype(np.float64)
     pixels, depths_m = project(window_P_velo, xyz_m)
     is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
-    around = np.flatnonzero((depths_m > 0) & (depths_m <= config.max_depth_m) & is_around)
+    around = np.flatnonzero((depths_m > 0) & (depths_m <= max_depth_m) & is_around)
     rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
     pixels = pixels.T.take(around, axis=1).T + low_px
-    cells = HeightCells.of(xyz_m, config.ground_cell_m)
-    around_m = cells.ground_around_m(config.ground_search_radius_m, config.ground_step_m)
+    cells = HeightCells.of(xyz_m, _GROUND_CELL_M)
+    around_m = cells.ground_around_m(_GROUND_SEARCH_RADIUS_M, _GROUND_STEP_M)
     ground_m = around_m
     if ground is not None and len(rows):
         model_m = ground.height_m(xyz_m[:, :2])
         # A model extends beyond the points it was fitted to, but is not valid there.
-        is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= config.model_reach_m
-        holds = is_near & (np.abs(model_m - around_m) < config.model_error_m)
+        is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= _MODEL_REACH_M
+        holds = is_near & (np.abs(model_m - around_m) < _MODEL_ERROR_M)
         ground_m = np.where(holds, model_m, around_m)
     above_m = xyz_m[:, 2] - np.maximum(ground_m, around_m)
-    kept = np.flatnonzero(above_m >= config.clearance_m)
+    kept = np.flatnonzero(above_m >= _CLEARANCE_M)
     return FrustumPoints(
         rows[kept],
         xyz_m.take(kept, axis=0),
@@ -81,10 +89,10 @@ def find_frustum_points(
     )
 
 
-def extend_beyond_borders(boxes_px: Float64, width_px: int, config: VehiclePointsConfig) -> Float64:
+def extend_beyond_borders(boxes_px: Float64, width_px: int) -> Float64:
     """Return (M, 4) boxes; those that a side of the image cuts are extended beyond it."""
     x1, y1, x2, y2 = np.clip(boxes_px.T, -width_px, 2 * width_px)
-    reach_px = config.border_extension * (y2 - y1)
+    reach_px = _BORDER_EXTENSION * (y2 - y1)
     return np.column_stack(
         [
             np.where(x1 <= 1, x1 - reach_px, x1),

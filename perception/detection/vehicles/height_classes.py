@@ -9,24 +9,22 @@ same place, which was fainter, takes the other's class:
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.tracking.vehicles.config import EvidenceConfig
 from perception.tracking.vehicles.evidence import likeliest_classes
 from perception.types import Detections, Float64, Int
 
 # From low to high; what a detector of cars alone finds may be any of them.
 _VEHICLES = ("Car", "Van", "Truck")
+_HEIGHT_DEVIATION_M = 0.1  # of the height in one scan, which tells classes of vehicles apart
+_SCORE_WEIGHT = 0.5  # of the logarithm of scores beside that of the likelihood of a height
 
 
-def classes_by_height(
-    detections: Detections, heights_m: Float64, leaders: Int, config: EvidenceConfig
-) -> NDArray[np.str_]:
+def classes_by_height(detections: Detections, heights_m: Float64, leaders: Int) -> NDArray[np.str_]:
     """Return (M,) classes of detections; that of people and of what has no height stays.
 
     Args:
         detections: M detections.
         heights_m: (M,) heights of their boxes, NaN where unknown.
         leaders: (M,) row of the detection that stands for all at the place of each.
-        config: Weight of the scores, and deviation of the heights.
     """
     types, scores = detections.types, detections.scores
     classes = np.array(_VEHICLES)
@@ -40,7 +38,9 @@ def classes_by_height(
     evidence = np.stack(
         [(is_same_place * scores * (types == one)).sum(axis=1) for one in classes], 1
     )
-    numbers = likeliest_classes(evidence, heights_m[best], classes, config)
+    numbers = likeliest_classes(
+        evidence, heights_m[best], classes, _HEIGHT_DEVIATION_M, _SCORE_WEIGHT
+    )
     # What hides the top of a vehicle makes it lower, nothing makes it higher.
     numbers = np.maximum(numbers, (types[best][:, None] == classes).argmax(axis=1))
     chosen = classes[numbers]

@@ -13,9 +13,23 @@ from typing import Annotated
 
 import numpy as np
 
-from perception.detection.vehicles.config import LShapeFitConfig
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import ArrayTable, Float32, Float64
+
+_TRIM_SHARE = 0.02  # share of the points that is left out at either end
+_DIRECTIONS = 18  # number of directions within a quarter turn
+_FINE_DIRECTIONS = 7  # number of directions around the best one
+_KEPT_DIRECTIONS = 4  # number of directions for which sizes and positions are tried
+_SIDE_DEVIATION_M = 0.15  # standard deviation of points from the side they lie on
+# Distance from a side beyond which a point costs no more, as on roofs and seats.
+_MAX_SIDE_DISTANCE_M = 0.4
+_SIDE_WEIGHT = 12.0  # number of independent observations that all points together are worth
+# Lengths that are tried, in standard deviations from the mean of the class.
+_LENGTH_STEPS = (-1.0, 0.0, 1.0)
+_EDGE_DEVIATION_PX = 2.0  # standard deviation of the sides of the 2D box
+_EDGE_DEVIATION_SHARE = 0.07  # increase of the same, as a share of the box's width
+_HIDDEN_SIDE_COST = 4.0  # cost of a box whose side towards the sensor is not observed
+_CENTERED_COST = 2.0  # cost of a box that extends beyond both ends of the points
 
 
 @dataclass(frozen=True)
@@ -77,37 +91,30 @@ class _Extents:
         )
 
 
-def fit_rectangles(
-    samples_m: Float64, sizes: SizePriors, spans: ImageSpans, config: LShapeFitConfig
-) -> Rectangles:
+def fit_rectangles(samples_m: Float64, sizes: SizePriors, spans: ImageSpans) -> Rectangles:
     """Fit a rectangle to the points of each of F vehicles.
 
     Args:
         samples_m: (F, P, 2) points of each vehicle around a sensor at the origin.
         sizes: (F) sizes of the vehicles' classes.
         spans: Columns of the vehicles in the image.
-        config: Directions, sizes and costs.
     """
     # Single precision is accurate to a tenth of a millimetre, and takes half of the time.
     samples = samples_m.astype(np.float32)
-    step_rad = np.pi / 2 / config.directions
-    coarse = np.tile(np.arange(config.directions) * step_rad, (len(samples), 1)).astype(np.float32)
-    first, first_rad = _best_rectangles(
-        _measure_extents(samples, coarse, config), sizes, spans, config
-    )
-    turns_rad = np.linspace(-step_rad, step_rad, config.fine_directions + 2)[1:-1].astype(
-        np.float32
-    )
-    finer = _measure_extents(samples, first_rad[:, None] + turns_rad, config)
-    return _best_rectangles(finer, sizes, spans, config)[0] if len(samples) else first
+    step_rad = np.pi / 2 / _DIRECTIONS
+    coarse = np.tile(np.arange(_DIRECTIONS) * step_rad, (len(samples), 1)).astype(np.float32)
+    first, first_rad = _best_rectangles(_measure_extents(samples, coarse), sizes, spans)
+    turns_rad = np.linspace(-step_rad, step_rad, _FINE_DIRECTIONS + 2)[1:-1].astype(np.float32)
+    finer = _measure_extents(samples, first_rad[:, None] + turns_rad)
+    return _best_rectangles(finer, sizes, spans)[0] if len(samples) else first
 
 
-def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Extents:
+def _measure_extents(samples: Float32, yaw_rad: Float32) -> _Extents:
     """Return the extents of samples (F, P, 2) along directions (F, D)."""
     vehicles, count = samples.shape[:2]
     axes = _axes(yaw_rad).reshape(vehicles, 2 * yaw_rad.shape[1], 2)
     turned = (axes @ samples.swapaxes(1, 2)).reshape(*yaw_rad.shape, 2, count)
-    beyond = int(config.trim_share * count)
+    beyond = int(_TRIM_SHARE * count)
     # Sorting this few takes a tenth of the time of np.partition.
     ordered = np.sort(turned, axis=-1)
     low_m, high_m = ordered[..., beyond], ordered[..., count - 1 - beyond]
@@ -115,8 +122,8 @@ def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig
     side_m = np.where(low_m > 0, low_m, np.where(high_m < 0, high_m, np.inf))
     off_m = np.abs(turned - side_m[..., None])
     off_m = np.minimum(off_m[:, :, 0], off_m[:, :, 1])
-    off = np.minimum(off_m, config.max_side_distance_m) / config.side_deviation_m
-    costs = config.side_weight * (off**2).mean(axis=-1)
+    off = np.minimum(off_m, _MAX_SIDE_DISTANCE_M) / _SIDE_DEVIATION_M
+    costs = _SIDE_WEIGHT * (off**2).mean(axis=-1)
     return _Extents(yaw_rad, low_m, high_m, costs)
 
 
@@ -127,16 +134,14 @@ def _axes(yaw_rad: Float32) -> Float32:
 
 
 def _best_rectangles(
-    extents: _Extents, sizes: SizePriors, spans: ImageSpans, config: LShapeFitConfig
+    extents: _Extents, sizes: SizePriors, spans: ImageSpans
 ) -> tuple[Rectangles, Float32]:
     """Return the best of all sizes and positions, and the direction (F,) along which it was measured."""
-    extents = extents.best(config.kept_directions)
+    extents = extents.best(_KEPT_DIRECTIONS)
     # Short axes come first, vehicles and directions last, which makes for long inner loops.
-    sizes_m, size_costs = _sizes(extents, sizes, config)  # (2, O, F, T), (O, F, T)
-    centers_m, position_costs = _positions(
-        extents, sizes_m, config
-    )  # (3, 2, O, F, T), (3, 2, F, T)
-    costs = _span_costs(extents.yaw_rad, sizes_m, centers_m, spans, config)  # (3, 3, O, F, T)
+    sizes_m, size_costs = _sizes(extents, sizes)  # (2, O, F, T), (O, F, T)
+    centers_m, position_costs = _positions(extents, sizes_m)  # (3, 2, O, F, T), (3, 2, F, T)
+    costs = _span_costs(extents.yaw_rad, sizes_m, centers_m, spans)  # (3, 3, O, F, T)
     costs += extents.costs + size_costs
     costs += (position_costs[:, None, 0] + position_costs[None, :, 1])[:, :, None]
     costs = costs.transpose(3, 4, 2, 0, 1)
@@ -151,7 +156,7 @@ def _best_rectangles(
         ]
     )
     chosen_m = sizes_m[:, size, vehicles, direction_row].T.astype(np.float64)
-    is_across = size >= len(config.length_steps)
+    is_across = size >= len(_LENGTH_STEPS)
     cos, sin = np.cos(direction), np.sin(direction)
     rectangles = Rectangles(
         np.column_stack(
@@ -163,12 +168,10 @@ def _best_rectangles(
     return rectangles, direction
 
 
-def _sizes(
-    extents: _Extents, sizes: SizePriors, config: LShapeFitConfig
-) -> tuple[Float32, Float32]:
+def _sizes(extents: _Extents, sizes: SizePriors) -> tuple[Float32, Float32]:
     """Return (2, O, F, T) sizes along and left, first with the length along, and their costs."""
     mean_m, deviation_m = sizes.length_m.T.astype(np.float32)
-    steps = np.array(config.length_steps, np.float32)
+    steps = np.array(_LENGTH_STEPS, np.float32)
     lengths_m = mean_m + steps[:, None] * deviation_m  # (S, F)
     widths_m = np.broadcast_to(sizes.width_m[:, 0].astype(np.float32), lengths_m.shape)
     either_m = np.stack(
@@ -185,9 +188,7 @@ def _sizes(
     return sizes_m, costs
 
 
-def _positions(
-    extents: _Extents, sizes_m: Float32, config: LShapeFitConfig
-) -> tuple[Float32, Float32]:
+def _positions(extents: _Extents, sizes_m: Float32) -> tuple[Float32, Float32]:
     """Return (3, 2, O, F, T) centres of boxes at the low end, centred, and at the high end; and their costs."""
     low_m, high_m = (end_m.transpose(2, 0, 1).copy() for end_m in (extents.low_m, extents.high_m))
     half_m = sizes_m / 2
@@ -197,9 +198,9 @@ def _positions(
     positions_m[2] = high_m[:, None] - half_m
     costs = np.empty((3, *low_m.shape), np.float32)
     is_low_seen, is_high_seen = low_m > 0, high_m < 0
-    costs[0] = np.where(is_high_seen, config.hidden_side_cost, 0.0)
-    costs[1] = np.where(is_low_seen | is_high_seen, config.centered_cost, 0.0)
-    costs[2] = np.where(is_low_seen, config.hidden_side_cost, 0.0)
+    costs[0] = np.where(is_high_seen, _HIDDEN_SIDE_COST, 0.0)
+    costs[1] = np.where(is_low_seen | is_high_seen, _CENTERED_COST, 0.0)
+    costs[2] = np.where(is_low_seen, _HIDDEN_SIDE_COST, 0.0)
     return positions_m, costs
 
 
@@ -208,7 +209,6 @@ def _span_costs(
     sizes_m: Float32,
     centers_m: Float32,
     spans: ImageSpans,
-    config: LShapeFitConfig,
 ) -> Float32:
     """Return (3, 3, O, F, T) the cost of the difference between the projection and the 2D box."""
     rows = spans.image_P_velo[[0, 2]].astype(np.float32)
@@ -224,7 +224,7 @@ def _span_costs(
     u, w = np.stack([middle + sums, middle - sums, middle + differences, middle - differences], 1)
     columns = u / np.maximum(w, np.float32(0.1))  # (4, 3, 3, O, F, T)
     left_px, right_px = spans.left_right_px.astype(np.float32).T[:, :, None]
-    deviation_px = config.edge_deviation_px + config.edge_deviation_share * (right_px - left_px)
+    deviation_px = _EDGE_DEVIATION_PX + _EDGE_DEVIATION_SHARE * (right_px - left_px)
     # A 2D box ends at the image's sides.
     off_left = np.clip(columns.min(axis=0), 0, spans.width_px - 1) - left_px
     off_right = np.clip(columns.max(axis=0), 0, spans.width_px - 1) - right_px

@@ -33,6 +33,8 @@ from perception.types import (
     Vehicles,
 )
 
+_SAMPLES = 64  # number of points of each object that its box is fitted to
+
 
 def locate(
     fused: FusedDetections,
@@ -53,17 +55,17 @@ def locate(
         fused: M detections.
         frame: Frame of the detections.
         ground: Ground model; None takes the lowest points around an object for its ground.
-        config: Points, boxes and minimum score.
+        config: Depth and points of objects, traffic, and minimum existence.
         uses_scan: Whether the returns are of the frame's time; else each detection stays without a place.
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     detections, sizes = fused.detections, SizePriors.of(fused.detections.types)
     likely = np.flatnonzero(fused.existence >= config.min_existence)
     objects = ImageObjects(detections.boxes_px, fused.existence, sizes)[likely]
-    leaders = objects.leaders(config.points.same_place_iou)
+    leaders = objects.leaders()
     leading = np.flatnonzero(leaders == np.arange(len(leaders)))
     points_velo = frame.points_velo if uses_scan else frame.points_velo[:0]
-    found = find_points(points_velo, objects[leading], camera, ground, config.points)
+    found = find_points(points_velo, objects[leading], camera, ground, config.max_depth_m)
     owners = np.full(len(frame.points_velo), -1)
     owners[found.rows] = likely[leading[found.owners]]
     found = found.shared(np.searchsorted(leading, leaders))
@@ -71,31 +73,26 @@ def locate(
     distances_m = np.full(count, np.inf)
     x_m, y_m, z_m = found.xyz_m.T
     np.minimum.at(distances_m, found.owners, np.sqrt(x_m**2 + y_m**2 + z_m**2))
-    observed = _Observed.of(found, detections, sizes, config)
+    observed = _Observed.of(found, detections, sizes, config.min_points)
     unknown = Boxes3D(*(np.full((count, *row), np.nan) for row in ((3,), (3,), ())))
     boxes = unknown.replaced(observed.rows, _fit_boxes(observed, camera, config))
     places = np.arange(count)
     places[likely] = likely[leaders]
-    evidence = replace(
-        config.tracker.evidence,
-        height_deviation_m=config.class_height_deviation_m,
-        class_score_weight=config.class_score_weight,
-    )
-    types = classes_by_height(detections, boxes.size_m[:, 2], places, evidence)
+    types = classes_by_height(detections, boxes.size_m[:, 2], places)
     other = observed[np.flatnonzero(types[observed.rows] != detections.types[observed.rows])]
     other = replace(other, sizes=SizePriors.of(types[other.rows]))
     boxes = boxes.replaced(other.rows, _fit_boxes(other, camera, config))
     sizes, counts = SizePriors.of(types), np.bincount(found.owners, minlength=count)
     rows = np.flatnonzero(np.isfinite(boxes.yaw_rad))
-    uncertainty, unmoved = config.tracker.box, np.zeros(len(rows), bool)
-    deviations = box_deviations(boxes[rows], counts[rows], sizes[rows], unmoved, uncertainty)
+    unmoved = np.zeros(len(rows), bool)
+    deviations = box_deviations(boxes[rows], counts[rows], sizes[rows], unmoved)
     return Vehicles(
         fused=replace(fused, detections=replace(detections, types=types)),
         ids=np.full(count, -1),
         boxes=boxes,
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
-        covariances=located_covariances(boxes, counts, sizes, uncertainty),
+        covariances=located_covariances(boxes, counts, sizes),
         box_deviations=BoxDeviations.unknown(count).replaced(rows, deviations),
         owners=owners,
     )
@@ -123,15 +120,15 @@ class _Observed(ArrayTable):
 
     @classmethod
     def of(
-        cls, found: VehiclePoints, detections: Detections, sizes: SizePriors, config: VehicleConfig
+        cls, found: VehiclePoints, detections: Detections, sizes: SizePriors, min_points: int
     ) -> Self:
         """Return the objects that have enough points."""
         count = len(detections)
         counts = np.bincount(found.owners, minlength=count)
-        rows = np.flatnonzero(counts >= config.min_points)
+        rows = np.flatnonzero(counts >= min_points)
         order = np.argsort(found.owners, kind="stable")
         starts = (counts.cumsum() - counts)[rows]
-        picked = (np.arange(config.samples) + 0.5) / config.samples * counts[rows, None]
+        picked = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * counts[rows, None]
         samples_m = found.xyz_m[order[starts[:, None] + picked.astype(np.int64)]]
         ground_m = np.bincount(found.owners, found.ground_m, count)[rows] / counts[rows]
         top_m = np.full(count, -np.inf)
@@ -144,14 +141,14 @@ def _fit_boxes(
     observed: _Observed, camera: tuple[Calibration, tuple[int, int]], config: VehicleConfig
 ) -> Boxes3D:
     """Return (F) boxes: what has sides by these, people by their middle, all of a height that the image shows."""
-    outlines = _fit_outlines(observed, camera, config)
+    outlines = _fit_outlines(observed, camera)
     mean_m = observed.sizes.height_m[:, 0]
     boxes = Boxes3D(
         np.column_stack([outlines.centers_m, observed.ground_m]),
         np.column_stack([outlines.sizes_m, mean_m]),
         _headings_rad(outlines, config),
     )
-    heights_m = fit_heights(boxes, observed.boxes_px, observed.sizes, camera[0], config.height)
+    heights_m = fit_heights(boxes, observed.boxes_px, observed.sizes, camera[0])
     heights_m = np.maximum(heights_m, observed.top_m - observed.ground_m)
     return replace(boxes, size_m=np.column_stack([outlines.sizes_m, heights_m]))
 
@@ -163,16 +160,14 @@ def _headings_rad(outlines: Rectangles, config: VehicleConfig) -> Float64:
     return np.asarray(wrap(wrap(outlines.yaw_rad, np.pi) + turn_rad))
 
 
-def _fit_outlines(
-    observed: _Observed, camera: tuple[Calibration, tuple[int, int]], config: VehicleConfig
-) -> Rectangles:
+def _fit_outlines(observed: _Observed, camera: tuple[Calibration, tuple[int, int]]) -> Rectangles:
     """Return (F) outlines from above."""
     (calibration, size_px), has_sides = camera, observed.sizes.has_sides
     vehicles, people = observed[has_sides], observed[~has_sides]
     middles_m = vehicles.ground_m + vehicles.sizes.height_m[:, 0] / 2
     columns_px = vehicles.boxes_px[:, [0, 2]]
     spans = ImageSpans(columns_px, calibration.image_P_velo, size_px[0], middles_m)
-    outlines = fit_rectangles(vehicles.samples_m, vehicles.sizes, spans, config.fit)
-    bodies = fit_bodies(people.samples_m, people.sizes, config.body_fit)
+    outlines = fit_rectangles(vehicles.samples_m, vehicles.sizes, spans)
+    bodies = fit_bodies(people.samples_m, people.sizes)
     order = np.concatenate([np.flatnonzero(has_sides), np.flatnonzero(~has_sides)])
     return outlines.joined(bodies)[np.argsort(order)]

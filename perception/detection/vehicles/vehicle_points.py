@@ -12,7 +12,6 @@ from typing import Annotated, Self
 import numpy as np
 
 from perception.detection.clustering import expand_ranges
-from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.detection.vehicles.frustum_points import (
     FrustumPoints,
     extend_beyond_borders,
@@ -22,7 +21,22 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.sorting import sorted_keys
 from perception.kernels.graphs import connected_parts
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.observations import SAME_PLACE_IOU
 from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, GroundModel, Int
+
+# Maximum height above the ground, in standard deviations above the mean of the class.
+_MAX_HEIGHT_DEVIATIONS = 4.0
+# Standard deviation of the logarithm of depth, relative to the depth at which an object of the
+# class has the height of the box, towards the camera: small objects, and boxes drawn too high.
+_NEAR_DEVIATION = 0.2
+_FAR_DEVIATION = 0.5  # away from the camera: large objects, and those of another class
+_CUT_DEVIATION = 1.0  # towards the camera where the image's border cuts the box
+# Standard deviation of the points from the middle of the box, where its sides are at 1.
+_CENTER_DEVIATION = 0.5
+# Maximum gap between points of one object in top view, near the sensor, in widths of the class.
+_CLUSTER_GAP_WIDTHS = 0.25
+_CLUSTER_GAP_PER_M = 0.012  # increase of that gap with distance, as beams spread
+_MAX_SAMPLES = 256  # maximum number of points of a box that vote
 
 
 @dataclass(frozen=True)
@@ -39,15 +53,12 @@ class ImageObjects(ArrayTable):
     existence: Float64
     sizes: SizePriors
 
-    def leaders(self, min_iou: float) -> Int:
+    def leaders(self) -> Int:
         """Return (M,) the likeliest object at the place of each in the image: itself, or one that stands for it.
 
         A network may report one object as several classes; all of them have the same returns.
-
-        Args:
-            min_iou: Minimum overlap of two objects at one place.
         """
-        is_same = iou_px(self.boxes_px, self.boxes_px) >= min_iou
+        is_same = iou_px(self.boxes_px, self.boxes_px) >= SAME_PLACE_IOU
         leaders = np.full(len(self), -1)
         for row in np.argsort(-self.existence, kind="stable").tolist():
             if leaders[row] < 0:
@@ -91,7 +102,7 @@ def find_points(
     objects: ImageObjects,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
-    config: VehiclePointsConfig,
+    max_depth_m: float,
 ) -> VehiclePoints:
     """Return the points of M objects.
 
@@ -100,16 +111,16 @@ def find_points(
         objects: (M) detected objects.
         camera: Calibration, and (width, height) of the image.
         ground: Ground model; None takes the lowest points around for the ground.
-        config: Distances, heights, votes and clusters.
+        max_depth_m: Maximum depth of a point along the optical axis.
     """
     boxes_px, sizes = objects.boxes_px, objects.sizes
     if not len(objects):
         none = np.zeros(0, np.int64)
         return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
-    reached_px = extend_beyond_borders(boxes_px, camera[1][0], config)
-    near = find_frustum_points(points_velo, reached_px, camera, ground, config)
-    claims = _Claims.of(near, reached_px, sizes, config)
-    likely = _likelihoods(near, boxes_px, claims, sizes, camera, config)
+    reached_px = extend_beyond_borders(boxes_px, camera[1][0])
+    near = find_frustum_points(points_velo, reached_px, camera, ground, max_depth_m)
+    claims = _Claims.of(near, reached_px, sizes)
+    likely = _likelihoods(near, boxes_px, claims, sizes, camera)
     likely *= objects.existence[claims.sampled_boxes]
     claimed = np.bincount(claims.sampled_points, likely, len(near.rows))[claims.sampled_points]
     votes = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
@@ -148,19 +159,18 @@ class _Claims:
         near: FrustumPoints,
         boxes_px: Float64,
         sizes: SizePriors,
-        config: VehiclePointsConfig,
     ) -> Self:
         """Pair boxes with points that are no higher than their classes, and cluster those of each box."""
         u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
         is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
-        heights_m = sizes.height_m @ (1.0, config.max_height_deviations)
+        heights_m = sizes.height_m @ (1.0, _MAX_HEIGHT_DEVIATIONS)
         is_in &= near.above_m <= heights_m[:, None]
         box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
         along_m, left_m = _along_view_axis(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
-        sampled = _sample_each(box, config.max_samples)
-        gap_m = config.cluster_gap_widths * sizes.width_m[:, 0]
-        labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], gap_m, config)
+        sampled = _sample_each(box, _MAX_SAMPLES)
+        gap_m = _CLUSTER_GAP_WIDTHS * sizes.width_m[:, 0]
+        labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], gap_m)
         return cls(box, point, along_m, left_m, sampled, labels)
 
     @property
@@ -202,7 +212,6 @@ def _likelihoods(
     claims: _Claims,
     sizes: SizePriors,
     camera: tuple[Calibration, tuple[int, int]],
-    config: VehiclePointsConfig,
 ) -> Float64:
     """Return (S,) the likelihood, 0 to 1, that each point is of the vehicle of its box."""
     (calibration, size_px), box, point = camera, claims.sampled_boxes, claims.sampled_points
@@ -215,11 +224,9 @@ def _likelihoods(
     expected_m = focal_px * sizes.height_m[:, 0] / np.maximum(y2 - y1, 1.0)
     is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
     ratio = np.log(near.depths_m[point] / expected_m[box])
-    near_deviation = np.where(is_cut, config.cut_deviation, config.near_deviation)[box]
-    deviation = np.where(ratio < 0, near_deviation, config.far_deviation)
-    return np.asarray(
-        np.exp(-(off_center / config.center_deviation**2 + (ratio / deviation) ** 2) / 2)
-    )
+    near_deviation = np.where(is_cut, _CUT_DEVIATION, _NEAR_DEVIATION)[box]
+    deviation = np.where(ratio < 0, near_deviation, _FAR_DEVIATION)
+    return np.asarray(np.exp(-(off_center / _CENTER_DEVIATION**2 + (ratio / deviation) ** 2) / 2))
 
 
 def _along_view_axis(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
@@ -244,9 +251,7 @@ _CELLS_PER_GAP = 3
 _STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
 
 
-def _clusters(
-    along_m: Float64, left_m: Float64, box: Int, gap_m: Float64, config: VehiclePointsConfig
-) -> Int:
+def _clusters(along_m: Float64, left_m: Float64, box: Int, gap_m: Float64) -> Int:
     """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
 
     Points lie in cells of a fraction of a gap, separate for each box; cells about a gap apart are connected.
@@ -254,7 +259,7 @@ def _clusters(
     if not len(box):
         return np.zeros(0, np.int64)
     away_m = np.bincount(box, along_m) / np.maximum(np.bincount(box), 1)
-    gap_m = gap_m[: len(away_m)] + config.cluster_gap_per_m * away_m
+    gap_m = gap_m[: len(away_m)] + _CLUSTER_GAP_PER_M * away_m
     cell_m = (gap_m / _CELLS_PER_GAP)[box]
     along = np.floor(along_m / cell_m).astype(np.int64)
     left = np.floor(left_m / cell_m).astype(np.int64)

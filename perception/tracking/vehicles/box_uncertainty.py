@@ -8,34 +8,54 @@ class may be another: a van is called a car, a cyclist a pedestrian, in a single
 import numpy as np
 
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.tracking.vehicles.config import BoxUncertaintyConfig
 from perception.types import Bool, BoxDeviations, Boxes3D, Float64, Int
 
+_SIDE_NOISE_M, _SIDE_NOISE_PER_M = 0.06, 0.005  # of a seen side, and its growth with distance
+# Standard deviation of a side located by one point; divided by the root of the number of points.
+_SPARSE_NOISE_M = 0.4
+_SIZE_NOISE_PER_M = 0.002  # standard deviation of length and width, divided by the distance
+# Share of a class's deviation of length and width that is left of a tracked object.
+_HIDDEN_SHARE = 0.7
+# Ratio of the probability of another class in a single scan to that of a tracked object.
+_SINGLE_SCAN_MISTAKES = 4.0
+_HEIGHT_NOISE_M = 0.03  # standard deviation of the height, at any distance
+# Share of the standard deviation of its class that is left of the height of an object with sides.
+_HEIGHT_SHARE = 0.3
+_PERSON_HEIGHT_SHARE = 0.75  # the same of a person
+# Distance at which returns tell a height no better than the class; the variance grows with its
+# fourth power.
+_HEIGHT_RANGE_M = 50.0
+_AXIS_NOISE_RAD = 0.03  # standard deviation of the axis of an outline of many points
+# Standard deviation of the axis of an outline of one point; divided by the same root.
+_SPARSE_AXIS_NOISE_RAD = 0.3
+# Reported share of the variance of the tracker's position, whose noise holds the hidden ends, too.
+_TRACK_SHARE = 0.25
+_VELOCITY_SHARE = 0.5  # the same of the velocity: most vehicles keep theirs
+# Probability that a vehicle faces against the traffic there, which tells its front until it moves.
+_TRAFFIC_REVERSAL = 0.1
+_COURSE_REVERSAL = 0.02  # the same once it has moved
+_PERSON_REVERSAL = 0.4  # the same of people, whose outline hardly shows a heading
 _ANY_AXIS_RAD = np.pi / np.sqrt(12)  # standard deviation of an axis of any direction
-_CENTER_SHARE = (
-    0.25  # of the size's deviation that is a centre's where returns lie around the middle
-)
+# Share of the size's deviation that is the centre's where returns lie around the middle.
+_CENTER_SHARE = 0.25
 
 
-def located_covariances(
-    boxes: Boxes3D, point_counts: Int, sizes: SizePriors, config: BoxUncertaintyConfig
-) -> Float64:
+def located_covariances(boxes: Boxes3D, point_counts: Int, sizes: SizePriors) -> Float64:
     """Return (M, 4, 4) covariances of x, y and the velocity of boxes of one scan in the LiDAR frame.
 
     Args:
         boxes: M boxes, rows of NaN without one.
         point_counts: (M,) numbers of their points.
         sizes: M sizes of their classes.
-        config: Noise of sides.
     """
     away_m = np.linalg.norm(boxes.bottom_m[:, :2], axis=1)
     noise = (
-        config.side_noise_m**2
-        + (config.side_noise_per_m * away_m) ** 2
-        + config.sparse_noise_m**2 / np.maximum(point_counts, 1)
+        _SIDE_NOISE_M**2
+        + (_SIDE_NOISE_PER_M * away_m) ** 2
+        + _SPARSE_NOISE_M**2 / np.maximum(point_counts, 1)
     )
     covariances = np.full((len(boxes), 4, 4), np.nan)
-    outlines_m = _outline_deviations(boxes, sizes, np.zeros(len(boxes), bool), config)
+    outlines_m = _outline_deviations(boxes, sizes, np.zeros(len(boxes), bool))
     hidden = _hidden_ends(boxes.yaw_rad, outlines_m, sizes)
     covariances[:, :2, :2] = hidden + noise[:, None, None] * np.eye(2)
     return covariances
@@ -46,7 +66,6 @@ def tracked_covariances(
     boxes: Boxes3D,
     sizes: SizePriors,
     is_confirmed: Bool,
-    config: BoxUncertaintyConfig,
 ) -> Float64:
     """Return (T, 4, 4) covariances to report of x, y and the velocity of tracks.
 
@@ -55,11 +74,10 @@ def tracked_covariances(
         boxes: T boxes in the same frame.
         sizes: T sizes of their classes.
         is_confirmed: (T,) Whether they are confirmed; the others have been seen in few scans.
-        config: Shares of the tracker's variances.
     """
-    shares = np.sqrt(np.repeat([config.track_share, config.velocity_share], 2))
+    shares = np.sqrt(np.repeat([_TRACK_SHARE, _VELOCITY_SHARE], 2))
     reported = covariances * np.outer(shares, shares)
-    outlines_m = _outline_deviations(boxes, sizes, is_confirmed, config)
+    outlines_m = _outline_deviations(boxes, sizes, is_confirmed)
     reported[:, :2, :2] += _hidden_ends(boxes.yaw_rad, outlines_m, sizes)
     return np.asarray(reported)
 
@@ -69,7 +87,6 @@ def box_deviations(
     point_counts: Int,
     sizes: SizePriors,
     has_moved: Bool,
-    config: BoxUncertaintyConfig,
     is_confirmed: Bool | None = None,
 ) -> BoxDeviations:
     """Return the standard deviations of boxes in the LiDAR frame.
@@ -79,7 +96,6 @@ def box_deviations(
         point_counts: (M,) numbers of their points.
         sizes: M sizes of their classes.
         has_moved: (M,) Whether their motion has shown the front.
-        config: Noise of sizes and headings.
         is_confirmed: (M,) Whether they are of confirmed tracks; None where none is.
     """
     has_sides = sizes.has_sides
@@ -87,41 +103,37 @@ def box_deviations(
         is_confirmed = np.zeros(len(boxes), bool)
     size_m = np.column_stack(
         [
-            _outline_deviations(boxes, sizes, is_confirmed, config),
-            _height_deviations(boxes, sizes, is_confirmed, config),
+            _outline_deviations(boxes, sizes, is_confirmed),
+            _height_deviations(boxes, sizes, is_confirmed),
         ]
     )
-    sparse_rad = config.sparse_axis_noise_rad / np.sqrt(np.maximum(point_counts, 1))
-    standing = np.where(has_sides, config.traffic_reversal, config.person_reversal)
+    sparse_rad = _SPARSE_AXIS_NOISE_RAD / np.sqrt(np.maximum(point_counts, 1))
+    standing = np.where(has_sides, _TRAFFIC_REVERSAL, _PERSON_REVERSAL)
     return BoxDeviations(
         size_m,
-        np.where(has_sides, np.hypot(config.axis_noise_rad, sparse_rad), _ANY_AXIS_RAD),
-        np.where(has_moved, config.course_reversal, standing),
+        np.where(has_sides, np.hypot(_AXIS_NOISE_RAD, sparse_rad), _ANY_AXIS_RAD),
+        np.where(has_moved, _COURSE_REVERSAL, standing),
     )
 
 
-def _outline_deviations(
-    boxes: Boxes3D, sizes: SizePriors, is_confirmed: Bool, config: BoxUncertaintyConfig
-) -> Float64:
+def _outline_deviations(boxes: Boxes3D, sizes: SizePriors, is_confirmed: Bool) -> Float64:
     """Return (M, 2) standard deviations of lengths and widths."""
-    share = np.where(is_confirmed, config.hidden_share, 1.0)
-    mistakes = np.where(is_confirmed, 1.0, config.single_scan_mistakes)
+    share = np.where(is_confirmed, _HIDDEN_SHARE, 1.0)
+    mistakes = np.where(is_confirmed, 1.0, _SINGLE_SCAN_MISTAKES)
     away_m = np.linalg.norm(boxes.bottom_m[:, :2], axis=1)
     outlines_m = sizes.deviations_m(boxes.size_m, share, mistakes)[:, :2]
-    return np.asarray(np.hypot(outlines_m, config.size_noise_per_m * away_m[:, None]))
+    return np.asarray(np.hypot(outlines_m, _SIZE_NOISE_PER_M * away_m[:, None]))
 
 
-def _height_deviations(
-    boxes: Boxes3D, sizes: SizePriors, is_confirmed: Bool, config: BoxUncertaintyConfig
-) -> Float64:
+def _height_deviations(boxes: Boxes3D, sizes: SizePriors, is_confirmed: Bool) -> Float64:
     """Return (M,) standard deviations of heights: of what the class tells, returns leave a share that grows with distance."""
-    mistakes = np.where(is_confirmed, 1.0, config.single_scan_mistakes)
+    mistakes = np.where(is_confirmed, 1.0, _SINGLE_SCAN_MISTAKES)
     expected_m = np.column_stack([sizes.length_m[:, 0], sizes.width_m[:, 0], sizes.height_m[:, 0]])
     of_class_m = sizes.deviations_m(expected_m, np.ones(len(boxes)), mistakes)[:, 2]
     away_m = np.linalg.norm(boxes.bottom_m[:, :2], axis=1)
-    near = np.where(sizes.has_sides, config.height_share, config.person_height_share)
-    far = np.minimum(away_m / config.height_range_m, 1.0) ** 2
-    return np.asarray(np.hypot(config.height_noise_m, of_class_m * np.hypot(near, far)))
+    near = np.where(sizes.has_sides, _HEIGHT_SHARE, _PERSON_HEIGHT_SHARE)
+    far = np.minimum(away_m / _HEIGHT_RANGE_M, 1.0) ** 2
+    return np.asarray(np.hypot(_HEIGHT_NOISE_M, of_class_m * np.hypot(near, far)))
 
 
 def _hidden_ends(yaw_rad: Float64, outlines_m: Float64, sizes: SizePriors) -> Float64:

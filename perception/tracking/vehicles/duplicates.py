@@ -4,14 +4,19 @@ import numpy as np
 
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
-from perception.tracking.vehicles.config import DuplicateConfig
 from perception.tracking.vehicles.observations import VehicleObservations
 from perception.types import Bool, Int, Vehicles
 
+_MIN_IOU = 0.4  # minimum IoU in the image, unless the returns of both lie apart
+_MIN_IOU_APART = 0.75  # minimum IoU in the image where the returns of both lie apart
+# Minimum IoU from above of two boxes of different cameras, of which only one is tracked.
+_MIN_IOU_CAMERAS = 0.1
+_MIN_SHARE = 0.7  # minimum share of a box without returns that lies within the other
 
-def is_duplicate(observations: VehicleObservations, config: DuplicateConfig) -> Bool:
+
+def is_duplicate(observations: VehicleObservations) -> Bool:
     """Return (D,) whether each detection is a second one of an object that a better one has found."""
-    covers = covered(observations, observations, config)
+    covers = covered(observations, observations)
     # Detections of two cameras have been joined on the ground.
     covers &= observations.cameras[:, None] == observations.cameras
     best_first = np.argsort(-observations.detections.scores, kind="stable")
@@ -21,18 +26,16 @@ def is_duplicate(observations: VehicleObservations, config: DuplicateConfig) -> 
     return ~is_single
 
 
-def covered(
-    observations: VehicleObservations, others: VehicleObservations, config: DuplicateConfig
-) -> Bool:
+def covered(observations: VehicleObservations, others: VehicleObservations) -> Bool:
     """Return (D, O) whether each detection shows the object of another one.
 
     Cars in a row overlap in the image as much as two boxes of one car do: returns tell them apart.
     """
     found_px, others_px = observations.detections.boxes_px, others.detections.boxes_px
     overlap = iou_px(found_px, others_px)
-    is_within = intersection_over_area_px(found_px, others_px) >= config.min_share
+    is_within = intersection_over_area_px(found_px, others_px) >= _MIN_SHARE
     # Returns decide between boxes that overlap in the image; most rows have no such partner but themselves.
-    is_near = overlap >= config.min_iou
+    is_near = overlap >= _MIN_IOU
     found = observations.is_located & (is_near.sum(axis=1) > 1)
     other = others.is_located & (is_near.sum(axis=0) > 1)
     is_apart = np.zeros(overlap.shape, bool)
@@ -40,14 +43,12 @@ def covered(
         iou_bev(observations.boxes_world[found], others.boxes_world[other]) <= 0
     )
     return np.asarray(
-        (overlap >= np.where(is_apart, config.min_iou_apart, config.min_iou))
+        (overlap >= np.where(is_apart, _MIN_IOU_APART, _MIN_IOU))
         | (is_within & ~observations.is_located[:, None])
     )
 
 
-def distinct_rows(
-    vehicles: Vehicles, min_score: float, config: DuplicateConfig | None = None
-) -> Int:
+def distinct_rows(vehicles: Vehicles, min_score: float) -> Int:
     """Return the rows of the vehicles from a score on, each object once, in rising order.
 
     A detector may call one object a truck and a van, and two cameras may show a part of it each: the row of its track is
@@ -56,9 +57,7 @@ def distinct_rows(
     Args:
         vehicles: Tracked vehicles of one frame.
         min_score: Minimum score of a row.
-        config: Overlap of two boxes of one object.
     """
-    config = config or DuplicateConfig()
     scores, is_tracked = vehicles.fused.detections.scores, vehicles.ids >= 0
     rows = np.flatnonzero(scores >= min_score)
     rows = rows[np.lexsort((-scores[rows], ~is_tracked[rows]))]
@@ -66,9 +65,9 @@ def distinct_rows(
     is_located = np.isfinite(boxes.yaw_rad)
     overlap = np.full((len(rows), len(rows)), np.nan)
     overlap[np.ix_(is_located, is_located)] = iou_bev(boxes[is_located], boxes[is_located])
-    is_alike_px = (iou_px(boxes_px, boxes_px) >= config.min_iou) & ~(overlap <= 0)
+    is_alike_px = (iou_px(boxes_px, boxes_px) >= _MIN_IOU) & ~(overlap <= 0)
     one_camera = vehicles.cameras[rows, None] == vehicles.cameras[rows]
-    is_same = np.where(one_camera, is_alike_px, overlap >= config.min_iou_cameras)
+    is_same = np.where(one_camera, is_alike_px, overlap >= _MIN_IOU_CAMERAS)
     is_shown = np.zeros(len(rows), bool)
     for row in range(len(rows)):
         is_shown[row] = is_tracked[rows[row]] or not (is_same[row] & is_shown).any()

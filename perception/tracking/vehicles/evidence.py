@@ -4,17 +4,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.tracking.vehicles.config import EvidenceConfig
+from perception.tracking.vehicles.image_heights import top_deviations
 from perception.types import Detections, Float64, Int
 
+# Minimum deviation of the height of a class, against which the height in the image is evidence.
+_MIN_HEIGHT_DEVIATION_M = 0.15
+_MAX_HEIGHT_EVIDENCE = 3.0  # maximum evidence that a height takes away
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
 _LOWEST_VEHICLE = "Car"
 
 
-def with_heights(
-    existence: Float64, heights_m: Float64, detections: Detections, config: EvidenceConfig
-) -> Float64:
+def with_heights(existence: Float64, heights_m: Float64, detections: Detections) -> Float64:
     """Return (D,) the probability of existence of detections, given their heights.
 
     A bicycle without a rider and a post are too low for people, a motorcycle and a bush too low for a vehicle, of
@@ -24,24 +25,16 @@ def with_heights(
         existence: (D,) probabilities of existence by the scores.
         heights_m: (D,) heights that the image shows; NaN where they are not known.
         detections: (D) detections in the image.
-        config: Deviations of the heights.
     """
     has_sides = SizePriors.of(detections.types).has_sides
     lowest = SizePriors.of(np.where(has_sides, _LOWEST_VEHICLE, detections.types))
     mean_m, deviation_m = lowest.height_m.T
-    heights_px = np.maximum(detections.boxes_px[:, 3] - detections.boxes_px[:, 1], 1.0)
-    top_share = config.top_deviation_share + config.top_deviation_px / heights_px
-    deviation_m = np.maximum(deviation_m, config.min_height_deviation_m)
-    variance_m2 = deviation_m**2 + (top_share * mean_m) ** 2
+    deviation_m = np.maximum(deviation_m, _MIN_HEIGHT_DEVIATION_M)
+    variance_m2 = deviation_m**2 + (top_deviations(detections.boxes_px) * mean_m) ** 2
     off_m = heights_m - mean_m
     off_m = np.where(has_sides, np.minimum(off_m, 0.0), off_m)
-    against = np.minimum(np.nan_to_num(off_m) ** 2 / variance_m2 / 2, config.max_height_evidence)
-    return probability(_log_odds(existence) - against)
-
-
-def detection_evidence(existence: Float64, config: EvidenceConfig) -> Float64:
-    """Return (D,) the evidence of detections that an object is there; 0 at the prior."""
-    return _log_odds(existence) - float(_log_odds(np.array(config.prior)))
+    against = np.minimum(np.nan_to_num(off_m) ** 2 / variance_m2 / 2, _MAX_HEIGHT_EVIDENCE)
+    return probability(log_odds(existence) - against)
 
 
 def probability(evidence: Float64) -> Float64:
@@ -50,7 +43,11 @@ def probability(evidence: Float64) -> Float64:
 
 
 def likeliest_classes(
-    evidence: Float64, heights_m: Float64, classes: NDArray[np.str_], config: EvidenceConfig
+    evidence: Float64,
+    heights_m: Float64,
+    classes: NDArray[np.str_],
+    height_deviation_m: float,
+    score_weight: float,
 ) -> Int:
     """Return (T,) the number of the likeliest class of each track.
 
@@ -61,23 +58,23 @@ def likeliest_classes(
         evidence: (T, C) sums of the scores of each class.
         heights_m: (T,) heights of the boxes; NaN where they are not observed.
         classes: (C,) names of the classes.
-        config: Weight of the scores, and deviation of the heights.
+        height_deviation_m: Standard deviation of these heights.
+        score_weight: Weight of the logarithm of scores beside that of the likelihood of a height.
     """
     sizes = SizePriors.of(classes)
     mean_m, deviation_m = sizes.height_m.T
-    variance_m2 = deviation_m**2 + config.height_deviation_m**2
+    variance_m2 = deviation_m**2 + height_deviation_m**2
     squared_m2 = (heights_m[:, None] - mean_m) ** 2
     by_height = -(squared_m2 / variance_m2 + np.log(variance_m2)) / 2
     shares = evidence / np.maximum(evidence.sum(axis=1, keepdims=True), _MIN_PROBABILITY)
     by_score = np.log(np.maximum(shares, _MIN_PROBABILITY))
     is_told_by_height = sizes.has_sides & np.isfinite(heights_m)[:, None]
     is_alike = sizes.has_sides == sizes.has_sides[evidence.argmax(axis=1)][:, None]
-    likelihoods = np.where(
-        is_told_by_height, config.class_score_weight * by_score + by_height, by_score
-    )
+    likelihoods = np.where(is_told_by_height, score_weight * by_score + by_height, by_score)
     return np.asarray(np.where(is_alike, likelihoods, -np.inf).argmax(axis=1))
 
 
-def _log_odds(probabilities: Float64) -> Float64:
+def log_odds(probabilities: Float64) -> Float64:
+    """Return the evidence of probabilities; 0 of even chances."""
     inside = np.clip(probabilities, _MIN_PROBABILITY, _MAX_PROBABILITY)
     return np.asarray(np.log(inside / (1.0 - inside)))

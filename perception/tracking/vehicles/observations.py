@@ -11,7 +11,6 @@ from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
-from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
 from perception.types import (
@@ -24,6 +23,17 @@ from perception.types import (
     Vehicles,
 )
 
+_POSITION_NOISE_M = 0.2  # standard deviation of a located position, at any distance
+_POSITION_NOISE_PER_M = 0.01  # increase of that standard deviation with distance
+# Standard deviation of a position by one point; divided by the root of the number of points.
+_SPARSE_NOISE_M = 1.2
+# Height of an object without returns, which places it by its height in the image.
+ASSUMED_HEIGHT_M = 1.6
+_ASSUMED_DEPTH_SHARE = 0.3  # standard deviation of its depth, as a share of the depth
+# Standard deviation of its position across the line of sight, as a share of its width.
+_ASSUMED_SIDE_SHARE = 0.12
+# Minimum IoU in the image of detections of several classes that are one object.
+SAME_PLACE_IOU = 0.6
 NEAREST_M = 0.5
 
 
@@ -107,7 +117,7 @@ class VehicleObservations(ArrayTable):
         vehicles: Vehicles,
         cameras: Sequence[FrameGeometry],
         classes: NDArray[np.str_],
-        config: VehicleTrackerConfig,
+        min_existence: float,
     ) -> Self:
         """Transform vehicles to the world, those of one camera after those of another.
 
@@ -115,10 +125,10 @@ class VehicleObservations(ArrayTable):
             vehicles: Located detections of the frame.
             cameras: Pose and projection of the frame in each camera.
             classes: (C,) classes of the tracker.
-            config: Noise, minimum existence, and the overlap of detections at one place.
+            min_existence: Minimum existence of a detection that is kept.
         """
         return cls.concatenate(
-            cls._of_camera(vehicles, camera, frame, classes, config)
+            cls._of_camera(vehicles, camera, frame, classes, min_existence)
             for camera, frame in enumerate(cameras)
         )
 
@@ -129,24 +139,23 @@ class VehicleObservations(ArrayTable):
         camera: int,
         frame: FrameGeometry,
         classes: NDArray[np.str_],
-        config: VehicleTrackerConfig,
+        min_existence: float,
     ) -> Self:
         own = np.flatnonzero(vehicles.cameras == camera)
         fused = vehicles.fused[own]
         detections = fused.detections
-        min_iou = config.duplicates.same_place_iou
-        class_scores = _of_classes(detections, detections.scores, classes, min_iou)
+        class_scores = _of_classes(detections, detections.scores, classes)
         # An object is of one class: what speaks for any of them speaks for the object.
-        by_class = _of_classes(detections, fused.existence, classes, min_iou)
+        by_class = _of_classes(detections, fused.existence, classes)
         likely = np.minimum(by_class.sum(axis=1), 1.0)
-        kept = np.flatnonzero(likely >= config.min_existence)
+        kept = np.flatnonzero(likely >= min_existence)
         rows = own[kept]
         detections, boxes = detections[kept], vehicles.boxes[rows]
         heights_m = _image_heights_m(boxes, detections.boxes_px, frame)
         is_located = np.isfinite(boxes.bottom_m[:, 0])
-        assumed, assumed_noise = _assumed(detections.boxes_px, frame, config)
+        assumed, assumed_noise = _assumed(detections.boxes_px, frame)
         located = transform_boxes(frame.world_SE3_velo, boxes)
-        noise = _located_noise(boxes, vehicles.point_counts[rows], config)
+        noise = _located_noise(boxes, vehicles.point_counts[rows])
         known = np.flatnonzero(is_located)
         return cls(
             rows,
@@ -156,16 +165,14 @@ class VehicleObservations(ArrayTable):
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
             class_scores[kept],
-            with_heights(likely[kept], heights_m, detections, config.evidence),
+            with_heights(likely[kept], heights_m, detections),
         )
 
 
-def _of_classes(
-    detections: Detections, values: Float64, classes: NDArray[np.str_], min_iou: float
-) -> Float64:
+def _of_classes(detections: Detections, values: Float64, classes: NDArray[np.str_]) -> Float64:
     """Return (D, C) the highest of (D,) values of each class at the place of each detection."""
     boxes_px = detections.boxes_px
-    is_same_place = iou_px(boxes_px, boxes_px) >= min_iou
+    is_same_place = iou_px(boxes_px, boxes_px) >= SAME_PLACE_IOU
     by_class = np.zeros((len(values), len(classes)))
     for column, name in enumerate(classes.tolist()):
         rows = np.flatnonzero(detections.types == name)
@@ -180,32 +187,28 @@ def _image_heights_m(boxes: Boxes3D, boxes_px: Float64, frame: FrameGeometry) ->
     return np.where(boxes_px[:, 1] > 1, heights_m, np.nan)
 
 
-def _located_noise(boxes: Boxes3D, point_counts: Int, config: VehicleTrackerConfig) -> Float64:
+def _located_noise(boxes: Boxes3D, point_counts: Int) -> Float64:
     points = np.maximum(point_counts, 1)
     away_m = np.nan_to_num(np.linalg.norm(boxes.bottom_m, axis=1))
     variances = (
-        config.position_noise_m**2
-        + (config.position_noise_per_m * away_m) ** 2
-        + config.sparse_noise_m**2 / points
+        _POSITION_NOISE_M**2 + (_POSITION_NOISE_PER_M * away_m) ** 2 + _SPARSE_NOISE_M**2 / points
     )
     return np.asarray(variances[:, None, None] * np.eye(2))
 
 
-def _assumed(
-    boxes_px: Float64, frame: FrameGeometry, config: VehicleTrackerConfig
-) -> tuple[Boxes3D, Float64]:
+def _assumed(boxes_px: Float64, frame: FrameGeometry) -> tuple[Boxes3D, Float64]:
     """Return (D) boxes in the world by their heights in the image, and (D, 2, 2) covariances of their positions."""
     sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
-    height_m, focal_px = config.assumed_height_m, frame.focal_px
-    depths_m = focal_px * height_m / sizes_px[:, 1]
+    focal_px = frame.focal_px
+    depths_m = focal_px * ASSUMED_HEIGHT_M / sizes_px[:, 1]
     middles = frame.unproject((boxes_px[:, :2] + boxes_px[:, 2:]) / 2, depths_m)
     count = len(boxes_px)
-    sizes_m = np.tile([0.0, 0.0, height_m], (count, 1))
+    sizes_m = np.tile([0.0, 0.0, ASSUMED_HEIGHT_M], (count, 1))
     boxes = Boxes3D(middles - sizes_m / [1, 1, 2], sizes_m, np.zeros(count))
     sight = middles[:, :2] - frame.world_SE3_velo[:2, 3]
     sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-6)
     along = sight[:, :, None] * sight[:, None, :]
-    along_m = config.assumed_depth_share * depths_m
-    across_m = config.assumed_side_share * sizes_px[:, 0] / focal_px * depths_m
+    along_m = _ASSUMED_DEPTH_SHARE * depths_m
+    across_m = _ASSUMED_SIDE_SHARE * sizes_px[:, 0] / focal_px * depths_m
     noise = along_m[:, None, None] ** 2 * along + across_m[:, None, None] ** 2 * (np.eye(2) - along)
     return boxes, noise

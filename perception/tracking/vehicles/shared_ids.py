@@ -12,9 +12,10 @@ import numpy as np
 
 from perception.geometry.box_overlap import iou_bev
 from perception.tracking.association import assign_hungarian
-from perception.tracking.vehicles.config import SharedIdsConfig
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
+_MIN_IOU = 0.15  # minimum IoU on the ground of the vehicle and the track
+_SCANS = 3  # in a row together before two ids become one, and apart before one becomes two
 # Maximum number of moving objects whose ids are remembered: more than are ever reported within a minute.
 _REMEMBERED = 1000
 
@@ -22,8 +23,7 @@ _REMEMBERED = 1000
 class SharedIds:
     """Assigns ids to vehicles and to moving objects, scan after scan."""
 
-    def __init__(self, config: SharedIdsConfig | None = None) -> None:
-        self._config = config or SharedIdsConfig()
+    def __init__(self) -> None:
         self._next_id = 0
         self.clear()
 
@@ -63,7 +63,7 @@ class SharedIds:
 
     def _partners(self, overlap: Float64) -> dict[int, int]:
         """Return the row of the moving object that each vehicle overlaps."""
-        pairs = assign_hungarian(1.0 - overlap, overlap >= self._config.min_iou)
+        pairs = assign_hungarian(1.0 - overlap, overlap >= _MIN_IOU)
         return dict(zip(pairs.tracks.tolist(), pairs.detections.tolist(), strict=True))
 
     def _with_new(
@@ -96,7 +96,7 @@ class SharedIds:
                 continue
             pair = (vehicle, number)
             together[pair] = self._together.get(pair, 0) + 1
-            if together[pair] >= self._config.scans and vehicle not in self._ids_in_use(numbers):
+            if together[pair] >= _SCANS and vehicle not in self._ids_in_use(numbers):
                 self._assign_id(number, vehicle)
                 del together[pair]
         self._together = together
@@ -110,7 +110,7 @@ class SharedIds:
             if row is None or overlap[row, track] > 0.0:
                 continue
             apart[number] = self._apart.get(number, 0) + 1
-            if apart[number] >= self._config.scans:
+            if apart[number] >= _SCANS:
                 self._assign_id(number, self._take_next())
                 del apart[number]
         self._apart = apart

@@ -7,9 +7,9 @@ import numpy as np
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
-from perception.tracking.vehicles.config import VehicleTrackerConfig
-from perception.tracking.vehicles.evidence import detection_evidence
+from perception.tracking.vehicles.evidence import log_odds
 from perception.tracking.vehicles.observations import (
+    ASSUMED_HEIGHT_M,
     NEAREST_M,
     FrameGeometry,
     VehicleObservations,
@@ -18,16 +18,28 @@ from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, to_world
 from perception.types import Bool, Boxes3D, Float64, Int
 
+# Speed from which on a person rides; detectors see the rider of a cycle, too.
+_MAX_WALKING_SPEED_M_S = 3.0
+# Number of detections above that speed, less those below, that settle that a person rides.
+_MAX_RIDING_VOTES = 10
+_BOX_GAIN = 0.5  # gain of the correction of a box in the image
+RELOCATE_AFTER_S = 0.35  # time located elsewhere than predicted after which a track moves there
+_HEADING_MEMORY = 0.7  # share of the past observations of the heading that the next one leaves
+_COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
+_FRONT_SPEED_M_S = 1.0  # minimum speed at which the course distinguishes front and rear
+# Distance from which on the course alone distinguishes them, and the traffic around no more.
+MIN_TRAVELLED_M = 2.0
+# Maximum length of people on foot and on two wheels, whose outline hardly shows a heading.
+SMALL_LENGTH_M = 2.2
+_SMALL_COURSE_SPEED_M_S = 0.6  # both minimum speeds of these
+_SMALL_COURSE_WEIGHT = 5.0  # number of observations of the outline that their course outweighs
+# Maximum number of courses that opposite ones outweigh before front and rear change places.
+_MAX_FRONT_VOTES = 10
+_MAX_SIZE_SAMPLES = 12  # maximum number of observations that a size is averaged over
+_MAX_SPEED_DEVIATION_M_S = 2.0  # maximum standard deviation of a reported velocity
 
-def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig) -> VehicleTable:
-    """Predict the states on the ground."""
-    states = motion_model.predict(tracks.states, elapsed_s, config.motion)
-    return replace(tracks, mean=states.mean, covariance=states.covariance)
 
-
-def expected_boxes_px(
-    tracks: VehicleTable, frame: FrameGeometry, camera: int, config: VehicleTrackerConfig
-) -> Float64:
+def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry, camera: int) -> Float64:
     """Return (T, 4) the predicted box of each track within the image of a camera, NaN behind it.
 
     The box in the image moves and grows as the 3D box; one that was last detected in the image of another camera, which
@@ -38,16 +50,14 @@ def expected_boxes_px(
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
     boxes_px = frame.clip((now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4))
     if (others := np.flatnonzero(tracks.cameras != camera)).size:
-        boxes_px[others] = _outlines_px(tracks[others], now_px[others], frame, config)
+        boxes_px[others] = _outlines_px(tracks[others], now_px[others], frame)
     return boxes_px
 
 
-def _outlines_px(
-    tracks: VehicleTable, now_px: Float64, frame: FrameGeometry, config: VehicleTrackerConfig
-) -> Float64:
+def _outlines_px(tracks: VehicleTable, now_px: Float64, frame: FrameGeometry) -> Float64:
     """Return (T, 4) the outlines of 3D boxes, and boxes of the assumed height where the returns have given no 3D box."""
     sizes_px = tracks.boxes_px[:, 2:] - tracks.boxes_px[:, :2]
-    height_px = frame.focal_px * config.assumed_height_m / now_px[:, 2:]
+    height_px = frame.focal_px * ASSUMED_HEIGHT_M / now_px[:, 2:]
     half_px = height_px / 2 * sizes_px / np.maximum(sizes_px[:, 1:], 1.0)
     assumed_px = frame.clip(np.hstack([now_px[:, :2] - half_px, now_px[:, :2] + half_px]))
     boxes_velo = tracks.boxes_velo(tracks.sizes_m, frame.world_SE3_velo)
@@ -58,13 +68,10 @@ def _outlines_px(
 def init_tracks(
     observations: VehicleObservations,
     frame: FrameGeometry,
-    config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Return the new tracks of D detections."""
     count, boxes = len(observations), observations.boxes_world
-    states = motion_model.init(
-        boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2], config.motion
-    )
+    states = motion_model.init(boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2])
     tracks = VehicleTable(
         mean=states.mean,
         covariance=states.covariance,
@@ -73,7 +80,7 @@ def init_tracks(
         ids=np.full(count, -1),
         class_evidence=observations.class_scores,
         scores=observations.detections.scores,
-        evidence=detection_evidence(observations.existence, config.evidence),
+        evidence=log_odds(observations.existence),
         detections=np.ones(count, np.int64),
         last_seen_s=np.full(count, frame.stamp_s),
         boxes_px=observations.detections.boxes_px,
@@ -96,12 +103,11 @@ def update_tracks(
     observations: VehicleObservations,
     expected_px: Float64,
     frame: FrameGeometry,
-    config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it, and by its (T, 4) predicted box in the image."""
     found_px = observations.detections.boxes_px
-    smoothed_px = expected_px + config.box_gain * (found_px - expected_px)
-    evidence = tracks.evidence + detection_evidence(observations.existence, config.evidence)
+    smoothed_px = expected_px + _BOX_GAIN * (found_px - expected_px)
+    evidence = tracks.evidence + log_odds(observations.existence)
     tracks = replace(
         tracks,
         class_evidence=tracks.class_evidence + observations.class_scores,
@@ -112,7 +118,7 @@ def update_tracks(
         boxes_px=np.where(np.isfinite(smoothed_px), smoothed_px, found_px),
         cameras=observations.cameras,
     )
-    return _anchored(_seen_on_ground(tracks, observations, frame, config), frame)
+    return _anchored(_seen_on_ground(tracks, observations, frame), frame)
 
 
 def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:
@@ -124,22 +130,19 @@ def _seen_on_ground(
     tracks: VehicleTable,
     observations: VehicleObservations,
     frame: FrameGeometry,
-    config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct the tracks located near their prediction, and relocate those located elsewhere for some time."""
     distances = np.diagonal(position_distances(tracks, observations))
-    is_expected = tracks.is_located & (distances <= config.motion.gate)
-    is_lost = frame.stamp_s - tracks.last_located_s > config.relocate_after_s
+    is_expected = tracks.is_located & (distances <= motion_model.GATE)
+    is_lost = frame.stamp_s - tracks.last_located_s > RELOCATE_AFTER_S
     relocated = np.flatnonzero(
         observations.is_located & ~is_expected & (is_lost | ~tracks.is_located)
     )
     if len(relocated):
-        tracks = tracks.replaced(
-            relocated, _placed(tracks[relocated], observations[relocated], config)
-        )
+        tracks = tracks.replaced(relocated, _placed(tracks[relocated], observations[relocated]))
     rows = np.flatnonzero(observations.is_located & is_expected)
     if len(rows):
-        tracks = tracks.replaced(rows, _corrected(tracks[rows], observations[rows], frame, config))
+        tracks = tracks.replaced(rows, _corrected(tracks[rows], observations[rows], frame))
     assumed = np.flatnonzero(~observations.is_located & ~tracks.is_located)
     if len(assumed):
         tracks = tracks.replaced(assumed, _assumed(tracks[assumed], observations[assumed]))
@@ -167,13 +170,9 @@ def position_distances(tracks: VehicleTable, observations: VehicleObservations) 
     return np.where(tracks.is_located[:, None] & observations.is_located, distances, np.nan)
 
 
-def _placed(
-    tracks: VehicleTable, observations: VehicleObservations, config: VehicleTrackerConfig
-) -> VehicleTable:
+def _placed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleTable:
     boxes = observations.boxes_world
-    states = motion_model.init(
-        boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2], config.motion
-    )
+    states = motion_model.init(boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2])
     return replace(
         tracks,
         is_located=np.ones(len(tracks), bool),
@@ -196,13 +195,12 @@ def _corrected(
     tracks: VehicleTable,
     observations: VehicleObservations,
     frame: FrameGeometry,
-    config: VehicleTrackerConfig,
 ) -> VehicleTable:
     boxes = observations.boxes_world
-    size_samples = np.minimum(tracks.size_samples + 1, config.max_size_samples)
+    size_samples = np.minimum(tracks.size_samples + 1, _MAX_SIZE_SAMPLES)
     share = 1.0 / size_samples
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
-    axis = config.heading_memory * tracks.axis + _doubled(boxes.yaw_rad)
+    axis = _HEADING_MEMORY * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
     shift_m = _hidden_shift_m(boxes, sizes_m, frame.world_SE3_velo[:2, 3])
     states = motion_model.correct(
@@ -218,27 +216,25 @@ def _corrected(
         size_samples=size_samples,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
-    tracks = replace(tracks, riding_votes=_riding_votes(tracks, config))
+    tracks = replace(tracks, riding_votes=_riding_votes(tracks))
     elapsed_s = frame.stamp_s - tracks.last_located_s
-    return _turned_to_course(tracks, boxes.yaw_rad, elapsed_s, config)
+    return _turned_to_course(tracks, boxes.yaw_rad, elapsed_s)
 
 
-def _riding_votes(tracks: VehicleTable, config: VehicleTrackerConfig) -> Int:
+def _riding_votes(tracks: VehicleTable) -> Int:
     """Return (T,) the votes of the speeds so far, and of the present ones, that a person rides.
 
     Returns of another object move a walker for some scans; who rode for long may wait.
     """
     deviations_m_s = 2 * tracks.speed_deviations_m_s
-    is_fast = tracks.speeds_m_s - deviations_m_s > config.max_walking_speed_m_s
-    is_slow = tracks.speeds_m_s + deviations_m_s < config.max_walking_speed_m_s
+    is_fast = tracks.speeds_m_s - deviations_m_s > _MAX_WALKING_SPEED_M_S
+    is_slow = tracks.speeds_m_s + deviations_m_s < _MAX_WALKING_SPEED_M_S
     votes = np.maximum(tracks.riding_votes + is_fast - is_slow, 0)
-    is_settled = tracks.riding_votes >= config.max_riding_votes
+    is_settled = tracks.riding_votes >= _MAX_RIDING_VOTES
     return np.where(is_settled, tracks.riding_votes, votes)
 
 
-def _turned_to_course(
-    tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float64, config: VehicleTrackerConfig
-) -> VehicleTable:
+def _turned_to_course(tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float64) -> VehicleTable:
     """Choose front and rear by well-known velocities and, once they are fast, correct the heading by the course.
 
     A vehicle does not turn round within a scan: most of the latest velocities determine its front, and a slow one
@@ -246,27 +242,25 @@ def _turned_to_course(
     not moved: a box that jumps by a part of its length, as another of its ends is taken for hidden, has a speed, too.
     """
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
-    is_small, slow_m_s = tracks.sizes_m[:, 0] < config.small_length_m, config.small_course_speed_m_s
+    is_small = tracks.sizes_m[:, 0] < SMALL_LENGTH_M
     # A walker is slower than two deviations of any located velocity.
     deviations = np.where(is_small, 1.0, 2.0)
     excess_m_s = tracks.speeds_m_s - deviations * tracks.speed_deviations_m_s
-    is_fast = excess_m_s >= np.where(is_small, slow_m_s, config.course_speed_m_s)
-    weights = is_fast * np.where(is_small, config.small_course_weight, 1.0)
+    is_fast = excess_m_s >= np.where(is_small, _SMALL_COURSE_SPEED_M_S, _COURSE_SPEED_M_S)
+    weights = is_fast * np.where(is_small, _SMALL_COURSE_WEIGHT, 1.0)
     axis = tracks.axis + weights[:, None] * _doubled(course_rad)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
     yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
     is_ahead = np.abs(wrap(course_rad - yaw_rad)) <= np.pi / 2
-    is_moving = excess_m_s >= np.where(is_small, slow_m_s, config.front_speed_m_s)
+    is_moving = excess_m_s >= np.where(is_small, _SMALL_COURSE_SPEED_M_S, _FRONT_SPEED_M_S)
     travelled_m = tracks.travelled_m + is_moving * tracks.speeds_m_s * elapsed_s
-    had_moved, has_moved = (
-        one >= config.min_travelled_m for one in (tracks.travelled_m, travelled_m)
-    )
+    had_moved, has_moved = (one >= MIN_TRAVELLED_M for one in (tracks.travelled_m, travelled_m))
     is_parked = ~has_moved & ~is_small
     is_ahead = np.where(is_parked, np.abs(wrap(seen_rad - yaw_rad)) <= np.pi / 2, is_ahead)
     vote = np.where(is_moving | is_parked, np.where(is_ahead, 1, -1), 0)
     # The first motion outweighs all that the traffic around has suggested.
     past_votes = np.where(has_moved & ~had_moved & ~is_small, 0, tracks.front_votes)
-    votes = np.minimum(past_votes + vote, config.max_front_votes)
+    votes = np.minimum(past_votes + vote, _MAX_FRONT_VOTES)
     return replace(
         tracks,
         axis=axis,
@@ -294,7 +288,6 @@ def _nearer_end(yaw_rad: Float64, reference_rad: Float64) -> Float64:
     return wrap(reference_rad + wrap(yaw_rad - reference_rad, np.pi))
 
 
-def is_velocity_known(tracks: VehicleTable, config: VehicleTrackerConfig) -> Bool:
+def is_velocity_known(tracks: VehicleTable) -> Bool:
     """Return whether the velocity of each track is certain enough to be reported."""
-    limit_m_s = config.max_reported_speed_deviation_m_s
-    return np.asarray(tracks.is_located & (tracks.speed_deviations_m_s <= limit_m_s))
+    return np.asarray(tracks.is_located & (tracks.speed_deviations_m_s <= _MAX_SPEED_DEVIATION_M_S))

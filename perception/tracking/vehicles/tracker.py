@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
+from perception.tracking import motion_model
 from perception.tracking.association import assign_with_max_cost
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
@@ -22,14 +23,20 @@ from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
 from perception.tracking.vehicles.evidence import likeliest_classes, probability
 from perception.tracking.vehicles.hidden_sides import hidden_sides
-from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
+from perception.tracking.vehicles.observations import (
+    ASSUMED_HEIGHT_M,
+    FrameGeometry,
+    VehicleObservations,
+)
 from perception.tracking.vehicles.shared_ids import SharedIds
 from perception.tracking.vehicles.track_update import (
+    MIN_TRAVELLED_M,
+    RELOCATE_AFTER_S,
+    SMALL_LENGTH_M,
     expected_boxes_px,
     init_tracks,
     is_velocity_known,
     position_distances,
-    predict,
     update_tracks,
 )
 from perception.tracking.vehicles.vehicle_table import VehicleTable
@@ -44,6 +51,26 @@ from perception.types import (
     Vehicles,
 )
 
+_HIGH_EXISTENCE = 0.5  # minimum existence of a detection that is assigned before the others
+_MIN_IOU = 0.1  # minimum IoU in the image of a detection and the track that it continues
+# Standard deviation of the sides of a 2D box from their prediction, in its width and height.
+_SIDE_DEVIATION_SHARE = 0.16
+_MIN_SIZE_PX = 4.0  # minimum width and height in that share
+_CLASS_CHANGE_COST = 10.0  # cost of a detection of another class than that of the track
+# Maximum squared distance of a detection, four sides and a position, in standard deviations: all
+# but 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
+_MAX_COST = 30.0
+# Weight of the outline of a 3D box in the reported box of a vehicle in the image.
+_OUTLINE_WEIGHT = 0.6
+# Maximum difference of their sides, as a share of width and height, of boxes that agree.
+_MAX_OUTLINE_SHARE = 0.4
+# Time without returns after which a track has the place and the class of its image alone.
+_MAX_UNLOCATED_S = 2.0
+_MISS = 0.1  # evidence that a frame without a detection takes away
+# Share of the past evidence that the next frame leaves, since detections of one object err alike.
+_MEMORY = 0.85
+_HEIGHT_DEVIATION_M = 0.03  # of the height of a track, which tells classes apart
+_SCORE_WEIGHT = 0.2  # of the logarithm of scores beside that of the likelihood of a height
 _ROUNDING_S = 1e-3
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
 # Signs of the growth of a box at its sides x1 y1 x2 y2.
@@ -68,7 +95,7 @@ class VehicleTracker:
 
     def __init__(self, config: VehicleTrackerConfig | None = None) -> None:
         self._config = config or VehicleTrackerConfig()
-        self._shared_ids = SharedIds(self._config.shared_ids)
+        self._shared_ids = SharedIds()
         self.clear()
 
     def clear(self) -> None:
@@ -101,7 +128,9 @@ class VehicleTracker:
         ]
         self._predict(cameras[0])
         self._learn_classes(vehicles.fused.detections.types)
-        observations = VehicleObservations.of(vehicles, cameras, self._classes, self._config)
+        observations = VehicleObservations.of(
+            vehicles, cameras, self._classes, self._config.min_existence
+        )
         self._update_and_init(observations, cameras)
         types = self._types(self._tracks)
         tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
@@ -115,12 +144,15 @@ class VehicleTracker:
         limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
         goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
         goes_on &= (tracks.ids >= 0) | (tracks.evidence > 0)
-        tracks = predict(tracks[goes_on], elapsed_s, config)
+        tracks = tracks[goes_on]
+        states = motion_model.predict(tracks.states, elapsed_s)
         unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
         self._tracks = replace(
             tracks,
-            evidence=config.evidence.memory * tracks.evidence,
-            is_located=tracks.is_located & (unlocated_s <= config.max_unlocated_s + _ROUNDING_S),
+            mean=states.mean,
+            covariance=states.covariance,
+            evidence=_MEMORY * tracks.evidence,
+            is_located=tracks.is_located & (unlocated_s <= _MAX_UNLOCATED_S + _ROUNDING_S),
         )
 
     def _learn_classes(self, types: NDArray[np.str_]) -> None:
@@ -136,11 +168,11 @@ class VehicleTracker:
     ) -> None:
         """Continue tracks by detections, those that surely exist first, and begin new tracks by the others."""
         config = self._config
-        observations = observations[~is_duplicate(observations, config.duplicates)]
+        observations = observations[~is_duplicate(observations)]
         existence, track_of = observations.existence, np.full(len(observations), -1)
         expected_px = np.stack(
             [
-                expected_boxes_px(self._tracks, geometry, camera, config)
+                expected_boxes_px(self._tracks, geometry, camera)
                 for camera, geometry in enumerate(cameras)
             ]
         )
@@ -151,37 +183,37 @@ class VehicleTracker:
                 for camera, boxes_px in enumerate(expected_px)
             ]
         )
-        sure, free = existence >= config.high_existence, np.arange(len(self._tracks))
+        sure, free = existence >= _HIGH_EXISTENCE, np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(~sure)):
             left = costs[np.ix_(free, chosen)]
-            pairs = assign_with_max_cost(left, np.isfinite(left), config.max_cost)
+            pairs = assign_with_max_cost(left, np.isfinite(left), _MAX_COST)
             track_of[chosen[pairs.detections]] = free[pairs.tracks]
             free = free[pairs.unmatched_tracks]
         for camera, geometry in enumerate(cameras):
             seen = np.flatnonzero((track_of >= 0) & (observations.cameras == camera))
             rows = track_of[seen]
             corrected = update_tracks(
-                self._tracks[rows], observations[seen], expected_px[camera][rows], geometry, config
+                self._tracks[rows], observations[seen], expected_px[camera][rows], geometry
             )
             self._tracks = self._tracks.replaced(rows, corrected)
         missed = np.zeros(len(self._tracks))
-        missed[free] = config.evidence.miss
+        missed[free] = _MISS
         self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
         is_new = (track_of < 0) & (existence >= config.new_track_existence)
         for camera, geometry in enumerate(cameras):
             new = np.flatnonzero(is_new & (observations.cameras == camera))
             track_of[new] = len(self._tracks) + np.arange(len(new))
             if len(new):
-                self._tracks = self._tracks.joined(init_tracks(observations[new], geometry, config))
+                self._tracks = self._tracks.joined(init_tracks(observations[new], geometry))
         is_tracked = track_of >= 0
         self._seen, self._track_of = observations.rows[is_tracked], track_of[is_tracked]
 
     def _costs(self, observations: VehicleObservations, expected_px: Float64) -> Float64:
         """Return (T, D) the costs of continuing tracks by detections; infinite where a track cannot go on so."""
-        config, tracks, types = self._config, self._tracks, self._types(self._tracks)
+        tracks, types = self._tracks, self._types(self._tracks)
         expected_px, detections = np.nan_to_num(expected_px), observations.detections
-        is_allowed = iou_px(expected_px, detections.boxes_px) >= config.min_iou
-        on_ground, gate = position_distances(tracks, observations), config.motion.gate
+        is_allowed = iou_px(expected_px, detections.boxes_px) >= _MIN_IOU
+        on_ground, gate = position_distances(tracks, observations), motion_model.GATE
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         deviations_px = self._side_deviations_px(expected_px)
@@ -191,7 +223,7 @@ class VehicleTracker:
         is_allowed &= (
             SizePriors.of(types).has_sides[:, None] == SizePriors.of(detections.types).has_sides
         )
-        costs = in_image + on_ground + config.class_change_cost * is_other
+        costs = in_image + on_ground + _CLASS_CHANGE_COST * is_other
         return np.where(is_allowed, costs, np.inf)
 
     def _side_deviations_px(self, expected_px: Float64) -> Float64:
@@ -200,11 +232,11 @@ class VehicleTracker:
         What was hidden for a second may be a metre from where its last velocity takes it, which shifts its box across
         the image.
         """
-        tracks, config = self._tracks, self._config
-        sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
-        deviations_px = config.side_deviation_share * sizes_px
+        tracks = self._tracks
+        sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], _MIN_SIZE_PX)
+        deviations_px = _SIDE_DEVIATION_SHARE * sizes_px
         unseen_s = 0.0 if self._stamp_s is None else self._stamp_s - tracks.last_seen_s
-        heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], config.assumed_height_m)
+        heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], ASSUMED_HEIGHT_M)
         moved_px = unseen_s * tracks.speed_deviations_m_s / heights_m * sizes_px[:, 1]
         deviations_px[:, 0] = np.hypot(deviations_px[:, 0], moved_px)
         return np.tile(deviations_px, 2)
@@ -214,7 +246,7 @@ class VehicleTracker:
     ) -> Tracks:
         """Give ids to newly confirmed tracks; return the moving objects with their common ids and classes."""
         tracks = self._tracks
-        is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.evidence.confirmation)
+        is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.min_confirmed_evidence)
         is_new &= tracks.detections > 1
         boxes = tracks.boxes_velo(tracks.sizes_m, frame_geometry.world_SE3_velo)
         ids, moving = self._shared_ids.share(
@@ -229,7 +261,7 @@ class VehicleTracker:
             return np.array([], np.str_)
         heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], np.nan)
         rows = likeliest_classes(
-            tracks.class_evidence, heights_m, self._classes, self._config.evidence
+            tracks.class_evidence, heights_m, self._classes, _HEIGHT_DEVIATION_M, _SCORE_WEIGHT
         )
         types = self._classes[rows]
         return np.where((tracks.riding_votes > 0) & (types == _WALKER), _RIDER, types)
@@ -241,17 +273,15 @@ class VehicleTracker:
         seen, tracks, frame_geometry = self._seen, self._tracks[self._track_of], cameras[0]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
-        is_known = is_velocity_known(tracks, self._config)
+        is_known = is_velocity_known(tracks)
         velocities_m_s[seen[is_known]] = tracks[is_known].velocities_velo(
             frame_geometry.world_SE3_velo
         )
-        boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._config)
+        boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry)
         boxes_px = tracks.boxes_px.copy()
         for camera, geometry in enumerate(cameras):
             rows = np.flatnonzero(tracks.cameras == camera)
-            boxes_px[rows] = _blended_boxes_px(
-                tracks[rows], boxes[seen[rows]], geometry, self._config
-            )
+            boxes_px[rows] = _blended_boxes_px(tracks[rows], boxes[seen[rows]], geometry)
         covariances, deviations = self._uncertainty(vehicles, frame_geometry, types)
         return replace(
             vehicles,
@@ -270,7 +300,7 @@ class VehicleTracker:
     ) -> tuple[Float64, BoxDeviations]:
         """Return covariances and deviations of the detections, those of their tracks where there are any."""
         seen, tracks, pose = self._seen, self._tracks[self._track_of], frame_geometry.world_SE3_velo
-        sizes, config = SizePriors.of(types[self._track_of]), self._config
+        sizes = SizePriors.of(types[self._track_of])
         covariances, is_located = vehicles.covariances.copy(), tracks.is_located
         located = tracks[is_located]
         covariances[seen[is_located]] = tracked_covariances(
@@ -278,16 +308,14 @@ class VehicleTracker:
             located.boxes_velo(located.sizes_m, pose),
             sizes[is_located],
             located.ids >= 0,
-            config.box,
         )
         is_boxed = np.isfinite(vehicles.boxes.yaw_rad[seen])
-        has_moved = tracks.travelled_m >= config.min_travelled_m
+        has_moved = tracks.travelled_m >= MIN_TRAVELLED_M
         deviations = box_deviations(
             vehicles.boxes[seen],
             vehicles.point_counts[seen],
             sizes,
             has_moved,
-            config.box,
             tracks.ids >= 0,
         )
         return covariances, vehicles.box_deviations.replaced(seen[is_boxed], deviations[is_boxed])
@@ -318,7 +346,6 @@ def _blended_boxes_px(
     tracks: VehicleTable,
     boxes: Boxes3D,
     frame_geometry: FrameGeometry,
-    config: VehicleTrackerConfig,
 ) -> Float64:
     """Return (T, 4) boxes between those in the image and the outlines of the 3D boxes where both agree.
 
@@ -327,12 +354,12 @@ def _blended_boxes_px(
     """
     boxes_px = tracks.boxes_px
     outlines_px = box_outlines_px(frame_geometry.image_P_velo, boxes, frame_geometry.image_size_px)
-    sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], config.min_size_px)
+    sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], _MIN_SIZE_PX)
     off_px = outlines_px - boxes_px
-    agrees = (np.abs(off_px) <= config.max_outline_share * np.tile(sizes_px, 2)).all(axis=1)
-    is_vehicle = tracks.sizes_m[:, 0] >= config.small_length_m
-    is_behind = hidden_sides(boxes_px, tracks.anchors_px[:, 2], config) & (_OUTWARD * off_px > 0)
-    weights = np.where(is_behind, 1.0, config.outline_weight)
+    agrees = (np.abs(off_px) <= _MAX_OUTLINE_SHARE * np.tile(sizes_px, 2)).all(axis=1)
+    is_vehicle = tracks.sizes_m[:, 0] >= SMALL_LENGTH_M
+    is_behind = hidden_sides(boxes_px, tracks.anchors_px[:, 2]) & (_OUTWARD * off_px > 0)
+    weights = np.where(is_behind, 1.0, _OUTLINE_WEIGHT)
     weights *= (agrees & is_vehicle)[:, None]
     return np.asarray(boxes_px + weights * np.nan_to_num(off_px))
 
@@ -358,14 +385,13 @@ def _tracked_boxes(
     seen: Int,
     tracks: VehicleTable,
     frame_geometry: FrameGeometry,
-    config: VehicleTrackerConfig,
 ) -> Boxes3D:
     """Replace the boxes of single detections by those of their tracks.
 
     A detection that is located elsewhere than a well-known track was a moment ago has the points of another object.
     """
     unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
-    is_held = (unlocated_s <= config.relocate_after_s) & is_velocity_known(tracks, config)
+    is_held = (unlocated_s <= RELOCATE_AFTER_S) & is_velocity_known(tracks)
     is_found = tracks.is_located & ((unlocated_s == 0) | is_held)
     is_found &= np.isfinite(boxes.yaw_rad[seen])
     found = tracks[is_found]

@@ -5,17 +5,14 @@ import pytest
 
 from perception.detection.vehicles.height_classes import classes_by_height
 from perception.detection.vehicles.locate import locate
-from perception.tracking.vehicles.config import EvidenceConfig
 from perception.types import Detections
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, road, sides
-
-_CONFIG = EvidenceConfig(height_deviation_m=0.1, class_score_weight=0.5)
 
 
 def classes_of(types, scores, heights_m, leaders) -> list[str]:
     found = Detections(np.zeros((len(types), 4)), np.array(scores), np.array(types))
     known = np.array(heights_m, float), np.array(leaders)
-    return classes_by_height(found, *known, _CONFIG).tolist()
+    return classes_by_height(found, *known).tolist()
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,8 @@ from perception.tracking.vehicles.box_uncertainty import (
     tracked_covariances,
 )
 from perception.tracking.vehicles.class_sizes import CLASS_SIZES, SizePriors
-from perception.tracking.vehicles.config import BoxUncertaintyConfig
 from perception.types import Boxes3D
 
-EXACT_SIDES = BoxUncertaintyConfig(side_noise_m=0.0, side_noise_per_m=0.0, sparse_noise_m=0.0)
 CAR = CLASS_SIZES["car"]
 NONE, ALL = np.zeros(2, bool), np.ones(2)
 
@@ -29,18 +27,18 @@ def boxes(*yaw_rad, away_m=10.0):
 def test_half_the_error_of_a_size_is_that_of_the_centre_along_the_box():
     sizes = SizePriors.of(np.array(["Car", "Car"]))
     outlines = boxes(0.0, np.pi / 2)
-    found = located_covariances(outlines, np.array([100, 100]), sizes, EXACT_SIDES)
-    stated = box_deviations(outlines, np.array([100, 100]), sizes, NONE, EXACT_SIDES)
-    ends = stated.size_m[0, :2] / 2
-    np.testing.assert_allclose(found[0, :2, :2], np.diag(ends**2), atol=1e-12)
-    np.testing.assert_allclose(found[1, :2, :2], np.diag(ends[::-1] ** 2), atol=1e-12)
+    found = located_covariances(outlines, np.array([100, 100]), sizes)
+    stated = box_deviations(outlines, np.array([100, 100]), sizes, NONE)
+    ends, sides_m2 = stated.size_m[0, :2] / 2, 0.06**2 + 0.05**2 + 0.04**2
+    np.testing.assert_allclose(found[0, :2, :2], np.diag(ends**2 + sides_m2), atol=1e-12)
+    np.testing.assert_allclose(found[1, :2, :2], np.diag(ends[::-1] ** 2 + sides_m2), atol=1e-12)
     assert np.isnan(found[:, 2:, 2:]).all()
 
 
 def test_few_points_far_away_locate_a_side_worse():
-    sizes, config = SizePriors.of(np.array(["Car", "Car"])), BoxUncertaintyConfig()
-    near = located_covariances(boxes(0.0, 0.0), np.array([400, 4]), sizes, config)
-    far = located_covariances(boxes(0.0, 0.0, away_m=50), np.array([400, 4]), sizes, config)
+    sizes = SizePriors.of(np.array(["Car", "Car"]))
+    near = located_covariances(boxes(0.0, 0.0), np.array([400, 4]), sizes)
+    far = located_covariances(boxes(0.0, 0.0, away_m=50), np.array([400, 4]), sizes)
     of_class_m2 = sizes.deviations_m(boxes(0.0, 0.0).size_m, ALL, 4 * ALL)[0, 1] ** 2
     found = np.array([near[0, 1, 1], near[1, 1, 1], far[0, 1, 1]])
     ends = (of_class_m2 + np.array([0.02, 0.02, 0.1]) ** 2) / 4
@@ -49,31 +47,28 @@ def test_few_points_far_away_locate_a_side_worse():
 
 
 def test_a_hidden_end_stays_uncertain_however_long_it_is_tracked():
-    sizes, config = SizePriors.of(np.array(["Car"])), BoxUncertaintyConfig()
+    sizes = SizePriors.of(np.array(["Car"]))
     sure = np.array([True])
-    found = tracked_covariances(np.zeros((1, 4, 4)), boxes(0.0), sizes, sure, config)
-    stated = box_deviations(boxes(0.0), np.array([100]), sizes, sure, config, sure)
+    found = tracked_covariances(np.zeros((1, 4, 4)), boxes(0.0), sizes, sure)
+    stated = box_deviations(boxes(0.0), np.array([100]), sizes, sure, sure)
     np.testing.assert_allclose(found[0, 0, 0], (stated.size_m[0, 0] / 2) ** 2)
     assert stated.size_m[0, 0] > 0.7 * CAR.length.deviation_m
-    filtered = tracked_covariances(np.eye(4)[None], boxes(0.0), sizes, sure, config) - found
+    filtered = tracked_covariances(np.eye(4)[None], boxes(0.0), sizes, sure) - found
     np.testing.assert_allclose(filtered[0], np.diag([0.25, 0.25, 0.5, 0.5]), atol=1e-12)
 
 
 def test_a_single_scan_may_be_of_another_class():
     sizes = SizePriors.of(np.array(["Car", "Car"]))
     shown, counts = boxes(0.0, 0.0), np.array([100, 100])
-    config = BoxUncertaintyConfig()
-    once = box_deviations(shown, counts, sizes, NONE, config).size_m
-    often = box_deviations(shown, counts, sizes, NONE, config, ~NONE).size_m
+    once = box_deviations(shown, counts, sizes, NONE).size_m
+    often = box_deviations(shown, counts, sizes, NONE, ~NONE).size_m
     assert (once > often).all()
 
 
 def test_no_height_is_less_certain_than_that_of_the_class():
     sizes, counts = SizePriors.of(np.array(["Van"])), np.array([100])
     found_m = [
-        box_deviations(
-            boxes(0.0, away_m=away_m), counts, sizes, NONE[:1], BoxUncertaintyConfig()
-        ).size_m[0, 2]
+        box_deviations(boxes(0.0, away_m=away_m), counts, sizes, NONE[:1]).size_m[0, 2]
         for away_m in (10, 50, 200)
     ]
     assert found_m[0] < 0.2
@@ -87,7 +82,6 @@ def test_motion_shows_the_front_and_an_outline_the_axis_of_what_has_sides():
         np.array([100, 100, 100]),
         sizes,
         np.array([False, True, False]),
-        BoxUncertaintyConfig(),
     )
     assert found.reversal.tolist() == [0.1, 0.02, 0.4]
     assert found.yaw_rad[0] == pytest.approx(np.hypot(0.03, 0.03))

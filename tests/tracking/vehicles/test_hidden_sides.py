@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.hidden_sides import hidden_sides
 
 _FAR_PX = [100.0, 50.0, 200.0, 100.0]
@@ -24,9 +23,9 @@ _RIGHT, _LEFT, _NONE = [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 0]
 )
 def test_a_nearer_box_hides_the_side_that_it_covers(near_px, near_m, expected):
     boxes_px = np.array([_FAR_PX, near_px])
-    hidden = hidden_sides(boxes_px, np.array([20.0, near_m]), VehicleTrackerConfig())
+    hidden = hidden_sides(boxes_px, np.array([20.0, near_m]))
     np.testing.assert_array_equal(hidden, np.array([expected, _NONE], bool))
 
 
 def test_of_no_boxes_no_side_is_hidden():
-    assert hidden_sides(np.zeros((0, 4)), np.zeros(0), VehicleTrackerConfig()).shape == (0, 4)
+    assert hidden_sides(np.zeros((0, 4)), np.zeros(0)).shape == (0, 4)

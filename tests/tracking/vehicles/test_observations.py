@@ -7,7 +7,6 @@ import pytest
 
 from perception.detection.vehicles.locate import locate
 from perception.geometry import se3
-from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.observations import FrameGeometry, VehicleObservations
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
 
@@ -38,7 +37,7 @@ def test_a_box_that_leaves_the_image_ends_at_its_edge():
 def test_an_object_is_as_likely_as_its_detector_says_whatever_the_score_of_its_box():
     fused = replace(detected(cars((20.0, 4.0, 0.0)), 0.3), existence=np.array([0.97]))
     vehicles = locate(fused, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
     np.testing.assert_allclose(seen.existence, [0.97])
     np.testing.assert_allclose(seen.class_scores, [[0.3, 0.0]])
 
@@ -60,7 +59,7 @@ def test_an_object_too_low_for_its_class_is_doubtful(name, size_m, existence, ex
     shown = replace(shown, detections=replace(shown.detections, types=np.array([name])))
     vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
     classes = vehicles.fused.detections.types  # the van's by its height
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], classes, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], classes, 0.2)
     assert seen.is_located.all()
     np.testing.assert_allclose(seen.existence, [expected], atol=0.03)
 
@@ -72,7 +71,7 @@ def test_the_height_of_what_the_upper_border_cuts_is_not_known():
     types = np.array(["Cyclist"])
     shown = replace(shown, detections=replace(shown.detections, boxes_px=boxes_px, types=types))
     vehicles = locate(shown, frame_of(road(), sides(boxes)), FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], types, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], types, 0.2)
     assert seen.existence[0] == pytest.approx(0.69, abs=0.01)
 
 
@@ -81,7 +80,7 @@ def test_scores_of_two_classes_at_one_place_add_up():
     types = np.array(["Car", "Van", "Van"])
     shown = replace(shown, detections=replace(shown.detections, types=types))
     vehicles = locate(shown, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
     np.testing.assert_allclose(seen.class_scores, [[0.5, 0.3], [0.5, 0.3], [0.0, 0.4]])
     np.testing.assert_allclose(seen.existence, [0.8, 0.8, 0.4])
 
@@ -90,7 +89,7 @@ def test_a_detection_without_returns_is_about_where_its_height_says():
     boxes = cars((30.0, 4.0, 0.0), (60.0, -4.0, 0.0), size_m=(4.0, 1.65, 1.6))
     frame = frame_of(road(step_m=1.0))
     vehicles = locate(detected(boxes), frame, FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
     assert not seen.is_located.any()
     expected = (boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3])[:, :2]
     # The nearer end of a car gives the height of its box.
@@ -105,7 +104,7 @@ def test_a_detection_without_returns_is_about_where_its_height_says():
 def test_a_detection_with_returns_is_where_they_are():
     boxes = cars((20.0, 4.0, 0.0))
     vehicles = locate(detected(boxes), frame_of(road(), sides(boxes)), FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
     assert seen.is_located.all()
     expected = boxes.bottom_m @ _POSE[:3, :3].T + _POSE[:3, 3]
     np.testing.assert_allclose(seen.boxes_world.bottom_m, expected, atol=0.3)
@@ -115,5 +114,5 @@ def test_the_existence_of_an_object_of_two_classes_is_a_probability():
     shown = detected(cars((20.0, 4.0, 0.0), (20.0, 4.0, 0.0)), [0.8, 0.7])
     shown = replace(shown, detections=replace(shown.detections, types=np.array(["Car", "Van"])))
     vehicles = locate(shown, frame_of(road()), FlatRoad())
-    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, VehicleTrackerConfig())
+    seen = VehicleObservations.of(vehicles, [_GEOMETRY], _CLASSES, 0.2)
     assert seen.existence.max() == pytest.approx(0.98)  # no single detection settles a track
