@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from lightning.pytorch import Trainer
-from lightning.pytorch.loggers import TensorBoardLogger
 
 from data.detections.detected_frames import DetectedFrames
 from data.detections.fused_frames import (
-    FusedFrames,
     boxes_by_detector,
     class_correctness,
     curves_by_detector,
@@ -31,6 +29,7 @@ from perception.render.figure import save_figure
 from train.checkpoint_writer import write_checkpoint
 from train.checkpoints import read_checkpoint
 from train.cli import Stage, TrainingKind
+from train.events import tensorboard_loggers
 from train.fusion.calibration import fit_calibration, fit_class_calibrations
 from train.fusion.config import MODEL
 from train.fusion.datamodule import FusionDataModule, row_tensors
@@ -105,9 +104,9 @@ def report(
         if module.variant == "default":  # the thesis' scores are not calibrated
             _calibrate(checkpoint, data)
         file, parts = checkpoint.parent / "fusion.onnx", ["training", "validation"]
-        write_atomically(file, _exported(checkpoint))
+    fusion = _exported(checkpoint, file)
     frames: DetectedFrames = getattr(data.detections, measured)
-    network, (fusion, fused) = load_fusion(checkpoint)[0], _fuse(checkpoint, frames)
+    network, fused = load_fusion(checkpoint)[0], fuse_frames(frames.scenes, fusion)
     reliability = {
         name: measure_reliability(class_correctness(frames, found, data.detections.class_names))
         for name, found in boxes_by_detector(frames, fused).items()
@@ -145,9 +144,9 @@ def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
     frames, class_names = data.detections.validation, data.detections.class_names
     content = read_checkpoint(checkpoint, MODEL) | {"calibration": str(FusionCalibration())}
     write_checkpoint(checkpoint, content)
-    named: dict[str, BetaCalibration] = {}
+    fusion, named = _exported(checkpoint), dict[str, BetaCalibration]()
     for remaining in frames.remaining():
-        _, fused = _fuse(checkpoint, remaining)
+        fused = fuse_frames(remaining.scenes, fusion)
         of_classes = fit_class_calibrations(
             {name: class_correctness(remaining, fused.boxes, [name]) for name in class_names}
         )
@@ -162,25 +161,19 @@ def _calibrate(checkpoint: Path, data: FusionDataModule) -> None:
     write_checkpoint(checkpoint, content | {"calibration": calibration})
 
 
-def _fuse(checkpoint: Path, frames: DetectedFrames) -> tuple[Fusion, FusedFrames]:
-    """Return the fusion of a checkpoint, and what it makes of some frames."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder, "fusion.onnx")
-        file.write_bytes(_exported(checkpoint))
-        fusion = Fusion(file)
-    return fusion, fuse_frames(frames.scenes, fusion)
-
-
-def _exported(checkpoint: Path) -> bytes:
-    """Return the model file of a checkpoint."""
+def _exported(checkpoint: Path, file: Path | None = None) -> Fusion:
+    """Return the fusion of a checkpoint, and write its model file if a path is given."""
     exported = export_fusion(ExportConfig(checkpoint))
     exported.require_parity(checkpoint.name)
-    return exported.models["fp32"]
+    with TemporaryDirectory() as folder:
+        opened = file or Path(folder, "fusion.onnx")
+        write_atomically(opened, exported.models["fp32"])
+        return Fusion(opened)
 
 
 def _write_figures(figures: "Mapping[str, Figure]", out: Path, trainer: Trainer) -> None:
     """Write figures as PNG, and into TensorBoard."""
-    loggers = [one for one in trainer.loggers if isinstance(one, TensorBoardLogger)]
+    loggers = tensorboard_loggers(trainer)
     for name, figure in figures.items():
         save_figure(figure, out / f"{name}.png")
         for logger in loggers:

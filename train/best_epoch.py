@@ -8,10 +8,9 @@ from typing import Any
 
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import Checkpoint
-from lightning.pytorch.loggers import TensorBoardLogger
 
 from perception.errors import UsageError
-from train.events import log_hyperparameters
+from train.events import log_hyperparameters, tensorboard_loggers
 from train.folder import TrainingFolder
 
 
@@ -87,8 +86,8 @@ class BestEpoch(Checkpoint):
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log hyperparameters and metrics of the best epoch."""
-        for logger in trainer.loggers:
-            if isinstance(logger, TensorBoardLogger) and self._best:
+        for logger in tensorboard_loggers(trainer):
+            if self._best:
                 log_hyperparameters(logger, dict(pl_module.hparams), self._best)
 
     def on_exception(

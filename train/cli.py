@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_type_hints
 
+from jsonargparse.typing import class_from_function
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch import LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import LambdaCallback, LearningRateMonitor
@@ -50,6 +51,9 @@ from train.trainer import (
     require_devices,
     silence_lightning,
 )
+
+# Made once: jsonargparse searches all loaded modules for it.
+_EMA = class_from_function(exponential_moving_average)
 
 Stage = Literal["fit", "validate", "test"]
 Report = Callable[[Any, Any, Stage, Path], Any]
@@ -129,7 +133,7 @@ class TrainingCLI(LightningCLI):
     def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
         """Add the groups that Lightning leaves to its users, and link what is said once."""
         parser.add_lightning_class_args(BestEpoch, "early_stopping")
-        parser.add_lightning_class_args(exponential_moving_average, "ema")
+        parser.add_lightning_class_args(_EMA, "ema")
         for name, kind in (
             ("optimizer", OptimizerCallable),
             ("lr_scheduler", LRSchedulerCallable | None),

@@ -76,6 +76,12 @@ def event_logger(folder: Path) -> TensorBoardLogger:
     return TensorBoardLogger(folder, name="", version="", default_hp_metric=False)
 
 
+def tensorboard_loggers(trainer: Trainer) -> list[TensorBoardLogger]:
+    """Return the loggers that show images; only the first process has any, and none where logging is off."""
+    loggers = trainer.loggers if trainer.is_global_zero else []
+    return [logger for logger in loggers if isinstance(logger, TensorBoardLogger)]
+
+
 @contextmanager
 def writing_events(folder: Path) -> Iterator[None]:
     """Name the folder where its events cannot be written, without the traceback of the writer's thread.

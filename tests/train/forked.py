@@ -17,6 +17,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal
 
+from perception.kernels.compiled import load_compiled
+
 _ROOT = Path(__file__).parents[2]
 # Where each kind of training is found; a toy for what takes long.
 _KINDS = {
@@ -24,6 +26,14 @@ _KINDS = {
     "depthcn": "train.verifier.kind:DEPTHCN",
     "fusion": "tests.train.fusion.toy_rows:TOY_FUSION",
 }
+# What a training imports in its course.
+_IMPORTED_LATER = (
+    "data.report.training_report",
+    "perception.detection.detectors.postprocess",
+    "sklearn.preprocessing",
+    "tensorboard.backend.event_processing.event_accumulator",
+    "torch.utils.tensorboard",
+)
 
 
 @dataclass(frozen=True)
@@ -79,6 +89,9 @@ def _main(file: Path, started: int | None = None) -> None:
         sys.exit(_train(jobs[started]))
     for kind in dict.fromkeys(job.kind for job in jobs):
         _load(kind)
+    for module in _IMPORTED_LATER:
+        importlib.import_module(module)
+    load_compiled()
     codes = []
     for number, job in enumerate(jobs):
         sys.argv[1:] = [str(file), str(number)]  # for the processes that Lightning starts

@@ -16,7 +16,7 @@ from tests.faults import fault
 from tests.train.events import hyperparameters_of, require_costs
 from tests.train.toy_crops import TOY_DEPTHCN
 from tests.train.toy_images import SIZE, TINY, TOY_DETECTOR, ToyImages, tiny_network
-from tests.train.trainings import cli_of, killed_after, run
+from tests.train.trainings import LOGGED, cli_of, killed_after, run
 from train.best_epoch import Criterion
 from train.checkpoints import program_revision, read_checkpoint
 from train.cli import fit
@@ -31,10 +31,12 @@ from train.networks.yolox import YoloxNano
 from train.trainer import fastest_precision, require_devices
 
 
-@pytest.fixture(autouse=True)
-def tiny(monkeypatch):
+@pytest.fixture(autouse=True, scope="module")
+def tiny():
     """Offer a small network."""
-    monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(networks.NETWORKS, "tiny", tiny_network)
+        yield
 
 
 def train(out, *words, epochs=1, resume=None):
@@ -54,7 +56,7 @@ def test_fast_dev_run_trains_and_writes_no_file(tmp_path, modality, channels):
 
 def test_a_batch_is_overfitted(tmp_path):
     # 44 labels: 41 points of recall
-    trained = train(tmp_path, *OVERFITTING, "--data.count=11", epochs=3)
+    trained = train(tmp_path, *OVERFITTING, "--data.count=11", LOGGED, epochs=3)
     metrics = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
     assert trained.precision == {"Car 0.7": metrics, "Car 0.5": metrics}
     assert trained.counts["validation_labels"] == 44
@@ -77,7 +79,7 @@ def test_a_study_resumes_the_same_training_only(tmp_path):
 
 
 def test_steps_end_a_training_with_a_validation(tmp_path):
-    train(tmp_path, "--trainer.max_steps=3", epochs=-1)
+    train(tmp_path, "--trainer.max_steps=3", LOGGED, epochs=-1)
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["global_step"] == 3
     events = EventAccumulator(str(tmp_path)).Reload()
     assert [event.step for event in events.Scalars("validation/moderate")] == [1, 2]
@@ -182,7 +184,7 @@ def test_at_equal_precision_the_overlap_of_a_half_decides(tmp_path, monkeypatch)
 
 
 def test_tensorboard_has_metrics_and_images(tmp_path):
-    train(tmp_path, epochs=2)
+    train(tmp_path, LOGGED, epochs=2)
     events = EventAccumulator(str(tmp_path)).Reload()
     tags = set(events.Tags()["scalars"])
     terms = ("loss", "box_loss", "objects_loss", "no_objects_loss", "classes_loss", "prior_loss")
@@ -233,10 +235,11 @@ def test_fastest_precision_of_the_cpu(monkeypatch, capabilities, precision):
     assert fastest_precision("cpu") == precision
 
 
-@pytest.fixture
-def checkpoint(tmp_path):
-    train(tmp_path / "made")
-    return tmp_path / "made" / "last.ckpt"
+@pytest.fixture(scope="module")
+def checkpoint(tiny, tmp_path_factory):
+    out = tmp_path_factory.mktemp("made")
+    train(out)
+    return out / "last.ckpt"
 
 
 @pytest.mark.parametrize(
@@ -306,7 +309,7 @@ def test_a_training_keeps_what_its_start_knows(tmp_path):
         f"--model.weights.checkpoint={tmp_path / 'start' / 'best.ckpt'}",
         "--model.distillation.weight=2",
     ]
-    run(TOY_DETECTOR, tmp_path / "kept", *TINY, *words, *kept, epochs=1)
+    run(TOY_DETECTOR, tmp_path / "kept", *TINY, *words, *kept, LOGGED, epochs=1)
     events = EventAccumulator(str(tmp_path / "kept")).Reload()
     assert events.Scalars("train/distillation_loss")[-1].value > 0
     detector, metadata = load_detector(tmp_path / "kept" / "best.ckpt")

@@ -13,6 +13,7 @@ from tests.car_frames import write_car_frames
 from tests.train.forked import Job, run_jobs
 from tests.train.fusion.toy_rows import LM, toy_words
 from tests.train.toy_images import SIZE, TINY, ToyImages, tiny_network
+from tests.train.trainings import LOGGED
 from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.metrics import ValidationBoxes, measure, precision_table
@@ -62,9 +63,10 @@ def trained(words, tmp_path_factory) -> Path:
             Job(kind, out["together"], flags, EPOCHS, processes=2, sees_all=sees_all),
         ]
     shared = {kind: str(folder / kind / "shared") for kind in ("detector", "depthcn")}
+    by_lightning = [*words["depthcn"], LOGGED]
     jobs += [
         Job("detector", shared["detector"], [*words["detector"], *SHARED], 2, processes=2),
-        Job("depthcn", shared["depthcn"], words["depthcn"], 1, processes=2, started_by="lightning"),
+        Job("depthcn", shared["depthcn"], by_lightning, 1, processes=2, started_by="lightning"),
     ]
     halves = [*words["detector"], "--model.network=tiny-without-batch-norm"]
     for processes, batch in ((1, 4), (2, 2)):

@@ -13,7 +13,7 @@ from perception.errors import ModelError, WriteError
 from tests.faults import fault
 from tests.train.events import hyperparameters_of, require_costs
 from tests.train.toy_crops import TOY_DEPTHCN, toy_batch
-from tests.train.trainings import run
+from tests.train.trainings import LOGGED, run
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
@@ -72,7 +72,7 @@ def test_loggers_and_callbacks_are_added_to_ours(tmp_path):
     names = [type(one).__name__ for one in cli.trainer.callbacks]
     assert {"ModelSummary", "BestEpoch", "TrainingBar"} <= set(names)
     assert list(tmp_path.glob("events*"))
-    silent, _ = train(tmp_path / "silent", "--trainer.logger=false", "--data.count=8")
+    silent, _ = train(tmp_path / "silent", "--data.count=8", "--trainer.logger=false")
     assert silent.trainer.loggers == []
     assert not list((tmp_path / "silent").glob("events*"))
 
@@ -98,11 +98,11 @@ def full_disk():
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, full_disk):
-    train(tmp_path)
+    train(tmp_path, LOGGED)
     before = {path.name: path.read_bytes() for path in tmp_path.glob("*.ckpt")}
     full_disk(100_000)
     with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
-        train(tmp_path, epochs=2, resume=tmp_path / "last.ckpt")
+        train(tmp_path, LOGGED, epochs=2, resume=tmp_path / "last.ckpt")
     assert {path.name: path.read_bytes() for path in tmp_path.glob("*.ckpt")} == before
     load_verifier(tmp_path / "last.ckpt")
 
@@ -110,14 +110,14 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, full_disk):
 def test_events_that_cannot_be_written_are_one_sentence(tmp_path, full_disk, capfd):
     full_disk(6_000)  # more than config.yaml
     with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
-        train(tmp_path)
+        train(tmp_path, LOGGED)
     assert "Traceback" not in capfd.readouterr().err
 
 
 def test_a_disk_that_is_full_from_the_start_holds_no_part_of_a_file(tmp_path, full_disk):
     full_disk(100_000)
     with fault(WriteError, str(tmp_path), found="File too large", advice="make room"):
-        train(tmp_path)
+        train(tmp_path, LOGGED)
     assert [path.name for path in tmp_path.iterdir() if "ckpt" in path.name] == []
 
 
@@ -132,7 +132,7 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
 def test_tensorboard_has_metrics_and_images(tmp_path, monkeypatch):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
     monkeypatch.setattr("train.verifier.training.augmentation_images", lambda data: grids)
-    train(tmp_path, epochs=2)
+    train(tmp_path, LOGGED, epochs=2)
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = (
         "accuracy",

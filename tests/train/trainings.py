@@ -5,6 +5,9 @@ from typing import Any
 
 from train.cli import TrainingCLI, TrainingKind
 
+# TensorBoard's events, which most tests do not read: drawing and writing them takes longer than a toy training.
+LOGGED = "--trainer.logger=true"
+
 
 def train(
     kind: TrainingKind, out: Path, *words: str, epochs: int = 1, resume: Path | None = None
@@ -22,8 +25,13 @@ def run(
 
 
 def cli_of(kind: TrainingKind, out: Path, *words: str, epochs: int = 1) -> TrainingCLI:
-    """Return the command line of a training that has not run."""
-    settings = {"accelerator": "cpu", "max_epochs": epochs, "default_root_dir": out}
+    """Return the command line of a training that has not run; it logs if `LOGGED` is among the words."""
+    settings = {
+        "accelerator": "cpu",
+        "max_epochs": epochs,
+        "default_root_dir": out,
+        "logger": "false",
+    }
     flags = [f"--trainer.{name}={value}" for name, value in settings.items()]
     return TrainingCLI(kind, [*flags, *words])
 

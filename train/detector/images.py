@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from lightning.pytorch import Callback, LightningModule, Trainer
-from lightning.pytorch.loggers import TensorBoardLogger
 from torch import Tensor
 
 from perception.evaluation.detection.average_precision import DetectionMetrics
@@ -14,6 +13,7 @@ from perception.render.curve_plots import CurvePanel, curve_figure, precision_pa
 from perception.render.detections import draw_boxes
 from perception.render.labels import Label, draw_labels
 from perception.types import Detections, Float64, UInt8
+from train.events import tensorboard_loggers
 
 Batch = dict[str, Tensor]
 _SHOWN_IMAGES = 6
@@ -34,7 +34,8 @@ class DetectorImages(Callback):
         """Choose the images: spread evenly, the same in every epoch."""
         count = len(trainer.datamodule.validation)  # type: ignore[attr-defined]
         rows = np.linspace(0, count - 1, min(count, _SHOWN_IMAGES)).round().astype(int)
-        self._rows, self._drawn = frozenset(rows.tolist()), {}
+        is_shown = bool(tensorboard_loggers(trainer))
+        self._rows, self._drawn = frozenset(rows.tolist() if is_shown else ()), {}
 
     def on_validation_batch_end(
         self,
@@ -52,9 +53,7 @@ class DetectorImages(Callback):
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log the images below each other, and the curves."""
-        for logger in trainer.loggers:
-            if not isinstance(logger, TensorBoardLogger) or not trainer.is_global_zero:
-                continue
+        for logger in tensorboard_loggers(trainer):
             if self._drawn:
                 image = np.concatenate([self._drawn[row] for row in sorted(self._drawn)])
                 logger.experiment.add_image(

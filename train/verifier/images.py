@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 import torch
 from lightning.pytorch import Callback, LightningModule, Trainer
-from lightning.pytorch.loggers import TensorBoardLogger
 from torch import Tensor
 from torch.nn import functional
 
 from perception.types import Float32, UInt8
+from train.events import tensorboard_loggers
 
 Batch = dict[str, Tensor]
 
@@ -70,7 +70,7 @@ class VerifierImages(Callback):
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show what each augmentation does, where a training begins."""
-        if trainer.current_epoch == 0 and trainer.is_global_zero:
+        if trainer.current_epoch == 0 and tensorboard_loggers(trainer):
             for name, image in self._augmentations().items():
                 _show(trainer, f"augmentation/{name}", image)
 
@@ -88,6 +88,8 @@ class VerifierImages(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Keep the worst so far, and the first vehicles."""
+        if not tensorboard_loggers(trainer):
+            return
         names = ("crops", "is_vehicle", "normalized_box")
         known = {name: value.detach().cpu() for name, value in (batch | outputs).items()}
         scored = ScoredCrops(
@@ -159,6 +161,5 @@ def _worst(scored: ScoredCrops) -> ScoredCrops:
 
 
 def _show(trainer: Trainer, name: str, image: UInt8) -> None:
-    for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
-            logger.experiment.add_image(name, image, trainer.global_step, dataformats="HWC")
+    for logger in tensorboard_loggers(trainer):
+        logger.experiment.add_image(name, image, trainer.global_step, dataformats="HWC")
