@@ -27,6 +27,7 @@ from perception.tracking.single_object.box.observation import (
     points_around,
 )
 from perception.tracking.single_object.box.pose_search import (
+    REACH,
     PoseEstimate,
     Support,
     search,
@@ -42,6 +43,24 @@ from perception.tracking.single_object.tracker import (
     validate_initial_box,
 )
 from perception.types import Boxes3D
+
+_CLEARANCE_M = 0.2  # minimum height above the ground of the object's points
+_HEADROOM_M = 0.3  # maximum height of the object's points above the top of its box
+_CELL_M = 0.1  # edge of the cells that points are averaged over
+# Minimum and maximum margin around the box within which points are used.
+_SEARCH_MARGIN_M = (3.0, 6.0)
+_BACKGROUND_WEIGHT = 0.1  # weight of a point that lies on the background
+_MIN_REWARD = 1.2  # minimum sum of rewards of an observed object; a point counts up to 1
+_MIN_CONTRAST = 0.5  # minimum ratio of rewards to penalties of an observed object
+# Maximum squared Mahalanobis distance from the prediction: 99 % of true poses (chi-squared, 3
+# degrees of freedom).
+_GATE = 11.3
+_MIN_SHARE = 0.1  # minimum share of the expected reward of an observed object
+_REACQUIRE_SHARE = 0.25  # minimum share of the expected reward of an object that was hidden
+# Maximum change of the height of an object that was hidden, besides the beam spacing.
+_REACQUIRE_TOP_M = 0.25
+# Standard deviation, in metres and radians, of the pose of a static object between two scans.
+_POSE_DRIFT = 0.02
 
 log = logging.getLogger(__name__)
 
@@ -68,18 +87,18 @@ class BoxFitTracker:
         spread = np.array(
             [config.initial_deviation_m, config.initial_deviation_m, config.initial_deviation_rad]
         )
-        self._motion = motion_model_for(size_m, config.motion)
+        self._motion = motion_model_for(size_m)
         self._track = BoxTrack(
             stamp_s=tracker_input.stamp_s,
             last_seen_s=tracker_input.stamp_s,
             state=self._motion.init(pose, spread),
-            ground=LocalGround.below_box(float(box_world.bottom_m[0, 2]), config.ground),
-            shape=ObjectShape.of_box(size_m, config.shape),
-            background=BackgroundModel(config.background),
+            ground=LocalGround.below_box(float(box_world.bottom_m[0, 2])),
+            shape=ObjectShape.of_box(size_m),
+            background=BackgroundModel(),
         )
         _, observation = self._observe(tracker_input, self._track)
         support = self._track.support(observation, self._track.pose)
-        self._track = self._track.seen(observation, support, config.learning_rate)
+        self._track = self._track.seen(observation, support)
         return self._tracked(tracker_input, self._track)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
@@ -107,7 +126,7 @@ class BoxFitTracker:
             predicted.state.with_pose(estimate.pose, estimate.covariance)
         )
         corrected = replace(predicted, state=state)
-        return corrected.seen(observation, support, self._config.learning_rate)
+        return corrected.seen(observation, support)
 
     def _predicted(self, before: BoxTrack, stamp_s: float) -> BoxTrack:
         if self._is_lost(before):
@@ -122,21 +141,21 @@ class BoxFitTracker:
         self, tracker_input: TrackerInput, predicted: BoxTrack
     ) -> tuple[BoxTrack, ObjectObservation]:
         """Return the track with the ground below it, and the observed points above that ground."""
-        config, size_m = self._config, predicted.shape.size_m
+        size_m = predicted.shape.size_m
         deviation_m = np.sqrt(np.linalg.eigvalsh(predicted.state.covariance[:2, :2])[-1])
-        margin_m = np.clip(config.search.reach * deviation_m, *config.search_margin_m)
+        margin_m = np.clip(REACH * deviation_m, *_SEARCH_MARGIN_M)
         reach_m = predicted.shape.radius_m + float(margin_m)
         around = points_around(tracker_input, predicted.position_world, reach_m)
         ground = predicted.ground.updated(
             tracker_input, predicted.position_world, float(size_m[0]), around
         )
         above_m = around[:, 2] - ground.z_world_m
-        is_above_ground = (above_m > config.clearance_m) & (above_m < size_m[2] + config.headroom_m)
+        is_above_ground = (above_m > _CLEARANCE_M) & (above_m < size_m[2] + _HEADROOM_M)
         observation = observation_of(
-            around[is_above_ground], tracker_input.world_SE3_velo[:2, 3], config.cell_m
+            around[is_above_ground], tracker_input.world_SE3_velo[:2, 3], _CELL_M
         )
         is_background = predicted.background.contains(observation.points_xy_m)
-        observation = observation.downweighted(is_background, config.background_weight)
+        observation = observation.downweighted(is_background, _BACKGROUND_WEIGHT)
         return replace(predicted, ground=ground), observation
 
     def _find(
@@ -145,17 +164,15 @@ class BoxFitTracker:
         """Return the observed pose and its support, or None."""
         if len(observation) == 0:
             return None
-        config, expected_reward = self._config, predicted.expected_reward(observation)
+        expected_reward = predicted.expected_reward(observation)
         priors = self._priors(before, predicted)
-        estimate = search(predicted.shape, observation, priors, expected_reward, config.search)
+        estimate = search(predicted.shape, observation, priors, expected_reward)
         support = predicted.support(observation, estimate.pose)
-        share = config.reacquire_share if before.is_hidden else config.min_share
-        min_reward = max(
-            config.min_reward, config.min_contrast * support.penalty, share * expected_reward
-        )
+        share = _REACQUIRE_SHARE if before.is_hidden else _MIN_SHARE
+        min_reward = max(_MIN_REWARD, _MIN_CONTRAST * support.penalty, share * expected_reward)
         is_accepted = (
             support.reward >= min_reward
-            and min(squared_distance(estimate, prior) for prior in priors) <= config.gate
+            and min(squared_distance(estimate, prior) for prior in priors) <= _GATE
             and (not before.is_hidden or self._has_same_top(predicted, observation, support.top_m))
         )
         return (estimate, support) if is_accepted else None
@@ -164,7 +181,7 @@ class BoxFitTracker:
         """Return the predicted pose and, if the object may be static, the last one."""
         if not self._motion.may_be_static(before.state):
             return (predicted.estimate,)
-        last, drift = before.estimate, np.eye(3) * self._config.pose_drift**2
+        last, drift = before.estimate, np.eye(3) * _POSE_DRIFT**2
         return predicted.estimate, PoseEstimate(last.pose, last.covariance + drift)
 
     def _has_same_top(
@@ -173,7 +190,7 @@ class BoxFitTracker:
         """Return whether a top at some z may be the object's, given the gaps between beams."""
         gap_m = self._sensor.elevation_step_rad * observation.distance_m(predicted.pose[:2])
         off_m = top_m - predicted.ground.z_world_m - predicted.mean_top_m
-        return bool(abs(off_m) <= self._config.reacquire_top_m + gap_m)
+        return bool(abs(off_m) <= _REACQUIRE_TOP_M + gap_m)
 
     def _is_lost(self, track: BoxTrack) -> bool:
         return track.stamp_s - track.last_seen_s > self._config.lost_after_s

@@ -15,6 +15,8 @@ from perception.tracking.single_object.box.pose_search import (
 )
 from perception.types import Float64
 
+_LEARNING_RATE = 0.1  # gain of a correction of the expected reward and height
+
 
 @dataclass(frozen=True)
 class BoxTrack:
@@ -68,9 +70,7 @@ class BoxTrack:
         """Return the evidence for and against (3,) a pose."""
         return support_at(self.shape, observation, pose)
 
-    def seen(
-        self, observation: ObjectObservation, support: Support, learning_rate: float
-    ) -> "BoxTrack":
+    def seen(self, observation: ObjectObservation, support: Support) -> "BoxTrack":
         """Return the track after an observation at its present pose."""
         if len(observation) == 0:
             return replace(self, last_seen_s=self.stamp_s)
@@ -84,8 +84,8 @@ class BoxTrack:
             background=self.background.updated(
                 observation.points_xy_m[outside_m > self.shape.own_margin_m], is_hidden=False
             ),
-            mean_reward=_learned(self.mean_reward, reward, learning_rate),
-            mean_top_m=_learned(self.mean_top_m, top_m, learning_rate),
+            mean_reward=_learned(self.mean_reward, reward),
+            mean_top_m=_learned(self.mean_top_m, top_m),
         )
 
     def missed(self, observation: ObjectObservation) -> "BoxTrack":
@@ -94,5 +94,5 @@ class BoxTrack:
         return replace(self, background=background)
 
 
-def _learned(mean: float, value: float, learning_rate: float) -> float:
-    return value if mean == 0.0 else mean + learning_rate * (value - mean)
+def _learned(mean: float, value: float) -> float:
+    return value if mean == 0.0 else mean + _LEARNING_RATE * (value - mean)

@@ -1,14 +1,32 @@
 """Environment of a tracked object: the height of the ground below it, and the background around it."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from perception.geometry.se3 import inverse
-from perception.tracking.single_object.config import BackgroundConfig, LocalGroundConfig
+from perception.tracking.single_object.box.observation import cell_groups
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Bool, Float64, GroundModel
+
+_GROUND_CELL_M = 0.5  # edge of the cells of the lowest points
+_MIN_CELLS = 4  # minimum number of cells with a lowest point near the expected height
+_AROUND_M = 2.5  # distance from the object within which lowest points are used
+_BAND_M = 0.4  # maximum difference of a lowest point from the expected height
+# Maximum difference between ground stage and lowest points at which the stage is used.
+_MAX_DISAGREEMENT_M = 0.2
+_SLOPE = 0.03  # standard deviation of the road's slope
+_DRIFT_M = 0.01  # standard deviation of the drift of the poses per scan
+_STAGE_DEVIATION_M = 0.05  # standard deviation of a height from the ground stage
+_LOWEST_DEVIATION_M = 0.15  # standard deviation of a height from the lowest points
+_LOWEST_ABOVE_M = 0.03  # mean height of the lowest points above the ground
+
+_BACKGROUND_CELL_M = 0.15  # edge of the cells of the background
+_RECENT = 4  # number of scans whose points beside the observed object are background
+_KEPT = 10  # number of scans that are remembered
+_MIN_HIDDEN = 6  # minimum number of scans with a hidden object before static points are background
+_STATIC_SHARE = 0.7  # share of these scans in which a static point is observed
 
 
 @dataclass(frozen=True)
@@ -18,21 +36,19 @@ class LocalGround:
     Attributes:
         z_world_m: Height.
         variance: Variance of the height, in m².
-        config: Cells, distances and deviations.
     """
 
     z_world_m: float
     variance: float
-    config: LocalGroundConfig = field(default_factory=LocalGroundConfig)
 
     @classmethod
-    def below_box(cls, bottom_m: float, config: LocalGroundConfig) -> "LocalGround":
+    def below_box(cls, bottom_m: float) -> "LocalGround":
         """Return the ground that the initial box stands on."""
-        return cls(bottom_m, config.stage_deviation_m**2, config)
+        return cls(bottom_m, _STAGE_DEVIATION_M**2)
 
     def moved(self, travelled_m: float) -> "LocalGround":
         """Return the ground after the object has travelled."""
-        variance = self.variance + (self.config.slope * travelled_m) ** 2 + self.config.drift_m**2
+        variance = self.variance + (_SLOPE * travelled_m) ** 2 + _DRIFT_M**2
         return replace(self, variance=variance)
 
     def measured(self, z_world_m: float, deviation_m: float) -> "LocalGround":
@@ -58,23 +74,22 @@ class LocalGround:
             length_m: Length of the object.
             around_world: (N, 3) points around the object.
         """
-        config = self.config
         x, y = np.abs(around_world[:, :2].T - position_world[:2, None])
-        reach_m = length_m / 2 + config.around_m
-        is_low = around_world[:, 2] < self.z_world_m + config.band_m
+        reach_m = length_m / 2 + _AROUND_M
+        is_low = around_world[:, 2] < self.z_world_m + _BAND_M
         near_world = around_world[is_low & (x < reach_m) & (y < reach_m)]
-        lowest_m = _median_lowest_m(near_world, self.z_world_m, config)
+        lowest_m = _median_lowest_m(near_world, self.z_world_m)
         velo_SE3_world = inverse(tracker_input.world_SE3_velo)
         position_velo = velo_SE3_world[:3, :3] @ position_world + velo_SE3_world[:3, 3]
         stage_m = _stage_height_m(tracker_input.ground, position_velo)
         if stage_m is not None:
             stage_m += position_world[2] - position_velo[2]
             # Beyond its area the stage's surface is extended as a plane, which may leave the road.
-            if lowest_m is None or abs(stage_m - lowest_m) < config.max_disagreement_m:
-                return self.measured(stage_m, config.stage_deviation_m)
+            if lowest_m is None or abs(stage_m - lowest_m) < _MAX_DISAGREEMENT_M:
+                return self.measured(stage_m, _STAGE_DEVIATION_M)
         if lowest_m is None:
             return self
-        return self.measured(lowest_m - config.lowest_above_m, config.lowest_deviation_m)
+        return self.measured(lowest_m - _LOWEST_ABOVE_M, _LOWEST_DEVIATION_M)
 
 
 def _stage_height_m(ground: GroundModel | None, position_velo: Float64) -> float | None:
@@ -84,18 +99,14 @@ def _stage_height_m(ground: GroundModel | None, position_velo: Float64) -> float
     return height_m if np.isfinite(height_m) else None
 
 
-def _median_lowest_m(points: Float64, expected_m: float, config: LocalGroundConfig) -> float | None:
+def _median_lowest_m(points: Float64, expected_m: float) -> float | None:
     """Return the median of the lowest heights of (N, 3) points, cell by cell, near an expected height."""
     if len(points) == 0:
         return None
-    cells = np.floor(points[:, :2] / config.cell_m).astype(np.int64)
-    cells -= cells.min(axis=0)
-    keys = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
-    order = np.argsort(keys)
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    order, starts = cell_groups(points, _GROUND_CELL_M)
     low_m = np.minimum.reduceat(points[order, 2], starts)
-    low_m = low_m[np.abs(low_m - expected_m) < config.band_m]
-    return float(np.median(low_m)) if len(low_m) >= config.min_cells else None
+    low_m = low_m[np.abs(low_m - expected_m) < _BAND_M]
+    return float(np.median(low_m)) if len(low_m) >= _MIN_CELLS else None
 
 
 @dataclass(frozen=True)
@@ -114,41 +125,39 @@ class BackgroundModel:
     them, and only points that stay are background.
 
     Attributes:
-        config: Cells and numbers of scans.
         scans: Last scans without the object, newest first.
     """
 
-    config: BackgroundConfig = field(default_factory=BackgroundConfig)
     scans: tuple[_BackgroundScan, ...] = ()
 
     def updated(self, points_xy_m: Float64, *, is_hidden: bool) -> "BackgroundModel":
         """Return the background after one more scan."""
-        scans = (_BackgroundScan(points_xy_m, is_hidden), *self.scans)[: self.config.kept]
+        scans = (_BackgroundScan(points_xy_m, is_hidden), *self.scans)[:_KEPT]
         return replace(self, scans=scans)
 
     def contains(self, points_xy_m: Float64) -> Bool:
         """Return whether each of (N, 2) points lies on the background."""
         if not self.scans or not len(points_xy_m):
             return np.zeros(len(points_xy_m), bool)
-        config = self.config
-        low_m = points_xy_m.min(axis=0) - 2 * config.cell_m
-        shape = tuple(np.floor((points_xy_m.max(axis=0) - low_m) / config.cell_m).astype(int) + 3)
-        own = np.floor((points_xy_m - low_m) / config.cell_m).astype(np.int64)
-        recent = [scan for scan in self.scans[: config.recent] if not scan.is_hidden]
+        low_m = points_xy_m.min(axis=0) - 2 * _BACKGROUND_CELL_M
+        shape = tuple(
+            np.floor((points_xy_m.max(axis=0) - low_m) / _BACKGROUND_CELL_M).astype(int) + 3
+        )
+        own = np.floor((points_xy_m - low_m) / _BACKGROUND_CELL_M).astype(np.int64)
+        recent = [scan for scan in self.scans[:_RECENT] if not scan.is_hidden]
         is_background = self._count(recent, low_m, shape)[own[:, 0], own[:, 1]] > 0
         hidden = [scan for scan in self.scans if scan.is_hidden]
-        if len(hidden) >= config.min_hidden:
+        if len(hidden) >= _MIN_HIDDEN:
             counts = self._count(hidden, low_m, shape)[own[:, 0], own[:, 1]]
-            is_background |= counts >= config.static_share * len(hidden)
+            is_background |= counts >= _STATIC_SHARE * len(hidden)
         return np.asarray(is_background)
 
-    def _count(
-        self, scans: list[_BackgroundScan], low_m: Float64, shape: tuple[int, ...]
-    ) -> Float64:
+    @staticmethod
+    def _count(scans: list[_BackgroundScan], low_m: Float64, shape: tuple[int, ...]) -> Float64:
         """Return the number of scans with a point in or beside each cell."""
         counts = np.zeros(shape)
         for scan in scans:
-            cells = np.floor((scan.points_xy_m - low_m) / self.config.cell_m).astype(np.int64)
+            cells = np.floor((scan.points_xy_m - low_m) / _BACKGROUND_CELL_M).astype(np.int64)
             cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)]
             occupied = np.zeros(shape, np.uint8)
             occupied[cells[:, 0], cells[:, 1]] = 1

@@ -11,17 +11,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.se3 import wrap
-from perception.tracking.single_object.config import (
-    ObjectMotionConfig,
-    TurnRateMotionConfig,
-    WalkerMotionConfig,
-)
 from perception.types import Float64
 
 POSE = slice(0, 3)
-_STATIC_GATE = (
-    6.0  # squared deviations of a pedestrian's velocity from 0 (95 %, chi-squared, 2 degrees)
-)
+# Speed above which a heading shows: backwards, of what is turned round, or of a pedestrian's course.
+_MIN_SPEED_M_S = 0.4
+_MAX_STEP_S = 0.15  # of a prediction with a constant turn rate
+_MIN_VEHICLE_M = (2.4, 1.2)  # minimum length and width of a vehicle
+_MAX_WALKER_M = 1.3  # maximum length of a pedestrian
+
+# Motion of pedestrians; standard deviations.
+_ACCELERATION_M_S2, _ACCELERATION_TIME_S = 1.5, 0.1  # along x and along y, and how long it lasts
+_TURN_RATE_RAD_S, _STATIC_TURN_RATE_RAD_S = 0.6, 0.1  # within a second, walking and standing
+_INITIAL_SPEED_M_S = 1.2  # along x and along y
+_COURSE_DEVIATION_RAD = 0.3  # of the heading from the course
+# Squared deviations of a pedestrian's velocity from 0 (95 %, chi-squared, 2 degrees of freedom).
+_STATIC_GATE = 6.0
+
+
+@dataclass(frozen=True)
+class TurnRateMotion:
+    """Constant turn rate and velocity of a vehicle or a cyclist; standard deviations.
+
+    Attributes:
+        acceleration_m_s2: Acceleration along the heading.
+        lateral_speed_m_s: Velocity across the heading, constant for one scan.
+        turn_rate_rad_s: Rate at which the heading turns.
+        turn_time_constant_s: Time after which a turn has decayed to a third.
+        full_turn_speed_m_s: Speed below which the turn rate decreases.
+        initial_speed_m_s: Initial speed.
+        initial_turn_rate_rad_s: Initial turn rate.
+        axle_share: Distance from the rear axle to the middle, as a share of the length.
+        may_reverse: Whether the object may move against its heading.
+    """
+
+    acceleration_m_s2: float
+    lateral_speed_m_s: float
+    turn_rate_rad_s: float
+    turn_time_constant_s: float
+    full_turn_speed_m_s: float
+    initial_speed_m_s: float
+    initial_turn_rate_rad_s: float
+    axle_share: float
+    may_reverse: bool
+
+
+_VEHICLE = TurnRateMotion(3.0, 0.15, 0.35, 1.5, 2.0, 7.0, 0.2, axle_share=0.3, may_reverse=True)
+_CYCLIST = TurnRateMotion(2.0, 0.25, 0.6, 1.0, 1.0, 4.0, 0.3, axle_share=0.2, may_reverse=False)
 
 
 @dataclass(frozen=True)
@@ -53,17 +89,8 @@ class KinematicState:
 class ConstantTurnRateMotion:
     """Motion along a heading that turns at a decaying rate."""
 
-    def __init__(
-        self, length_m: float, config: TurnRateMotionConfig, max_step_s: float = 0.15
-    ) -> None:
-        """Create the model of one object.
-
-        Args:
-            length_m: Length of the object.
-            config: Standard deviations.
-            max_step_s: Maximum time of one prediction step.
-        """
-        self._config, self._max_step_s = config, max_step_s
+    def __init__(self, length_m: float, config: TurnRateMotion) -> None:
+        self._config = config
         self._axle_m = config.axle_share * length_m
 
     def init(self, pose: Float64, deviations: Float64) -> KinematicState:
@@ -74,7 +101,7 @@ class ConstantTurnRateMotion:
 
     def predict(self, state: KinematicState, elapsed_s: float) -> KinematicState:
         """Return the state after a time, along the curve."""
-        steps = max(1, int(np.ceil(elapsed_s / self._max_step_s)))
+        steps = max(1, int(np.ceil(elapsed_s / _MAX_STEP_S)))
         for _ in range(steps):
             state = self._step(state, elapsed_s / steps)
         return state
@@ -118,7 +145,7 @@ class ConstantTurnRateMotion:
 
     def correct_heading(self, state: KinematicState) -> KinematicState:
         """Turn an object round that moves backwards and cannot."""
-        if self._config.may_reverse or state.mean[3] > -self._config.min_speed_m_s:
+        if self._config.may_reverse or state.mean[3] > -_MIN_SPEED_M_S:
             return state
         flip = np.diag([1.0, 1.0, 1.0, -1.0, 1.0])
         turned = flip @ state.mean + np.array([0.0, 0.0, np.pi, 0.0, 0.0])
@@ -137,28 +164,23 @@ class ConstantTurnRateMotion:
 class ConstantVelocityMotion:
     """Motion of a pedestrian, in any direction."""
 
-    def __init__(self, config: WalkerMotionConfig | None = None) -> None:
-        self._config = config or WalkerMotionConfig()
-
     def init(self, pose: Float64, deviations: Float64) -> KinematicState:
         """Return the initial state at (3,) a pose with (3,) standard deviations, of any velocity."""
-        speed_m_s = self._config.initial_speed_m_s
-        spread = np.array([*deviations, speed_m_s, speed_m_s])
+        spread = np.array([*deviations, _INITIAL_SPEED_M_S, _INITIAL_SPEED_M_S])
         return KinematicState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
 
     def predict(self, state: KinematicState, elapsed_s: float) -> KinematicState:
         """Return the state after a time, straight on."""
-        config = self._config
         transition = np.eye(5)
         transition[:2, 3:] = elapsed_s * np.eye(2)
         # Velocity and heading are random walks.
         walk = np.array([[elapsed_s**3 / 3, elapsed_s**2 / 2], [elapsed_s**2 / 2, elapsed_s]])
         noise = np.zeros((5, 5))
         noise[np.ix_([0, 3], [0, 3])] = noise[np.ix_([1, 4], [1, 4])] = (
-            config.acceleration_m_s2**2 * config.acceleration_time_s * walk
+            _ACCELERATION_M_S2**2 * _ACCELERATION_TIME_S * walk
         )
-        is_walking = float(np.hypot(*state.mean[3:])) > config.min_speed_m_s
-        turn_rate_rad_s = config.turn_rate_rad_s if is_walking else config.static_turn_rate_rad_s
+        is_walking = float(np.hypot(*state.mean[3:])) > _MIN_SPEED_M_S
+        turn_rate_rad_s = _TURN_RATE_RAD_S if is_walking else _STATIC_TURN_RATE_RAD_S
         noise[2, 2] = turn_rate_rad_s**2 * elapsed_s
         return KinematicState(
             transition @ state.mean, transition @ state.covariance @ transition.T + noise
@@ -166,16 +188,15 @@ class ConstantVelocityMotion:
 
     def correct_heading(self, state: KinematicState) -> KinematicState:
         """Turn the heading towards the course, by the gain of their variances."""
-        config = self._config
         speed_m_s = float(np.hypot(*state.mean[3:]))
-        if speed_m_s < config.min_speed_m_s:
+        if speed_m_s < _MIN_SPEED_M_S:
             return state
         across = np.array([-state.mean[4], state.mean[3]]) / speed_m_s
         spread = float(across @ state.covariance[3:, 3:] @ across) / speed_m_s**2
         off_rad = float(wrap(np.arctan2(state.mean[4], state.mean[3]) - state.mean[2]))
-        noise = config.course_deviation_rad**2 + spread
+        noise = _COURSE_DEVIATION_RAD**2 + spread
         gain = state.covariance[2, 2] / (state.covariance[2, 2] + noise)
-        if abs(off_rad) > np.pi / 2 and spread < config.course_deviation_rad**2:
+        if abs(off_rad) > np.pi / 2 and spread < _COURSE_DEVIATION_RAD**2:
             gain = 1.0  # it turned round
         mean, covariance = state.mean.copy(), state.covariance.copy()
         mean[2] += gain * off_rad
@@ -197,15 +218,11 @@ class ConstantVelocityMotion:
 ObjectMotionModel = ConstantTurnRateMotion | ConstantVelocityMotion
 
 
-def motion_model_for(
-    size_m: Float64, config: ObjectMotionConfig | None = None
-) -> ObjectMotionModel:
+def motion_model_for(size_m: Float64) -> ObjectMotionModel:
     """Return the motion model of an object of (3,) a size."""
-    config = config or ObjectMotionConfig()
     length_m, width_m = float(size_m[0]), float(size_m[1])
-    min_length_m, min_width_m = config.min_vehicle_m
-    if length_m >= min_length_m and width_m >= min_width_m:
-        return ConstantTurnRateMotion(length_m, config.vehicle, config.max_step_s)
-    if length_m < config.max_walker_m:
-        return ConstantVelocityMotion(config.walker)
-    return ConstantTurnRateMotion(length_m, config.cyclist, config.max_step_s)
+    if length_m >= _MIN_VEHICLE_M[0] and width_m >= _MIN_VEHICLE_M[1]:
+        return ConstantTurnRateMotion(length_m, _VEHICLE)
+    if length_m < _MAX_WALKER_M:
+        return ConstantVelocityMotion()
+    return ConstantTurnRateMotion(length_m, _CYCLIST)

@@ -6,7 +6,7 @@ import numpy as np
 
 from perception.geometry.se3 import inverse
 from perception.tracking.single_object.tracker import TrackerInput
-from perception.types import Bool, Float64
+from perception.types import Bool, Float64, Int
 
 _FULL_COUNT = 4  # points in a cell of weight 1
 _MIN_DISTANCE_M = 5.0  # nearer to the sensor, points get no denser
@@ -70,11 +70,7 @@ def observation_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -
     if len(points_world) == 0:
         none = np.zeros(0)
         return ObjectObservation(np.zeros((0, 2)), none, none, sensor_xy_m)
-    cells = np.floor(points_world[:, :2] / cell_m).astype(np.int64)
-    cells -= cells.min(axis=0)
-    keys = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
-    order = np.argsort(keys, kind="stable")
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    order, starts = cell_groups(points_world, cell_m)
     points = points_world[order]
     counts = np.diff(starts, append=len(points))
     return ObjectObservation(
@@ -83,3 +79,12 @@ def observation_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -
         np.sqrt(np.minimum(counts, _FULL_COUNT) / _FULL_COUNT),
         sensor_xy_m,
     )
+
+
+def cell_groups(points: Float64, cell_m: float) -> tuple[Int, Int]:
+    """Return the order of (N, 2+) points, at least one, by their cells in top view, and the start of each cell in it."""
+    cells = np.floor(points[:, :2] / cell_m).astype(np.int64)
+    cells -= cells.min(axis=0)
+    keys = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    order = np.argsort(keys, kind="stable")
+    return order, np.flatnonzero(np.diff(keys[order], prepend=-1))

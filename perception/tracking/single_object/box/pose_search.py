@@ -12,10 +12,27 @@ import numpy as np
 from scipy import ndimage
 
 from perception.geometry.se3 import wrap
-from perception.tracking.single_object.box.object_shape import ObjectShape, into_frame
+from perception.tracking.single_object.box.object_shape import CELL_M, ObjectShape, into_frame
 from perception.tracking.single_object.box.observation import ObjectObservation
-from perception.tracking.single_object.config import PoseSearchConfig
 from perception.types import Bool, Float32, Float64
+
+REACH = 2.5  # half size of the coarse lattice, in standard deviations of the prediction
+_COARSE_STEPS = (25, 25, 7)  # maximum number along the heading, across it, and in yaw
+_COARSE_SPACING = 0.15  # spacing of the coarse lattice, as a share of the object's length and width
+_COARSE_SPACING_RAD = 0.07  # spacing of the coarse lattice in yaw
+_FINE_STEPS = ((9, 9, 7), (7, 7, 7))  # numbers of steps of the finer lattices
+# Half sizes along, across and in yaw: of the coarse lattice at least and at most, of finer ones at
+# least.
+_MIN_REACH, _MAX_REACH = np.array([0.25, 0.25, 0.06]), np.array([6.0, 6.0, np.pi / 2])
+_FINEST = np.array([0.04, 0.04, 0.01])
+_OWN_REWARD = 0.2  # minimum reward of a point that is the object's
+_SATURATION_POINTS = 15.0  # number of points beyond which more points add no information
+_SHARPNESS = 3.0  # log-likelihood of one point at the full reward
+_SURPLUS_WEIGHT = 3.0  # log-likelihood of e times the expected reward
+_MAX_POINTS = 250  # maximum number of points of one lattice; more are thinned out
+_SCORE_MARGIN = 6.0  # maximum difference in log-likelihood of poses that are averaged
+# Minimum standard deviations along, across and in yaw.
+_MIN_DEVIATIONS = np.array([0.03, 0.03, 0.015])
 
 
 @dataclass(frozen=True)
@@ -59,7 +76,6 @@ def search(
     observation: ObjectObservation,
     priors: tuple[PoseEstimate, ...],
     expected_reward: float,
-    config: PoseSearchConfig,
 ) -> PoseEstimate:
     """Return the estimate of the pose after a scan.
 
@@ -68,25 +84,23 @@ def search(
         observation: Observed points of the scan.
         priors: Predicted poses, a mixture in equal parts; the first is the centre of the search.
         expected_reward: Expected reward of the object's points at this distance.
-        config: Lattices and likelihood.
     """
     table = shape.rewards(observation.sensor_xy_m, priors[0].pose)
-    lattice = _first_lattice(priors[0], shape, config)
-    for steps in (*config.fine_steps, None):
-        smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.config.cell_m)
+    lattice = _first_lattice(priors[0], shape)
+    for steps in (*_FINE_STEPS, None):
+        smooth = _blurred(table, lattice.spacing[:2].max() / 2 / CELL_M)
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
-        near = observation.near(lattice.pose[:2], reach_m, config.max_points)
+        near = observation.near(lattice.pose[:2], reach_m, _MAX_POINTS)
         scored = _score_poses(shape, smooth, near, lattice)
         kept = expected_reward * shape.retained_share(smooth, table)
-        score = _log_likelihood(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
+        score = _log_likelihood(scored.rewards, kept) + _log_prior(scored.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
         expected_reward = max(expected_reward, float(scored.rewards[best]))
-        estimate = _moments(scored.poses, score, _around_best(score, best, config.score_margin))
+        estimate = _moments(scored.poses, score, _around_best(score, best))
         if steps is not None:
-            lattice = _finer(lattice, estimate, steps, config)
+            lattice = _finer(lattice, estimate, steps)
     axes = _turn(estimate.pose[2])
-    deviations = [config.min_deviation_m, config.min_deviation_m, config.min_deviation_rad]
-    floor = axes @ np.diag(np.square(deviations)) @ axes.T
+    floor = axes @ np.diag(_MIN_DEVIATIONS**2) @ axes.T
     return PoseEstimate(estimate.pose, estimate.covariance + floor)
 
 
@@ -116,28 +130,23 @@ def support_at(shape: ObjectShape, observation: ObjectObservation, pose: Float64
     return Support(
         reward=float(observation.weights @ np.maximum(worth, 0)),
         penalty=float(observation.weights @ np.maximum(-worth, 0)),
-        top_m=float(observation.tops_m[worth > shape.config.own_reward].max(initial=-np.inf)),
+        top_m=float(observation.tops_m[worth > _OWN_REWARD].max(initial=-np.inf)),
     )
 
 
-def _first_lattice(prior: PoseEstimate, shape: ObjectShape, config: PoseSearchConfig) -> _Lattice:
-    least = np.array([config.min_reach_m, config.min_reach_m, config.min_reach_rad])
-    most = np.array([config.max_reach_m, config.max_reach_m, np.pi / 2])
+def _first_lattice(prior: PoseEstimate, shape: ObjectShape) -> _Lattice:
     spread = _spread(prior.pose[2], prior.covariance)
-    reach = np.clip(config.reach * spread, least, most)
-    length_m, width_m = np.clip(config.coarse_spacing * shape.size_m[:2], 0.1, 0.3)
-    spacing = np.array([length_m, width_m, config.coarse_spacing_rad])
-    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, config.coarse_steps)
+    reach = np.clip(REACH * spread, _MIN_REACH, _MAX_REACH)
+    length_m, width_m = np.clip(_COARSE_SPACING * shape.size_m[:2], 0.1, 0.3)
+    spacing = np.array([length_m, width_m, _COARSE_SPACING_RAD])
+    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, _COARSE_STEPS)
     return _Lattice(prior.pose, reach, (int(along), int(across), int(around)))
 
 
-def _finer(
-    lattice: _Lattice, estimate: PoseEstimate, steps: tuple[int, int, int], config: PoseSearchConfig
-) -> _Lattice:
+def _finer(lattice: _Lattice, estimate: PoseEstimate, steps: tuple[int, int, int]) -> _Lattice:
     spread = _spread(estimate.pose[2], estimate.covariance)
     reach = np.minimum(np.maximum(2.5 * spread, 1.5 * lattice.spacing), lattice.reach)
-    finest = np.array([config.finest_m, config.finest_m, config.finest_rad])
-    return _Lattice(estimate.pose, np.maximum(reach, finest), steps)
+    return _Lattice(estimate.pose, np.maximum(reach, _FINEST), steps)
 
 
 def _score_poses(
@@ -158,7 +167,7 @@ def _score_poses(
     x, y = (observation.points_xy_m - [x0, y0]).T
     u, v = shape.cells_of(cos * x + sin * y, cos * y - sin * x)
     rows, columns = table.shape
-    per_m = 1 / shape.config.cell_m
+    per_m = 1 / CELL_M
     i = np.clip(np.rint(u[..., None] - per_m * along), 0, rows - 1).astype(np.int32)
     j = np.clip(np.rint(v[..., None] - per_m * across), 0, columns - 1).astype(np.int32)
     worth = table.ravel().take((i * np.int32(columns))[:, :, :, None] + j[:, :, None, :])
@@ -176,11 +185,11 @@ def _score_poses(
     return _ScoredPoses(poses, rewards.astype(np.float64))
 
 
-def _log_likelihood(rewards: Float64, expected_reward: float, config: PoseSearchConfig) -> Float64:
+def _log_likelihood(rewards: Float64, expected_reward: float) -> Float64:
     """Return the log-likelihood of poses by their rewards; a surplus over the expected reward adds little."""
     expected = max(expected_reward, 1.0)
-    surplus = config.surplus_weight * np.log(np.maximum(rewards, expected) / expected)
-    share = config.sharpness * min(1.0, config.saturation_points / expected)
+    surplus = _SURPLUS_WEIGHT * np.log(np.maximum(rewards, expected) / expected)
+    share = _SHARPNESS * min(1.0, _SATURATION_POINTS / expected)
     return np.asarray(share * np.minimum(rewards, expected) + surplus)
 
 
@@ -195,9 +204,9 @@ def _log_prior(poses: Float64, priors: tuple[PoseEstimate, ...]) -> Float64:
     return np.asarray(np.logaddexp.reduce(logs))
 
 
-def _around_best(score: Float64, best: tuple[np.intp, ...], score_margin: float) -> Bool:
+def _around_best(score: Float64, best: tuple[np.intp, ...]) -> Bool:
     """Return the possible poses that are connected with the best one: those of another object are not."""
-    groups, _ = ndimage.label(score > score[best] - score_margin, np.ones((3, 3, 3)))
+    groups, _ = ndimage.label(score > score[best] - _SCORE_MARGIN, np.ones((3, 3, 3)))
     return np.asarray(groups == groups[best])
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from perception.tracking.single_object.box.environment import BackgroundModel, LocalGround
 from perception.tracking.single_object.box.observation import observation_of, points_around
-from perception.tracking.single_object.config import LocalGroundConfig
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
@@ -71,7 +70,7 @@ def _ground_after(stage: _Stage | None, *, road_m: float = -1.6) -> float:
     road = np.column_stack([xy, np.full(len(xy), road_m)])
     position = np.array([10.0, 0.0, -1.7])
     tracker_input = TrackerInput(0.0, np.zeros((0, 4), np.float32), np.eye(4), stage)
-    ground = LocalGround.below_box(-1.7, LocalGroundConfig())
+    ground = LocalGround.below_box(-1.7)
     for _ in range(30):
         ground = ground.moved(0.5).updated(tracker_input, position, 4.0, road)
     return ground.z_world_m

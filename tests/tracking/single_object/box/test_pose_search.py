@@ -14,12 +14,11 @@ from perception.tracking.single_object.box.pose_search import (
     squared_distance,
     support_at,
 )
-from perception.tracking.single_object.config import ObjectShapeConfig, PoseSearchConfig
 from perception.types import Float64
 
 CAR_M = np.array([4.0, 1.8, 1.5])
 SENSOR = np.zeros(2)
-SHAPE = ObjectShape.of_box(CAR_M, ObjectShapeConfig())
+SHAPE = ObjectShape.of_box(CAR_M)
 WIDE = np.diag([0.4, 0.4, 0.1]) ** 2
 
 
@@ -44,9 +43,7 @@ def _observation(points_xy: Float64) -> ObjectObservation:
 def test_finds_a_car_by_two_sides() -> None:
     truth = np.array([10.0, 4.0, 0.1])
     expected = PoseEstimate(truth + np.array([0.35, -0.3, 0.12]), WIDE)
-    estimate = search(
-        SHAPE, _observation(_side_and_rear(truth)), (expected,), 40.0, PoseSearchConfig()
-    )
+    estimate = search(SHAPE, _observation(_side_and_rear(truth)), (expected,), 40.0)
     np.testing.assert_allclose(estimate.pose, truth, atol=0.08)
     assert squared_distance(estimate, expected) == pytest.approx(2.8, abs=1.0)
 
@@ -54,9 +51,7 @@ def test_finds_a_car_by_two_sides() -> None:
 def test_a_wall_of_points_does_not_determine_the_position_along_it() -> None:
     truth = np.array([0.0, 6.0, 0.0])
     middle = np.column_stack([np.arange(-0.8, 0.81, 0.1), np.full(17, 5.1)])
-    estimate = search(
-        SHAPE, _observation(middle), (PoseEstimate(truth, WIDE),), 17.0, PoseSearchConfig()
-    )
+    estimate = search(SHAPE, _observation(middle), (PoseEstimate(truth, WIDE),), 17.0)
     along, across = np.sqrt(np.diag(estimate.covariance))[:2]
     assert along > 0.25  # of 0.4 before
     assert across < 0.1
@@ -70,7 +65,7 @@ def test_a_denser_neighbour_is_not_taken_for_the_object() -> None:
     observation = _observation(np.concatenate([own, neighbour]))
     shape = SHAPE.with_observation(_observation(own), truth)
     reference = support_at(shape, _observation(own), truth).reward
-    estimate = search(shape, observation, (expected,), reference, PoseSearchConfig())
+    estimate = search(shape, observation, (expected,), reference)
     np.testing.assert_allclose(estimate.pose[:2], truth[:2], atol=0.15)
 
 
@@ -78,9 +73,7 @@ def test_of_two_predicted_poses_takes_the_one_with_the_points() -> None:
     truth = np.array([10.0, 4.0, 0.0])
     moved = PoseEstimate(truth + np.array([0.8, 0.0, 0.0]), np.diag([0.8, 0.1, 0.05]) ** 2)
     stood = PoseEstimate(truth, np.diag([0.05, 0.05, 0.02]) ** 2)
-    estimate = search(
-        SHAPE, _observation(_side_and_rear(truth)), (moved, stood), 40.0, PoseSearchConfig()
-    )
+    estimate = search(SHAPE, _observation(_side_and_rear(truth)), (moved, stood), 40.0)
     np.testing.assert_allclose(estimate.pose, truth, atol=0.06)
 
 
