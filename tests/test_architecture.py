@@ -1,8 +1,10 @@
-"""Data flows one way: imports too."""
+"""Data flows one way: imports too, between layers and between files."""
 
 import ast
 import subprocess
 import sys
+from collections.abc import Collection, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -29,6 +31,7 @@ LAYERS = [
     {"train"},
     {"export"},
     {"perception.cli"},
+    {"benchmarks"},
 ]
 OUTSIDE_THE_LAYERS = {"perception", "perception.__main__"}
 
@@ -54,11 +57,31 @@ def imports_of(path: Path) -> list[str]:
 
 def source_modules() -> dict[str, Path]:
     found = {}
-    for package in ("perception", "data", "train", "export"):
+    for package in ("perception", "data", "train", "export", "benchmarks"):
         for path in (ROOT / package).rglob("*.py"):
             module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             found[module.removesuffix(".__init__")] = path
     return found
+
+
+def file_of(name: str, modules: Collection[str]) -> str:
+    """Return the module that holds an imported name, a package for its `__init__`; or ``""``."""
+    while name and name not in modules:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def circle(imports: Mapping[str, Collection[str]]) -> list[str]:
+    """Return modules that import one another in a circle, of all imported names by module."""
+    graph = {
+        module: {file_of(name, imports) for name in names} - {module, ""}
+        for module, names in imports.items()
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
 
 
 def test_every_module_has_a_layer():
@@ -76,6 +99,24 @@ def test_imports_go_one_way():
             if target is not None and target > layer_of(module):
                 upward.append(f"{module} imports {name}")
     assert upward == []
+
+
+def test_no_files_import_one_another_in_a_circle():
+    imports = {module: imports_of(path) for module, path in source_modules().items()}
+    imports["perception.cli.batch"].remove("perception.cli.main.run_command_line")
+    assert circle(imports) == []
+
+
+def test_a_circle_would_be_seen(tmp_path):
+    (tmp_path / "a.py").write_text("def late():\n    from shapes import Box\n")
+    (tmp_path / "__init__.py").write_text("from shapes.box import Box\n")
+    (tmp_path / "box.py").write_text(
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import a\n"
+    )
+    files = {"a": "a.py", "shapes": "__init__.py", "shapes.box": "box.py"}
+    imports = {module: imports_of(tmp_path / name) for module, name in files.items()}
+    assert set(circle(imports)) == {"a", "shapes", "shapes.box"}
+    assert circle({**imports, "shapes.box": []}) == []
 
 
 def test_contracts_are_imported_from_their_package():

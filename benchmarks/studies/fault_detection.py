@@ -1,11 +1,29 @@
 """Which faults of sensors are named, how soon, and how often a clean drive raises an alarm."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Any
 
+import numpy as np
+
+from benchmarks.studies.monitored_recording import WARM_UP, MonitoredRecording
+from benchmarks.studies.report import publish
+from data.faults.injection import Fault
+from data.faults.kinds import FAULT_KINDS, FaultKind
+from data.open_drive import open_drive, sequences_in
+from data.synthetic.collection import SynthConfig, draw_drive
 from data.synthetic.street_kind import StreetKind
 from perception.cli.flags import SourceFlags
 from perception.cli.parser import FlagGroup
+from perception.cli.progress import progress_bar
+from perception.errors import UsageError
+from perception.evaluation.report import Metric, Metrics, Table
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
+from perception.sensor.files import load_sensor
+from perception.types import CALIBRATION, Drive
+
+_MIN_SPEED_M_S = 1.0  # a frozen pose of a vehicle that stands is no fault yet
 
 
 @dataclass(frozen=True)
@@ -41,6 +59,63 @@ class InjectionConfig(FlagGroup):
     curves: bool = False
 
 
+@dataclass
+class FaultDetection(Metrics):
+    """Faults of one kind and size.
+
+    Attributes:
+        faults: Number of faults.
+        named: Number of faults that were named in time.
+        delays: Frames from the first one of a fault to that which names it, of the faults that are named in time.
+    """
+
+    faults: Annotated[int, Metric("faults")] = 0
+    named: Annotated[int, Metric("named")] = 0
+    delays: list[int] = field(default_factory=list)
+
+    @property
+    def recall(self) -> Annotated[float, Metric("recall", ".3f")]:
+        """Share of the faults that are named in time."""
+        return self.named / self.faults if self.faults else float("nan")
+
+    @property
+    def mean_delay(self) -> Annotated[float, Metric("delay, mean [frames]", ".1f")]:
+        """Mean delay in frames; 0 for a fault that its first frame names."""
+        return float(np.mean(self.delays)) if self.delays else float("nan")
+
+    @property
+    def max_delay(self) -> Annotated[float, Metric("delay, max [frames]", ".0f")]:
+        """Largest delay in frames."""
+        return float(max(self.delays, default=np.nan))
+
+
+@dataclass
+class CleanDriving(Metrics):
+    """Clean frames and the alarms in them.
+
+    Attributes:
+        frames: Number of clean frames.
+        seconds: Their time.
+        alarms: Sentences of the false alarms, one for each beginning.
+    """
+
+    frames: Annotated[int, Metric("frames")] = 0
+    seconds: Annotated[float, Metric("time [s]", ".0f")] = 0.0
+    alarms: list[str] = field(default_factory=list)
+
+    @property
+    def false_alarms(self) -> Annotated[int, Metric("false alarms")]:
+        """Number of false alarms."""
+        return len(self.alarms)
+
+    @property
+    def max_rate(self) -> Annotated[float, Metric("at most, 95 % [/h]", ".0f")]:
+        """Upper bound of the rate of false alarms an hour, at 95 % (rule of three where there is none)."""
+        from scipy.stats import chi2
+
+        return float(chi2.ppf(0.95, 2 * len(self.alarms) + 2) / 2 / max(self.seconds, 1e-9) * 3600)
+
+
 def fault_detection(
     roots: tuple[str, ...] = (),
     *,
@@ -58,6 +133,93 @@ def fault_detection(
         roots: Folders or files of drives; of several drives in a folder, all are read. None with --worlds.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    from benchmarks.studies.injected_faults import measure_faults
+    if not roots and not config.worlds:
+        raise UsageError(
+            "ROOTS",
+            expected="folders of drives, or --worlds",
+            found="neither",
+            advice="name a drive, or add --worlds 20 for synthetic ones",
+        )
+    clean, detections = CleanDriving(), dict[str, FaultDetection]()
+    for drive in progress_bar(_drives(roots, source, config), "drives", unit="drive"):
+        recording = MonitoredRecording.of(drive, config.frames)
+        clean.frames += len(recording.frames)
+        clean.seconds += recording.frames[-1].stamp_s - recording.frames[0].stamp_s
+        clean.alarms += recording.alarms()
+        _inject_all(recording, config, detections)
+    for alarm in clean.alarms:
+        print(alarm)
+    tables: dict[str, Table[Any]] = {
+        "clean": Table("clean driving", CleanDriving.columns(), {"all": clean}),
+        "faults": Table("faults", FaultDetection.columns(), detections),
+    }
+    plot_curves(out, "Faults named in time", _panels(detections), columns=5, share_y="all")
+    publish(out, "faults of sensors", tables, {"config": config, "drives": roots})
 
-    measure_faults(roots, source, config, out)
+
+def _drives(roots: Sequence[str], source: SourceFlags, config: InjectionConfig) -> Iterator[Drive]:
+    """Yield the recorded drives, and the synthetic ones."""
+    for root in roots:
+        names = sequences_in(Path(root)) if source.sequence is None else [source.sequence]
+        for name in names:
+            yield open_drive(Path(root), sequence=name, config=source.reading, images=True)
+    for number in range(config.worlds):
+        sensor = load_sensor(config.world_sensors[number % len(config.world_sensors)])
+        synth = SynthConfig(
+            sensor=sensor,
+            seed=config.seed + 1,
+            images=config.world_images,
+            street=config.world_street,
+            is_night=config.world_night,
+        )
+        yield draw_drive(synth, number + 1, config.frames or synth.frames)
+
+
+def _inject_all(
+    recording: MonitoredRecording, config: InjectionConfig, detections: dict[str, FaultDetection]
+) -> None:
+    """Inject faults of each kind and size at random frames."""
+    rng = np.random.default_rng(config.seed)
+    for kind, size in _cases(config):
+        part = FAULT_KINDS[kind].part
+        # Edges tell the calibration over two seconds.
+        within = config.calibration_within if part == CALIBRATION else config.within
+        last = len(recording.frames) - within
+        if part not in recording.parts or last <= WARM_UP:
+            continue
+        detection = detections.setdefault(f"{kind} {size:g}", FaultDetection())
+        for _ in range(config.injections):
+            first, seed = int(rng.integers(WARM_UP, last)), int(rng.integers(1 << 30))
+            if kind == "ins-frozen" and recording.speed_m_s(first) < _MIN_SPEED_M_S:
+                continue
+            fault = Fault(kind, first, first + within - 1, size, seed)
+            delay = recording.delay(fault, within)
+            detection.faults += 1
+            if delay is not None:
+                detection.named += 1
+                detection.delays.append(delay)
+
+
+def _panels(detections: Mapping[str, FaultDetection]) -> list[CurvePanel]:
+    """Return the recall of each kind of fault over its size."""
+    by_kind: dict[str, dict[float, float]] = {}
+    for name, one in detections.items():
+        kind, size = name.split()
+        by_kind.setdefault(kind, {})[float(size)] = one.recall
+    return [
+        CurvePanel(
+            kind,
+            FAULT_KINDS[kind].size or "size",
+            "recall",
+            [Curve("recall", list(recalls), list(recalls.values()))],
+            y_limits=(0.0, 1.05),
+        )
+        for kind, recalls in by_kind.items()
+    ]
+
+
+def _cases(config: InjectionConfig) -> Iterator[tuple[str, float]]:
+    for kind in config.kinds or FAULT_KINDS:
+        definition: FaultKind = FAULT_KINDS[kind]
+        for size in definition.sizes if config.curves else (definition.default,):
+            yield kind, size

@@ -80,7 +80,7 @@ def thesis(*, experiments: ThesisExperiments, out: Path = Path("results/thesis")
     done = _Done(out / "commands.json")
     for name, words in commands(experiments, out).items():
         done.run(name, words)
-    report(out, experiments)
+    report(out, {"experiments": experiments})
 
 
 def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:

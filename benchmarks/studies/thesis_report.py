@@ -22,7 +22,6 @@ from perception.evaluation.report import Table
 from perception.render.curve_plots import CurvePanel, plot_curves, precision_panel
 
 if TYPE_CHECKING:
-    from benchmarks.studies.thesis import ThesisExperiments
     from perception.detection.config import DetectionConfig
     from perception.types import Detections, Drive, UInt8
 
@@ -42,12 +41,12 @@ _DRAWN = {
 ByLevel = Mapping[str, Mapping[str, Any]]
 
 
-def report(out: Path, experiments: "ThesisExperiments") -> None:
+def report(out: Path, conditions: Mapping[str, object]) -> None:
     """Write and print the tables, and draw the figures, from the files of the experiments.
 
     Args:
         out: Folder of the experiments.
-        experiments: Settings, which the tables state.
+        conditions: Settings, which the tables state.
     """
     depthcn, fusion = _results(out / "depthcn.json"), _results(out / "fusion.json")
     fused = fusion["classes"]["Car"]
@@ -63,7 +62,7 @@ def report(out: Path, experiments: "ThesisExperiments") -> None:
     for figure, source in _DRAWN.items():
         shutil.copyfile(out / source, out / figure)
     draw_frames(out)
-    publish(out / "tables.txt", "Tables 7.8, 7.9, 7.10", tables, {"experiments": experiments})
+    publish(out / "tables.txt", "Tables 7.8, 7.9, 7.10", tables, conditions)
 
 
 def recognition_table(out: Path) -> Table[Any]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from perception.errors import UsageError
-from perception.sensor.model import LidarModel
 from perception.sensor.models import HDL_64E, SENSORS
+from perception.types import LidarModel
 
 _SUFFIXES = (".yaml", ".yml", ".json")
 _FIELDS = tuple(field.name for field in fields(LidarModel))

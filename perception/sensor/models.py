@@ -17,8 +17,7 @@ from perception.sensor.beam_tables import (
     VLP_32C_BY_LASER_DEG,
     VLS_128_BY_LASER_DEG,
 )
-from perception.sensor.model import LidarModel
-from perception.types import Float64
+from perception.types import Float64, LidarModel
 
 _HEIGHT_M = 1.73
 _SCANS_PER_S = 10.0

@@ -35,6 +35,7 @@ from perception.types.health import (
     HealthFinding,
     HealthLevel,
 )
+from perception.types.lidar import LidarModel
 from perception.types.objects import BoxDeviations, Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import PipelineSnapshot, Result
@@ -82,6 +83,7 @@ __all__ = [
     "Int",
     "KittiLayout",
     "Labels",
+    "LidarModel",
     "MapFilling",
     "MapMethod",
     "MapModality",

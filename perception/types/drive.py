@@ -3,18 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.types.arrays import Bool, Float64, Int
 from perception.types.frame import Calibration, Frame
+from perception.types.lidar import LidarModel
 from perception.types.objects import Boxes3D
 from perception.types.table import SHARED, ArrayTable
-
-if TYPE_CHECKING:  # the sensor's module needs the types
-    from perception.sensor import LidarModel
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ class Drive(Protocol):
         ...
 
     @property
-    def sensor(self) -> "LidarModel":
+    def sensor(self) -> LidarModel:
         """LiDAR model of the scans."""
         ...
 
