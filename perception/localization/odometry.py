@@ -70,6 +70,44 @@ class Localization:
         return self.uncertainty.covariance
 
 
+# Alignments. A longer reach would match what moved.
+_REACH_M = 0.5  # largest distance of a match
+_MIN_INLIER_RATIO = 0.4  # of an accepted alignment, and how far it may correct its first guess
+_MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
+_SURFACE_M = (
+    0.1  # from the surfaces of the keyframe; where much moves, only points within it take part
+)
+# Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
+# fewer, as along a fence, the INS tells more.
+_INS_PRIOR_SHARE = 0.006
+_MAX_GAP_S = 1.0  # between two scans that are matched
+
+# A keyframe is replaced after this way or turn, or where fewer points match. Over the shorter way, what is static is told
+# from vehicles that creep along.
+_KEYFRAME_M, _KEYFRAME_RAD, _KEYFRAME_INLIER_RATIO = 5.0, float(np.radians(15)), 0.6
+_MIN_KEYFRAME_M = 1.0
+_MIN_MOVING_RATIO = (
+    0.1  # of a scan's points; from it on, later scans are not aligned with what moves
+)
+
+# Points this near to the surfaces of the keyframe speak for a motion. Another motion is a correction where this share of
+# the scan's points more speak for it; the INS is believed where no more than that share fewer do.
+_TIGHT_M, _MIN_SURFACE_GAIN, _MAX_INS_LOSS = 0.05, 0.025, 0.04
+_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
+# Without INS: distances ahead of the keyframe at which the scan may be, too; a part of them is tried at each scan.
+_SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
+_SEARCH_BACK_M = 3.0
+_SEARCH_POINTS = 1000  # of a scan; fewer miss the motion by chance
+_SEARCH_LOSS = 0.02  # by which fewer of these may be on surfaces than at the motion found
+# After a correction, until the moving points are known again, only what lies on surfaces takes part.
+_CORRECTED_S = 1.0
+# A step of one scan tells the velocity worse than the way since an older keyframe.
+_MIN_STEADY_S = 0.45
+
+# A vehicle neither turns nor accelerates faster; beyond that, an INS may jump by 2 m.
+_MAX_TURN_RAD_S, _MAX_ACCELERATION_M_S2, _MAX_JUMP_M = 4.0, 20.0, 2.0
+
+
 class _ScanPoints:
     """Points of a scan: all of them, and those that are not known to move."""
 
@@ -94,7 +132,7 @@ class _ScanPoints:
     def mark_moving(self, is_moving: Bool) -> None:
         """Remember which (N,) points of the whole scan move."""
         is_moving = is_moving[:: self._stride]
-        if is_moving.size and is_moving.mean() >= self._config.min_moving_ratio:
+        if is_moving.size and is_moving.mean() >= _MIN_MOVING_RATIO:
             self._is_moving = is_moving
 
     def forget_moving(self) -> None:
@@ -132,18 +170,6 @@ class _Guess:
     def after(self, motion: Float64) -> "_Guess":
         """Return the guess of an earlier motion and this one."""
         return replace(self, motion=motion @ self.motion)
-
-
-_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
-# Without INS: distances ahead of the keyframe at which the scan may be, too; a part of them is tried at each scan.
-_SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
-_SEARCH_BACK_M = 3.0
-_SEARCH_POINTS = 1000  # of a scan; fewer miss the motion by chance
-_SEARCH_LOSS = 0.02  # by which fewer of these may be on surfaces than at the motion found
-# After a correction, until the moving points are known again, only what lies on surfaces takes part.
-_CORRECTED_S = 1.0
-# A step of one scan tells the velocity worse than the way since an older keyframe.
-_MIN_STEADY_S = 0.45
 
 
 class LidarOdometry:
@@ -237,21 +263,20 @@ class LidarOdometry:
     def _check_motion(
         self, step: Float64, gap_s: float, velocity: Float64 | None, source: str
     ) -> None:
-        config = self._config
-        min_travel_m = float(np.linalg.norm(step[:3, 3]))
+        travel_m = _length_m(step)
         turn_rad = rotation_angle_rad(step)
         unexplained_m = 0.0
-        if velocity is not None and gap_s <= config.max_gap_s:
+        if velocity is not None and gap_s <= _MAX_GAP_S:
             unexplained_m = float(np.linalg.norm(step[:3, 3] - velocity[3:] * gap_s))
         if (
-            min_travel_m > config.max_speed_m_s * gap_s
-            or turn_rad > config.max_turn_rad_s * gap_s
-            or unexplained_m > config.max_jump_m + config.max_acceleration_m_s2 * gap_s**2
+            travel_m > self._config.max_speed_m_s * gap_s
+            or turn_rad > _MAX_TURN_RAD_S * gap_s
+            or unexplained_m > _MAX_JUMP_M + _MAX_ACCELERATION_M_S2 * gap_s**2
         ):
             raise PoseError(
                 source,
                 expected="an INS pose that a vehicle can reach from the one before",
-                found=f"a jump of {min_travel_m:.2f} m and {np.degrees(turn_rad):.1f} deg "
+                found=f"a jump of {travel_m:.2f} m and {np.degrees(turn_rad):.1f} deg "
                 f"in {gap_s:.3f} s, {unexplained_m:.2f} m beside the motion so far",
                 advice="repair the INS rows there, or run without INS",
             )
@@ -266,7 +291,7 @@ class LidarOdometry:
         """Register the scan with the keyframe; otherwise use the INS, or constant velocity."""
         gap_s, last_pose = stamp_s - last.stamp_s, last.localization.world_SE3_velo
         step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
-        is_near = gap_s <= self._config.max_gap_s
+        is_near = gap_s <= _MAX_GAP_S
         if is_near:
             world_SE3_keyframe = self._keyframe.localization.world_SE3_velo
             steps = self._guess_motions(step_ins, last.velocity, gap_s)
@@ -305,7 +330,7 @@ class LidarOdometry:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""
         sample, target = points.thinned(_SEARCH_POINTS), self._keyframe.points.static
         shares = [self._share(sample, target, one) for one in (motion, other)]
-        return shares[0] > shares[1] - self._config.max_ins_loss
+        return shares[0] > shares[1] - _MAX_INS_LOSS
 
     def _steady_motion(self, last: _LocatedScan, gap_s: float) -> Float64:
         """Return the motion since the keyframe at the velocity since then, or, where it is too young, the last one."""
@@ -329,7 +354,7 @@ class LidarOdometry:
         """
         if carried is None:
             return None
-        config, found = self._config, carried.target_SE3_source
+        found = carried.target_SE3_source
         guess = motion_ins
         if guess is None:
             guess = self._search_ahead(points, stamp_s, found)
@@ -339,9 +364,9 @@ class LidarOdometry:
         if other is None or not self._is_apart(other.target_SE3_source, found):
             return None
         is_farther = other.target_SE3_source[0, 3] > found[0, 3]
-        keyframe, min_gain = self._keyframe.points, config.min_surface_gain
-        if is_farther and motion_ins is not None and found[0, 3] < config.min_keyframe_distance_m:
-            min_gain = -config.max_ins_loss
+        keyframe, min_gain = self._keyframe.points, _MIN_SURFACE_GAIN
+        if is_farther and motion_ins is not None and found[0, 3] < _MIN_KEYFRAME_M:
+            min_gain = -_MAX_INS_LOSS
         target = keyframe.all if is_farther else keyframe.static
         shares = [self._share(points, target, one.target_SE3_source) for one in (carried, other)]
         return other if shares[1] - shares[0] > min_gain else None
@@ -375,13 +400,13 @@ class LidarOdometry:
         self, points: PreprocessedPoints, target: PreprocessedPoints, motion: Float64
     ) -> float:
         """Return the share of points that a motion brings onto surfaces of the keyframe."""
-        return share_on_surfaces(points, target, motion, self._config.tight_distance_m)
+        return share_on_surfaces(points, target, motion, _TIGHT_M)
 
     def _surface_alignment(self, points: PreprocessedPoints, motion: Float64) -> Alignment | None:
         """Align what a motion brings onto surfaces, and once more what the alignment found brings there."""
         found, target = None, self._keyframe.points.all
         for _ in range(2):
-            kept = on_surfaces(points, target, motion, self._config.surface_distance_m)
+            kept = on_surfaces(points, target, motion, _SURFACE_M)
             found = self._align(target, kept, _Guess(motion))
             if found is None:
                 return None
@@ -390,23 +415,23 @@ class LidarOdometry:
 
     def _is_apart(self, motion: Float64, other: Float64) -> bool:
         """Return whether two motions are so far apart that they do not converge to the same one."""
-        return _length_m(motion - other) >= self._config.max_correspondence_m / 2
+        return _length_m(motion - other) >= _REACH_M / 2
 
     def _update_keyframe(self, scan: _LocatedScan, last: _LocatedScan) -> None:
         """Replace the keyframe where it is too far back, by a scan that is far enough back."""
-        config, moved = self._config, _motion(self._keyframe, scan)
-        turns = rotation_angle_rad(moved) > config.keyframe_angle_rad
+        moved = _motion(self._keyframe, scan)
+        turns = rotation_angle_rad(moved) > _KEYFRAME_RAD
         if turns or scan.localization.origin is not PoseOrigin.REGISTERED:
             self._set_keyframe(scan)
             return
-        if _length_m(_motion(self._since[-1], scan)) >= config.min_keyframe_distance_m / 2:
+        if _length_m(_motion(self._since[-1], scan)) >= _MIN_KEYFRAME_M / 2:
             self._since.append(scan)
-        is_worn = scan.localization.inlier_ratio < config.keyframe_inlier_ratio
-        if is_worn or _length_m(moved) > config.keyframe_distance_m:
+        is_worn = scan.localization.inlier_ratio < _KEYFRAME_INLIER_RATIO
+        if is_worn or _length_m(moved) > _KEYFRAME_M:
             step_m = _length_m(_motion(last, scan))
             for earlier in reversed(self._since):
                 away_m = _length_m(_motion(earlier, scan)) + step_m
-                is_far = away_m >= config.min_keyframe_distance_m
+                is_far = away_m >= _MIN_KEYFRAME_M
                 if is_far and earlier is not self._keyframe:
                     self._set_keyframe(earlier)
                     return
@@ -420,15 +445,13 @@ class LidarOdometry:
         self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
     ) -> list[_Guess]:
         """Return guesses of the motion since the last scan."""
-        config = self._config
         if velocity is None and step_ins is None:
             return [_Guess(_ahead(speed * gap_s)) for speed in _INITIAL_SPEEDS_M_S]
-        guesses = [] if step_ins is None else [_Guess(step_ins, config.ins_prior_share)]
+        guesses = [] if step_ins is None else [_Guess(step_ins, _INS_PRIOR_SHARE)]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
-            reach_m = config.max_correspondence_m / 2
-            if step_ins is None or np.linalg.norm((step_ins - constant)[:3, 3]) > reach_m:
+            if step_ins is None or _length_m(step_ins - constant) > _REACH_M / 2:
                 guesses.append(_Guess(constant))
         return guesses
 
@@ -436,10 +459,10 @@ class LidarOdometry:
         self, source: PreprocessedPoints, guesses: Sequence[_Guess]
     ) -> Alignment | None:
         """Align with the keyframe from each guess, and return the best accepted alignment."""
-        target, reach_m = self._keyframe.points.all, self._config.max_correspondence_m
+        target = self._keyframe.points.all
         if len(guesses) > 2:  # at the start they are metres apart: match far before matching near
             guesses = [
-                _Guess(align(target, source, guess.motion, 3 * reach_m).target_SE3_source)
+                _Guess(align(target, source, guess.motion, 3 * _REACH_M).target_SE3_source)
                 for guess in guesses
             ]
         alignments = [self._align(target, source, guess) for guess in guesses]
@@ -448,33 +471,32 @@ class LidarOdometry:
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
-        config, static = self._config, self._keyframe.points.static
-        kept = on_surfaces(points, static, guess.motion, config.surface_distance_m)
+        static = self._keyframe.points.static
+        kept = on_surfaces(points, static, guess.motion, _SURFACE_M)
         found = self._align(static, kept, guess)
         if found is None:
             return None
         share = len(kept) / len(points) / (len(static) / len(self._keyframe.points.all))
         ratio = min(1.0, found.inlier_ratio * share)
-        return replace(found, inlier_ratio=ratio) if ratio >= config.min_inlier_ratio else None
+        return replace(found, inlier_ratio=ratio) if ratio >= _MIN_INLIER_RATIO else None
 
     def _align(
         self, target: PreprocessedPoints, source: PreprocessedPoints, guess: _Guess
     ) -> Alignment | None:
         """Align from a guess, and return the alignment where it is accepted."""
-        config = self._config
         found = align(
             target,
             source,
             guess.motion,
-            config.max_correspondence_m,
+            _REACH_M,
             prior_share=guess.prior_share,
         )
         correction = inverse(guess.motion) @ found.target_SE3_source
         is_accepted = (
             found.is_converged
-            and found.inlier_ratio >= config.min_inlier_ratio
-            and _length_m(correction) <= config.max_correction_m
-            and rotation_angle_rad(correction) <= config.max_correction_rad
+            and found.inlier_ratio >= _MIN_INLIER_RATIO
+            and _length_m(correction) <= _MAX_CORRECTION_M
+            and rotation_angle_rad(correction) <= _MAX_CORRECTION_RAD
         )
         return found if is_accepted else None
 

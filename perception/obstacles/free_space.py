@@ -18,6 +18,11 @@ from perception.types import Bool, Float32, Float64, Int, UInt8
 _COLUMN_M = np.array([0.2, 0.2, 1.0])
 _COLUMNS_ACROSS, _COLUMNS_UP = 2**24, 2**16
 _OLD_RATIO = 0.5
+# Seen from farther back, a post of 10 cm at the end of the area falls between two beams.
+_MAX_TRAVEL_M = 12.0
+# Largest difference in range of two returns from one surface, and the error across the beam: range noise, a pose error of
+# 5 cm and the slant of a surface within a pixel.
+_MARGIN_M = 0.2
 
 
 @dataclass(frozen=True)
@@ -75,23 +80,15 @@ class _PastScan:
 class FreeSpaceMemory:
     """Range images of the newest scan and of those before it, with their poses."""
 
-    def __init__(
-        self, sensor: LidarModel, horizon_s: float, max_travel_m: float, margin_m: float
-    ) -> None:
+    def __init__(self, sensor: LidarModel, horizon_s: float) -> None:
         """Start without a scan.
 
         Args:
             sensor: LiDAR model of the scans.
             horizon_s: Age of the oldest queried scan in seconds.
-            max_travel_m: Largest distance in metres that the vehicle may have moved since; farther back the beams are
-                too coarse.
-            margin_m: Largest difference in range in metres of two returns from one surface, and the error across the
-                beam.
         """
-        self._projection = SphericalProjection(sensor, tolerance_m=margin_m / 2)
+        self._projection = SphericalProjection(sensor, tolerance_m=_MARGIN_M / 2)
         self._period_s = 1 / sensor.rate_hz
-        self._max_travel_m = max_travel_m
-        self._margin_m = margin_m
         self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
 
     def push(self, points_velo: Float32, world_SE3_velo: Float64) -> None:
@@ -117,12 +114,12 @@ class FreeSpaceMemory:
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
-        return self._scans[-1].image.is_free(points_velo, self._margin_m)
+        return self._scans[-1].image.is_free(points_velo, _MARGIN_M)
 
     def states(self, points_velo: Float32, age: int) -> UInt8:
         """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
         points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-        return self._scans[-1 - age].image.visibility(points_past, self._margin_m).states
+        return self._scans[-1 - age].image.visibility(points_past, _MARGIN_M).states
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
         """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""
@@ -133,7 +130,7 @@ class FreeSpaceMemory:
         for row, age in enumerate(ages):
             past, past_SE3_newest = self._scans[-1 - age], self._past_SE3_newest(age)
             points_past = se3.transform_points(past_SE3_newest, points_velo)
-            visibility = past.image.visibility(points_past, self._margin_m)
+            visibility = past.image.visibility(points_past, _MARGIN_M)
             was_free[row] = visibility.states == Visibility.FREE
             was_hit[row] = visibility.states == Visibility.HIT
             gaps_m[row] = visibility.gaps_m
@@ -164,7 +161,7 @@ class FreeSpaceMemory:
         for age in range(1, oldest + 1):
             scan = self._scans[-1 - age]
             points_past = se3.transform_points(self._past_SE3_newest(age), points_velo)
-            ends, passes = scan.image.returns(points_past, self._margin_m)
+            ends, passes = scan.image.returns(points_past, _MARGIN_M)
             is_passed = passes & ~ends
             left += ends & was_empty
             if age >= max(_OLD_RATIO * oldest, 3):
@@ -188,7 +185,7 @@ class FreeSpaceMemory:
         usable = [
             age
             for age, scan in enumerate(reversed(self._scans))
-            if math.dist(scan.world_SE3_velo[:3, 3].tolist(), here) <= self._max_travel_m
+            if math.dist(scan.world_SE3_velo[:3, 3].tolist(), here) <= _MAX_TRAVEL_M
         ]
         # At a speed beyond the limit, the scan before is still the best one.
         return min(max(usable[-1], 1), len(self._scans) - 1)

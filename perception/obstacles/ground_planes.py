@@ -19,6 +19,10 @@ from perception.obstacles.config import PiecewisePlanesConfig
 from perception.sensor import LidarModel
 from perception.types import Bool, Float, Float64, Int
 
+# The thesis does not check its first plane: a car beside the sensor can tip it on its side. This is its largest distance
+# from level ground below the sensor.
+_MAX_FIRST_STEP_M = 0.5
+
 
 @dataclass(frozen=True)
 class PiecewisePlanes:
@@ -102,13 +106,16 @@ def fit_plane(points: Float64) -> Float64:
 def ransac_plane(
     points: Float64, config: PiecewisePlanesConfig, random: np.random.Generator
 ) -> Float64:
-    """Fit a plane (4,) to (N, 3) points by 3-point RANSAC on a subsample; NaN where all line up."""
+    """Fit a plane (4,) to (N, 3) points by 3-point RANSAC on a subsample; NaN where all line up.
+
+    Unlike in the thesis, the best plane is fitted again to all its inliers.
+    """
     if len(points) > config.subsample:
         points = points[random.integers(len(points), size=config.subsample)]
     samples = random.integers(len(points), size=(config.iterations, 3))
     plane = best_supported_plane(points, samples, config.inlier_m)
     inliers = np.abs(points @ plane[:3] + plane[3]) < config.inlier_m
-    return fit_plane(points[inliers]) if config.refits and inliers.sum() > 3 else plane
+    return fit_plane(points[inliers]) if inliers.sum() > 3 else plane
 
 
 @dataclass(frozen=True)
@@ -146,7 +153,7 @@ def validate(
         proposed: (N + 1, 4) planes, NaN where none was found.
         edges_m: (N,) x of the edges between the planes.
         level: (4,) level ground at the sensor's height.
-        config: Largest angle and steps.
+        config: Largest angle and step.
 
     Returns:
         (N + 1, 4) planes and (N + 1,) which of them were accepted.
@@ -155,7 +162,7 @@ def validate(
     before = level
     for k, edge_m in enumerate([0.0, *edges_m]):
         step = plane_step(before, proposed[k], edge_m)
-        limit_m = config.max_step_m if k else config.max_first_step_m
+        limit_m = config.max_step_m if k else _MAX_FIRST_STEP_M
         is_valid[k] = step.angle_rad < config.max_angle_rad and step.step_m < limit_m
         planes[k] = before = proposed[k] if is_valid[k] else before
     return planes, is_valid

@@ -28,8 +28,27 @@ from perception.obstacles.config import GroundSurfaceConfig
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int
 
+# Measured on real drives.
+_MARGIN_M = 3.0  # reach of the surface beyond the local area
+_MAX_CELLS_ACROSS = (
+    60  # in a wider area nodes are farther apart: a fit costs the square of their number
+)
+_SAMPLE_M = 0.5  # edge of the cells in which points are averaged
+_FULL_COUNT = 5  # points from which on a cell's average has full weight
 _PLANE_ROUNDS = 12
 _PLANE_SAMPLE = 1200  # points are plenty for three numbers
+
+# Mean slope of the ground seen from the sensor, and by how much its height over the ground differs from its mounting.
+_MAX_SLOPE, _MAX_STEP_M = 0.15, 0.5
+# Of the coarse surface, and of the fine one. The coarse one's nodes are twice as far apart: 25 there is 100 here.
+_STIFFNESS, _FINE_STIFFNESS = 25.0, 0.3
+# Scales of the robust fits, round by round; low points are ground rather than obstacle, and have twice the scale.
+_SCALES_M, _FINE_SCALES_M, _LOW_SCALE_RATIO = (0.3, 0.15, 0.1), (0.15, 0.15), 2.0
+_BAND_M = 0.20  # from the coarse surface to a point that may be ground
+
+_OBSTACLE_BAND_M = (0.3, 1.5)  # heights of points that make a cell unfit for the memory
+_REMEMBER_EVERY = 3  # scans
+_MEMORY_WEIGHT = 0.3  # of remembered averages, against 1 of new ones
 
 
 @dataclass(frozen=True)
@@ -54,16 +73,14 @@ class GroundSurfaceEstimator:
     ) -> None:
         self._height_m = sensor.height_m
         self._config = config or GroundSurfaceConfig()
-        area, margin_m = area or LocalArea(), self._config.margin_m
-        low_m = (-area.behind_m - margin_m, -area.side_m - margin_m)
-        high_m = (area.ahead_m + margin_m, area.side_m + margin_m)
-        # The cost of a fit grows with the square of the cells across.
-        across_m = (high_m[1] - low_m[1]) / self._config.max_cells_across
-        cell_m = max(self._config.cell_m, across_m)
+        area = area or LocalArea()
+        low_m = (-area.behind_m - _MARGIN_M, -area.side_m - _MARGIN_M)
+        high_m = (area.ahead_m + _MARGIN_M, area.side_m + _MARGIN_M)
+        cell_m = max(self._config.cell_m, (high_m[1] - low_m[1]) / _MAX_CELLS_ACROSS)
         self._stiffness_ratio = (self._config.cell_m / cell_m) ** 2  # the same bend of the surface
         self._stiff = HeightGrid.covering(low_m, high_m, 2 * cell_m)
         self._fine = HeightGrid.covering(low_m, high_m, cell_m)
-        self._samples = HeightGrid.covering(low_m, high_m, self._config.sample_m)
+        self._samples = HeightGrid.covering(low_m, high_m, _SAMPLE_M)
         cell_centers_m = self._samples.nodes_xy_m + self._samples.cell_m / 2
         self._stiff_at_cells = self._stiff.bilinear(cell_centers_m)
         self._stiff_at_fine = self._stiff.bilinear(self._fine.nodes_xy_m)
@@ -81,17 +98,15 @@ class GroundSurfaceEstimator:
         if len(window) == 1:
             self._memories.clear()
             self._updates = 0
-        scan, config = window.newest, self._config
-        stride = max(-(-len(scan.points_velo) // config.max_points), 1)
+        scan = window.newest
+        stride = max(-(-len(scan.points_velo) // self._config.max_points), 1)
         points, cells = points_over_cells(scan.points_velo, stride, self._samples.numbers)
         memory = self._recall(scan.world_SE3_velo)
         stiff = self._stiff_surface(self._lowest(points, cells).joined(memory))
         averages, is_clean = self._averages(points, cells, stiff)
         samples = averages.joined(self._gaps(memory, averages))
         coarse_m = self._stiff_at_fine.interpolate(stiff)
-        fine = self._robust_fit(
-            self._fine, samples, coarse_m, config.scales_m, config.fine_stiffness
-        )
+        fine = self._robust_fit(self._fine, samples, coarse_m, _FINE_SCALES_M, _FINE_STIFFNESS)
         self._remember(averages[is_clean], scan)
         return HeightSurface(self._fine, fine)
 
@@ -102,19 +117,16 @@ class GroundSurfaceEstimator:
             cells,
             self._samples.size,
             -self._height_m,
-            self._config.max_step_m,
-            self._config.max_slope,
+            _MAX_STEP_M,
+            _MAX_SLOPE,
         )
         return HeightSamples(lowest, np.ones(len(lowest)))
 
     def _stiff_surface(self, samples: HeightSamples) -> Float64:
-        config = self._config
         sample = samples.points[:: max(1, len(samples) // _PLANE_SAMPLE)]
         plane = robust_plane(np.ascontiguousarray(sample), -self._height_m, _PLANE_ROUNDS)
         plane_m = self._stiff.nodes_xy_m @ plane[:2] + plane[2]
-        return self._robust_fit(
-            self._stiff, samples, plane_m, config.stiff_scales_m, config.stiffness
-        )
+        return self._robust_fit(self._stiff, samples, plane_m, _SCALES_M, _STIFFNESS)
 
     def _robust_fit(
         self,
@@ -127,7 +139,7 @@ class GroundSurfaceEstimator:
         """Fit repeatedly, with less weight for samples of larger residual."""
         heights_m = start_m
         for scale_m in scales_m:
-            low_m = scale_m * self._config.low_scale_ratio
+            low_m = scale_m * _LOW_SCALE_RATIO
             scales = (low_m, scale_m)
             heights_m = grid.fit(samples, self._stiffness_ratio * stiffness, heights_m, scales)
         return heights_m
@@ -140,13 +152,11 @@ class GroundSurfaceEstimator:
         Returns:
             The averages, and which of them come from cells without obstacles.
         """
-        config, ground_m = self._config, self._stiff_at_cells.interpolate(stiff_m)
-        sums, has_obstacle = sums_of_cells(
-            points, cells, ground_m, config.band_m, *config.obstacle_band_m
-        )
+        ground_m = self._stiff_at_cells.interpolate(stiff_m)
+        sums, has_obstacle = sums_of_cells(points, cells, ground_m, _BAND_M, *_OBSTACLE_BAND_M)
         seen = np.flatnonzero(sums[:, 3])
         counts = sums[seen, 3]
-        weights = np.minimum(counts, config.full_count) / config.full_count
+        weights = np.minimum(counts, _FULL_COUNT) / _FULL_COUNT
         return HeightSamples(sums[seen, :3] / counts[:, None], weights), ~has_obstacle[seen]
 
     def _recall(self, world_SE3_velo: Float64) -> HeightSamples:
@@ -157,7 +167,7 @@ class GroundSurfaceEstimator:
             moved = _moved(memory.samples.points, velo_SE3_world @ memory.world_SE3_velo)
             recalled = recalled.joined(HeightSamples(moved, memory.samples.weights))
         inside = self._cells_of(recalled.points) >= 0
-        weights = self._config.memory_weight * recalled.weights
+        weights = _MEMORY_WEIGHT * recalled.weights
         return HeightSamples(recalled.points[inside], weights[inside])
 
     def _gaps(self, memory: HeightSamples, newest: HeightSamples) -> HeightSamples:
@@ -172,7 +182,7 @@ class GroundSurfaceEstimator:
         return cells_of(np.ascontiguousarray(points), self._fine.numbers)
 
     def _remember(self, clean: HeightSamples, scan: PosedScan) -> None:
-        if self._updates % self._config.remember_every == 0:
+        if self._updates % _REMEMBER_EVERY == 0:
             self._memories.append(_Memory(clean, scan.world_SE3_velo))
         self._updates += 1
 

@@ -13,7 +13,12 @@ from perception.obstacles.config import MotionConfig
 from perception.obstacles.free_space import FreeSpaceMemory, VisibilityHistory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmenter import MotionSegmenter
-from perception.obstacles.moving_clusters import moving_voxels, occupied_clusters, vote
+from perception.obstacles.moving_clusters import (
+    NEAR_MOVING_M,
+    moving_voxels,
+    occupied_clusters,
+    vote,
+)
 from perception.obstacles.rigid_bodies import OccupiedPlaces, are_in_cells_of, moving_bodies
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
@@ -56,10 +61,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         config = config or MotionConfig()
         self._area, self._config = area, config
         self._beam_step_rad = sensor.elevation_step_rad
-        free_space = config.free_space
-        self._memory = FreeSpaceMemory(
-            sensor, free_space.horizon_s, free_space.max_travel_m, free_space.margin_m
-        )
+        self._memory = FreeSpaceMemory(sensor, config.free_space.horizon_s)
         self._grid_world: VoxelGrid | None = None
         self._static_map: StaticMap | None = None
         self._moved_before = np.zeros((0, 3), np.float32)
@@ -87,7 +89,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         )
         history = self._memory.query(places)
         moves = moving_voxels(
-            places, history, before, self._config.moving_clusters, self._beam_step_rad
+            places, history, before, self._beam_step_rad, self._config.free_space.min_voxels
         )
         moves |= self._moving_bodies(places, history, before, moves)
         self._moved_before, self._world_SE3_before = places[moves], pose
@@ -110,15 +112,15 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         if len(places) == 0 or len(history.ages_s) == 0:
             return moves
         votes = vote(history)
-        clusters = occupied_clusters(places, self._config.moving_clusters.cell_m)
+        clusters = occupied_clusters(places)
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
-        was_moving = are_in_cells_of(places, before, self._config.moving_clusters.near_moving_m)
+        was_moving = are_in_cells_of(places, before, NEAR_MOVING_M)
         occupied = OccupiedPlaces(
             places, clusters, votes.appeared, is_new, was_moving, moves, self._area
         )
         age_s = float(history.ages_s[-1])
-        return moving_bodies(occupied, self._memory, age_s, self._config.rigid_bodies)
+        return moving_bodies(occupied, self._memory, age_s)
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
         """Return the grid and the map, new ones at the start of a drive."""

@@ -2,7 +2,7 @@
 
 A single voxel is unreliable: a window reflects once and not the next time, a beam just misses an edge. So voxels are
 joined to clusters over the ground plane, and a cluster is moving where enough of its voxels appeared in free space
-(`MovingClusterConfig`: at least `min_voxels` and `min_appeared_ratio`, and more than those that persisted).
+(at least `min_voxels` and a tenth of all, and more than those that persisted).
 
 Leaves, fences and what stands behind them appear in free space without moving, since beams find another way through
 them in every scan. But they have been there before: earlier scans have returns from the same place, and later ones
@@ -15,11 +15,39 @@ import cv2
 import numpy as np
 
 from perception.kernels.neighbours import are_near
-from perception.obstacles.config import MovingClusterConfig
 from perception.obstacles.free_space import VisibilityHistory
 from perception.types import Bool, Float, Float64, Int
 
+_CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
+NEAR_MOVING_M = 0.5  # to voxels that moved in the scan before: 5 m/s at 10 Hz
+_GAP_RATIO = (
+    2.0  # on a surface that leans by 30 degrees, returns are twice as far apart as the beams
+)
+
+_MIN_VOXELS_NEAR_MOVING = 4  # that appeared, next to what moved in the scan before
 _EARLY_WEIGHT = 0.5  # of a voxel while the history is short: two leaves are no pedestrian
+_MIN_APPEARED_RATIO = 0.1  # of a cluster's voxels
+_MIN_OBSERVATIONS = (
+    40  # of its voxels that appeared, over the scans of the horizon, where a cluster begins to move
+)
+_CLEAR_AGE_S = 0.5  # after which a pedestrian at 1 m/s no longer overlaps his earlier place
+# Where the youngest queried scan, old enough to tell standing from walking, has hit nearly all of a cluster as well, it
+# is static again.
+_STOP_AGE_S, _STOPPED_RATIO = 0.3, 0.95
+
+# More scans with a return from a place that appeared before another beam passed are a fence or leaves. A cluster of
+# more voxels is too solid for a part of them.
+_MAX_RETURNED_RATIO, _MAX_RETURNED_RATIO_NEAR_MOVING, _MIN_SOLID_VOXELS = 0.1, 0.2, 30
+
+# The departed object before a cluster is the cluster itself where its distance, extrapolated to now, is small: beside
+# 1 m, a quarter of that when it was observed last and what it falls short by where it speeds up.
+_DEPARTED_GAP_M, _DEPARTED_GAP_RATIO, _DEPARTED_ACCELERATION_M_S2 = 1.0, 0.25, 2.0
+
+_WHOLE_OBJECT_RATIO = 0.5  # of an object's voxels that move, from which on all of it moves
+_VEHICLE_LENGTH_M = (
+    2.0  # of the moving part of an object, from which on it is a vehicle, not a person
+)
+_PERSON_MARGIN_M = 0.3  # from the moving part of a person to the rest
 
 
 @dataclass(frozen=True)
@@ -53,8 +81,8 @@ def moving_voxels(
     centers_m: Float,
     history: VisibilityHistory,
     moved_before_m: Float,
-    config: MovingClusterConfig,
     beam_step_rad: float,
+    min_voxels: int = 10,
 ) -> Bool:
     """Return which of V occupied voxels belong to moving clusters.
 
@@ -62,75 +90,71 @@ def moving_voxels(
         centers_m: (V, 3) positions of the voxels.
         history: Visibility of these positions in earlier scans.
         moved_before_m: (B, 3) positions of voxels that moved in the scan before.
-        config: Thresholds of moving clusters.
         beam_step_rad: Angle between two beams; between them, parts of one object lie apart.
+        min_voxels: Smallest number of voxels of a moving cluster that appeared in free space.
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
-    votes, static_weight = vote(history), _static_weight(history, config)
-    columns = _VoxelColumns.over(centers_m, config.cell_m)
-    gap_rad = config.gap_ratio * beam_step_rad
+    votes, static_weight = vote(history), _static_weight(history)
+    columns = _VoxelColumns.over(centers_m)
+    gap_rad = _GAP_RATIO * beam_step_rad
     cluster = _cluster_appeared(columns, votes.persisted, gap_rad, static_weight)
     clusters = int(cluster.max()) + 1
 
     def count_by_cluster(voxels: Bool) -> Float64:
         return np.asarray(np.bincount(cluster, voxels, clusters), np.float64)
 
-    leaves = count_by_cluster(votes.uncovered) * _is_own_departure(
-        cluster, clusters, history, config
-    )
+    leaves = count_by_cluster(votes.uncovered) * _is_own_departure(cluster, clusters, history)
     appeared = count_by_cluster(votes.appeared) + leaves
     was_near = np.zeros(len(cluster), bool)
-    was_near[cluster > 0] = _are_near(centers_m[cluster > 0], moved_before_m, config.near_moving_m)
+    was_near[cluster > 0] = _are_near_moving(centers_m[cluster > 0], moved_before_m)
     goes_on = count_by_cluster(was_near) > 0
-    least = config.min_voxels * max(static_weight, _EARLY_WEIGHT)
-    required = np.where(goes_on, config.min_voxels_near_moving, least)
+    least = min_voxels * max(static_weight, _EARLY_WEIGHT)
+    required = np.where(goes_on, _MIN_VOXELS_NEAR_MOVING, least)
     moves = (
         (appeared >= required)
         & (appeared > count_by_cluster(votes.persisted) * static_weight)
-        & (appeared >= config.min_appeared_ratio * count_by_cluster(np.ones(len(cluster), bool)))
+        & (appeared >= _MIN_APPEARED_RATIO * count_by_cluster(np.ones(len(cluster), bool)))
     )
-    if history.ages_s[0] >= config.stop_age_s:
+    if history.ages_s[0] >= _STOP_AGE_S:
         hit = count_by_cluster(history.was_hit[0])
         seen = (
             hit
             + count_by_cluster(history.was_free[0])
             + count_by_cluster(history.was_behind_departed[0])
         )
-        moves &= hit < config.stopped_ratio * np.maximum(seen, 1)
+        moves &= hit < _STOPPED_RATIO * np.maximum(seen, 1)
     moves[0] = False
     evidence = np.flatnonzero(moves[cluster] & (votes.appeared | votes.uncovered))
     past = history.past_returns(evidence)
     left = np.bincount(cluster[evidence], past.left, clusters)
     in_columns = np.bincount(cluster[evidence], past.passed_in_column, clusters)
-    returned = left + in_columns * (count_by_cluster(votes.appeared) < config.min_solid_voxels)
+    returned = left + in_columns * (count_by_cluster(votes.appeared) < _MIN_SOLID_VOXELS)
     visible = np.bincount(cluster[evidence], past.visible, clusters)
-    tolerated = np.where(goes_on, config.max_returned_ratio_near_moving, config.max_returned_ratio)
+    tolerated = np.where(goes_on, _MAX_RETURNED_RATIO_NEAR_MOVING, _MAX_RETURNED_RATIO)
     # The place of what drives away was hidden, so that few scans have observed it.
-    is_observed = (visible >= config.min_observations) | (2 * leaves > appeared)
+    is_observed = (visible >= _MIN_OBSERVATIONS) | (2 * leaves > appeared)
     moves &= (returned <= tolerated * visible) & (goes_on | is_observed)
-    return _complete(centers_m, columns, moves[cluster], np.all(history.was_hit, axis=0), config)
+    return _complete(centers_m, columns, moves[cluster], np.all(history.was_hit, axis=0))
 
 
-def occupied_clusters(centers_m: Float, cell_m: float) -> Int:
+def occupied_clusters(centers_m: Float) -> Int:
     """Return the (V,) cluster of each of V voxels, from 1: voxels in neighbouring ground cells belong together."""
-    columns = _VoxelColumns.over(centers_m, cell_m)
-    occupied = columns.count(np.ones(len(centers_m), bool)) > 0
-    return columns.join(occupied, ~occupied, gap_rad=0.0)
+    return _VoxelColumns.over(centers_m).join_occupied()
 
 
-def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
-    """Return which of (V, 3) places have one of (B, 3) others within reach over the ground plane."""
-    others = np.asarray(others_m[np.argsort(others_m[:, 0]), :2], np.float64, order="C")
-    return are_near(np.asarray(centers_m[:, :2], np.float64, order="C"), others, reach_m)
+def _are_near_moving(centers_m: Float, moving_m: Float) -> Bool:
+    """Return which of (V, 3) places have one of (B, 3) moving ones within reach over the ground plane."""
+    others = np.asarray(moving_m[np.argsort(moving_m[:, 0]), :2], np.float64, order="C")
+    return are_near(np.asarray(centers_m[:, :2], np.float64, order="C"), others, NEAR_MOVING_M)
 
 
-def _static_weight(history: VisibilityHistory, config: MovingClusterConfig) -> float:
+def _static_weight(history: VisibilityHistory) -> float:
     """Return the weight of a persisting voxel against one that appeared.
 
     While the history is short a pedestrian still overlaps his earlier place, and only his front has appeared.
     """
-    return min(1.0, float(history.ages_s[-1]) / config.clear_age_s)
+    return min(1.0, float(history.ages_s[-1]) / _CLEAR_AGE_S)
 
 
 @dataclass(frozen=True)
@@ -140,23 +164,26 @@ class _VoxelColumns:
     Attributes:
         of: (V,) the column of each voxel.
         ranges_m: (across, along) distance of each column from the sensor.
-        cell_m: Edge of a column in metres.
     """
 
     of: Int
     ranges_m: Float64
-    cell_m: float
 
     @classmethod
-    def over(cls, centers_m: Float, cell_m: float) -> "_VoxelColumns":
-        x, y = np.floor(centers_m[:, :2].T / cell_m).astype(np.int64)
+    def over(cls, centers_m: Float) -> "_VoxelColumns":
+        x, y = np.floor(centers_m[:, :2].T / _CELL_M).astype(np.int64)
         rows, columns = (np.arange(one.min(), one.max() + 1) for one in (x, y))
-        ranges_m = cell_m * np.hypot(rows[:, None] + 0.5, columns + 0.5)
-        return cls((x - rows[0]) * len(columns) + y - columns[0], ranges_m, cell_m)
+        ranges_m = _CELL_M * np.hypot(rows[:, None] + 0.5, columns + 0.5)
+        return cls((x - rows[0]) * len(columns) + y - columns[0], ranges_m)
 
     def count(self, voxels: Bool) -> Float64:
         """Return how many of the chosen voxels each column holds."""
         return np.asarray(np.bincount(self.of, voxels, self.ranges_m.size), np.float64)
+
+    def join_occupied(self) -> Int:
+        """Return the (V,) cluster of each voxel: columns are joined with their eight neighbours."""
+        occupied = self.count(np.ones(len(self.of), bool)) > 0
+        return self.join(occupied, ~occupied, gap_rad=0.0)
 
     def join(self, chosen: Bool, passable: Bool, gap_rad: float) -> Int:
         """Return the (V,) cluster of each voxel, 0 outside the chosen columns.
@@ -164,7 +191,7 @@ class _VoxelColumns:
         Columns are joined with their eight neighbours, and over passable ones within that angle: a passing car is
         not one with the parked car beside it.
         """
-        reaches = (self.ranges_m * gap_rad / self.cell_m / 2).astype(np.int64)
+        reaches = (self.ranges_m * gap_rad / _CELL_M / 2).astype(np.int64)
         image = chosen.reshape(reaches.shape).astype(np.uint8)
         grown = image > 0
         for reach in range(1, int(reaches.max()) + 1):
@@ -189,22 +216,20 @@ def _complete(
     columns: _VoxelColumns,
     moves: Bool,
     was_always_hit: Bool,
-    config: MovingClusterConfig,
 ) -> Bool:
     """Extend motion to the whole object where much of it moves: the side of a slow car fills the place it filled before.
 
     What moves and is short is a person, who reaches little farther: the bush that he passes lies beyond, and the post
     that he touches was hit in every queried scan.
     """
-    occupied = columns.count(np.ones(len(moves), bool)) > 0
-    whole = columns.join(occupied, ~occupied, gap_rad=0.0)
+    whole = columns.join_occupied()
     share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
     completed = moves.copy()
-    for number in np.flatnonzero((share >= config.whole_object_ratio) & (share < 1)):
+    for number in np.flatnonzero((share >= _WHOLE_OBJECT_RATIO) & (share < 1)):
         rows = np.flatnonzero(whole == number)
         outline = _Rectangle.around(centers_m[rows[moves[rows]], :2])
-        is_person = 2 * outline.half_m.max() < config.whole_vehicle_m
-        reach_m = config.person_margin_m if is_person else np.inf
+        is_person = 2 * outline.half_m.max() < _VEHICLE_LENGTH_M
+        reach_m = _PERSON_MARGIN_M if is_person else np.inf
         is_part = outline.contains(centers_m[rows, :2], reach_m)
         completed[rows] |= is_part & ~(was_always_hit[rows] & is_person)
     return completed
@@ -230,9 +255,7 @@ class _Rectangle:
         return np.asarray((away_m <= margin_m).all(axis=1))
 
 
-def _is_own_departure(
-    cluster: Int, clusters: int, history: VisibilityHistory, config: MovingClusterConfig
-) -> Bool:
+def _is_own_departure(cluster: Int, clusters: int, history: VisibilityHistory) -> Bool:
     """Return for which clusters the departed object before them is their own back, observed earlier.
 
     An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
@@ -242,15 +265,15 @@ def _is_own_departure(
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
     behind, gap_m = history.was_behind_departed[0], history.gaps_m[0]
-    comes, keeps_away = behind & (gap_m < config.departed_gap_m), np.zeros(len(cluster), bool)
+    comes, keeps_away = behind & (gap_m < _DEPARTED_GAP_M), np.zeros(len(cluster), bool)
     if old_s > young_s:
         behind_twice = behind & history.was_behind_departed[-1]
         gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1]) / (old_s - young_s)
         # By how much an object that speeds up falls short of its steady path.
-        short_m = young_s * old_s / 2 * config.departed_acceleration_m_s2
-        limit_m = np.minimum(gap_m / 2, config.departed_gap_ratio * gap_m + short_m)
-        limit_m = np.minimum(limit_m, config.departed_gap_m)
-        is_steady = (-config.departed_gap_m <= gap_now_m) & (gap_now_m <= limit_m)
+        short_m = young_s * old_s / 2 * _DEPARTED_ACCELERATION_M_S2
+        limit_m = np.minimum(gap_m / 2, _DEPARTED_GAP_RATIO * gap_m + short_m)
+        limit_m = np.minimum(limit_m, _DEPARTED_GAP_M)
+        is_steady = (gap_now_m >= -_DEPARTED_GAP_M) & (gap_now_m <= limit_m)
         comes = np.where(behind_twice, is_steady, comes)
         keeps_away = behind_twice & (gap_now_m > limit_m)
     # One observation can only confirm: the gap may still be shrinking.

@@ -14,7 +14,6 @@ from typing import TypeVar
 import numpy as np
 
 from perception.geometry.grids import LocalArea
-from perception.obstacles.config import RigidBodyConfig
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.range_image import Visibility
 from perception.types import Bool, Float32, Int, UInt8
@@ -24,6 +23,36 @@ _HEADINGS_RAD = np.radians(np.arange(0.0, 90.0, 1.5))
 _OUTLINE_POINTS, _FAR_INSIDE_M = 150, 0.3
 _MIN_AGES = 2  # of scans that tell how a body came, beside the newest
 _EDGE_M = 0.3  # from the edge of the area, within which an end is cut off
+
+# Size of a body. Smaller ones than 100 voxels leave their place soon; a lorry's rear is 2 m wide, a tram of two parts
+# 22 m long, a lorry with its mirrors 3.2 m wide. Of a wider cluster, only what is in line with what is new is a body.
+_MIN_VOXELS, _MIN_NEW_VOXELS = 100, 10
+_MIN_LENGTH_M, _MAX_LENGTH_M, _MAX_WIDTH_M = 2.0, 24.0, 3.2
+_LONG_M = 5.0  # length from which on a body moves along its longer axis only
+_SIDE_MARGIN_M = 0.3  # beside what is new in a wider cluster
+# A thinner body than this, or one longer than ten times its width, may be a fence, and must hide what is behind it.
+MIN_WIDTH_M, MAX_LENGTH_PER_WIDTH, _MIN_HIDDEN_RATIO = 0.5, 10.0, 0.5
+
+# Distances that it may have come since the oldest queried scan. What came less than 0.3 m, almost twice the margin of a
+# hit, is hit where it is in either case; what came farther than 8 m left its place. Steps are within the margin of a
+# hit on both sides. While the history is short, the speed is the limit.
+_MIN_DISTANCE_M, _MAX_DISTANCE_M, _STEP_M, _MAX_SPEED_M_S = 0.3, 8.0, 0.3, 30.0
+# Speeds since the younger queried scans that are tried, as shares of the mean speed since the oldest.
+_SPEEDS_ON_THE_WAY = np.arange(0.4, 1.7, 0.1)
+_SAMPLES = 24  # largest number of voxels that are compared, of each end and of the whole body
+_MIN_EXPLAINED_RATIO = 0.9  # of its visible voxels that the earlier scan hit where they came from
+_MIN_GAIN_RATIO = 0.05  # by which more of them are explained than of a static body
+
+# A front or rear is at most 1.5 m long, and shows that it moved by 5 voxels and half of those that could show it.
+_END_M, _MIN_END_VOXELS, _MIN_END_RATIO = 1.5, 5, 0.5
+_MIN_MOVED_BEFORE_RATIO = (
+    0.5  # of a body that moved in the scan before, and goes on without an end that shows
+)
+_MAX_TAKEN_RATIO = 0.3  # of the places of the rear of then at which the newest scan has returns
+_MIN_CAME_M = 0.35  # since a younger scan that tells whether a body at a steady speed has stopped
+_STOPPED_RATIO = (
+    2.0  # of voxels of the ends that this scan shows in their places to those on their way
+)
 
 
 @dataclass(frozen=True)
@@ -84,23 +113,18 @@ class OccupiedPlaces:
         return bool(np.mean(self.area.contains_xy(beyond)) < 0.5)
 
 
-def moving_bodies(
-    occupied: OccupiedPlaces, memory: FreeSpaceMemory, age_s: float, config: RigidBodyConfig
-) -> Bool:
+def moving_bodies(occupied: OccupiedPlaces, memory: FreeSpaceMemory, age_s: float) -> Bool:
     """Return which of V occupied voxels belong to bodies that move along one of their axes.
 
     Args:
         occupied: Occupied voxels of the newest scan.
         memory: Earlier scans.
         age_s: Age of the oldest queried scan in seconds.
-        config: Thresholds of rigid bodies.
     """
     moves = np.zeros(len(occupied.moves), bool)
-    bodies = _bodies(occupied, config)
-    farthest_m = min(config.max_distance_m, config.max_speed_m_s * age_s)
-    distances_m = np.append(
-        0.0, np.arange(config.min_distance_m, farthest_m, config.step_m)
-    ).astype(np.float32)
+    bodies = _bodies(occupied)
+    farthest_m = min(_MAX_DISTANCE_M, _MAX_SPEED_M_S * age_s)
+    distances_m = np.append(0.0, np.arange(_MIN_DISTANCE_M, farthest_m, _STEP_M)).astype(np.float32)
     if not bodies:
         return moves
     moved = [
@@ -109,7 +133,7 @@ def moving_bodies(
     ages = memory.queried_ages()
     states = memory.states(np.concatenate(moved), ages[-1])
     starts = np.cumsum([0, *(len(part) for part in moved)])
-    search = _Search(occupied, memory, distances_m, config)
+    search = _Search(occupied, memory, distances_m)
     for body, places_m, start, stop in zip(bodies, moved, starts[:-1], starts[1:], strict=True):
         moves[body.rows] |= search.moves(body, places_m, states[start:stop])
     return moves
@@ -123,13 +147,11 @@ class _Search:
         occupied: All voxels.
         memory: Earlier scans.
         distances_m: (D,) distances since the oldest queried scan that are tried, the first 0.
-        config: Thresholds.
     """
 
     occupied: OccupiedPlaces
     memory: FreeSpaceMemory
     distances_m: Float32
-    config: RigidBodyConfig
 
     def moves(self, body: _Body, moved_m: Float32, states: UInt8) -> bool:
         """Return whether a body moves, by the oldest scan or, where that is hidden from it, by a younger one.
@@ -155,9 +177,8 @@ class _Search:
             ages: Ages of these scans, in scans, rising.
             seen: (D, S) visibility of the samples in the oldest of them, moved back by each distance.
         """
-        config = self.config
-        moved_before = self.occupied.was_moving[body.rows].mean() >= config.min_moved_before_ratio
-        rows, gains = _likely_distances(seen, config)
+        moved_before = self.occupied.was_moving[body.rows].mean() >= _MIN_MOVED_BEFORE_RATIO
+        rows, gains = _likely_distances(seen)
         if not len(rows):
             return False
         moved_m = _moved_back(self.occupied.places_m[body.rear], body.axis, self.distances_m)
@@ -173,12 +194,12 @@ class _Search:
                 rears_now[row],
             )
             if not gains[row]:
-                shows = path.leaves_steadily(config)
+                shows = path.leaves_steadily()
             else:
-                shows = moved_before or path.has_an_end(seen[0], config)
-            if shows and path.has_stopped(config):
+                shows = moved_before or path.has_an_end(seen[0])
+            if shows and path.has_stopped():
                 moved_before = False
-            elif shows and path.is_open(config) and path.has_width(config):
+            elif shows and path.is_open() and path.has_width():
                 return True
         return False
 
@@ -198,14 +219,14 @@ def are_in_cells_of(places_m: Float32, others_m: Float32, cell_m: float) -> Bool
     return np.asarray(inside & is_occupied[cells[:, 0], cells[:, 1]])
 
 
-def _bodies(occupied: OccupiedPlaces, config: RigidBodyConfig) -> list[_Body]:
+def _bodies(occupied: OccupiedPlaces) -> list[_Body]:
     """Return the clusters in which enough is new, along both directions of each of their axes."""
     clusters = occupied.clusters
     new, rest = np.bincount(clusters, occupied.is_new), np.bincount(clusters, ~occupied.moves)
     was_moving = np.bincount(clusters, occupied.was_moving)
-    is_large = np.bincount(clusters) >= config.min_body_voxels
-    may_move = np.maximum(new, was_moving) >= config.min_voxels
-    is_candidate = is_large & may_move & (rest >= config.min_voxels)
+    is_large = np.bincount(clusters) >= _MIN_VOXELS
+    may_move = np.maximum(new, was_moving) >= _MIN_NEW_VOXELS
+    is_candidate = is_large & may_move & (rest >= _MIN_NEW_VOXELS)
     is_candidate[0] = False
     order = np.argsort(clusters, kind="stable")
     starts = np.searchsorted(clusters[order], np.arange(len(new) + 1))
@@ -213,36 +234,34 @@ def _bodies(occupied: OccupiedPlaces, config: RigidBodyConfig) -> list[_Body]:
     for number in np.flatnonzero(is_candidate):
         rows = order[starts[number] : starts[number + 1]]
         heading_rad, length_m = _longer_axis(occupied.places_m[rows, :2])
-        if not config.min_length_m <= length_m <= config.max_length_m:
+        if not _MIN_LENGTH_M <= length_m <= _MAX_LENGTH_M:
             continue
-        turns = 2 if length_m > config.long_m else 4
+        turns = 2 if length_m > _LONG_M else 4
         for turn_rad in np.pi / 2 * np.array([0, 2, 1, 3])[:turns]:
-            body = _body(occupied, rows, heading_rad + turn_rad, config)
+            body = _body(occupied, rows, heading_rad + turn_rad)
             bodies += [] if body is None else [body]
     return bodies
 
 
-def _body(
-    occupied: OccupiedPlaces, rows: Int, heading_rad: float, config: RigidBodyConfig
-) -> _Body | None:
+def _body(occupied: OccupiedPlaces, rows: Int, heading_rad: float) -> _Body | None:
     """Return the part of a cluster that may be a body: all of it if it is as wide as a vehicle, else what is in line."""
     axis = np.array([np.cos(heading_rad), np.sin(heading_rad), 0.0], np.float32)
     left_m = occupied.places_m[rows] @ np.array([-axis[1], axis[0], 0.0], np.float32)
-    if np.ptp(left_m) > config.max_width_m:
-        in_line, margin_m = occupied.is_new[rows], config.side_margin_m
-        if np.count_nonzero(in_line) < config.min_voxels:
+    if np.ptp(left_m) > _MAX_WIDTH_M:
+        in_line, margin_m = occupied.is_new[rows], _SIDE_MARGIN_M
+        if np.count_nonzero(in_line) < _MIN_NEW_VOXELS:
             # What is beside it must not come along scan after scan.
             in_line, margin_m = occupied.was_moving[rows], 0.0
-        if np.count_nonzero(in_line) < config.min_voxels:
+        if np.count_nonzero(in_line) < _MIN_NEW_VOXELS:
             return None
         low_m, high_m = np.quantile(
             left_m[in_line], (0.01, 0.99) if margin_m == 0 else (0.05, 0.95)
         )
         rows = rows[(left_m > low_m - margin_m) & (left_m < high_m + margin_m)]
     along_m = occupied.places_m[rows] @ axis
-    front = rows[along_m > along_m.max() - config.end_m]
-    rear = rows[along_m < along_m.min() + config.end_m]
-    count = config.samples
+    front = rows[along_m > along_m.max() - _END_M]
+    rear = rows[along_m < along_m.min() + _END_M]
+    count = _SAMPLES
     advanced = int(np.count_nonzero(occupied.is_new[front]))
     tips = rows[along_m > along_m.max() - _EDGE_M], rows[along_m < along_m.min() + _EDGE_M]
     return _Body(
@@ -288,18 +307,17 @@ def _is_hidden(states: UInt8) -> bool:
     return bool(np.isin(states, (Visibility.HIT, Visibility.FREE)).mean() < 0.5)
 
 
-def _likely_distances(states: UInt8, config: RigidBodyConfig) -> tuple[Int, Bool]:
+def _likely_distances(states: UInt8) -> tuple[Int, Bool]:
     """Return the rows of the distances that fit the earlier scan, the best first, and which explain it better than 0.
 
     Args:
         states: (D, S) visibility of the samples in that scan, moved back by each distance; the first is 0.
-        config: Thresholds.
     """
     hits = (states == Visibility.HIT).sum(axis=1)
     explained = hits / np.maximum((states != Visibility.UNKNOWN).sum(axis=1), 1)
-    fits = _fits(states, config)
+    fits = _fits(states)
     fits[0] = False
-    gains = fits & (explained - explained[0] >= config.min_gain_ratio)
+    gains = fits & (explained - explained[0] >= _MIN_GAIN_RATIO)
     best_first = np.argsort(-explained, kind="stable")
     return np.asarray(best_first[fits[best_first]]), gains
 
@@ -326,24 +344,23 @@ class _Path:
     samples_then: UInt8
     rear_now: UInt8
 
-    def has_an_end(self, at_rest: UInt8, config: RigidBodyConfig) -> bool:
+    def has_an_end(self, at_rest: UInt8) -> bool:
         """Return whether the front appeared where it was not, or the rear has left where it was.
 
         Args:
             at_rest: (S,) visibility of the samples in the oldest scan, where they are now.
-            config: Thresholds.
         """
         body, front = self.body, len(self.body.front)
         is_hit = self.samples_then == Visibility.HIT
         is_first = self._is_in_end(body.front, body.axis, self.distance_m)
         came = (is_hit[:front] & self.occupied.appeared[body.front])[is_first]
         is_visible = np.isin(at_rest[:front], (Visibility.HIT, Visibility.FREE))
-        appears = _shows_an_end(came, int(np.count_nonzero(is_visible[is_first])), config)
-        if appears and not body.is_front_cut and body.advanced >= config.min_end_voxels:
+        appears = _shows_an_end(came, int(np.count_nonzero(is_visible[is_first])))
+        if appears and not body.is_front_cut and body.advanced >= _MIN_END_VOXELS:
             return True
-        return self._leaves(self._rear_was_hit, self.rear_now, self.distance_m, config)
+        return self._leaves(self._rear_was_hit, self.rear_now, self.distance_m)
 
-    def leaves_steadily(self, config: RigidBodyConfig) -> bool:
+    def leaves_steadily(self) -> bool:
         """Return whether the rear has left where a steady speed puts it in the oldest scan and in the one after it.
 
         Of a body whose front is beyond the area or hidden, nothing else tells: its sides fill the place that they
@@ -352,14 +369,14 @@ class _Path:
         body = self.body
         *younger, oldest = self.ages
         came_m = self.distance_m * younger[-1] / oldest if younger else 0.0
-        if came_m < config.min_came_m:
+        if came_m < _MIN_CAME_M:
             return False
-        if not self._leaves(self._rear_was_hit, self.rear_now, self.distance_m, config):
+        if not self._leaves(self._rear_was_hit, self.rear_now, self.distance_m):
             return False
         places_m = self.occupied.places_m[body.rear]
         moved = _moved_back(places_m, body.axis, np.array([came_m], np.float32))
         was_hit = self.memory.states(moved, younger[-1]) == Visibility.HIT
-        return self._leaves(was_hit, self.memory.states(moved, 0), came_m, config)
+        return self._leaves(was_hit, self.memory.states(moved, 0), came_m)
 
     @property
     def _rear_was_hit(self) -> Bool:
@@ -367,36 +384,33 @@ class _Path:
         front = len(self.body.front)
         return np.asarray(self.samples_then[front : front + len(self.body.rear)] == Visibility.HIT)
 
-    def _leaves(
-        self, was_hit: Bool, states_now: UInt8, distance_m: float, config: RigidBodyConfig
-    ) -> bool:
+    def _leaves(self, was_hit: Bool, states_now: UInt8, distance_m: float) -> bool:
         """Return whether beams pass now where the rear was a distance back.
 
         Args:
             was_hit: (R,) whether the scan of then hit the rear there.
             states_now: (R,) visibility of these places in the newest scan.
             distance_m: Distance that it came since then.
-            config: Thresholds.
         """
         body = self.body
         if body.is_rear_cut:
             return False
         left = was_hit & (states_now == Visibility.FREE)
         left = left[self._is_in_end(body.rear, -body.axis, distance_m)]
-        return _shows_an_end(left, len(left), config)
+        return _shows_an_end(left, len(left))
 
-    def is_open(self, config: RigidBodyConfig) -> bool:
+    def is_open(self) -> bool:
         """Return whether the body was on its way in between, and nothing else is where its rear was.
 
         One of a row of parked cars fits the place of its neighbour, who is still there.
         """
         is_last = self._is_in_end(self.body.rear, -self.body.axis, self.distance_m)
         taken = (self.rear_now == Visibility.HIT)[is_last]
-        if not self.body.is_rear_cut and len(taken) and taken.mean() > config.max_taken_ratio:
+        if not self.body.is_rear_cut and len(taken) and taken.mean() > _MAX_TAKEN_RATIO:
             return False
-        return all(self._was_on_its_way(age, config) for age in self.ages[:-1])
+        return all(self._was_on_its_way(age) for age in self.ages[:-1])
 
-    def has_width(self, config: RigidBodyConfig) -> bool:
+    def has_width(self) -> bool:
         """Return whether the body is as wide as a vehicle, or hides what would be inside it behind its only visible side.
 
         A fence hides little.
@@ -404,21 +418,21 @@ class _Path:
         body, places_m = self.body, self.occupied.places_m
         across = np.array([-body.axis[1], body.axis[0], 0.0], np.float32)
         left_m, along_m = places_m[body.rows] @ across, places_m[body.rows] @ body.axis
-        min_width_m = max(config.min_width_m, float(np.ptp(along_m)) / config.max_length_per_width)
+        min_width_m = max(MIN_WIDTH_M, float(np.ptp(along_m)) / MAX_LENGTH_PER_WIDTH)
         # A twig or a sign beside a fence does not make it wide.
         if np.diff(np.quantile(left_m, (0.05, 0.95)))[0] >= min_width_m:
             return True
-        inwards_m = np.copysign(np.float32(config.min_width_m), left_m.mean())
+        inwards_m = np.copysign(np.float32(MIN_WIDTH_M), left_m.mean())
         states = self.memory.states(places_m[body.samples] + inwards_m * across, 0)
-        return bool(np.mean(states == Visibility.OCCLUDED) >= config.min_hidden_ratio)
+        return bool(np.mean(states == Visibility.OCCLUDED) >= _MIN_HIDDEN_RATIO)
 
-    def has_stopped(self, config: RigidBodyConfig) -> bool:
+    def has_stopped(self) -> bool:
         """Return whether the ends were already in their places in the youngest scan that can tell.
 
         At a steady speed the places of the front were free then, and the rear hid its own from behind.
         """
         *younger, oldest = self.ages
-        telling = [age for age in younger if self.distance_m * age >= config.min_came_m * oldest]
+        telling = [age for age in younger if self.distance_m * age >= _MIN_CAME_M * oldest]
         if not telling:
             return False
         came_m = np.array([0.0, self.distance_m * telling[0] / oldest], np.float32)
@@ -436,17 +450,15 @@ class _Path:
         stayed = np.count_nonzero(front_now == hit) + np.count_nonzero(rear_then == free)
         came = np.count_nonzero(front_now == free) + np.count_nonzero(rear_then == hit)
         came += np.count_nonzero(rear_now == Visibility.OCCLUDED)
-        return bool(stayed > config.stopped_ratio * came)
+        return bool(stayed > _STOPPED_RATIO * came)
 
-    def _was_on_its_way(self, age: int, config: RigidBodyConfig) -> bool:
+    def _was_on_its_way(self, age: int) -> bool:
         """Return whether an earlier scan hit the body somewhere near where a steady speed puts it then."""
         share = age / self.ages[-1]
-        distances_m = self.distance_m * share * np.arange(*config.speeds_on_the_way)
+        distances_m = self.distance_m * share * _SPEEDS_ON_THE_WAY
         places_m = self.occupied.places_m[self.body.samples]
         moved = _moved_back(places_m, self.body.axis, distances_m.astype(np.float32))
-        return bool(
-            _fits(self.memory.states(moved, age).reshape(len(distances_m), -1), config).any()
-        )
+        return bool(_fits(self.memory.states(moved, age).reshape(len(distances_m), -1)).any())
 
     def _is_in_end(self, rows: Int, axis: Float32, distance_m: float) -> Bool:
         """Return which voxels are within a distance of the outermost along an axis."""
@@ -454,14 +466,14 @@ class _Path:
         return np.asarray(along_m > along_m.max() - distance_m)
 
 
-def _shows_an_end(tells: Bool, places: int, config: RigidBodyConfig) -> bool:
+def _shows_an_end(tells: Bool, places: int) -> bool:
     """Return whether enough voxels of an end tell that it moved, of those whose places count."""
     count = int(np.count_nonzero(tells))
-    return count >= config.min_end_voxels and count > config.min_end_ratio * places
+    return count >= _MIN_END_VOXELS and count > _MIN_END_RATIO * places
 
 
-def _fits(states: UInt8, config: RigidBodyConfig) -> Bool:
+def _fits(states: UInt8) -> Bool:
     """Return whether (D, S) places were hit rather than free, at each of D distances."""
     hits = (states == Visibility.HIT).sum(axis=1)
     free = (states == Visibility.FREE).sum(axis=1)
-    return np.asarray((hits > 0) & (hits >= config.min_explained_ratio * (hits + free)))
+    return np.asarray((hits > 0) & (hits >= _MIN_EXPLAINED_RATIO * (hits + free)))

@@ -11,7 +11,6 @@ from perception.localization.alignment import (
     preprocess_points,
     share_on_surfaces,
 )
-from perception.localization.config import RegistrationConfig
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 
 STEP_S = 0.1
@@ -122,9 +121,9 @@ def test_what_points_determine_is_not_pulled_to_the_guess() -> None:
     assert degrees < 0.02
 
 
-def test_a_drive_between_even_walls_follows_the_ins() -> None:
-    def farthest_m(config: RegistrationConfig) -> float:
-        random, odometry = np.random.default_rng(0), LidarOdometry(config)
+def test_a_drive_between_even_walls_follows_the_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    def farthest_m() -> float:
+        random, odometry = np.random.default_rng(0), LidarOdometry()
         found = []
         for index in range(8):
             ins = from_euler(0, 0, 0, np.array([0.72 * index + random.normal(0, 0.01), 0, 0]))
@@ -132,8 +131,9 @@ def test_a_drive_between_even_walls_follows_the_ins() -> None:
             found.append(pose[0, 3])
         return float(np.abs(np.diff(found) - 0.72).max())
 
-    assert farthest_m(RegistrationConfig()) < 0.04
-    assert farthest_m(RegistrationConfig(ins_prior_share=0.0)) > 0.1
+    assert farthest_m() < 0.04
+    monkeypatch.setattr("perception.localization.odometry._INS_PRIOR_SHARE", 0.0)
+    assert farthest_m() > 0.1
 
 
 def test_noisy_ins_is_refined_to_a_centimetre() -> None:
@@ -289,11 +289,11 @@ def test_what_is_off_the_surfaces_takes_no_part() -> None:
     assert len(kept) > 0.9 * len(target)
 
 
-def test_many_keyframes_do_not_skew_the_rotation() -> None:
+def test_many_keyframes_do_not_skew_the_rotation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each keyframe's pose is built on the one before: any skew would double each time."""
-    odometry = LidarOdometry(
-        RegistrationConfig(keyframe_distance_m=0.0, min_keyframe_distance_m=0.0)
-    )
+    monkeypatch.setattr("perception.localization.odometry._KEYFRAME_M", 0.0)
+    monkeypatch.setattr("perception.localization.odometry._MIN_KEYFRAME_M", 0.0)
+    odometry = LidarOdometry()
     points = observed_from(np.eye(4), 0)
     for index in range(40):
         found = odometry.update(points, index * STEP_S)

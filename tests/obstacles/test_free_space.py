@@ -24,7 +24,7 @@ def past_returns(scans, moving=()):
 
     F: beams pass to 20 m; H: they end at the place; B: they end at 5 m, before it.
     """
-    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5, max_travel_m=12.0, margin_m=0.2)
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for number, letter in enumerate(scans):
         points = sphere({"F": 20.0, "H": 10.0, "B": 5.0}[letter])
         memory.push(points, np.eye(4))
@@ -45,7 +45,7 @@ def test_a_place_is_left_where_a_beam_passes_after_a_return(scans, left, visible
 
 def passed_in_column(scans, wire_m, age_of_wire):
     """Return how often a beam passed at the place while something static was in its column or beside it."""
-    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5, max_travel_m=12.0, margin_m=0.2)
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for age in reversed(range(scans)):
         memory.push(sphere(20.0) if age else sphere(10.0), np.eye(4))
         wire = PLACE + np.float32([0.0, wire_m, 0.5])

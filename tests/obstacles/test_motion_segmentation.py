@@ -9,7 +9,8 @@ import pytest
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
 from perception.localization.scan_window import PosedScan, ScanWindow
-from perception.obstacles.config import MotionConfig, MotionCountersConfig, RigidBodyConfig
+from perception.obstacles import rigid_bodies
+from perception.obstacles.config import MotionConfig, MotionCountersConfig
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmentation import (
@@ -22,7 +23,6 @@ from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 from perception.types import PointState
 
 AREA = LocalArea()
-_OF_ANY_WIDTH = RigidBodyConfig(min_width_m=0.0, max_length_per_width=np.inf)
 WALL = (
     28.0,
     -20.0,
@@ -148,7 +148,7 @@ def test_the_smooth_side_of_a_long_vehicle_moves_with_its_ends(speed_m_s):
 @pytest.mark.parametrize(
     ("gap_m", "moves"), [(0.0, True), (0.4, False)], ids=["side of a lorry", "fence"]
 )
-def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m: float, moves: bool):
+def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m, moves, monkeypatch):
     starts = np.cumsum(np.random.default_rng(3).uniform(0.1, 0.1 + 2 * gap_m, 30))
     pickets = starts[starts < 6.0] if gap_m else [0.0]
 
@@ -156,27 +156,29 @@ def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m: float, moves:
         side = [box(4.0 + 0.1 * k + x, 5.0, 0.08 if gap_m else 6.0, 0.05, 1.6) for x in pickets]
         return cast(HDL_64E, (0.0, 0.0), [WALL, *side])
 
-    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5, max_travel_m=12.0, margin_m=0.2)
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for k in range(16):
         points, owner = scan(k)
         memory.push(points, np.eye(4))
     places = np.random.default_rng(3).permutation(points[owner > 0, :3])
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
     occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, LocalArea())
-    assert moving_bodies(occupied, memory, 1.5, RigidBodyConfig()).any() == moves
-    assert moving_bodies(occupied, memory, 1.5, _OF_ANY_WIDTH).any()
+    assert moving_bodies(occupied, memory, 1.5).any() == moves
+    monkeypatch.setattr(rigid_bodies, "MIN_WIDTH_M", 0.0)
+    monkeypatch.setattr(rigid_bodies, "MAX_LENGTH_PER_WIDTH", np.inf)
+    assert moving_bodies(occupied, memory, 1.5).any()
 
 
-def moves_as_a_body(scene, config=None, area=AREA):
+def moves_as_a_body(scene, area=AREA):
     """Return whether what has a box after the first moves as one body in the last of 16 scans."""
-    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5, max_travel_m=12.0, margin_m=0.2)
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for k in range(16):
         points, owner = cast(HDL_64E, (0.0, 0.0), scene(k))
         memory.push(points, np.eye(4))
     places = points[(owner == 1) & area.contains_xy(points), :3]
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
     occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, area)
-    return bool(moving_bodies(occupied, memory, 1.5, config or RigidBodyConfig()).any())
+    return bool(moving_bodies(occupied, memory, 1.5).any())
 
 
 @pytest.mark.parametrize("hidden_scans", [0, 4, 14])

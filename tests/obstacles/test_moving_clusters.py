@@ -3,11 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.obstacles.config import MovingClusterConfig
 from perception.obstacles.free_space import PastReturns, VisibilityHistory
 from perception.obstacles.moving_clusters import moving_voxels, vote
 
-CONFIG = MovingClusterConfig()
 STEP_RAD = 0.007
 AGES_S = np.array([0.5, 1.0, 1.5])
 NOWHERE = np.zeros((0, 3), np.float32)
@@ -50,7 +48,7 @@ def test_older_scans_decide_and_the_youngest_where_they_are_blind():
 def moves(states, voxels=12, before=NOWHERE, **options):
     places = column(5.0, 0.0, voxels)
     word_for_each = [states] * voxels if isinstance(states, str) else states
-    return moving_voxels(places, history(*word_for_each, **options), before, CONFIG, STEP_RAD)
+    return moving_voxels(places, history(*word_for_each, **options), before, STEP_RAD)
 
 
 @pytest.mark.parametrize(
@@ -112,21 +110,21 @@ def test_only_the_voxels_that_appeared_tell_a_fence():
 def test_parts_are_one_cluster_where_the_beams_leave_such_a_gap(away_m, is_one):
     places = np.vstack([column(away_m, 0.0, 12), column(away_m, 0.85, 12)])
     states = history(*["FFF"] * 12, *["---"] * 12)
-    moving = moving_voxels(places, states, NOWHERE, CONFIG, beam_step_rad=np.radians(2))
+    moving = moving_voxels(places, states, NOWHERE, beam_step_rad=np.radians(2))
     assert moving.tolist() == [True] * 12 + [is_one] * 12
 
 
 def test_a_slow_car_s_side_moves_with_its_front():
     places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(16)])
     appeared = ["FFF"] * 60 + ["HHH"] * 36
-    assert moving_voxels(places, history(*appeared), NOWHERE, CONFIG, STEP_RAD).all()
+    assert moving_voxels(places, history(*appeared), NOWHERE, STEP_RAD).all()
 
 
 def test_a_walker_does_not_make_the_wall_beside_him_move():
     wall = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(12)])
     places = np.vstack([wall, column(6.0, 0.3, 14)])
     states = history(*["HHH"] * 72, *["FFF"] * 14)
-    assert moving_voxels(places, states, NOWHERE, CONFIG, STEP_RAD).tolist() == [
+    assert moving_voxels(places, states, NOWHERE, STEP_RAD).tolist() == [
         *[False] * 72,
         *[True] * 14,
     ]
@@ -162,7 +160,7 @@ def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
     walker, leg, post = column(5.0, 0.0, 20), column(4.75, 0.0, 8), column(5.3, 0.0, 8)
     bush = np.vstack([column(5.0, y, 1) for y in (0.25, 0.5, 0.75)])
     states = history(*["FFF"] * 20, *["HFH"] * 8, *["HHH"] * 8, *["HFH"] * 3)
-    moving = moving_voxels(np.vstack([walker, leg, post, bush]), states, NOWHERE, CONFIG, STEP_RAD)
+    moving = moving_voxels(np.vstack([walker, leg, post, bush]), states, NOWHERE, STEP_RAD)
     assert moving[:28].all()
     assert not moving[28:36].any()
     assert moving[36:].tolist() == [True, False, False]
@@ -171,4 +169,4 @@ def test_a_walker_moves_as_a_whole_without_the_post_and_the_bush_beside_him():
 def test_without_history_no_voxel_moves():
     empty = np.zeros((0, 12), bool)
     none = replace(history("F" * 12), ages_s=np.zeros(0), was_free=empty, was_hit=empty)
-    assert not moving_voxels(column(5, 0, 12), none, NOWHERE, CONFIG, STEP_RAD).any()
+    assert not moving_voxels(column(5, 0, 12), none, NOWHERE, STEP_RAD).any()

@@ -161,10 +161,10 @@ def test_one_flag_chooses_the_method_and_a_stage_may_have_its_own():
 def test_yaml_sets_what_flags_set(tmp_path):
     path = tmp_path / "pipeline.yaml"
     path.write_text(
-        "pipeline:\n  motion:\n    voxel_size_m: 0.3\n    moving_clusters: {min_voxels: 7}\n"
+        "pipeline:\n  motion:\n    voxel_size_m: 0.3\n    free_space: {min_voxels: 7}\n"
     )
     motion = parsed("--config", str(path), "--pipeline.motion.previous-scans", "4").motion
-    assert (motion.voxel_size_m, motion.moving_clusters.min_voxels) == (0.3, 7)
+    assert (motion.voxel_size_m, motion.free_space.min_voxels) == (0.3, 7)
     assert motion.previous_scans == 4
 
 
