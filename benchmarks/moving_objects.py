@@ -48,14 +48,14 @@ def compare_short_term_maps(prepared: PreparedDrive) -> Comparison:
     plane = LevelPlane(-prepared.drive.sensor.height_m)
     inputs = [
         (
-            elevation_grid(scans.newest.points_velo, plane, cells, THESIS.elevation),
+            elevation_grid(scans.newest.points_velo, plane, cells, THESIS),
             scans.newest.world_SE3_velo,
         )
         for scans in prepared.windows
     ]
 
     def contender(form: type[ShortTermMap] | type[ReferenceShortTermMap], queue: int) -> Contender:
-        config = replace(THESIS.background, scans=queue, max_observations=min(queue, 30))
+        config = replace(THESIS, scans=queue, max_observations=min(queue, 30))
         short_term_map = form(cells, config)
         # There and back until the queue is full, as a drive would fill it.
         for grid, pose in islice(cycle([*inputs, *reversed(inputs)]), queue):

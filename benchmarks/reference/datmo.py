@@ -10,22 +10,22 @@ import cv2
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
-from perception.datmo.config import ElevationGridConfig, ShortTermMapConfig
-from perception.datmo.elevation import ElevationGrid
+from perception.datmo.config import MotionGridConfig
+from perception.datmo.elevation import HIGH_M, LOW_M, MIN_RANGE_M, ElevationGrid
 from perception.geometry.se3 import inverse
 from perception.types import Float32, Float64, GroundModel
 
 
 def elevation_by_loop(
-    points_velo: Float32, ground: GroundModel, cells: CellGrid, config: ElevationGridConfig
+    points_velo: Float32, ground: GroundModel, cells: CellGrid, config: MotionGridConfig
 ) -> ElevationGrid:
     """Sort the points into cells one by one, then look at each cell's heights (5.6)."""
     heights_m: dict[tuple[int, int], list[float]] = {}
     for point, height_m in zip(points_velo, ground.distance_m(points_velo), strict=True):
         x, y = point[:2]
         inside = cells.low_m[0] <= x < cells.high_m[0] and cells.low_m[1] <= y < cells.high_m[1]
-        far = np.hypot(x, y) > config.min_range_m
-        if inside and far and config.low_m < height_m < config.high_m:
+        far = np.hypot(x, y) > MIN_RANGE_M
+        if inside and far and LOW_M < height_m < HIGH_M:
             row, column = np.floor((point[:2] - cells.low_m) / cells.cell_m).astype(int)
             heights_m.setdefault((row, column), []).append(float(height_m))
     grid = ElevationGrid(np.zeros(cells.shape, np.float32), np.zeros(cells.shape, np.int64))
@@ -47,7 +47,7 @@ class _StoredGrid:
 class ReferenceShortTermMap:
     """The short-term map as in Algorithm 4: all stored grids are transformed at every scan."""
 
-    def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:
+    def __init__(self, cells: CellGrid, config: MotionGridConfig) -> None:
         self._cells, self._config = cells, config
         self._queue: deque[_StoredGrid] = deque(maxlen=config.scans)
 
@@ -58,8 +58,7 @@ class ReferenceShortTermMap:
 
     def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
         """Take in a scan's grid and return the (X, Y) map around the vehicle."""
-        if self._config.includes_newest:
-            self._queue.append(_StoredGrid(elevation, world_SE3_velo))
+        self._queue.append(_StoredGrid(elevation, world_SE3_velo))
         total_m = np.zeros(self._cells.shape)
         count = np.zeros(self._cells.shape, np.int64)
         for stored in reversed(self._queue):
@@ -67,8 +66,6 @@ class ReferenceShortTermMap:
             counts = ~np.isnan(seen_m) & (count < self._config.max_observations)
             total_m[counts] += seen_m[counts]
             count[counts] += 1
-        if not self._config.includes_newest:
-            self._queue.append(_StoredGrid(elevation, world_SE3_velo))
         mean_m = total_m / np.maximum(count, 1)
         return np.where(count >= self._config.min_observations, mean_m, 0).astype(np.float32)
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.footprints import Footprints, footprints_of
+from perception.geometry.grids import MOVING_OBJECT_AREA
 from perception.geometry.se3 import inverse
-from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
+from perception.tracking.config import PointTrackerConfig, PointTrackerMethod
+from perception.tracking.point_tracker import AUTHOR_KEPT_BEYOND_AREA_M
 from perception.types import Boxes3D, Float64, Tracks
 
 
@@ -78,8 +80,8 @@ class _ReferenceTrack:
 class ReferencePointTracker:
     """`PointTracker` with a loop over tracks in every place; implements `MultiObjectTracker`."""
 
-    def __init__(self, config: PointTrackerConfig = THESIS_POINT_TRACKER) -> None:
-        self.config = config
+    def __init__(self, method: PointTrackerMethod = "thesis") -> None:
+        self.config, self._is_author = PointTrackerConfig(), method == "author"
         self._next_id = 0
         self.clear()
 
@@ -94,7 +96,7 @@ class ReferencePointTracker:
         """Take in what one scan shows."""
         elapsed_s = 0.1 if self._stamp_s is None else stamp_s - self._stamp_s
         if elapsed_s > 0:
-            self._step(self.config.step_s or elapsed_s, world_SE3_velo, moving)
+            self._step(0.1 if self._is_author else elapsed_s, world_SE3_velo, moving)
             self._stamp_s = stamp_s
         return self._confirmed_tracks(world_SE3_velo)
 
@@ -106,9 +108,7 @@ class ReferencePointTracker:
             noise = self.config.process_variance * step_s / 0.1 * np.eye(4)
             track.filter.predict(transition, noise)
         expected_m = (
-            last_m
-            if self.config.gate_around == "last estimate"
-            else [track.filter.mean[:2] for track in self._tracks]
+            last_m if self._is_author else [track.filter.mean[:2] for track in self._tracks]
         )
         distances = np.empty((len(self._tracks), len(detections)))
         for row, place_m in enumerate(expected_m):
@@ -136,11 +136,11 @@ class ReferencePointTracker:
     ) -> None:
         noise = self.config.measurement_variance_m2 * np.eye(2)
         track.is_observed = seen is not None
-        track.is_confirmed |= track.is_observed or not self.config.confirms
+        track.is_confirmed |= track.is_observed or self._is_author
         if seen is not None:
             track.filter.update(seen.filter.mean[:2], np.eye(2, 4), noise)
             track.size_m, track.low_world_m = seen.size_m, seen.low_world_m
-        elif self.config.on_miss == "hold":
+        elif self._is_author:
             track.filter.update(last_m, np.eye(2, 4), noise)
 
     def _manage(
@@ -148,7 +148,7 @@ class ReferencePointTracker:
     ) -> None:
         kept = [track for track in self._tracks if track.is_confirmed]
         kept += [track for number, track in enumerate(detections) if number not in claimed]
-        margin_m = self.config.kept_beyond_area_m
+        margin_m = AUTHOR_KEPT_BEYOND_AREA_M if self._is_author else 0.0
         self._tracks = [t for t in kept if self._is_within(t, world_SE3_velo, margin_m)]
         for track in self._tracks:
             if track.id < 0:
@@ -157,7 +157,7 @@ class ReferencePointTracker:
 
     def _is_within(self, track: _ReferenceTrack, world_SE3_velo: Float64, margin_m: float) -> bool:
         bottom_m = track.bottom_velo_m(world_SE3_velo)
-        return bool(self.config.area.contains_xy(bottom_m[None], margin_m)[0])
+        return bool(MOVING_OBJECT_AREA.contains_xy(bottom_m[None], margin_m)[0])
 
     def _confirmed_tracks(self, world_SE3_velo: Float64) -> Tracks:
         shown = [

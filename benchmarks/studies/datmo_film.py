@@ -17,13 +17,11 @@ from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.report import Table, Value
 from perception.pipeline import PipelineConfig
 from perception.sensor import load_sensor
-from perception.tracking.config import AUTHOR_POINT_TRACKER, THESIS_POINT_TRACKER
 from perception.types import Drive, Frame, Obstacles, PointState, UInt8, Voxels
 
 if TYPE_CHECKING:
     from perception.evaluation.datmo_measure import DatmoReport
 
-_TRACKERS = {"thesis": THESIS_POINT_TRACKER, "author": AUTHOR_POINT_TRACKER}
 _MOMENTS = (0.3, 0.6, 0.9)  # shares of a scene of which the figure shows the images
 _TITLE_PX = 36
 _SPECS = {
@@ -128,8 +126,7 @@ class FilmedScene:
         self._drive, self._area = drive, config.area
         self._stages = LidarStages(drive.sensor, PipelineConfig.for_motion("none"))
         self._detector = MotionGridDetector(drive.sensor, config)
-        tracker = PointTracker(_TRACKERS[preset])
-        self._datmo = Datmo(self._detector, tracker, uses_ins_poses=True)
+        self._datmo = Datmo(self._detector, PointTracker(preset), uses_ins_poses=True)
         self._composition = Composition(area=config.area, turn_s=1 / drive.sensor.rate_hz)
         self._history = SceneHistory()
         # Labels of a recorded drive are of what the camera sees.

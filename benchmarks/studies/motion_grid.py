@@ -55,7 +55,7 @@ def motion_grid(
     newest = existing_frame(opened, frame)
     detector = MotionGridDetector(opened.sensor, config)
     stages = LidarStages(opened.sensor, PipelineConfig.for_motion())
-    first = max(newest - config.background.scans, 0)
+    first = max(newest - config.scans, 0)
     for index in progress_bar(range(first, newest + 1), "motion-grid", delay_s=2):
         last = opened[index]
         _, scan = stages.segment(last)

@@ -6,8 +6,11 @@ import cv2
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
-from perception.datmo.config import ElevationGridConfig
+from perception.datmo.config import MotionGridConfig
 from perception.types import Bool, Float, Float32, Float64, GroundModel, Int
+
+# Points that count, by the author's code: over the ground, and horizontally from the LiDAR.
+LOW_M, HIGH_M, MIN_RANGE_M = -1.0, 2.5, 3.0
 
 
 @dataclass(frozen=True)
@@ -48,14 +51,14 @@ class LevelPlane:
 
 
 def elevation_grid(
-    points_velo: Float32, ground: GroundModel, cells: CellGrid, config: ElevationGridConfig
+    points_velo: Float32, ground: GroundModel, cells: CellGrid, config: MotionGridConfig
 ) -> ElevationGrid:
     """Build the elevation grid of a scan, heights measured over the given ground (5.6)."""
     points = _over_cells(points_velo, cells)
     height_m = ground.distance_m(points)
     cell_of = _cell_of(points, cells)
     size = cells.shape[0] * cells.shape[1]
-    cell_of[_left_out(points, height_m, config)] = size  # a cell beyond the last
+    cell_of[_left_out(points, height_m)] = size  # a cell beyond the last
     height_m = height_m.astype(np.float64)  # once, not in every count
 
     seen = np.bincount(cell_of, minlength=size + 1)[:size]
@@ -98,9 +101,9 @@ def _cell_of(points: Float32, cells: CellGrid) -> Int:
     return np.asarray(indices[0] * cells.shape[1] + indices[1], np.intp)
 
 
-def _left_out(points: Float32, height_m: Float, config: ElevationGridConfig) -> Int:
+def _left_out(points: Float32, height_m: Float) -> Int:
     """Return the rows of the points that do not count."""
     squared_m2 = points[:, 0] ** 2 + points[:, 1] ** 2
-    is_left_out = squared_m2 <= config.min_range_m**2
-    is_left_out |= (height_m <= config.low_m) | (height_m >= config.high_m)
+    is_left_out = squared_m2 <= MIN_RANGE_M**2
+    is_left_out |= (height_m <= LOW_M) | (height_m >= HIGH_M)
     return np.flatnonzero(is_left_out)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
-from perception.datmo.config import THESIS, MotionGridDetectorConfig
+from perception.datmo.config import THESIS, MotionGridConfig
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.elevation import ElevationGrid, LevelPlane, elevation_grid
 from perception.datmo.grid_objects import LabelledCells, find_objects
@@ -16,6 +16,8 @@ from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
 from perception.types import Float32, GroundModel
+
+_MAX_HEIGHT_M = 2.0  # of a cell that may move; leaves out trees, signs and bridges
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class MotionGrids:
         found: Objects in M.
     """
 
-    config: MotionGridDetectorConfig
+    config: MotionGridConfig
     work_cells: CellGrid
     cells: CellGrid
     elevation: ElevationGrid
@@ -49,21 +51,21 @@ class MotionGrids:
 def moving_in_area(
     elevation: ElevationGrid,
     background_m: Float32,
-    config: MotionGridDetectorConfig,
+    config: MotionGridConfig,
     radius_cells: int,
 ) -> Float32:
     """Return M over the area of reported objects; the map is larger."""
     part = CellGrid.covering(config.work_area, config.cell_m).part(config.area)
     height_m = elevation.height_m[part]
     candidate_m = np.zeros_like(elevation.height_m)
-    candidate_m[part] = np.where(height_m < config.motion.max_height_m, height_m, 0)
-    return motion_grid(candidate_m, background_m, config.motion.alpha, radius_cells)[part]
+    candidate_m[part] = np.where(height_m < _MAX_HEIGHT_M, height_m, 0)
+    return motion_grid(candidate_m, background_m, config.alpha, radius_cells)[part]
 
 
 class MotionGridDetector:
     """Finds moving objects by comparing each scan with a short-term map, scan after scan."""
 
-    def __init__(self, sensor: LidarModel, config: MotionGridDetectorConfig = THESIS) -> None:
+    def __init__(self, sensor: LidarModel, config: MotionGridConfig = THESIS) -> None:
         """Start without a scan.
 
         Args:
@@ -73,10 +75,10 @@ class MotionGridDetector:
         self._config = config
         self._plane = LevelPlane(-sensor.height_m)
         # Over a longer gap, every stored scan would have left the queue.
-        self._longest_gap_s = config.background.scans / sensor.rate_hz
+        self._longest_gap_s = config.scans / sensor.rate_hz
         self._work_cells = CellGrid.covering(config.work_area, config.cell_m)
         self._cells = CellGrid.covering(config.area, config.cell_m)
-        self._map = ShortTermMap(self._work_cells, config.background)
+        self._map = ShortTermMap(self._work_cells, config)
         self._stamp_s: float | None = None
         self._objects = DetectedObjects(Footprints.empty(), Footprints.empty())
         self._grids: MotionGrids | None = None
@@ -107,13 +109,13 @@ class MotionGridDetector:
 
         config = self._config
         ground = scan.ground if config.height_reference == "ground" else self._plane
-        elevation = elevation_grid(scan.points_velo, ground, self._work_cells, config.elevation)
+        elevation = elevation_grid(scan.points_velo, ground, self._work_cells, config)
         background_m = self._map.update(elevation, scan.ins_world_SE3_velo)
-        motion_m = moving_in_area(elevation, background_m, config, config.motion.radius_cells)
-        if self._map.scans < config.background.min_observations:
+        motion_m = moving_in_area(elevation, background_m, config, config.radius_cells)
+        if self._map.scans < config.min_observations:
             # No cell of the map has a value yet: every static object would be moving.
             motion_m = np.zeros_like(motion_m)
-        found = find_objects(motion_m, config.cell_m, config.objects)
+        found = find_objects(motion_m, config)
         self._grids = MotionGrids(
             config, self._work_cells, self._cells, elevation, background_m, motion_m, found
         )

@@ -5,9 +5,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.datmo.config import GridObjectsConfig
+from perception.datmo.config import MotionGridConfig
 from perception.types import Bool, Float32, Int
 
+# Table 7.4 gives none of these values; they are those of the author's code.
+_LONG_CELLS, _SHORT_CELLS = 10, 2  # sides of the structuring elements s_x and s_y
+_MIN_PRODUCT_M2 = 0.5  # of the two dilated heights of a cell in the core of an object
+_MIN_MOVING_AREA_M2 = 0.5  # of the moving cells of an object
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
@@ -26,17 +30,17 @@ class LabelledCells:
     joined: Bool
 
 
-def find_objects(motion_m: Float32, cell_m: float, config: GridObjectsConfig) -> LabelledCells:
+def find_objects(motion_m: Float32, config: MotionGridConfig) -> LabelledCells:
     """Join the moving cells of an (X, Y) motion grid to objects of a plausible size."""
-    joined = join_cells(motion_m, config)
+    joined = join_cells(motion_m)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         joined.astype(np.uint8), connectivity=8, ltype=cv2.CV_32S
     )
     moving = np.bincount(labels[motion_m > 0], minlength=count)
     area = stats[:, cv2.CC_STAT_AREA]
-    cell_m2 = cell_m**2
+    cell_m2 = config.cell_m**2
     is_kept = (
-        (moving >= np.ceil(_whole(config.min_moving_area_m2 / cell_m2)))
+        (moving >= np.ceil(_whole(_MIN_MOVING_AREA_M2 / cell_m2)))
         & (area >= np.floor(_whole(config.min_area_m2 / cell_m2)))
         & (area <= np.floor(_whole(config.max_area_m2 / cell_m2)))
     )
@@ -45,22 +49,21 @@ def find_objects(motion_m: Float32, cell_m: float, config: GridObjectsConfig) ->
     return LabelledCells(number[labels], int(is_kept.sum()), joined)
 
 
-def join_cells(motion_m: Float32, config: GridObjectsConfig) -> Bool:
+def join_cells(motion_m: Float32) -> Bool:
     """Return which cells belong to objects: O = (M ⊕ s_x) ∧ (M ⊕ s_y) (5.9), and the steps of the author's code.
 
     The rows of the grid run along x, ahead. Dilated there once more, a vehicle that the beams cut into
     pieces is whole; both dilations also lengthen what they join.
     """
-    long, short = config.long_cells, config.short_cells
-    along = fill_holes(_dilate(motion_m, long, short))
-    across = fill_holes(_dilate(motion_m, short, long))
-    joined = fill_holes(_dilate(along * across, long, 1))
+    along = fill_holes(_dilate(motion_m, _LONG_CELLS, _SHORT_CELLS))
+    across = fill_holes(_dilate(motion_m, _SHORT_CELLS, _LONG_CELLS))
+    joined = fill_holes(_dilate(along * across, _LONG_CELLS, 1))
     # Erosion by a ball of radius 1 cell keeps cells that are higher than the ball and have four neighbours
     # above zero.
     core = cv2.erode(
         (joined > 0).astype(np.uint8), _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=1
     )
-    return np.asarray((core > 0) & (joined > config.min_product_m2))
+    return np.asarray((core > 0) & (joined > _MIN_PRODUCT_M2))
 
 
 def _dilate(grid: Float32, rows: int, columns: int) -> Float32:

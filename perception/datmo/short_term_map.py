@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.cell_history import CellHistory
-from perception.datmo.config import ShortTermMapConfig
+from perception.datmo.config import MotionGridConfig
 from perception.datmo.elevation import ElevationGrid
 from perception.geometry.se3 import inverse
 from perception.types import Float32, Float64, Int
@@ -19,8 +19,8 @@ from perception.types import Float32, Float64, Int
 class ShortTermMap:
     """Maps the static world around the vehicle, in the frame of the newest scan."""
 
-    def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:
-        self._cells, self._config = cells, config
+    def __init__(self, cells: CellGrid, config: MotionGridConfig) -> None:
+        self._cells = cells
         # Holds the grid at any heading, from its middle to its corners.
         self._half_cells = int(np.ceil(np.hypot(*cells.shape) / 2)) + 1
         self._history = CellHistory(
@@ -46,12 +46,8 @@ class ShortTermMap:
         low = low.astype(np.int64) - self._half_cells
         self._history.move_to(low)
         window_T_cells = _shift(-low) @ self._plane_T_cells
-        if self._config.includes_newest:
-            self._observe(elevation, window_T_cells)
-        background_m = _resample(self._history.mean_m(), window_T_cells, self._cells.shape, 0.0)
-        if not self._config.includes_newest:
-            self._observe(elevation, window_T_cells)
-        return background_m
+        self._observe(elevation, window_T_cells)
+        return _resample(self._history.mean_m(), window_T_cells, self._cells.shape, 0.0)
 
     def _move_with_vehicle(self, world_SE3_velo: Float64) -> None:
         """Add the vehicle's last motion, within the vehicle's own plane on any slope."""

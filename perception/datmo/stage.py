@@ -47,14 +47,10 @@ def datmo_stage(
         area: Area in which the scans were segmented; the default method ends tracks that leave it, the grids have
             an area of their own.
     """
-    if config.method == "thesis":
-        detector = MotionGridDetector(sensor, config.thesis)
-        return Datmo(detector, PointTracker(config.thesis_tracker), uses_ins_poses=True)
-    if config.method == "author":
-        detector = MotionGridDetector(sensor, config.author)
-        return Datmo(detector, PointTracker(config.author_tracker), uses_ins_poses=True)
+    if config.method == "none":
+        return None
     if config.method == "default":
-        return Datmo(
-            PointDetector(sensor, config.point_detector), BoxTracker(area, config.box_tracker)
-        )
-    return None
+        return Datmo(PointDetector(sensor), BoxTracker(area, config.box_tracker))
+    grids = config.grids_of_method()
+    tracker = PointTracker(config.method, config.point_tracker, grids.area)
+    return Datmo(MotionGridDetector(sensor, grids), tracker, uses_ins_poses=True)

@@ -1,6 +1,6 @@
 """Cells of static points over the ground plane: a few thousand instead of tens of thousands of points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -63,14 +63,7 @@ class StaticCells:
         number = np.cumsum(kept) - 1
         chosen = np.flatnonzero(kept[cluster_of])
         clusters = footprints_of(self.places_m[chosen], number[cluster_of[chosen]], int(kept.sum()))
-        return Footprints(
-            clusters.vertices_m,
-            clusters.corners,
-            clusters.centroids_m,
-            clusters.low_m,
-            clusters.high_m,
-            points[kept].astype(np.int64),
-        )
+        return replace(clusters, points=points[kept].astype(np.int64))
 
     def is_touching(self, points_velo: Float) -> Bool:
         """Return which of (P, 2+) points lie in a cell with a static point or next to one."""

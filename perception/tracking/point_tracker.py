@@ -3,8 +3,8 @@
 An unmatched detection begins a track; the next frame confirms or deletes it. A track without a detection is predicted.
 A confirmed track is deleted only when it leaves the local grid.
 
-The author's released program differs in several of these. Each difference is a parameter; `THESIS_POINT_TRACKER` and
-`AUTHOR_POINT_TRACKER` are the two sets of values.
+The author's released program differs. It takes every step as 0.1 s and gates around the last estimate. A miss corrects a
+track by its last position, which brakes it to a halt. Every track is shown from its second frame on and none deleted.
 """
 
 from dataclasses import dataclass, replace
@@ -13,9 +13,10 @@ from typing import Annotated
 import numpy as np
 
 from perception.geometry.footprints import Footprints
+from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.geometry.se3 import inverse
 from perception.tracking.association import Association, assign_greedily
-from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
+from perception.tracking.config import PointTrackerConfig, PointTrackerMethod
 from perception.tracking.kalman import Gaussians, predict, update
 from perception.tracking.tracker import covariances_velo
 from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Tracks
@@ -23,6 +24,11 @@ from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Tracks
 # State of an object in the world: [x_m, y_m, velocity_x_m_s, velocity_y_m_s].
 _OBSERVATION = np.eye(2, 4)
 _NOMINAL_STEP_S = 0.1  # of a LiDAR at 10 Hz, to which the released noise belongs
+# With every track of the released program, the cost would grow with the drive. A detection lies in the area, and nothing
+# beyond the gate around it can matter unless the vehicle comes back; 40 m, the length of the area, lets it turn round and
+# still find its tracks.
+AUTHOR_KEPT_BEYOND_AREA_M = 40.0
+_CONFIG = PointTrackerConfig()
 
 
 @dataclass(frozen=True)
@@ -49,8 +55,20 @@ class _PointTracks(ArrayTable):
 class PointTracker:
     """Tracks moving objects as points, all filters of a frame in one computation; a `MultiObjectTracker`."""
 
-    def __init__(self, config: PointTrackerConfig = THESIS_POINT_TRACKER) -> None:
-        self.config = config
+    def __init__(
+        self,
+        method: PointTrackerMethod = "thesis",
+        config: PointTrackerConfig = _CONFIG,
+        area: LocalArea = MOVING_OBJECT_AREA,
+    ) -> None:
+        """Start without a track.
+
+        Args:
+            method: Whether the tracker is that of the thesis or of the author's released program.
+            config: Noise and gate.
+            area: Local grid in the LiDAR frame, outside of which no track is reported (5.2.2).
+        """
+        self._is_author, self._config, self._area = method == "author", config, area
         self._next_id = 0
         self.clear()
 
@@ -86,9 +104,9 @@ class PointTracker:
         measured_m = new_tracks.states.mean[:, :2]
 
         # Prediction, then gating and nearest neighbour.
-        predicted = self._predict(before.states, self.config.step_s or step_s)
-        looks_back = self.config.gate_around == "last estimate"
-        expected = before.states if looks_back else predicted
+        step_s = _NOMINAL_STEP_S if self._is_author else step_s
+        predicted = self._predict(before.states, step_s)
+        expected = before.states if self._is_author else predicted
         pairs = self._associate(expected.mean[:, :2], measured_m)
 
         # Correction, and the shape of what was seen.
@@ -106,7 +124,7 @@ class PointTracker:
         """Return each detection as a new track, without an id."""
         count, moved = len(moving), moving.moved(world_SE3_velo)
         min_m, greatest_m = moving.extents_m(np.zeros(count))
-        covariance = self.config.initial_variance * np.eye(4)
+        covariance = self._config.initial_variance * np.eye(4)
         return _PointTracks(
             ids=np.full(count, -1),
             states=Gaussians(
@@ -121,19 +139,19 @@ class PointTracker:
 
     def _predict(self, states: Gaussians, step_s: float) -> Gaussians:
         transition = np.eye(4) + step_s * np.eye(4, k=2)
-        grown = self.config.process_variance * step_s / _NOMINAL_STEP_S
+        grown = self._config.process_variance * step_s / _NOMINAL_STEP_S
         return predict(states, transition, grown * np.eye(4))
 
     def _associate(self, expected_m: Float64, measured_m: Float64) -> Association:
         distances_m = np.linalg.norm(expected_m[:, None] - measured_m[None], axis=2)
-        return assign_greedily(distances_m, distances_m <= self.config.gate_m)
+        return assign_greedily(distances_m, distances_m <= self._config.gate_m)
 
     def _correct(
         self, before: Gaussians, predicted: Gaussians, measured_m: Float64, pairs: Association
     ) -> Gaussians:
-        """Correct the observed tracks and, where misses hold the position, the others by their last position."""
-        noise = self.config.measurement_variance_m2 * np.eye(2)
-        if self.config.on_miss == "hold":
+        """Correct the observed tracks and, as the author does, the others by their last position."""
+        noise = self._config.measurement_variance_m2 * np.eye(2)
+        if self._is_author:
             every_m = before.mean[:, :2].copy()
             every_m[pairs.tracks] = measured_m[pairs.detections]
             return update(predicted, every_m, _OBSERVATION, noise)
@@ -149,7 +167,7 @@ class PointTracker:
         size_m[pairs.tracks] = new_tracks.size_m[pairs.detections]
         is_observed = np.zeros(len(tracks), bool)
         is_observed[pairs.tracks] = True
-        is_confirmed = tracks.is_confirmed | is_observed | (not self.config.confirms)
+        is_confirmed = tracks.is_confirmed | is_observed | self._is_author
         return replace(
             tracks,
             low_world_m=low_world_m,
@@ -161,12 +179,13 @@ class PointTracker:
     def _is_near(self, tracks: _PointTracks, world_SE3_velo: Float64) -> Bool:
         """Return whether each object is within the area or the distance at which its track is kept."""
         bottom_m = _bottoms_in_velo(tracks, world_SE3_velo)
-        return self.config.area.contains_xy(bottom_m, self.config.kept_beyond_area_m)
+        margin_m = AUTHOR_KEPT_BEYOND_AREA_M if self._is_author else 0.0
+        return self._area.contains_xy(bottom_m, margin_m)
 
     def _report(self, world_SE3_velo: Float64) -> Tracks:
         """Return the confirmed tracks inside the area, in the LiDAR frame of a pose."""
         bottom_m = _bottoms_in_velo(self._tracks, world_SE3_velo)
-        shown = self._tracks.is_confirmed & self.config.area.contains_xy(bottom_m)
+        shown = self._tracks.is_confirmed & self._area.contains_xy(bottom_m)
         tracks = self._tracks[shown]
         velocity_world_m_s = tracks.states.mean[:, 2:]
         return Tracks.unclassified(

@@ -54,7 +54,7 @@ def test_the_grids_of_a_drive_without_camera_are_seen_from_above(source, tmp_pat
 
 
 def test_only_the_scans_of_the_queue_are_read(source, tmp_path, monkeypatch):
-    short = replace(THESIS, background=replace(THESIS.background, scans=3))
+    short = replace(THESIS, scans=3)
     monkeypatch.setitem(motion_grid.PRESETS, "thesis", short)
     read = []
 
@@ -88,7 +88,7 @@ def test_on_the_real_drive_each_step_lies_on_the_image(kitti_root, tmp_path, cap
     assert main(["study", "motion-grid", *arguments, "--out", str(plot_path)]) == 0
     document = json.loads(plot_path.with_suffix(".json").read_text())
     assert document["repeats"] == "Fig. 5.10"
-    assert document["conditions"]["config"]["background"]["scans"] == 50
+    assert document["conditions"]["config"]["scans"] == 50
     cells = {name: row["cells"] for name, row in document["results"]["cells"].items()}
     assert cells["(b) after suppression, M"] < 0.4 * cells["(a) subtraction alone"]
     assert "(b) after suppression, M" in capsys.readouterr().out

@@ -93,7 +93,7 @@ def test_what_stands_is_no_object_from_a_moving_vehicle(config):
     counts = [
         len(detector.detect(scan_of(k, [car(14, 3)], place=driving(k))).moving) for k in range(25)
     ]
-    assert sum(counts[config.background.min_observations :]) == 0
+    assert sum(counts[config.min_observations :]) == 0
 
 
 def test_the_neighbourhood_bears_an_error_of_the_ins_that_subtraction_does_not():
@@ -171,9 +171,7 @@ def test_a_pose_that_jumps_leaves_an_empty_map_and_the_next_scans_fill_it():
 
 
 def test_memory_does_not_grow_with_the_drive():
-    detector = MotionGridDetector(
-        HDL_64E, replace(THESIS, background=replace(THESIS.background, scans=30))
-    )
+    detector = MotionGridDetector(HDL_64E, replace(THESIS, scans=30))
     scan = scan_of(0)
     scan = replace(scan, points_velo=scan.points_velo[::20])
     sizes = {}
@@ -239,13 +237,11 @@ def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(config, kit
         )
         detector.detect(scan)
         grids = detector.grids
-        reference = reference or ReferenceShortTermMap(grids.work_cells, config.background)
+        reference = reference or ReferenceShortTermMap(grids.work_cells, config)
         background_m = reference.update(grids.elevation, frame.world_SE3_velo)
-        if k < config.background.min_observations:
+        if k < config.min_observations:
             continue
-        expected_m = moving_in_area(
-            grids.elevation, background_m, config, config.motion.radius_cells
-        )
+        expected_m = moving_in_area(grids.elevation, background_m, config, config.radius_cells)
         pair = (grids.motion_m, expected_m)
         agreeing += within_a_cell(*pair), within_a_cell(*reversed(pair))
         moving += [int((motion_m > 0).sum()) for motion_m in pair]

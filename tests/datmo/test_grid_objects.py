@@ -3,10 +3,8 @@ import pytest
 from scipy import ndimage
 
 from benchmarks.reference.datmo import fill_holes_by_flooding
-from perception.datmo.config import GridObjectsConfig
+from perception.datmo.config import THESIS
 from perception.datmo.grid_objects import fill_holes, find_objects, join_cells
-
-CONFIG = GridObjectsConfig()
 
 
 def motion(*blocks, shape=(60, 50)):
@@ -18,26 +16,26 @@ def motion(*blocks, shape=(60, 50)):
 
 
 def count(*blocks):
-    return find_objects(motion(*blocks), 0.2, CONFIG).count
+    return find_objects(motion(*blocks), THESIS).count
 
 
 def test_a_vehicle_in_two_pieces_along_its_length_is_one():
-    found = find_objects(motion((10, 20, 6, 8, 1.0), (20, 20, 6, 8, 1.0)), 0.2, CONFIG)
+    found = find_objects(motion((10, 20, 6, 8, 1.0), (20, 20, 6, 8, 1.0)), THESIS)
     assert found.count == 1
     assert found.labels[12, 22] == found.labels[17, 23] == found.labels[22, 22] == 1
 
 
 def test_two_vehicles_side_by_side_are_two():
-    found = find_objects(motion((10, 5, 15, 8, 1.0), (10, 30, 15, 8, 1.0)), 0.2, CONFIG)
+    found = find_objects(motion((10, 5, 15, 8, 1.0), (10, 30, 15, 8, 1.0)), THESIS)
     assert found.count == 2
     assert {found.labels[15, 8], found.labels[15, 33]} == {1, 2}
 
 
 def test_one_cell_becomes_what_both_rectangles_cover_and_the_code_adds():
     # 10 x 2 and 2 x 10 share 2 x 2 cells; 9 more along x; then a rim of one cell falls away.
-    joined = join_cells(motion((30, 20, 1, 1, 1.0)), CONFIG)
+    joined = join_cells(motion((30, 20, 1, 1, 1.0)))
     assert not joined.any()  # two cells across have no core
-    joined = join_cells(motion((30, 20, 1, 3, 1.0)), CONFIG)
+    joined = join_cells(motion((30, 20, 1, 3, 1.0)))
     rows, columns = np.nonzero(joined)
     assert (np.ptp(rows) + 1, np.ptp(columns) + 1) == (11 - 2, 4 - 2)
 
@@ -57,14 +55,14 @@ def test_implausible_sizes_are_dropped(block, kept):
 
 
 def test_labels_are_renumbered_after_the_filters():
-    found = find_objects(motion((2, 2, 1, 3, 1.0), (40, 20, 8, 8, 1.0)), 0.2, CONFIG)
+    found = find_objects(motion((2, 2, 1, 3, 1.0), (40, 20, 8, 8, 1.0)), THESIS)
     assert found.count == found.labels.max() == 1
     assert found.joined[2:8, 2:5].any()
     assert not found.labels[2:8, 2:5].any()
 
 
 def test_no_motion_is_no_object():
-    found = find_objects(motion(), 0.2, CONFIG)
+    found = find_objects(motion(), THESIS)
     assert found.count == 0
     assert not found.labels.any()
 

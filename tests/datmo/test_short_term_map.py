@@ -1,11 +1,13 @@
 """The fast map against Algorithm 4 written out, cell for cell where cells fall on cells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.reference.datmo import ReferenceShortTermMap
 from perception.datmo.cell_grid import CellGrid
-from perception.datmo.config import ShortTermMapConfig
+from perception.datmo.config import THESIS, MotionGridConfig
 from perception.datmo.elevation import ElevationGrid
 from perception.datmo.short_term_map import ShortTermMap
 from perception.errors import UsageError
@@ -13,6 +15,15 @@ from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
 
 CELLS = CellGrid.covering(LocalArea(ahead_m=4.0, behind_m=2.0, side_m=2.4), 0.2)
+
+
+def queue(scans: int, max_observations: int, min_observations: int) -> MotionGridConfig:
+    return replace(
+        THESIS,
+        scans=scans,
+        max_observations=max_observations,
+        min_observations=min_observations,
+    )
 
 
 def pose(x_m=0.0, y_m=0.0, yaw_rad=0.0, z_m=0.0):
@@ -59,15 +70,13 @@ def value_after(heights_m, config, grid=ShortTermMap):
     ids=["fewer than k", "k", "gaps do not count", "the last m", "expired", "three remain"],
 )
 def test_a_cell_is_the_mean_of_its_last_observations(grid, heights_m, expected_m):
-    config = ShortTermMapConfig(scans=6, max_observations=4, min_observations=3)
+    config = queue(6, 4, 3)
     assert value_after(heights_m, config, grid) == pytest.approx(expected_m)
 
 
 @pytest.mark.parametrize("grid", [ShortTermMap, ReferenceShortTermMap])
-def test_the_newest_grid_is_in_the_map_or_joins_after(grid):
-    heights_m = [1.0, 1.0, 2.0]
-    assert value_after(heights_m, ShortTermMapConfig(9, 9, 1), grid) == pytest.approx(4 / 3)
-    assert value_after(heights_m, ShortTermMapConfig(9, 9, 1, includes_newest=False), grid) == 1.0
+def test_the_newest_grid_is_in_the_map(grid):
+    assert value_after([1.0, 1.0, 2.0], queue(9, 9, 1), grid) == pytest.approx(4 / 3)
 
 
 def whole_cells(rng):
@@ -78,12 +87,11 @@ def whole_cells(rng):
 
 
 CONFIG = {
-    "m < n": ShortTermMapConfig(20, 8, 3),
-    "m = n": ShortTermMapConfig(12, 12, 1),
-    "m > n": ShortTermMapConfig(5, 9, 2),
-    "short": ShortTermMapConfig(3, 2, 2),
-    "newest outside": ShortTermMapConfig(15, 6, 2, includes_newest=False),
-    "newest outside, one": ShortTermMapConfig(1, 1, 1, includes_newest=False),
+    "m < n": queue(20, 8, 3),
+    "m = n": queue(12, 12, 1),
+    "m > n": queue(5, 9, 2),
+    "short": queue(3, 2, 2),
+    "one": queue(1, 1, 1),
 }
 
 
@@ -102,7 +110,7 @@ def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(config):
 
 def test_both_forms_are_equal_far_from_where_the_drive_began():
     rng = np.random.default_rng(2)
-    config = ShortTermMapConfig(10, 5, 2)
+    config = queue(10, 5, 2)
     fast, reference = ShortTermMap(CELLS, config), ReferenceShortTermMap(CELLS, config)
     fast.update(random_grid(rng), pose())
     for x_m in np.arange(0, 30_000, 0.2 * 6.0 * 500):  # leaps beyond the window
@@ -127,8 +135,8 @@ def wall_grid(world_SE3_velo):
 
 @pytest.mark.parametrize("start_yaw_rad", [0.0, 0.7, -2.5])
 def test_a_curve_leaves_the_walls_where_they_stand(start_yaw_rad):
-    fast = ShortTermMap(CELLS, ShortTermMapConfig(20, 10, 3))
-    reference = ReferenceShortTermMap(CELLS, ShortTermMapConfig(20, 10, 3))
+    fast = ShortTermMap(CELLS, queue(20, 10, 3))
+    reference = ReferenceShortTermMap(CELLS, queue(20, 10, 3))
     for step in range(40):
         yaw_rad = start_yaw_rad + 0.03 * step
         place = pose(0.13 * step, 0.07 * step, yaw_rad, z_m=0.01 * step)
@@ -144,7 +152,7 @@ def test_a_curve_leaves_the_walls_where_they_stand(start_yaw_rad):
 
 def test_motion_counts_in_the_vehicles_own_plane_whatever_the_worlds_axes():
     rng = np.random.default_rng(4)
-    level, tilted = (ShortTermMap(CELLS, ShortTermMapConfig(8, 8, 1)) for _ in range(2))
+    level, tilted = (ShortTermMap(CELLS, queue(8, 8, 1)) for _ in range(2))
     other_SE3_world = from_euler(1.2, -0.4, 2.0, np.array([5.0, -3.0, 8.0]))
     for place in whole_cells(rng)[:20]:
         grid = random_grid(rng)
@@ -153,7 +161,7 @@ def test_motion_counts_in_the_vehicles_own_plane_whatever_the_worlds_axes():
 
 
 def test_a_cleared_map_equals_a_new_one():
-    config = ShortTermMapConfig(6, 6, 1)
+    config = queue(6, 6, 1)
     used, fresh = ShortTermMap(CELLS, config), ShortTermMap(CELLS, config)
     rng = np.random.default_rng(7)
     for place in whole_cells(rng)[:10]:
@@ -167,6 +175,6 @@ def test_a_cleared_map_equals_a_new_one():
 @pytest.mark.parametrize("values", [(5, 3, 4), (2, 9, 3), (5, 5, 0)])
 def test_a_queue_that_never_fills_a_cell_is_refused(values):
     with pytest.raises(UsageError) as error:
-        ShortTermMapConfig(*values)
+        queue(*values)
     assert error.value.where == "short-term map"
     assert str(values[2]) in error.value.found

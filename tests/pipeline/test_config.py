@@ -28,15 +28,16 @@ TABLE_7_1 = [
     ("upsilon", "motion.voxel_size_m", 0.10),
     ("T_d", "motion.counters.moving_threshold", 5),
 ]
+# Values of the thesis, and of the author's code.
 TABLE_7_4 = [
-    ("upsilon", "datmo.thesis.cell_m", 0.20),
-    ("T_sigma", "datmo.thesis.elevation.ground_variance_m2", 0.02),
-    ("T_mu", "datmo.thesis.elevation.ground_height_m", 0.30),
-    ("n", "datmo.thesis.background.scans", 50),
-    ("m", "datmo.thesis.background.max_observations", 30),
-    ("k", "datmo.thesis.background.min_observations", 3),
-    ("epsilon", "datmo.thesis.motion.radius_cells", 5),
-    ("alpha", "datmo.thesis.motion.alpha", 0.2),
+    ("upsilon", "cell_m", 0.20, 0.20),
+    ("T_sigma", "ground_variance_m2", 0.02, 0.02),
+    ("T_mu", "ground_height_m", 0.30, 0.80),
+    ("n", "scans", 50, 90),
+    ("m", "max_observations", 30, 60),
+    ("k", "min_observations", 3, 5),
+    ("epsilon", "radius_cells", 5, 10),
+    ("alpha", "alpha", 0.2, 0.3),
 ]
 TABLE_7_5 = [
     ("eta", "fusion.points.max_iterations", 5),
@@ -59,17 +60,7 @@ AUTHOR_TRACKER = [
     ("Q, colours", "fusion.colors.noise.process", 0.1),
     ("iterations of 3D-MS", "baselines.mean_shift.max_iterations", 3),
 ]
-# The values of the author's code, where they are others.
-AUTHOR = [
-    ("T_mu", "datmo.author.elevation.ground_height_m", 0.80),
-    ("n", "datmo.author.background.scans", 90),
-    ("m", "datmo.author.background.max_observations", 60),
-    ("k", "datmo.author.background.min_observations", 5),
-    ("epsilon", "datmo.author.motion.radius_cells", 10),
-    ("alpha", "datmo.author.motion.alpha", 0.3),
-]
 DEFAULT, TRACKER = PipelineConfig(), SingleObjectTrackerConfig()
-NUMBERS = [*TABLE_7_1, *TABLE_7_4, *AUTHOR]
 TRACKER_NUMBERS = [*TABLE_7_5, *AUTHOR_TRACKER]
 
 
@@ -104,7 +95,7 @@ def leaf_names(kind: type, prefix: str) -> set[str]:
 
 def other(name: str, value: float) -> float:
     """Return another value that is valid."""
-    if name.endswith(".cell_m"):
+    if name == "cell_m":
         return 0.5  # the areas are whole cells of it
     if name.endswith("bins_per_channel"):
         return 16
@@ -112,13 +103,25 @@ def other(name: str, value: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("number", "name", "value"), NUMBERS, ids=[f"{name} {number}" for number, name, _ in NUMBERS]
+    ("number", "name", "value"), TABLE_7_1, ids=[number for number, _, _ in TABLE_7_1]
 )
-def test_numbers_of_the_tables_have_a_flag_and_the_value_of_the_thesis(number, name, value):
+def test_numbers_of_table_7_1_have_a_flag_and_the_value_of_the_thesis(number, name, value):
     assert attrgetter(name)(DEFAULT) == pytest.approx(value), number
     flag = f"--pipeline.{name}".replace("_", "-")
     changed = other(name, value)
     assert attrgetter(name)(parsed(flag, str(changed))) == pytest.approx(changed)
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "thesis", "author"), TABLE_7_4, ids=[row[0] for row in TABLE_7_4]
+)
+def test_numbers_of_table_7_4_have_a_flag_and_the_value_of_the_method(number, name, thesis, author):
+    changed, flag = other(name, thesis), f"--pipeline.datmo.grids.{name}".replace("_", "-")
+    for method, value in (("thesis", thesis), ("author", author)):
+        words = ("--pipeline.datmo.method", method)
+        read = [parsed(*words, *more).datmo for more in ((), (flag, str(changed)))]
+        values = [getattr(datmo.grids_of_method(), name) for datmo in read]
+        assert values == pytest.approx([value, changed]), number
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import pytest
 
 from data.synthetic.drive import SyntheticDrive
 from perception.datmo.clustering import cluster_moving_points
-from perception.datmo.config import ClusteringConfig
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.obstacles.voxels import count_voxels
 from perception.pipeline import Pipeline, PipelineConfig
@@ -91,7 +90,7 @@ def test_voxels_take_both(frames):
 def test_clusters_take_both(frames):
     scan = frames[0].points_velo[::5]
     clusters = [
-        cluster_moving_points(one, VLP_16.elevation_step_rad, ClusteringConfig())
+        cluster_moving_points(one, VLP_16.elevation_step_rad)
         for one in (scan, scan.astype(np.float64))
     ]
     np.testing.assert_array_equal(*clusters)
