@@ -3,7 +3,8 @@
 import numpy as np
 
 from benchmarks.reference.overlap import area, iou
-from perception.detection.config import DEFAULT_NMS, DepthCnConfig, NmsConfig
+from perception.detection.config import DEFAULT_NMS, NmsConfig
+from perception.detection.depthcn.detector import MIN_SIZE_M
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import propose
 from perception.detection.depthcn.verifier import Verifier, VerifierPrediction
@@ -21,7 +22,7 @@ def detect_one_by_one(
     calibration, size_px = camera_of(frame)
     focal_px = float(calibration.image_P_cam[0, 0])
     proposals = propose(frame.points_velo, calibration, size_px)
-    proposals = proposals[proposals.has_min_size(DepthCnConfig().min_size_m, focal_px)]
+    proposals = proposals[proposals.has_min_size(MIN_SIZE_M, focal_px)]
     image = encode_channels(
         densify(project_frame(frame)), calibration.image_P_velo, sensor.height_m
     )

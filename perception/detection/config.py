@@ -90,16 +90,10 @@ class NmsConfig:
         min_score: Score below which a detector reports nothing, 0 to 1.
         max_iou: Overlap (IoU) with a better detection of the same class above which a detection is suppressed;
             a DepthCN network of the thesis suppresses none.
-        max_candidates: Number of best boxes of the image and map detectors that enter the suppression.
-        max_detections: Number of best boxes of the image and map detectors that are kept after it.
     """
 
     min_score: float = 0.01
     max_iou: float = 0.5
-    # Measured with the networks of this package: average precision stays within 0.3 points of keeping all of
-    # some 450 boxes, in a third of the time.
-    max_candidates: int = 300
-    max_detections: int = 64
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
@@ -108,12 +102,6 @@ class NmsConfig:
                 "non-maximum suppression",
                 expected="min_score and max_iou from 0 to 1, max_iou above 0",
                 found=f"{self.min_score:g} and {self.max_iou:g}",
-            )
-        if not 1 <= self.max_detections <= self.max_candidates:
-            raise UsageError(
-                "non-maximum suppression",
-                expected="max_detections of at least 1 and at most max_candidates",
-                found=f"{self.max_detections} and {self.max_candidates}",
             )
 
 
@@ -128,32 +116,11 @@ class DepthCnConfig:
         enabled: Whether DepthCN runs.
         model: ONNX file of another network than the one of this package.
         proposals: Proposal parameters in place of those of the network's method.
-        min_width_m: Width in the image, in metres at the proposal's depth, from which a proposal is verified; a network
-            of the thesis verifies all.
-        min_height_m: Height above the ground in metres from which a proposal is verified.
     """
 
     enabled: bool = True
     model: Path | None = None
     proposals: ProposalOverrides = field(default_factory=ProposalOverrides)
-    # A quarter of all clusters are narrower or lower: poles, trunks, kerbs. On synthetic streets precision is better
-    # without them.
-    min_width_m: float = 0.3
-    min_height_m: float = 0.6
-
-    def __post_init__(self) -> None:
-        """Validate the sizes."""
-        if not (self.min_width_m >= 0 and self.min_height_m >= 0):
-            raise UsageError(
-                "DepthCN",
-                expected="min_width_m and min_height_m of at least 0 m",
-                found=f"{self.min_width_m:g} and {self.min_height_m:g} m",
-            )
-
-    @property
-    def min_size_m(self) -> tuple[float, float]:
-        """Width and height in metres from which a proposal is verified."""
-        return self.min_width_m, self.min_height_m
 
 
 @dataclass(frozen=True)

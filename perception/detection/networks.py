@@ -54,7 +54,6 @@ def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
         depthcn.model or "default",
         sensor,
         proposals=depthcn.proposals,
-        min_size_m=depthcn.min_size_m,
         nms=config.nms,
         threads=1,
     )

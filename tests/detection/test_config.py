@@ -6,7 +6,6 @@ import sys
 import pytest
 
 from perception.detection.config import (
-    DepthCnConfig,
     DetectionConfig,
     NmsConfig,
     ProposalConfig,
@@ -23,12 +22,9 @@ from perception.types import MODALITIES
         (ProposalConfig, {"radius_m": 0}, "proposals", "0.5 m, 0.01 m², 0 m, 5"),
         (ProposalConfig, {"min_points": 0}, "proposals", "0.5 m, 0.01 m², 0.3 m, 0"),
         (ProposalConfig, {"min_variance_m2": -1}, "proposals", "0.5 m, -1 m², 0.3 m, 5"),
-        (DepthCnConfig, {"min_width_m": -1}, "DepthCN", "-1 and 0.6 m"),
-        (DepthCnConfig, {"min_height_m": -1}, "DepthCN", "0.3 and -1 m"),
         (NmsConfig, {"min_score": -0.1}, "non-maximum suppression", "-0.1 and 0.5"),
         (NmsConfig, {"max_iou": 0.0}, "non-maximum suppression", "0.01 and 0"),
         (NmsConfig, {"max_iou": 1.5}, "non-maximum suppression", "0.01 and 1.5"),
-        (NmsConfig, {"max_detections": 301}, "non-maximum suppression", "301 and 300"),
         (TriBoxConfig, {"max_partners": -1}, "tri-boxes", "0 and -1"),
         (TriBoxConfig, {"min_iou": 1.0}, "tri-boxes", "1 and 4"),
         (DetectionConfig, {"modalities": (*MODALITIES, "dm")}, "modalities", "rgb, dm, rm, dm"),

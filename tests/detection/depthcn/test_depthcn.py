@@ -182,19 +182,22 @@ def with_pole_and_kerb():
     return replace(frame, points_velo=np.vstack([frame.points_velo, added]))
 
 
-def test_poles_and_kerbs_are_not_verified(write_model):
+def test_poles_and_kerbs_are_not_verified(write_model, monkeypatch):
     frame = with_pole_and_kerb()
 
-    def count(method="default", **sizes):
+    def count(min_size_m=None, method="default"):
         model = write_model(method=method, window="metric")
-        return len(DepthCn(model, **sizes).propose(frame))
+        with monkeypatch.context() as patch:
+            if min_size_m is not None:
+                patch.setattr("perception.detection.depthcn.detector.MIN_SIZE_M", min_size_m)
+            return len(DepthCn(model).propose(frame))
 
     # At 100 px of focal length, the margin above a cluster 10 m ahead is half a metre.
-    assert count(min_size_m=(0.0, 0.0)) == 4
-    assert count(min_size_m=(0.3, 0.0)) == count() == 3
-    assert count(min_size_m=(0.0, 1.2)) == 3
-    assert count(min_size_m=(0.3, 1.2)) == 2
-    assert count("thesis") == count("thesis", min_size_m=(0.0, 0.0))
+    assert count((0.0, 0.0)) == 4
+    assert count((0.3, 0.0)) == count() == 3
+    assert count((0.0, 1.2)) == 3
+    assert count((0.3, 1.2)) == 2
+    assert count(method="thesis") == count((0.0, 0.0), method="thesis")
 
 
 @pytest.mark.parametrize("min_score", [0.0, 0.2, 0.6])
