@@ -1,25 +1,120 @@
 """Processor time of a frame over the beams and points of the LiDAR, the local area, and the length of the drive."""
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.measure import memory_mib, processor_clock
+from benchmarks.pipeline import FrameSource
 from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
+from perception.cli.progress import progress_bar
 from perception.evaluation.report import Table
 from perception.evaluation.stage_times import ALL_STAGES
 from perception.geometry.grids import LocalArea
-from perception.pipeline import PipelineConfig
+from perception.pipeline import Pipeline, PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import HDL_64E, VLP_16, LidarModel
 from perception.types import Drive, Frame
 
-if TYPE_CHECKING:
-    from benchmarks.frame_cost import FrameCost, LongRun
+WARM_UP = 8  # frames that fill the window of scans
+_BLOCKS = 20  # of a long run
+
+
+@dataclass(frozen=True)
+class FrameCost:
+    """Cost of a frame in one setting.
+
+    Attributes:
+        size: Number of points of a scan, or square metres of the area.
+        stages_ms: Median processor time of each stage and of the whole frame in milliseconds.
+    """
+
+    size: float
+    stages_ms: Mapping[str, float]
+
+    @property
+    def all_ms(self) -> float:
+        """Median processor time of a frame in milliseconds."""
+        return self.stages_ms[ALL_STAGES]
+
+
+@dataclass(frozen=True)
+class LongRun:
+    """Blocks of a long run.
+
+    Attributes:
+        frames: Number of frames until the end of each block.
+        medians_ms: Median processor time of a frame of each block in milliseconds.
+        memory_mib: Memory at the end of each block in MiB.
+    """
+
+    frames: Sequence[int]
+    medians_ms: Sequence[float]
+    memory_mib: Sequence[float]
+
+
+def long_run(drive: Drive, length: int, config: PipelineConfig) -> LongRun:
+    """Run over a drive back and forth.
+
+    Args:
+        drive: Drive, of which the first frames are kept in memory.
+        length: Number of frames of the run.
+        config: Pipeline configuration.
+    """
+    with Pipeline(drive.sensor, config) as pipeline:
+        frames = progress_bar(FrameSource(drive).take(length), "frames", length, delay_s=2)
+        return blocks_of((_cpu_s(pipeline, frame) for frame in frames), length)
+
+
+def blocks_of(frames_s: Iterable[float], length: int) -> LongRun:
+    """Return the blocks of a long run.
+
+    Args:
+        frames_s: Processor time of each frame in seconds, as the frames run.
+        length: Number of frames.
+    """
+    block = -(-length // _BLOCKS)
+    ends, medians_ms, memories, times_s = [], [], [], []
+    for number, frame_s in enumerate(frames_s, start=1):
+        times_s.append(frame_s)
+        if number % block == 0 or number == length:
+            ends.append(number)
+            medians_ms.append(1e3 * float(np.median(times_s)))
+            memories.append(memory_mib())
+            times_s.clear()
+    return LongRun(ends, medians_ms, memories)
+
+
+def median_stages_ms(
+    sensor: LidarModel, frames: Sequence[Frame], config: PipelineConfig
+) -> dict[str, float]:
+    """Return the median processor time of each stage and of the whole frame, once the window of scans is full."""
+    with processor_clock(), Pipeline(sensor, config) as pipeline:
+        times = list(_stage_times(pipeline, frames))[WARM_UP:]
+    stages = dict.fromkeys(stage for frame in times for stage in frame)
+    return {
+        stage: 1e3 * float(np.median([frame[stage] for frame in times if stage in frame]))
+        for stage in stages
+    }
+
+
+def _stage_times(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[dict[str, float]]:
+    for frame in frames:
+        start_s = time.process_time()
+        timings_s = pipeline.step(frame).timings_s
+        yield {**timings_s, ALL_STAGES: time.process_time() - start_s}
+
+
+def _cpu_s(pipeline: Pipeline, frame: Frame) -> float:
+    start_s = time.process_time()
+    pipeline.step(frame)
+    return time.process_time() - start_s
+
 
 _SHORT_DRIVE = 60  # frames of the drive that the long run plays back and forth
 _BEAMS = (16, 32, 128)  # beside the 64 of an HDL-64E
@@ -70,8 +165,6 @@ def growth(*, config: GrowthConfig, out: Path = RESULTS / "growth.png") -> None:
     Args:
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    from benchmarks.frame_cost import long_run
-
     # First, while the memory holds nothing else.
     run = long_run(config.drive(_SHORT_DRIVE, VLP_16), config.length, config.pipeline)
     by_beams, by_step = _by_sensor(config)
@@ -99,10 +192,8 @@ def growth(*, config: GrowthConfig, out: Path = RESULTS / "growth.png") -> None:
     publish(out, "none: the thesis has one sensor and area", tables, {"config": config})
 
 
-def _by_sensor(config: GrowthConfig) -> tuple[dict[str, "FrameCost"], dict[str, "FrameCost"]]:
+def _by_sensor(config: GrowthConfig) -> tuple[dict[str, FrameCost], dict[str, FrameCost]]:
     """Return the costs by the number of beams, and by the number of points of 64 beams."""
-    from benchmarks.frame_cost import FrameCost, median_stages_ms
-
     beams = {f"{number} beams": _with_beams(number) for number in _BEAMS}
     steps = {f"64 beams, step x {ratio:g}": _with_step(ratio) for ratio in _STEP_RATIOS}
     costs = {}
@@ -113,9 +204,7 @@ def _by_sensor(config: GrowthConfig) -> tuple[dict[str, "FrameCost"], dict[str, 
     return _sorted(costs, [*beams, "64 beams"]), _sorted(costs, [*steps, "64 beams"])
 
 
-def _by_area(config: GrowthConfig) -> dict[str, "FrameCost"]:
-    from benchmarks.frame_cost import FrameCost, median_stages_ms
-
+def _by_area(config: GrowthConfig) -> dict[str, FrameCost]:
     frames, costs = _frames(config, HDL_64E), {}
     for area in _AREAS:
         long_m, wide_m = area.ahead_m + area.behind_m, 2 * area.side_m
@@ -127,8 +216,6 @@ def _by_area(config: GrowthConfig) -> dict[str, "FrameCost"]:
 
 def _frames(config: GrowthConfig, sensor: LidarModel) -> list[Frame]:
     """Return the frames of a street in memory."""
-    from benchmarks.frame_cost import WARM_UP
-
     return list(config.drive(WARM_UP + config.frames, sensor))
 
 
@@ -145,17 +232,17 @@ def _with_step(ratio: float) -> LidarModel:
     return replace(HDL_64E, name=f"step x {ratio:g}", azimuth_step_rad=step_rad)
 
 
-def _sorted(costs: Mapping[str, "FrameCost"], names: Sequence[str]) -> dict[str, "FrameCost"]:
+def _sorted(costs: Mapping[str, FrameCost], names: Sequence[str]) -> dict[str, FrameCost]:
     """Return some of the costs by their names, the least points first."""
     return {name: costs[name] for name in sorted(names, key=lambda name: costs[name].size)}
 
 
-def _curve(name: str, costs: Mapping[str, "FrameCost"]) -> Curve:
+def _curve(name: str, costs: Mapping[str, FrameCost]) -> Curve:
     rows = list(costs.values())
     return Curve(name, [cost.size for cost in rows], [cost.all_ms for cost in rows])
 
 
-def _stage_curves(costs: Mapping[str, "FrameCost"]) -> list[Curve]:
+def _stage_curves(costs: Mapping[str, FrameCost]) -> list[Curve]:
     rows = list(costs.values())
     sizes = [cost.size for cost in rows]
     return [
@@ -169,11 +256,11 @@ def _stage_curves(costs: Mapping[str, "FrameCost"]) -> list[Curve]:
     ]
 
 
-def _blocks(run: "LongRun", values: Sequence[float]) -> Curve:
+def _blocks(run: LongRun, values: Sequence[float]) -> Curve:
     return Curve("VLP-16, back and forth", list(map(float, run.frames)), values)
 
 
-def _table(title: str, size: str, costs: Mapping[str, "FrameCost"]) -> Table[object]:
+def _table(title: str, size: str, costs: Mapping[str, FrameCost]) -> Table[object]:
     """Return the cost of each stage in milliseconds by setting, and of the whole frame relative to the first."""
     first = next(iter(costs.values()))
     stages = list(first.stages_ms)
@@ -189,7 +276,7 @@ def _table(title: str, size: str, costs: Mapping[str, "FrameCost"]) -> Table[obj
     return formatted_table(title, "", specs, rows)
 
 
-def _long_table(run: "LongRun") -> Table[object]:
+def _long_table(run: LongRun) -> Table[object]:
     specs = {"CPU p50 [ms]": ".2f", "memory [MiB]": ".1f"}
     rows = {
         f"until {end}": [median_ms, mib]

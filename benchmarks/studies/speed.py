@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from benchmarks.studies.chain_times import (
+from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
+from benchmarks.studies.stages import (
     PUBLISHED_FRAMES_PER_S,
     chain_config,
     frames_per_s,
     stage_times,
 )
-from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from perception.cli.flags import require_positive
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 

@@ -5,8 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.detector_files import write_detector
-from benchmarks.detectors import Workload
+from benchmarks.detectors import Workload, write_detector
 from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import PreparedDrive
 from data.open_drive import open_drive

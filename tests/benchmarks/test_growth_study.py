@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.frame_cost import blocks_of, median_stages_ms
 from benchmarks.measure import memory_mib, processor_clock
-from benchmarks.studies.growth import GrowthConfig
+from benchmarks.studies.growth import GrowthConfig, blocks_of, median_stages_ms
 from data.synthetic.drive import SyntheticDrive
 from perception.cli import study
 from perception.cli.main import COMMANDS

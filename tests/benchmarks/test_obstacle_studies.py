@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.studies import chain_times, speed, stages
-from benchmarks.studies.chain_times import chain_config, frames_per_s, mean_times_s, stage_times
+from benchmarks.studies import speed, stages
 from benchmarks.studies.dense_cloud import cut_out, dense_cloud, disagreement_m, find_pole
 from benchmarks.studies.gates import gates, passes_gate
 from benchmarks.studies.ground_error import GroundErrorConfig, ground_error
 from benchmarks.studies.masks import masks
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
 from benchmarks.studies.report import DriveOfStudy
+from benchmarks.studies.stages import chain_config, frames_per_s, mean_times_s, stage_times
 from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
@@ -194,7 +194,7 @@ def test_the_stages_of_either_method_are_timed_on_the_same_frames(drive):
     for method in ("thesis", "default"):
         times = stage_times(drive, chain_config(method, 2, voxel_size_m=0.4), 4, 2)
         assert len(times) == 2
-        assert list(times[0]) == list(chain_times.PUBLISHED_PERCENT)
+        assert list(times[0]) == list(stages.PUBLISHED_PERCENT)
         assert min(times[0].values()) > 0
 
 

@@ -6,9 +6,9 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.ground_peers import line_fit, patchwork
-from benchmarks.motion_peers import dufomap
-from benchmarks.registration_peers import kiss_icp_odometry
+from benchmarks.ground import line_fit, patchwork
+from benchmarks.motion import dufomap
+from benchmarks.registration import kiss_icp_odometry
 from perception.errors import MissingDependencyError
 from perception.sensor import VLP_16, LidarModel
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
+from benchmarks.maps import fill_by_morphology, fill_nearest_by_chamfer
 from benchmarks.reference.maps import (
     fill_columns_by_loop,
     fill_natural_by_discs,
