@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.measure import memory_mib, processor_clock
 from benchmarks.pipeline import FrameSource
 from benchmarks.studies.report import RESULTS, formatted_table, publish
+from data.synthetic.drive import SyntheticDrive
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
@@ -152,8 +153,6 @@ class GrowthConfig(FlagGroup):
 
     def drive(self, frames: int, sensor: LidarModel) -> Drive:
         """Return the street by a LiDAR."""
-        from data.synthetic.drive import SyntheticDrive
-
         return SyntheticDrive(frames, seed=self.seed, sensor=sensor, images=self.detect)
 
 

@@ -4,23 +4,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from perception.errors import UsageError
+from data.detections.measured_drives import DriveReader
+from data.recorded_drive import RecordedDrive
+from perception.cli.progress import progress_bar
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.errors import CalibrationError, ImageError, UsageError
+from perception.evaluation.detection.average_precision import match_detections, max_ap
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
     KITTI_CLASSES,
     DetectionClass,
 )
 from perception.evaluation.report import Column, Table
+from perception.geometry.box_overlap_px import iou_px
 from perception.render.curve_plots import Curve, CurvePanel
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Bool, Detections, Float64, Labels
-
-if TYPE_CHECKING:
-    from data.recorded_drive import RecordedDrive
-    from perception.detection.detectors.modality_detector import ModalityDetector
 
 RANGES_M: tuple[tuple[float, float], ...] = ((0, 15), (15, 30), (30, 50), (0, 50))
 _MODERATE = next(one for one in DIFFICULTIES if one.name == "moderate")
@@ -49,9 +54,6 @@ class RangedFrame:
     @classmethod
     def of(cls, labels: Labels, detections: Detections, focal_px: float) -> "RangedFrame":
         """Measure the distances; the focal length is that of rows."""
-        from perception.geometry.box_overlap_px import iou_px
-        from perception.tracking.vehicles.class_sizes import SizePriors
-
         label_distances_m = np.hypot(*labels.boxes_velo.bottom_m[:, :2].T)
         _, y1, _, y2 = detections.boxes_px.T
         heights_m = SizePriors.of(detections.types).height_m[:, 0]
@@ -120,10 +122,6 @@ def range_name(range_m: tuple[float, float]) -> str:
 
 
 def _precision(frames: Sequence[RangedFrame], detection_class: DetectionClass) -> RangePrecision:
-    from perception.evaluation.detection.average_precision import match_detections, max_ap
-    from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-    from perception.evaluation.detection.evaluation_boxes import pair_boxes
-
     truths = TrueBoxes.of_frames([frame.labels for frame in frames])
     detected = DetectedBoxes.of_frames([frame.detections for frame in frames])
     neighbours = (*detection_class.neighbours, _ELSEWHERE)
@@ -150,9 +148,6 @@ def measure_realism(
     Raises:
         PerceptionError: a network or a drive cannot be read or used.
     """
-    from data.detections.measured_drives import DriveReader
-    from perception.detection.detectors.modality_detector import ModalityDetector
-
     opened = {file.stem: ModalityDetector(file) for file in networks}
     for file, network in zip(networks, opened.values(), strict=True):
         if network.modality != "rgb":
@@ -167,12 +162,9 @@ def measure_realism(
 
 
 def _detect(
-    networks: Mapping[str, "ModalityDetector"], drive: "RecordedDrive"
+    networks: Mapping[str, ModalityDetector], drive: RecordedDrive
 ) -> dict[str, list[RangedFrame]]:
     """Return the frames of a drive with the detections of each network."""
-    from perception.cli.progress import progress_bar
-    from perception.errors import CalibrationError, ImageError
-
     frames: dict[str, list[RangedFrame]] = {name: [] for name in networks}
     for index in progress_bar(range(len(drive)), drive.name, len(drive)):
         frame = drive[index]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from benchmarks.studies.detector_variants import DetectorVariant, VariantFlags, study_variants
 from benchmarks.studies.report import RESULTS, publish
@@ -13,9 +13,7 @@ from benchmarks.studies.variant_report import (
     times_table,
 )
 from perception.evaluation.report import Table
-
-if TYPE_CHECKING:
-    from perception.types import MapFilling
+from perception.types import MapFilling
 
 SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
 TRIFUSE, WIDE = "Trifuse", "nearest, wide"
@@ -31,7 +29,7 @@ THESIS_B3: Mapping[str, Percent] = {
     NATURAL: (65.25, 50.07, 44.76),
 }
 THESIS_B1_MS = (34.0, 15.0)
-_FILLINGS: Mapping[str, "MapFilling"] = {
+_FILLINGS: Mapping[str, MapFilling] = {
     SPARSE: "sparse",
     NEAREST: "nearest",
     LINEAR: "linear",

@@ -6,6 +6,9 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from data.open_drive import open_drive
+from data.results.documents import write_json
+from data.synthetic.drive import SyntheticDrive
 from perception import __version__
 from perception.cli.flags import SourceFlags, require_positive
 from perception.cli.parser import FlagGroup
@@ -26,11 +29,8 @@ class DriveOfStudy(SourceFlags):
     def open(self, drive: str, *, images: bool = False) -> Drive:
         """Open a path, or return a synthetic street for the word `synthetic`."""
         if drive == "synthetic":
-            from data.synthetic.drive import SyntheticDrive
-
             sensor = load_sensor(self.sensor or "HDL-64E")
             return SyntheticDrive(_SYNTHETIC_FRAMES, sensor=sensor, images=images)
-        from data.open_drive import open_drive
 
         return open_drive(Path(drive), sequence=self.sequence, config=self.reading, images=images)
 
@@ -82,8 +82,6 @@ def publish(
         conditions: Drive, frames and parameters.
         details: Results for the JSON document alone.
     """
-    from data.results.documents import write_json
-
     results = {name: table.to_json() for name, table in tables.items()}
     document = {
         "repeats": repeats,

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from data.results.documents import write_json
 from perception.cli.flags import require_positive
 from perception.cli.main import run_command_line
 from perception.cli.parser import FlagGroup
@@ -157,8 +158,6 @@ class _Done:
             UsageError: Another command of this name is done.
             PerceptionError: The command cannot be run.
         """
-        from data.results.documents import write_json
-
         line = shlex.join(["trifuse", *words])
         known = self._lines.get(name)
         if known == line:

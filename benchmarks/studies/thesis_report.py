@@ -4,13 +4,19 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from benchmarks.studies.augmentation import THESIS_PERCENT as TABLE_7_8
 from benchmarks.studies.report import formatted_table, publish
+from data.detections.measured_detectors import run_depthcn
+from data.splits.files import read_split
 from perception.atomic_file import write_atomically, write_jpeg
+from perception.detection.config import DepthCnConfig, DetectionConfig, FusionConfig
+from perception.detection.detectors.modalities import modality_image
+from perception.detection.detectors.multimodal import MultimodalDetector
+from perception.detection.networks import open_depthcn, open_detectors, open_fusion
 from perception.evaluation.detection.fusion_measure import (
     MODALITY_NAMES,
     VARIANT_NAMES,
@@ -20,10 +26,9 @@ from perception.evaluation.detection.protocol import LEVELS
 from perception.evaluation.detection.published import PUBLISHED_PERCENT
 from perception.evaluation.report import Table
 from perception.render.curve_plots import CurvePanel, plot_curves, precision_panel
-
-if TYPE_CHECKING:
-    from perception.detection.config import DetectionConfig
-    from perception.types import Detections, Drive, UInt8
+from perception.render.detection_composition import DetectionComposition, DetectionScene
+from perception.render.detections import color_depth_map, draw_detection_errors
+from perception.types import Detections, Drive, UInt8
 
 _IOU = "0.7"
 _AP = "ap_r11_percent"
@@ -150,9 +155,6 @@ def _panel(
 
 def draw_frames(out: Path) -> None:
     """Draw DepthCN's proposals and detections, and fused detections, in some test frames (Figs 7.10, 7.16)."""
-    from data.splits.files import read_split
-    from perception.detection.config import DepthCnConfig, DetectionConfig, FusionConfig
-
     split = read_split(out / "split.json")
     drive = split.require_part(split.open(), "test")[0]
     config = DetectionConfig(
@@ -166,12 +168,7 @@ def draw_frames(out: Path) -> None:
         write_jpeg(out / f"figure-{figure}.jpg", _sheet(list(images(drive, config))))
 
 
-def _depthcn_images(drive: "Drive", config: "DetectionConfig") -> Iterator["UInt8"]:
-    from data.detections.measured_detectors import run_depthcn
-    from perception.detection.networks import open_depthcn
-    from perception.render.detection_composition import DetectionComposition, DetectionScene
-    from perception.render.detections import color_depth_map
-
+def _depthcn_images(drive: Drive, config: DetectionConfig) -> Iterator[UInt8]:
     detector = open_depthcn(config, drive.sensor)
     for index in _indices(drive):
         frame = drive[index]
@@ -188,12 +185,7 @@ def _depthcn_images(drive: "Drive", config: "DetectionConfig") -> Iterator["UInt
         yield DetectionComposition.of(scene, 1 / drive.sensor.rate_hz).draw(scene)
 
 
-def _fused_images(drive: "Drive", config: "DetectionConfig") -> Iterator["UInt8"]:
-    from perception.detection.detectors.modalities import modality_image
-    from perception.detection.detectors.multimodal import MultimodalDetector
-    from perception.detection.networks import open_detectors, open_fusion
-    from perception.render.detections import draw_detection_errors
-
+def _fused_images(drive: Drive, config: DetectionConfig) -> Iterator[UInt8]:
     detector = MultimodalDetector(open_detectors(config), open_fusion(config))
     for index in _indices(drive):
         frame, labels = drive[index], drive.labels(index)
@@ -207,15 +199,15 @@ def _fused_images(drive: "Drive", config: "DetectionConfig") -> Iterator["UInt8"
         )
 
 
-def _indices(drive: "Drive") -> list[int]:
+def _indices(drive: Drive) -> list[int]:
     return sorted(set(np.linspace(0, len(drive) - 1, _IMAGES).round().astype(int).tolist()))
 
 
-def _displayed(detections: "Detections", config: "DetectionConfig") -> "Detections":
+def _displayed(detections: Detections, config: DetectionConfig) -> Detections:
     return detections[detections.scores >= config.display_score]
 
 
-def _sheet(images: Sequence["UInt8"]) -> "UInt8":
+def _sheet(images: Sequence[UInt8]) -> UInt8:
     """Return images below one another, all as wide as the narrowest."""
     width = min(one.shape[1] for one in images)
     return np.concatenate([one[:, :width] for one in images])

@@ -3,12 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
+from data.derived.moving_truth import moving_truth
+from data.synthetic.drive import SyntheticDrive
 from data.synthetic.street_kind import StreetKind
+from data.synthetic.world_kinds import STREETS, draw_config
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.evaluation.box_intervals import BoxIntervals, box_intervals
@@ -19,12 +22,11 @@ from perception.evaluation.multi_object.track_errors import TargetErrors, target
 from perception.evaluation.pose_intervals import PoseErrors, PoseIntervals
 from perception.evaluation.report import Table
 from perception.evaluation.vehicle_measure import matched_labels
+from perception.localization.odometry import LidarOdometry
+from perception.pipeline import Pipeline
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
 from perception.types import Result
-
-if TYPE_CHECKING:
-    from data.synthetic.drive import SyntheticDrive
 
 _PROTOCOL = DatmoProtocol(view="all")
 # Time since the first scan in periods of the sensor, by name.
@@ -111,9 +113,6 @@ def uncertainty(
 
 def _measure(sensor: str, streets: StreetFlags, config: UncertaintyConfig) -> _Errors:
     """Drive through the streets of one LiDAR."""
-    from data.synthetic.drive import SyntheticDrive
-    from data.synthetic.world_kinds import STREETS, draw_config
-
     errors = _Errors()
     for number, seed in enumerate(streets.seeds):
         rng = np.random.default_rng(seed)
@@ -129,11 +128,7 @@ def _measure(sensor: str, streets: StreetFlags, config: UncertaintyConfig) -> _E
     return errors
 
 
-def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) -> None:
-    from data.derived.moving_truth import moving_truth
-    from perception.localization.odometry import LidarOdometry
-    from perception.pipeline import Pipeline
-
+def _drive(drive: SyntheticDrive, config: UncertaintyConfig, errors: _Errors) -> None:
     truth, targets = moving_truth(drive, _PROTOCOL.view, _PROTOCOL.motion), _PROTOCOL.targets
     true_poses = [drive.true_world_SE3_velo(index) for index in range(len(drive))]
     started: list[tuple[bool, LidarOdometry, PoseIntervals]] = []
@@ -164,7 +159,7 @@ def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) 
         errors.poses[has_ins].append(intervals.errors)
 
 
-def _add_vehicles(result: Result, drive: "SyntheticDrive", errors: _Errors) -> None:
+def _add_vehicles(result: Result, drive: SyntheticDrive, errors: _Errors) -> None:
     if result.vehicles is None:
         return
     known, rows = matched_labels(drive.labels(result.frame.index), result.vehicles)
