@@ -75,16 +75,9 @@ class BoxTracker:
     def _predict(self, elapsed_s: float) -> None:
         """Predict the tracks; after a long gap in time none is left."""
         tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config)]
-        headings = update_from_course(tracks, elapsed_s)
-        states = motion_model.predict(tracks.states, elapsed_s)
-        turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))
-        self._tracks = replace(
-            with_sides_swapped(tracks, turn_rad > np.pi / 4),
-            mean=states.mean,
-            covariance=states.covariance,
-            yaw_rad=headings.yaw_rad,
-            yaw_variance=headings.variance,
-        )
+        predicted = motion_model.predict(update_from_course(tracks, elapsed_s), elapsed_s)
+        turn_rad = np.abs(wrap(predicted.yaw_rad - tracks.yaw_rad, np.pi))
+        self._tracks = with_sides_swapped(predicted, turn_rad > np.pi / 4)
 
     def _update_with_moving(self, clusters: Footprints, sensor_m: Float64) -> Footprints:
         """Continue tracks by moving clusters, the confirmed ones first; return the unmatched clusters."""
@@ -98,9 +91,7 @@ class BoxTracker:
             if len(clusters) and len(rows):
                 tracks = self._tracks[rows]
                 measured = measure_boxes(tracks, clusters, sensor_m)
-                costs = motion_model.squared_distances(
-                    tracks.states, measured.centers_m, measured.noise
-                )
+                costs = motion_model.squared_distances(tracks, measured.centers_m, measured.noise)
                 pairs = assign_hungarian(costs, costs <= motion_model.GATE)
                 self._update_matched(
                     rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=True
@@ -121,7 +112,7 @@ class BoxTracker:
             return
         tracks = self._tracks[rows]
         measured = measure_boxes(tracks, clusters, sensor_m)
-        costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
+        costs = motion_model.squared_distances(tracks, measured.centers_m, measured.noise)
         room_m = likely_sizes_m(tracks) + _STATIC_MARGIN_M
         min_m = _STATIC_MIN_SHARE * tracks.recent_sizes_m[:, 0]
         fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
@@ -177,7 +168,7 @@ class BoxTracker:
         goes_on = np.ones(len(tracks), bool)
         for older, younger in zip(*np.nonzero(np.triu(is_within | is_within.T, 1)), strict=True):
             is_part = is_within[younger, older] and areas_m2[younger] > areas_m2[older]
-            moves_alike = motion_model.moves_alike(tracks.states, older, younger)
+            moves_alike = motion_model.moves_alike(tracks, older, younger)
             if not goes_on[older] or not goes_on[younger]:
                 continue
             if is_part and moves_alike and tracks.is_confirmed[older]:

@@ -1,6 +1,6 @@
 """Heading of a track: from its course once it is fast enough, before that from its shape."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,19 +27,6 @@ _REVERSE_SPEED_M_S = 3.0  # maximum speed of a vehicle that drives backwards
 _VEHICLE_LENGTH_M = 2.4  # minimum length of an object that may drive backwards
 
 UNKNOWN_VARIANCE = np.pi**2 / 3  # of a uniformly distributed angle
-
-
-@dataclass(frozen=True)
-class Headings:
-    """T headings.
-
-    Attributes:
-        yaw_rad: (T,) headings.
-        variance: (T,) variances, in rad².
-    """
-
-    yaw_rad: Float64
-    variance: Float64
 
 
 def yaws_of_shape(clusters: Footprints, steps: int = 45) -> Float64:
@@ -72,7 +59,7 @@ def first_yaws(clusters: Footprints, sensor_xy_m: Float64) -> Float64:
     return np.where(is_face, yaw_rad + np.pi / 2, yaw_rad)
 
 
-def update_from_course(tracks: TrackTable, elapsed_s: float) -> Headings:
+def update_from_course(tracks: TrackTable, elapsed_s: float) -> TrackTable:
     """Predict every heading, and correct it by the course of its track."""
     variance = tracks.yaw_variance + (_TURN_RATE_RAD_S * elapsed_s) ** 2
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
@@ -86,7 +73,8 @@ def update_from_course(tracks: TrackTable, elapsed_s: float) -> Headings:
     gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_used
     left = np.where(is_new & is_used, noise, variance * (1 - gain))
     yaw_rad = np.where(is_new & ~is_used, _course_side(tracks, course_rad), tracks.yaw_rad)
-    return Headings(wrap(yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
+    variance = np.minimum(left, UNKNOWN_VARIANCE)
+    return replace(tracks, yaw_rad=wrap(yaw_rad + gain * off_rad), yaw_variance=variance)
 
 
 def reported_yaws(tracks: TrackTable) -> Float64:
@@ -116,7 +104,7 @@ def _may_reverse(tracks: TrackTable) -> Bool:
     return np.asarray(is_vehicle & is_slow & (tracks.yaw_variance <= _UNSETTLED_VARIANCE))
 
 
-def update_from_shape(tracks: TrackTable, clusters: Footprints) -> Headings:
+def update_from_shape(tracks: TrackTable, clusters: Footprints) -> TrackTable:
     """Correct the heading of each of T tracks by the axis of the cluster that continues it.
 
     A rectangle does not show its front: its four headings are equivalent, and none turns a track by more than an
@@ -138,4 +126,4 @@ def update_from_shape(tracks: TrackTable, clusters: Footprints) -> Headings:
     # Which of the four it is stays unknown until the object moves.
     is_settled = tracks.yaw_variance <= _UNSETTLED_VARIANCE
     variance = np.where(is_settled, tracks.yaw_variance * (1 - gain), tracks.yaw_variance)
-    return Headings(wrap(yaw_rad), variance)
+    return replace(tracks, yaw_rad=wrap(yaw_rad), yaw_variance=variance)

@@ -7,8 +7,8 @@ file serves every motion model.
     measured (T, k)   observation (k, n)   measurement noise (k, k) or (T, k, k)
 """
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, TypeVar
 
 import numpy as np
 
@@ -28,25 +28,30 @@ class Gaussians(ArrayTable):
     covariance: Annotated[Float64, ...]
 
 
-def predict(states: Gaussians, transition: Float64, process_noise: Float64) -> Gaussians:
+States = TypeVar("States", bound=Gaussians)  # states, or tracks that have a state each
+
+
+def predict(states: States, transition: Float64, process_noise: Float64) -> States:
     """Predict every state by one step."""
-    return Gaussians(
-        states.mean @ transition.T,
-        transition @ states.covariance @ transition.T + process_noise,
+    return replace(
+        states,
+        mean=states.mean @ transition.T,
+        covariance=transition @ states.covariance @ transition.T + process_noise,
     )
 
 
 def update(
-    states: Gaussians, measured: Float64, observation: Float64, measurement_noise: Float64
-) -> Gaussians:
+    states: States, measured: Float64, observation: Float64, measurement_noise: Float64
+) -> States:
     """Correct every state by its own measurement, in the form that keeps covariances symmetric (Joseph's)."""
     innovation = measured - states.mean @ observation.T
     spread = observation @ states.covariance @ observation.T + measurement_noise
     gain = np.linalg.solve(spread, observation @ states.covariance).transpose(0, 2, 1)
     kept = np.eye(states.mean.shape[1]) - gain @ observation
-    return Gaussians(
-        states.mean + np.einsum("tnk,tk->tn", gain, innovation),
-        kept @ states.covariance @ kept.transpose(0, 2, 1)
+    return replace(
+        states,
+        mean=states.mean + np.einsum("tnk,tk->tn", gain, innovation),
+        covariance=kept @ states.covariance @ kept.transpose(0, 2, 1)
         + gain @ measurement_noise @ gain.transpose(0, 2, 1),
     )
 

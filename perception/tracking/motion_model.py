@@ -4,12 +4,10 @@ state      x  y  vx  vy      (world)
 measured   x  y              centre of the box
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from perception.tracking import kalman
-from perception.tracking.kalman import Gaussians
+from perception.tracking.kalman import Gaussians, States
 from perception.types import Float64, Int
 
 # Standard deviation of the change of velocity within a second, along x and along y.
@@ -33,7 +31,7 @@ _VELOCITY_INFLATION = 0.4
 _OBSERVATION = np.eye(2, 4)
 
 
-def predict(states: Gaussians, elapsed_s: float) -> Gaussians:
+def predict(states: States, elapsed_s: float) -> States:
     """Predict the states, with random accelerations.
 
     The noise of two steps is that of one step as long as both, so that neither the scan rate nor a gap in time changes
@@ -65,32 +63,24 @@ def init(positions_m: Float64, noise: Float64, sizes_m: Float64) -> Gaussians:
     return Gaussians(np.hstack([positions_m, np.zeros((count, 2))]), covariance)
 
 
-@dataclass(frozen=True)
-class CenterUncertainty:
-    """Sources of uncertainty of centres, along the heading and to the left; arrays of one shape (..., 2).
-
-    Attributes:
-        seen_m: (..., 2) observed length and width, whose ends lie between points.
-        swing_m: (..., 2) shift of the centre by an error of the heading.
-        slack_m: (..., 2) difference of observed and estimated size.
-    """
-
-    seen_m: Float64
-    swing_m: Float64
-    slack_m: Float64
-
-
-def position_noise(uncertainty: CenterUncertainty, points: Int, yaw_rad: Float64) -> Float64:
+def position_noise(
+    seen_m: Float64, swing_m: Float64, slack_m: Float64, points: Int, yaw_rad: Float64
+) -> Float64:
     """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:
-        uncertainty: (..., 2) sources of uncertainty.
+        seen_m: (..., 2) observed length and width, whose ends lie between points.
+        swing_m: (..., 2) shift of the centre along the heading and to the left, by an error of the heading.
+        slack_m: (..., 2) difference of observed and estimated length and width.
         points: (...) numbers of observed points; more points locate a side better.
         yaw_rad: (...) headings.
     """
-    missed_m = _SAMPLING * uncertainty.seen_m / np.sqrt(points)[..., None]
-    slack_m = _SLACK_SHARE * uncertainty.slack_m
-    variances = _SIDE_NOISE_M**2 + missed_m**2 + uncertainty.swing_m**2 + slack_m**2
+    missed_m, slack_m = _SAMPLING * seen_m / np.sqrt(points)[..., None], _SLACK_SHARE * slack_m
+    return turned_variances(_SIDE_NOISE_M**2 + missed_m**2 + swing_m**2 + slack_m**2, yaw_rad)
+
+
+def turned_variances(variances: Float64, yaw_rad: Float64) -> Float64:
+    """Return (..., 2, 2) the covariances of x and y by (..., 2) variances along headings and to their left."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))
@@ -101,7 +91,7 @@ def squared_distances(states: Gaussians, centers_m: Float64, noise: Float64) -> 
     return kalman.mahalanobis_squared(states, centers_m, _OBSERVATION, noise)
 
 
-def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
+def correct(states: States, centers_m: Float64, noise: Float64) -> States:
     """Correct each state by one centre (T, 2) with its noise (T, 2, 2)."""
     return kalman.update(states, centers_m, _OBSERVATION, noise)
 

@@ -10,7 +10,7 @@ _MIN_HITS_REPORTED_UNSEEN = 5  # number of hits of a track that is reported with
 # Time since the last observation within which a static cluster may continue a track.
 _MAX_STOPPING_S = 0.35
 _MAX_STOPPING_SPEED_M_S = 3.0  # maximum speed of such a track
-_ROUNDING_S = 1e-3  # of stamps
+ROUNDING_S = 1e-3  # of stamps
 
 
 def is_confirmed(tracks: TrackTable, config: BoxTrackerConfig) -> Bool:
@@ -30,14 +30,14 @@ def is_confirmed(tracks: TrackTable, config: BoxTrackerConfig) -> Bool:
 def is_alive(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each track is kept: observed recently, and as a moving object not too long ago."""
     limit_s = np.where(tracks.is_confirmed, config.max_unseen_s, config.max_unseen_unconfirmed_s)
-    is_lost = stamp_s - tracks.last_seen_s > limit_s + _ROUNDING_S
-    is_static = stamp_s - tracks.last_moved_s > config.max_static_s + _ROUNDING_S
+    is_lost = stamp_s - tracks.last_seen_s > limit_s + ROUNDING_S
+    is_static = stamp_s - tracks.last_moved_s > config.max_static_s + ROUNDING_S
     return np.asarray(~is_lost & ~is_static)
 
 
 def may_be_static(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each confirmed track that is not observed in this scan may have stopped."""
-    is_fresh = stamp_s - tracks.last_seen_s <= _MAX_STOPPING_S + _ROUNDING_S
+    is_fresh = stamp_s - tracks.last_seen_s <= _MAX_STOPPING_S + ROUNDING_S
     is_slow = tracks.speeds_m_s <= _MAX_STOPPING_SPEED_M_S
     return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
@@ -45,6 +45,6 @@ def may_be_static(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) 
 def is_reported(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each track is reported."""
     limit_s = np.where(tracks.hits >= _MIN_HITS_REPORTED_UNSEEN, config.max_unseen_reported_s, 0.0)
-    is_observed = stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
-    moves = stamp_s - tracks.last_moved_s <= config.max_static_reported_s + _ROUNDING_S
+    is_observed = stamp_s - tracks.last_seen_s <= limit_s + ROUNDING_S
+    moves = stamp_s - tracks.last_moved_s <= config.max_static_reported_s + ROUNDING_S
     return np.asarray(tracks.is_confirmed & is_observed & moves)

@@ -26,7 +26,7 @@ _LENGTHS_M = np.array([CLASS_SIZES[name].length.mean_m for name in _CLASSES.toli
 
 def reported_covariances(tracks: TrackTable, sizes_m: Float64) -> Float64:
     """Return (T, 4, 4) covariances of x, y and the velocity in the world, of tracks with (T, 3) sizes."""
-    reported = motion_model.reported_covariances(tracks.states)
+    reported = motion_model.reported_covariances(tracks)
     along = np.stack([np.cos(tracks.yaw_rad), np.sin(tracks.yaw_rad)], axis=1)
     end_m = _size_deviations(tracks, sizes_m)[:, 0] / 2
     reported[:, :2, :2] += end_m[:, None, None] ** 2 * along[:, :, None] * along[:, None]

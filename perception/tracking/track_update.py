@@ -18,6 +18,7 @@ from perception.tracking.visible_sides import (
     measure_extents,
     place_centers,
     sensor_along,
+    shift_behind,
     to_world,
 )
 from perception.types import Float64, Int
@@ -55,27 +56,25 @@ def _measure(tracks: TrackTable, seen: Extents, points: Int) -> BoxMeasurements:
     swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, _MAX_SWING_RAD**2))
     hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
-    uncertainty = motion_model.CenterUncertainty(seen.sizes_m, swing_m, centers.slack_m)
     return BoxMeasurements(
         to_world(centers.along_left_m, tracks.yaw_rad),
-        motion_model.position_noise(uncertainty, points, tracks.yaw_rad[:, None]),
+        motion_model.position_noise(
+            seen.sizes_m, swing_m, centers.slack_m, points, tracks.yaw_rad[:, None]
+        ),
         seen.sizes_m,
     )
 
 
 def update_tracks(tracks: TrackTable, clusters: Footprints, sensor_m: Float64) -> TrackTable:
     """Correct each of T tracks by the cluster that continues it."""
-    headings = update_from_shape(tracks, clusters)
-    tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
+    tracks = update_from_shape(tracks, clusters)
     seen = _own_extents(clusters, tracks.yaw_rad, sensor_m)
     tracks = _grown(tracks, seen)
     measured = _measure(tracks, seen, clusters.points[:, None])
-    states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
+    tracks = motion_model.correct(tracks, measured.centers_m[:, 0], measured.noise[:, 0])
     heights_m = clusters.high_m - clusters.low_m
     return replace(
         tracks,
-        mean=states.mean,
-        covariance=states.covariance,
         heights_m=tracks.heights_m + _HEIGHT_GAIN * (heights_m - tracks.heights_m),
         low_world_m=tracks.low_world_m + _HEIGHT_GAIN * (clusters.low_m - tracks.low_world_m),
         points=tracks.points + clusters.points,
@@ -126,8 +125,6 @@ def _grown(tracks: TrackTable, seen: Extents) -> TrackTable:
     is_complete = seen.is_complete[:, 0]
     sizes_m, recent_m, complete = update_sizes(tracks, seen.sizes_m[:, 0], is_complete)
     grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_counts=complete)
-    growth_m = likely_sizes_m(grown) - before_m
     away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
-    is_outside = np.abs(away_m) > before_m / 2
-    shift_m = to_world(np.sign(away_m) * is_outside * growth_m / 2, tracks.yaw_rad)
+    shift_m = shift_behind(away_m, before_m, likely_sizes_m(grown), tracks.yaw_rad)
     return replace(grown, mean=tracks.mean + np.pad(shift_m, ((0, 0), (0, 2))))

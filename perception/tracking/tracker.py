@@ -10,7 +10,7 @@ from perception.geometry.boxes import transform_boxes
 from perception.geometry.footprints import Footprints
 from perception.tracking.kalman import Gaussians
 from perception.tracking.visible_sides import from_world
-from perception.types import ArrayTable, Boxes3D, Float64, Tracks
+from perception.types import Boxes3D, Float64, Tracks
 
 
 class MultiObjectTracker(Protocol):
@@ -35,7 +35,7 @@ class MultiObjectTracker(Protocol):
 
 
 @dataclass(frozen=True)
-class GroundPlaneTracks(ArrayTable):
+class GroundPlaneTracks(Gaussians):
     """T tracks over the ground plane of the world.
 
     Attributes:
@@ -49,11 +49,6 @@ class GroundPlaneTracks(ArrayTable):
     covariance: Annotated[Float64, 4, 4]
     yaw_rad: Float64
     low_world_m: Float64
-
-    @property
-    def states(self) -> Gaussians:
-        """States of the Kalman filters."""
-        return Gaussians(self.mean, self.covariance)
 
     @property
     def speeds_m_s(self) -> Float64:

@@ -109,6 +109,19 @@ def place_centers(seen: Extents, sizes_m: Float64) -> Centers:
     )
 
 
+def shift_behind(away_m: Float64, before_m: Float64, after_m: Float64, yaw_rad: Float64) -> Float64:
+    """Return (T, 2) the shift over the ground of centres whose boxes change size behind their observed sides.
+
+    Args:
+        away_m: (T, 2) centres along the heading and to the left, from the sensor.
+        before_m: (T, 2) length and width before.
+        after_m: (T, 2) length and width after.
+        yaw_rad: (T,) headings.
+    """
+    is_outside = np.abs(away_m) > before_m / 2
+    return to_world(np.sign(away_m) * is_outside * (after_m - before_m) / 2, yaw_rad)
+
+
 def to_world(along_left_m: Float64, yaw_rad: Float64) -> Float64:
     """Turn (T, ..., 2) coordinates along heading and left back into x and y."""
     shape = (-1,) + (1,) * (along_left_m.ndim - 2)

@@ -7,6 +7,7 @@ class may be another: a van is called a car, a cyclist a pedestrian, in a single
 
 import numpy as np
 
+from perception.tracking.motion_model import turned_variances
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Bool, BoxDeviations, Boxes3D, Float64, Int
 
@@ -139,7 +140,4 @@ def _height_deviations(boxes: Boxes3D, sizes: SizePriors, is_confirmed: Bool) ->
 def _hidden_ends(yaw_rad: Float64, outlines_m: Float64, sizes: SizePriors) -> Float64:
     """Return (M, 2, 2) covariances of centres by (M, 2) deviations of lengths and widths."""
     share = np.where(sizes.has_sides, 0.5, _CENTER_SHARE)
-    deviations_m = share[:, None] * outlines_m
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
-    return np.asarray((turn * deviations_m[:, None] ** 2) @ np.swapaxes(turn, -1, -2))
+    return turned_variances((share[:, None] * outlines_m) ** 2, yaw_rad)

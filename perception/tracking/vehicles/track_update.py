@@ -15,8 +15,8 @@ from perception.tracking.vehicles.observations import (
     VehicleObservations,
 )
 from perception.tracking.vehicles.vehicle_table import VehicleTable
-from perception.tracking.visible_sides import from_world, to_world
-from perception.types import Bool, Boxes3D, Float64, Int
+from perception.tracking.visible_sides import from_world, shift_behind
+from perception.types import Bool, Float64, Int
 
 # Speed from which on a person rides; detectors see the rider of a cycle, too.
 _MAX_WALKING_SPEED_M_S = 3.0
@@ -154,10 +154,8 @@ def _seen_on_ground(
 def _assumed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleTable:
     """Correct tracks that were never located by assumed positions."""
     bottom_m = observations.boxes_world.bottom_m
-    states = motion_model.correct(tracks.states, bottom_m[:, :2], observations.noise)
-    return replace(
-        tracks, mean=states.mean, covariance=states.covariance, low_world_m=bottom_m[:, 2]
-    )
+    tracks = motion_model.correct(tracks, bottom_m[:, :2], observations.noise)
+    return replace(tracks, low_world_m=bottom_m[:, 2])
 
 
 def position_distances(tracks: VehicleTable, observations: VehicleObservations) -> Float64:
@@ -166,7 +164,7 @@ def position_distances(tracks: VehicleTable, observations: VehicleObservations) 
         observations.boxes_world.bottom_m[:, :2], (len(tracks), len(observations), 2)
     )
     noise = np.broadcast_to(observations.noise, (len(tracks), len(observations), 2, 2))
-    distances = motion_model.squared_distances(tracks.states, centers_m, noise)
+    distances = motion_model.squared_distances(tracks, centers_m, noise)
     return np.where(tracks.is_located[:, None] & observations.is_located, distances, np.nan)
 
 
@@ -202,14 +200,10 @@ def _corrected(
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
     axis = _HEADING_MEMORY * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
-    shift_m = _hidden_shift_m(boxes, sizes_m, frame.world_SE3_velo[:2, 3])
-    states = motion_model.correct(
-        tracks.states, boxes.bottom_m[:, :2] + shift_m, observations.noise
-    )
+    away_m = from_world(boxes.bottom_m[:, :2] - frame.world_SE3_velo[:2, 3], boxes.yaw_rad)
+    shift_m = shift_behind(away_m, boxes.size_m[:, :2], sizes_m[:, :2], boxes.yaw_rad)
     tracks = replace(
-        tracks,
-        mean=states.mean,
-        covariance=states.covariance,
+        motion_model.correct(tracks, boxes.bottom_m[:, :2] + shift_m, observations.noise),
         axis=axis,
         yaw_rad=yaw_rad,
         sizes_m=sizes_m,
@@ -268,14 +262,6 @@ def _turned_to_course(tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float6
         yaw_rad=wrap(np.where(votes < 0, yaw_rad + np.pi, yaw_rad)),
         front_votes=np.abs(votes),
     )
-
-
-def _hidden_shift_m(boxes: Boxes3D, sizes_m: Float64, sensor_m: Float64) -> Float64:
-    """Return (T, 2) the shift of the centres of boxes that change size behind their observed sides."""
-    away_m = from_world(boxes.bottom_m[:, :2] - sensor_m, boxes.yaw_rad)
-    is_outside = np.abs(away_m) > boxes.size_m[:, :2] / 2
-    growth_m = (sizes_m - boxes.size_m)[:, :2] / 2
-    return to_world(np.sign(away_m) * is_outside * growth_m, boxes.yaw_rad)
 
 
 def _doubled(yaw_rad: Float64) -> Float64:

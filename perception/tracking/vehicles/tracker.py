@@ -16,6 +16,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking import motion_model
 from perception.tracking.association import assign_with_max_cost
+from perception.tracking.track_lifecycle import ROUNDING_S
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
@@ -71,7 +72,6 @@ _MISS = 0.1  # evidence that a frame without a detection takes away
 _MEMORY = 0.85
 _HEIGHT_DEVIATION_M = 0.03  # of the height of a track, which tells classes apart
 _SCORE_WEIGHT = 0.2  # of the logarithm of scores beside that of the likelihood of a height
-_ROUNDING_S = 1e-3
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
 # Signs of the growth of a box at its sides x1 y1 x2 y2.
 _OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
@@ -142,17 +142,14 @@ class VehicleTracker:
         self._stamp_s = frame_geometry.stamp_s
         tracks, config = self._tracks, self._config
         limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
-        goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
+        goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + ROUNDING_S
         goes_on &= (tracks.ids >= 0) | (tracks.evidence > 0)
-        tracks = tracks[goes_on]
-        states = motion_model.predict(tracks.states, elapsed_s)
+        tracks = motion_model.predict(tracks[goes_on], elapsed_s)
         unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
         self._tracks = replace(
             tracks,
-            mean=states.mean,
-            covariance=states.covariance,
             evidence=_MEMORY * tracks.evidence,
-            is_located=tracks.is_located & (unlocated_s <= _MAX_UNLOCATED_S + _ROUNDING_S),
+            is_located=tracks.is_located & (unlocated_s <= _MAX_UNLOCATED_S + ROUNDING_S),
         )
 
     def _learn_classes(self, types: NDArray[np.str_]) -> None:
