@@ -82,11 +82,8 @@ def assign_greedily(distances: Float64, is_allowed: Bool) -> Association:
 
 def _association(tracks: Int, detections: Int, shape: tuple[int, ...]) -> Association:
     return Association(
-        tracks, detections, _unmatched(tracks, shape[0]), _unmatched(detections, shape[1])
+        tracks,
+        detections,
+        unmatched_tracks=np.delete(np.arange(shape[0]), tracks),
+        unmatched_detections=np.delete(np.arange(shape[1]), detections),
     )
-
-
-def _unmatched(rows: Int, count: int) -> Int:
-    is_left = np.ones(count, bool)
-    is_left[rows] = False
-    return np.flatnonzero(is_left)

@@ -21,16 +21,11 @@ from perception.tracking.track_update import init_tracks, measure_boxes, update_
 from perception.tracking.tracker import covariances_velo
 from perception.types import Bool, Float64, Int, Tracks
 
-# Margin around a track's predicted box within which clusters are fragments of one object.
-_FRAGMENT_MARGIN_M = 0.3
-# Maximum number of points of a fragment, as a share of those of the largest one.
-_FRAGMENT_SHARE = 0.5
-# Maximum excess of the size of a static cluster over that of the track it continues.
-_STATIC_MARGIN_M = 0.5
-# Minimum size of a static cluster, as a share of the track's last observed size.
-_STATIC_MIN_SHARE = 0.6
-# Distance from a static cluster of the previous scan within which a static cluster is not new.
-_STATIC_REACH_M = 0.3
+_FRAGMENT_MARGIN_M = 0.3  # around a track's box, within which clusters are fragments of one object
+_FRAGMENT_SHARE = 0.5  # maximum number of points of a fragment, in those of the largest one
+_STATIC_MARGIN_M = 0.5  # by which a static cluster may be larger than the track that it continues
+_STATIC_MIN_SHARE = 0.6  # minimum size of a static cluster, in the track's last observed size
+_STATIC_REACH_M = 0.3  # from a static cluster of the last scan, within which one is not new
 
 
 class BoxTracker:

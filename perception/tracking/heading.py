@@ -10,16 +10,13 @@ from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import measure_extents
 from perception.types import Bool, Float64
 
-# Standard deviation of the rate at which a heading turns; a car at a corner makes 0.5 rad/s.
-_TURN_RATE_RAD_S = 0.4
+_TURN_RATE_RAD_S = 0.4  # standard deviation of turning; a car at a corner makes 0.5 rad/s
 _MIN_SPEED_M_S = 0.7  # minimum speed at which the course is used
 _FRONT_SPEED_M_S = 0.3  # minimum speed at which the course distinguishes front and rear
 _MAX_DEVIATION_RAD = 0.5  # maximum standard deviation of a course that is used
 _COURSE_DEVIATION_RAD = 0.06  # standard deviation of the heading from the course
-# Standard deviation of the heading from the axis of the outline's rectangle, of a car.
-_SHAPE_DEVIATION_RAD = 0.2
-# Length of an outline from which on its axis is more certain, by the square of the length.
-_CAR_LENGTH_M = 5.2
+_SHAPE_DEVIATION_RAD = 0.2  # of the heading from the axis of the outline's rectangle, of a car
+_CAR_LENGTH_M = 5.2  # from which on this axis is more certain, by the square of the length
 _SHAPE_LENGTH_M = 1.5  # minimum length of an outline whose axis is used
 _FACE_WIDTH_M = (1.3, 2.2)  # range of widths of fronts and rears, from the smallest car to a van
 _UNSETTLED_VARIANCE = 0.3  # variance (rad²) above which a heading is replaced rather than corrected

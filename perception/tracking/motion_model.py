@@ -10,23 +10,15 @@ from perception.tracking import kalman
 from perception.tracking.kalman import Gaussians, States
 from perception.types import Float64, Int
 
-# Standard deviation of the change of velocity within a second, along x and along y.
-_VELOCITY_NOISE_M_S = 0.9
-# Standard deviation of the initial velocity along x and along y: of vehicles, and of what is small.
-_INITIAL_SPEED_M_S, _SMALL_INITIAL_SPEED_M_S = 6.0, 3.0
+_VELOCITY_NOISE_M_S = 0.9  # change of velocity within a second, along x and along y
+_INITIAL_SPEED_M_S, _SMALL_INITIAL_SPEED_M_S = 6.0, 3.0  # along x and along y
 _SMALL_LENGTH_M = 1.3  # maximum length and width of pedestrians and cyclists
-# Standard deviation of the position of an observed side, from pose, range, and swinging arms.
-_SIDE_NOISE_M = 0.06
-# Share of the object's size, over the root of the number of points, by which an end is missed.
-_SAMPLING = 0.5
-# Deviation of the centre as a share of the length that is not observed; 0.29 if it is uniform.
-_SLACK_SHARE = 0.3
-# Maximum squared Mahalanobis distance of a detection: 99 % of true pairs (chi-squared, 2 degrees).
-GATE = 9.21
-# Standard deviation of a centre that no number of observations removes: a sparse side.
-_BOX_ERROR_M = 0.05
-# Reported share of the variance of a velocity: most keep theirs, which the filter does not know.
-_VELOCITY_INFLATION = 0.4
+_SIDE_NOISE_M = 0.06  # of an observed side, from pose, range, and swinging arms
+_SAMPLING = 0.5  # share of the size, over the root of the number of points, that an end lacks
+_SLACK_SHARE = 0.3  # deviation of the centre in what is not observed; 0.29 if it is uniform
+GATE = 9.21  # maximum squared distance of a true pair (99 %, chi-squared, 2 degrees of freedom)
+_BOX_ERROR_M = 0.05  # of a centre that no number of observations removes: a sparse side
+_VELOCITY_INFLATION = 0.4  # of reported variances: most keep their velocity, unknown to the filter
 
 _OBSERVATION = np.eye(2, 4)
 

@@ -7,18 +7,15 @@ import numpy as np
 from perception.tracking.track_table import TrackTable
 from perception.types import Bool, Float64, Int
 
-# Number of hits before which the size is the observed one, as the heading is not known yet.
-_SETTLING_HITS = 4
+_SETTLING_HITS = 4  # before which the size is the observed one, as the heading is not known yet
 MIN_COMPLETE_HITS = 5  # number of complete observations after which a length or width is known
 _VEHICLE_LENGTH_M, _VEHICLE_WIDTH_M = 2.4, 1.3  # minimum of a vehicle
-# Ratio of length to width of vehicles; 2.4 for the mean car, 2.7 for the mean van of KITTI.
-_LENGTH_PER_WIDTH = 2.4
+_LENGTH_PER_WIDTH = 2.4  # of vehicles; 2.4 for the mean car, 2.7 for the mean van of KITTI
 _PRIOR_LENGTH_M = (3.6, 5.2)  # range of vehicle lengths, from a small car to a van
 _PRIOR_WIDTH_M = 1.7  # width of a vehicle of which only the side was observed
 _MIN_SIZE_M = (0.8, 0.6)  # minimum length and width of a moving object
 _GROWTH_GAIN, _SHRINK_GAIN = 0.25, 0.03  # of a correction to a larger and to a smaller size
-# Maximum length and width, those of a city bus; larger clusters are several objects.
-_MAX_SIZE_M = (20.0, 3.2)
+_MAX_SIZE_M = (20.0, 3.2)  # length and width of a city bus; larger clusters are several objects
 
 
 def likely_sizes_m(tracks: TrackTable) -> Float64:

@@ -7,8 +7,7 @@ from perception.tracking.track_table import TrackTable
 from perception.types import Bool
 
 _MIN_HITS_REPORTED_UNSEEN = 5  # number of hits of a track that is reported without an observation
-# Time since the last observation within which a static cluster may continue a track.
-_MAX_STOPPING_S = 0.35
+_MAX_STOPPING_S = 0.35  # since the last observation, within which a static cluster may go on
 _MAX_STOPPING_SPEED_M_S = 3.0  # maximum speed of such a track
 ROUNDING_S = 1e-3  # of stamps
 

@@ -13,11 +13,9 @@ from perception.tracking.vehicles.class_sizes import CLASS_SIZES, SizePriors
 from perception.types import BoxDeviations, Float64
 
 _LENGTH_M = 0.2  # standard deviation of a length of which both ends are seen
-# Share of a class's standard deviations that observations leave of sizes that are not seen whole.
-_HIDDEN_SHARE = 0.9
+_HIDDEN_SHARE = 0.9  # of a class's deviations that observations leave of sizes not seen whole
 _AXIS_RAD = 0.02  # standard deviation of the axis of an outline
-# Share of the filter's standard deviation of the heading that is reported beside it.
-_AXIS_SHARE = 0.6
+_AXIS_SHARE = 0.6  # of the filter's deviation of the heading that is reported beside it
 _REVERSAL = 0.01  # probability that the front is the rear
 
 _CLASSES = np.array(["pedestrian", "cyclist", "car", "van", "truck", "tram"])

@@ -24,8 +24,7 @@ from perception.tracking.visible_sides import (
 from perception.types import Float64, Int
 
 _HEIGHT_GAIN = 0.3  # of a correction of the height
-# Maximum standard deviation of the heading that shifts the centre of a partly hidden box.
-_MAX_SWING_RAD = 0.3
+_MAX_SWING_RAD = 0.3  # maximum deviation of a heading that shifts the centre of a partly hidden box
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ import numpy as np
 from perception.geometry.footprints import Footprints
 from perception.types import Bool, Float64
 
-# Minimum angle between line of sight and face at which the far end of the face is observed.
-_COMPLETE_ANGLE_RAD = np.radians(10.0)
+_COMPLETE_ANGLE_RAD = np.radians(10.0)  # minimum angle to a face whose far end is observed
 
 
 @dataclass(frozen=True)

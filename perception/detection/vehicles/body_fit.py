@@ -38,8 +38,4 @@ def fit_bodies(samples_m: Float64, sizes: SizePriors) -> Rectangles:
         off = (offsets_m @ axes) / (_SPREAD_SHARE * size_m[:, None, None])  # (F, P, D)
         costs += _WEIGHT * np.minimum(off**2, _MAX_DEVIATIONS**2).mean(axis=1)
     costs += (np.sin(yaw_rad) / np.sin(_ROAD_DEVIATION_RAD)) ** 2
-    return Rectangles(
-        centers_m,
-        sizes_m,
-        yaw_rad[costs.argmin(axis=1)],
-    )
+    return Rectangles(centers_m, sizes_m, yaw_rad[costs.argmin(axis=1)])

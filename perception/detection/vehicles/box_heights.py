@@ -6,17 +6,12 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.image_heights import image_heights_m, top_deviations
 from perception.types import Boxes3D, Calibration, Float64
 
-# Maximum difference from the height of the class that is trusted, in its standard deviations.
-_MAX_DEVIATIONS = 2.5
-# Minimum standard deviation of the height of a vehicle, whose class may be another.
-_MIN_VEHICLE_DEVIATION_M = 0.3
+_MAX_DEVIATIONS = 2.5  # from the height of the class that are trusted
+_MIN_VEHICLE_DEVIATION_M = 0.3  # of the height of a vehicle, whose class may be another
 
 
 def fit_heights(
-    boxes: Boxes3D,
-    boxes_px: Float64,
-    sizes: SizePriors,
-    calibration: Calibration,
+    boxes: Boxes3D, boxes_px: Float64, sizes: SizePriors, calibration: Calibration
 ) -> Float64:
     """Return (F,) heights, weighted by the variances of the class and of the 2D box.
 

@@ -21,8 +21,7 @@ from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
 _MIN_SHARED = 0.5  # minimum share of the returns of the one that has fewer which both have
 _MIN_IOU = 0.2  # minimum IoU of both boxes on the ground, unless they share returns
-# Minimum IoU in one image where one has no box on the ground: the other is moved there.
-_MIN_IOU_PX = 0.4
+_MIN_IOU_PX = 0.4  # minimum IoU in one image, to which the one without a box on the ground is moved
 
 
 def join_cameras(

@@ -9,8 +9,7 @@ from perception.geometry.camera import project
 from perception.maps.projection import rows_near_view
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
 
-# Extension of a box that the image's border cuts, in its heights: the LiDAR sees beyond, too.
-_BORDER_EXTENSION = 3.0
+_BORDER_EXTENSION = 3.0  # of a box that the image's border cuts, in its heights: the LiDAR sees on
 _GROUND_CELL_M = 0.5  # edge of the cells of the lowest points
 _GROUND_SEARCH_RADIUS_M = 1.5  # distance within which some ground is observed, beside a car
 _GROUND_STEP_M = 0.2  # maximum height of ground above the lowest point within that distance

@@ -21,11 +21,9 @@ _DIRECTIONS = 18  # number of directions within a quarter turn
 _FINE_DIRECTIONS = 7  # number of directions around the best one
 _KEPT_DIRECTIONS = 4  # number of directions for which sizes and positions are tried
 _SIDE_DEVIATION_M = 0.15  # standard deviation of points from the side they lie on
-# Distance from a side beyond which a point costs no more, as on roofs and seats.
-_MAX_SIDE_DISTANCE_M = 0.4
+_MAX_SIDE_DISTANCE_M = 0.4  # beyond which a point costs no more, as on roofs and seats
 _SIDE_WEIGHT = 12.0  # number of independent observations that all points together are worth
-# Lengths that are tried, in standard deviations from the mean of the class.
-_LENGTH_STEPS = (-1.0, 0.0, 1.0)
+_LENGTH_STEPS = (-1.0, 0.0, 1.0)  # lengths that are tried, in deviations from the mean of the class
 _EDGE_DEVIATION_PX = 2.0  # standard deviation of the sides of the 2D box
 _EDGE_DEVIATION_SHARE = 0.07  # increase of the same, as a share of the box's width
 _HIDDEN_SIDE_COST = 4.0  # cost of a box whose side towards the sensor is not observed
@@ -205,10 +203,7 @@ def _positions(extents: _Extents, sizes_m: Float32) -> tuple[Float32, Float32]:
 
 
 def _span_costs(
-    yaw_rad: Float32,
-    sizes_m: Float32,
-    centers_m: Float32,
-    spans: ImageSpans,
+    yaw_rad: Float32, sizes_m: Float32, centers_m: Float32, spans: ImageSpans
 ) -> Float32:
     """Return (3, 3, O, F, T) the cost of the difference between the projection and the 2D box."""
     rows = spans.image_P_velo[[0, 2]].astype(np.float32)

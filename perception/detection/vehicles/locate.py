@@ -10,11 +10,7 @@ from perception.detection.vehicles.box_heights import fit_heights
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.height_classes import classes_by_height
 from perception.detection.vehicles.l_shape_fit import ImageSpans, Rectangles, fit_rectangles
-from perception.detection.vehicles.vehicle_points import (
-    ImageObjects,
-    VehiclePoints,
-    find_points,
-)
+from perception.detection.vehicles.vehicle_points import ImageObjects, VehiclePoints, find_points
 from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.tracking.vehicles.box_uncertainty import box_deviations, located_covariances

@@ -24,17 +24,14 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.observations import SAME_PLACE_IOU
 from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, GroundModel, Int
 
-# Maximum height above the ground, in standard deviations above the mean of the class.
-_MAX_HEIGHT_DEVIATIONS = 4.0
+_MAX_HEIGHT_DEVIATIONS = 4.0  # maximum height above the mean of the class, in its deviations
 # Standard deviation of the logarithm of depth, relative to the depth at which an object of the
 # class has the height of the box, towards the camera: small objects, and boxes drawn too high.
 _NEAR_DEVIATION = 0.2
 _FAR_DEVIATION = 0.5  # away from the camera: large objects, and those of another class
 _CUT_DEVIATION = 1.0  # towards the camera where the image's border cuts the box
-# Standard deviation of the points from the middle of the box, where its sides are at 1.
-_CENTER_DEVIATION = 0.5
-# Maximum gap between points of one object in top view, near the sensor, in widths of the class.
-_CLUSTER_GAP_WIDTHS = 0.25
+_CENTER_DEVIATION = 0.5  # of the points from the middle of the box, where its sides are at 1
+_CLUSTER_GAP_WIDTHS = 0.25  # maximum gap in an object in top view, near the sensor, in its widths
 _CLUSTER_GAP_PER_M = 0.012  # increase of that gap with distance, as beams spread
 _MAX_SAMPLES = 256  # maximum number of points of a box that vote
 
@@ -154,12 +151,7 @@ class _Claims:
     labels: Int
 
     @classmethod
-    def of(
-        cls,
-        near: FrustumPoints,
-        boxes_px: Float64,
-        sizes: SizePriors,
-    ) -> Self:
+    def of(cls, near: FrustumPoints, boxes_px: Float64, sizes: SizePriors) -> Self:
         """Pair boxes with points that are no higher than their classes, and cluster those of each box."""
         u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]

@@ -71,10 +71,12 @@ class ObjectLocalizer(Protocol):
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its initial box; return its (3,) position in the world, None of an empty box.
 
+        A localizer that learns nothing takes the mean of the points in the box.
+
         Raises:
             PerceptionError: The input lacks what the localizer requires.
         """
-        ...
+        return localizer_input.obstacles.centroid(localizer_input.window)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return the (3,) position of the object in the world, or None where the gate does not hold it."""

@@ -43,10 +43,7 @@ class Window:
 
 
 def mean_shift_3d(
-    points_m: Float64,
-    window: Window,
-    config: PointMeanShiftConfig,
-    weights: Float64 | None = None,
+    points_m: Float64, window: Window, config: PointMeanShiftConfig, weights: Float64 | None = None
 ) -> tuple[Window, ...]:
     """Shift a window to the mean of the points within, until it has converged.
 

@@ -12,33 +12,23 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Bool, BoxDeviations, Boxes3D, Float64, Int
 
 _SIDE_NOISE_M, _SIDE_NOISE_PER_M = 0.06, 0.005  # of a seen side, and its growth with distance
-# Standard deviation of a side located by one point; divided by the root of the number of points.
-_SPARSE_NOISE_M = 0.4
+_SPARSE_NOISE_M = 0.4  # of a side by one point; divided by the root of the number of points
 _SIZE_NOISE_PER_M = 0.002  # standard deviation of length and width, divided by the distance
-# Share of a class's deviation of length and width that is left of a tracked object.
-_HIDDEN_SHARE = 0.7
-# Ratio of the probability of another class in a single scan to that of a tracked object.
-_SINGLE_SCAN_MISTAKES = 4.0
+_HIDDEN_SHARE = 0.7  # of a class's deviation of length and width that is left of a tracked object
+_SINGLE_SCAN_MISTAKES = 4.0  # probability of another class in a single scan, in that of a track
 _HEIGHT_NOISE_M = 0.03  # standard deviation of the height, at any distance
-# Share of the standard deviation of its class that is left of the height of an object with sides.
-_HEIGHT_SHARE = 0.3
+_HEIGHT_SHARE = 0.3  # of a class's deviation that is left of the height of an object with sides
 _PERSON_HEIGHT_SHARE = 0.75  # the same of a person
-# Distance at which returns tell a height no better than the class; the variance grows with its
-# fourth power.
-_HEIGHT_RANGE_M = 50.0
+_HEIGHT_RANGE_M = 50.0  # where returns tell a height no better than the class; by the square
 _AXIS_NOISE_RAD = 0.03  # standard deviation of the axis of an outline of many points
-# Standard deviation of the axis of an outline of one point; divided by the same root.
-_SPARSE_AXIS_NOISE_RAD = 0.3
-# Reported share of the variance of the tracker's position, whose noise holds the hidden ends, too.
-_TRACK_SHARE = 0.25
+_SPARSE_AXIS_NOISE_RAD = 0.3  # of an outline of one point; divided by the same root
+_TRACK_SHARE = 0.25  # of the variance of the tracker's position, which holds the hidden ends, too
 _VELOCITY_SHARE = 0.5  # the same of the velocity: most vehicles keep theirs
-# Probability that a vehicle faces against the traffic there, which tells its front until it moves.
-_TRAFFIC_REVERSAL = 0.1
+_TRAFFIC_REVERSAL = 0.1  # probability that a vehicle that has not moved faces against the traffic
 _COURSE_REVERSAL = 0.02  # the same once it has moved
 _PERSON_REVERSAL = 0.4  # the same of people, whose outline hardly shows a heading
 _ANY_AXIS_RAD = np.pi / np.sqrt(12)  # standard deviation of an axis of any direction
-# Share of the size's deviation that is the centre's where returns lie around the middle.
-_CENTER_SHARE = 0.25
+_CENTER_SHARE = 0.25  # of the size's deviation that is the centre's, with returns around the middle
 
 
 def located_covariances(boxes: Boxes3D, point_counts: Int, sizes: SizePriors) -> Float64:
@@ -63,10 +53,7 @@ def located_covariances(boxes: Boxes3D, point_counts: Int, sizes: SizePriors) ->
 
 
 def tracked_covariances(
-    covariances: Float64,
-    boxes: Boxes3D,
-    sizes: SizePriors,
-    is_confirmed: Bool,
+    covariances: Float64, boxes: Boxes3D, sizes: SizePriors, is_confirmed: Bool
 ) -> Float64:
     """Return (T, 4, 4) covariances to report of x, y and the velocity of tracks.
 

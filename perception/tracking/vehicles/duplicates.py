@@ -9,8 +9,7 @@ from perception.types import Bool, Int, Vehicles
 
 _MIN_IOU = 0.4  # minimum IoU in the image, unless the returns of both lie apart
 _MIN_IOU_APART = 0.75  # minimum IoU in the image where the returns of both lie apart
-# Minimum IoU from above of two boxes of different cameras, of which only one is tracked.
-_MIN_IOU_CAMERAS = 0.1
+_MIN_IOU_CAMERAS = 0.1  # minimum IoU from above of two boxes of different cameras; one is tracked
 _MIN_SHARE = 0.7  # minimum share of a box without returns that lies within the other
 
 

@@ -7,8 +7,7 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.image_heights import top_deviations
 from perception.types import Detections, Float64, Int
 
-# Minimum deviation of the height of a class, against which the height in the image is evidence.
-_MIN_HEIGHT_DEVIATION_M = 0.15
+_MIN_HEIGHT_DEVIATION_M = 0.15  # of a class, against which the height in the image is evidence
 _MAX_HEIGHT_EVIDENCE = 3.0  # maximum evidence that a height takes away
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98

@@ -4,8 +4,7 @@ import numpy as np
 
 from perception.types import Bool, Float64
 
-# Minimum share of the height of a box at which a nearer one hides its left or right side.
-_MIN_HIDING_HEIGHT = 0.5
+_MIN_HIDING_HEIGHT = 0.5  # minimum share of the height at which a nearer box hides a side
 _MAX_HIDING_GAP = 0.15  # maximum gap between that side and the nearer box, as a share of the width
 _MIN_HIDING_DEPTH_M = 1.0  # minimum difference of the depths of their middles
 

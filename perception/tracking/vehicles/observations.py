@@ -13,27 +13,15 @@ from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
-from perception.types import (
-    ArrayTable,
-    Bool,
-    Boxes3D,
-    Detections,
-    Float64,
-    Int,
-    Vehicles,
-)
+from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Int, Vehicles
 
 _POSITION_NOISE_M = 0.2  # standard deviation of a located position, at any distance
 _POSITION_NOISE_PER_M = 0.01  # increase of that standard deviation with distance
-# Standard deviation of a position by one point; divided by the root of the number of points.
-_SPARSE_NOISE_M = 1.2
-# Height of an object without returns, which places it by its height in the image.
-ASSUMED_HEIGHT_M = 1.6
+_SPARSE_NOISE_M = 1.2  # of a position by one point; divided by the root of the number of points
+ASSUMED_HEIGHT_M = 1.6  # of an object without returns, which places it by its height in the image
 _ASSUMED_DEPTH_SHARE = 0.3  # standard deviation of its depth, as a share of the depth
-# Standard deviation of its position across the line of sight, as a share of its width.
-_ASSUMED_SIDE_SHARE = 0.12
-# Minimum IoU in the image of detections of several classes that are one object.
-SAME_PLACE_IOU = 0.6
+_ASSUMED_SIDE_SHARE = 0.12  # deviation of its position across the line of sight, in its widths
+SAME_PLACE_IOU = 0.6  # minimum IoU in the image of detections of several classes of one object
 NEAREST_M = 0.5
 
 

@@ -18,23 +18,18 @@ from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, shift_behind
 from perception.types import Bool, Float64, Int
 
-# Speed from which on a person rides; detectors see the rider of a cycle, too.
-_MAX_WALKING_SPEED_M_S = 3.0
-# Number of detections above that speed, less those below, that settle that a person rides.
-_MAX_RIDING_VOTES = 10
+_MAX_WALKING_SPEED_M_S = 3.0  # above which a person rides; detectors see the rider of a cycle, too
+_MAX_RIDING_VOTES = 10  # detections above that speed, less those below, that settle it
 _BOX_GAIN = 0.5  # gain of the correction of a box in the image
 RELOCATE_AFTER_S = 0.35  # time located elsewhere than predicted after which a track moves there
 _HEADING_MEMORY = 0.7  # share of the past observations of the heading that the next one leaves
 _COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
 _FRONT_SPEED_M_S = 1.0  # minimum speed at which the course distinguishes front and rear
-# Distance from which on the course alone distinguishes them, and the traffic around no more.
-MIN_TRAVELLED_M = 2.0
-# Maximum length of people on foot and on two wheels, whose outline hardly shows a heading.
-SMALL_LENGTH_M = 2.2
+MIN_TRAVELLED_M = 2.0  # from which on the course alone distinguishes them, and no more the traffic
+SMALL_LENGTH_M = 2.2  # of people on foot and on two wheels, whose outline hardly shows a heading
 _SMALL_COURSE_SPEED_M_S = 0.6  # both minimum speeds of these
 _SMALL_COURSE_WEIGHT = 5.0  # number of observations of the outline that their course outweighs
-# Maximum number of courses that opposite ones outweigh before front and rear change places.
-_MAX_FRONT_VOTES = 10
+_MAX_FRONT_VOTES = 10  # courses that opposite ones have to outweigh before front and rear change
 _MAX_SIZE_SAMPLES = 12  # maximum number of observations that a size is averaged over
 _MAX_SPEED_DEVIATION_M_S = 2.0  # maximum standard deviation of a reported velocity
 
@@ -65,10 +60,7 @@ def _outlines_px(tracks: VehicleTable, now_px: Float64, frame: FrameGeometry) ->
     return np.where(tracks.is_located[:, None], outlines_px, assumed_px)
 
 
-def init_tracks(
-    observations: VehicleObservations,
-    frame: FrameGeometry,
-) -> VehicleTable:
+def init_tracks(observations: VehicleObservations, frame: FrameGeometry) -> VehicleTable:
     """Return the new tracks of D detections."""
     count, boxes = len(observations), observations.boxes_world
     states = motion_model.init(boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2])
@@ -127,9 +119,7 @@ def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:
 
 
 def _seen_on_ground(
-    tracks: VehicleTable,
-    observations: VehicleObservations,
-    frame: FrameGeometry,
+    tracks: VehicleTable, observations: VehicleObservations, frame: FrameGeometry
 ) -> VehicleTable:
     """Correct the tracks located near their prediction, and relocate those located elsewhere for some time."""
     distances = np.diagonal(position_distances(tracks, observations))
@@ -190,9 +180,7 @@ def _placed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleT
 
 
 def _corrected(
-    tracks: VehicleTable,
-    observations: VehicleObservations,
-    frame: FrameGeometry,
+    tracks: VehicleTable, observations: VehicleObservations, frame: FrameGeometry
 ) -> VehicleTable:
     boxes = observations.boxes_world
     size_samples = np.minimum(tracks.size_samples + 1, _MAX_SIZE_SAMPLES)

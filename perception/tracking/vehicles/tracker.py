@@ -54,27 +54,21 @@ from perception.types import (
 
 _HIGH_EXISTENCE = 0.5  # minimum existence of a detection that is assigned before the others
 _MIN_IOU = 0.1  # minimum IoU in the image of a detection and the track that it continues
-# Standard deviation of the sides of a 2D box from their prediction, in its width and height.
-_SIDE_DEVIATION_SHARE = 0.16
+_SIDE_DEVIATION_SHARE = 0.16  # of the sides of a 2D box from their prediction, in width and height
 _MIN_SIZE_PX = 4.0  # minimum width and height in that share
 _CLASS_CHANGE_COST = 10.0  # cost of a detection of another class than that of the track
 # Maximum squared distance of a detection, four sides and a position, in standard deviations: all
 # but 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
 _MAX_COST = 30.0
-# Weight of the outline of a 3D box in the reported box of a vehicle in the image.
-_OUTLINE_WEIGHT = 0.6
-# Maximum difference of their sides, as a share of width and height, of boxes that agree.
-_MAX_OUTLINE_SHARE = 0.4
-# Time without returns after which a track has the place and the class of its image alone.
-_MAX_UNLOCATED_S = 2.0
+_OUTLINE_WEIGHT = 0.6  # of the outline of a 3D box in the reported box of a vehicle in the image
+_MAX_OUTLINE_SHARE = 0.4  # maximum difference of their sides, in width and height, where they agree
+_MAX_UNLOCATED_S = 2.0  # after which a track has the place and the class of its image alone
 _MISS = 0.1  # evidence that a frame without a detection takes away
-# Share of the past evidence that the next frame leaves, since detections of one object err alike.
-_MEMORY = 0.85
+_MEMORY = 0.85  # of the past evidence in the next frame, since detections of one object err alike
 _HEIGHT_DEVIATION_M = 0.03  # of the height of a track, which tells classes apart
 _SCORE_WEIGHT = 0.2  # of the logarithm of scores beside that of the likelihood of a height
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
-# Signs of the growth of a box at its sides x1 y1 x2 y2.
-_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
+_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])  # signs of growth at the sides x1 y1 x2 y2
 
 
 @dataclass(frozen=True)
@@ -164,7 +158,6 @@ class VehicleTracker:
         self, observations: VehicleObservations, cameras: Sequence[FrameGeometry]
     ) -> None:
         """Continue tracks by detections, those that surely exist first, and begin new tracks by the others."""
-        config = self._config
         observations = observations[~is_duplicate(observations)]
         existence, track_of = observations.existence, np.full(len(observations), -1)
         expected_px = np.stack(
@@ -186,19 +179,18 @@ class VehicleTracker:
             pairs = assign_with_max_cost(left, np.isfinite(left), _MAX_COST)
             track_of[chosen[pairs.detections]] = free[pairs.tracks]
             free = free[pairs.unmatched_tracks]
+        missed = np.zeros(len(self._tracks))
+        missed[free] = _MISS
+        self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
+        is_new = (track_of < 0) & (existence >= self._config.new_track_existence)
         for camera, geometry in enumerate(cameras):
-            seen = np.flatnonzero((track_of >= 0) & (observations.cameras == camera))
-            rows = track_of[seen]
+            is_here = observations.cameras == camera
+            seen = np.flatnonzero(is_here & (track_of >= 0))
+            rows, new = track_of[seen], np.flatnonzero(is_here & is_new)
             corrected = update_tracks(
                 self._tracks[rows], observations[seen], expected_px[camera][rows], geometry
             )
             self._tracks = self._tracks.replaced(rows, corrected)
-        missed = np.zeros(len(self._tracks))
-        missed[free] = _MISS
-        self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
-        is_new = (track_of < 0) & (existence >= config.new_track_existence)
-        for camera, geometry in enumerate(cameras):
-            new = np.flatnonzero(is_new & (observations.cameras == camera))
             track_of[new] = len(self._tracks) + np.arange(len(new))
             if len(new):
                 self._tracks = self._tracks.joined(init_tracks(observations[new], geometry))
@@ -246,9 +238,9 @@ class VehicleTracker:
         is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.min_confirmed_evidence)
         is_new &= tracks.detections > 1
         boxes = tracks.boxes_velo(tracks.sizes_m, frame_geometry.world_SE3_velo)
-        ids, moving = self._shared_ids.share(
-            tracks.ids, is_new, _where_known(boxes, tracks), moving
-        )
+        known_m = np.where(tracks.is_located[:, None], boxes.bottom_m, np.nan)
+        boxes = replace(boxes, bottom_m=known_m)
+        ids, moving = self._shared_ids.share(tracks.ids, is_new, boxes, moving)
         self._tracks = replace(tracks, ids=ids)
         return _classified(moving, self._tracks, types)
 
@@ -269,11 +261,9 @@ class VehicleTracker:
         """Return the detections with the ids, classes, motion and boxes of their tracks."""
         seen, tracks, frame_geometry = self._seen, self._tracks[self._track_of], cameras[0]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
-        ids[seen] = tracks.ids
-        is_known = is_velocity_known(tracks)
-        velocities_m_s[seen[is_known]] = tracks[is_known].velocities_velo(
-            frame_geometry.world_SE3_velo
-        )
+        ids[seen], is_known = tracks.ids, is_velocity_known(tracks)
+        moved = tracks[is_known].velocities_velo(frame_geometry.world_SE3_velo)
+        velocities_m_s[seen[is_known]] = moved
         boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry)
         boxes_px = tracks.boxes_px.copy()
         for camera, geometry in enumerate(cameras):
@@ -309,11 +299,7 @@ class VehicleTracker:
         is_boxed = np.isfinite(vehicles.boxes.yaw_rad[seen])
         has_moved = tracks.travelled_m >= MIN_TRAVELLED_M
         deviations = box_deviations(
-            vehicles.boxes[seen],
-            vehicles.point_counts[seen],
-            sizes,
-            has_moved,
-            tracks.ids >= 0,
+            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, has_moved, tracks.ids >= 0
         )
         return covariances, vehicles.box_deviations.replaced(seen[is_boxed], deviations[is_boxed])
 
@@ -340,9 +326,7 @@ def _side_distances(expected_px: Float64, seen_px: Float64, deviations_px: Float
 
 
 def _blended_boxes_px(
-    tracks: VehicleTable,
-    boxes: Boxes3D,
-    frame_geometry: FrameGeometry,
+    tracks: VehicleTable, boxes: Boxes3D, frame_geometry: FrameGeometry
 ) -> Float64:
     """Return (T, 4) boxes between those in the image and the outlines of the 3D boxes where both agree.
 
@@ -361,27 +345,17 @@ def _blended_boxes_px(
     return np.asarray(boxes_px + weights * np.nan_to_num(off_px))
 
 
-def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
-    bottom_m = np.where(tracks.is_located[:, None], boxes.bottom_m, np.nan)
-    return Boxes3D(bottom_m, boxes.size_m, boxes.yaw_rad)
-
-
 def _classified(moving: Tracks, vehicles: VehicleTable, types: NDArray[np.str_]) -> Tracks:
     """Return the moving objects with the class and the score of the vehicles that have their ids."""
     row_of = {vehicle: row for row, vehicle in enumerate(vehicles.ids.tolist()) if vehicle >= 0}
     rows = np.array([row_of.get(number, -1) for number in moving.ids.tolist()], np.int64)
     return replace(
-        moving,
-        types=np.append(types, "")[rows],
-        scores=np.append(vehicles.scores, np.nan)[rows],
+        moving, types=np.append(types, "")[rows], scores=np.append(vehicles.scores, np.nan)[rows]
     )
 
 
 def _tracked_boxes(
-    boxes: Boxes3D,
-    seen: Int,
-    tracks: VehicleTable,
-    frame_geometry: FrameGeometry,
+    boxes: Boxes3D, seen: Int, tracks: VehicleTable, frame_geometry: FrameGeometry
 ) -> Boxes3D:
     """Replace the boxes of single detections by those of their tracks.
 

@@ -15,10 +15,6 @@ _BINS = ColorModelConfig().bins
 class GateLocalizer(ObjectLocalizer):
     """3D-KF: the object is the mean of all points in the gate."""
 
-    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
-        """Return the mean of the points in the initial box."""
-        return localizer_input.obstacles.centroid(localizer_input.window)
-
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return the mean of the points in the gate, or None of an empty gate."""
         return localizer_input.obstacles.centroid(localizer_input.gate)
@@ -29,10 +25,6 @@ class MeanShiftLocalizer(ObjectLocalizer):
 
     def __init__(self, config: PointMeanShiftConfig) -> None:
         self._config = config
-
-    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
-        """Return the mean of the points in the initial box."""
-        return localizer_input.obstacles.centroid(localizer_input.window)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Shift the window from the predicted position."""
@@ -68,7 +60,7 @@ class ColoredPointsLocalizer(ObjectLocalizer):
         inside = localizer_input.window.contains(localizer_input.obstacles.points_world)
         counts = np.bincount(bins[inside[is_observed]], minlength=_BINS)
         self._counts = counts.astype(np.float64)
-        return localizer_input.obstacles.centroid(localizer_input.window)
+        return super().init(localizer_input)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Shift the window from the predicted position; None beyond the gate."""

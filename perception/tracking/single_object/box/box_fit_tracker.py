@@ -32,6 +32,7 @@ from perception.tracking.single_object.box.pose_search import (
     Support,
     search,
     squared_distance,
+    support_at,
 )
 from perception.tracking.single_object.config import BoxFitTrackerConfig
 from perception.tracking.single_object.tracker import (
@@ -47,20 +48,15 @@ from perception.types import Boxes3D
 _CLEARANCE_M = 0.2  # minimum height above the ground of the object's points
 _HEADROOM_M = 0.3  # maximum height of the object's points above the top of its box
 _CELL_M = 0.1  # edge of the cells that points are averaged over
-# Minimum and maximum margin around the box within which points are used.
-_SEARCH_MARGIN_M = (3.0, 6.0)
+_SEARCH_MARGIN_M = (3.0, 6.0)  # minimum and maximum margin around the box for points
 _BACKGROUND_WEIGHT = 0.1  # weight of a point that lies on the background
 _MIN_REWARD = 1.2  # minimum sum of rewards of an observed object; a point counts up to 1
 _MIN_CONTRAST = 0.5  # minimum ratio of rewards to penalties of an observed object
-# Maximum squared Mahalanobis distance from the prediction: 99 % of true poses (chi-squared, 3
-# degrees of freedom).
-_GATE = 11.3
+_GATE = 11.3  # maximum squared distance of a true pose (99 %, chi-squared, 3 degrees of freedom)
 _MIN_SHARE = 0.1  # minimum share of the expected reward of an observed object
 _REACQUIRE_SHARE = 0.25  # minimum share of the expected reward of an object that was hidden
-# Maximum change of the height of an object that was hidden, besides the beam spacing.
-_REACQUIRE_TOP_M = 0.25
-# Standard deviation, in metres and radians, of the pose of a static object between two scans.
-_POSE_DRIFT = 0.02
+_REACQUIRE_TOP_M = 0.25  # by which a hidden object's height may change, besides the beam spacing
+_POSE_DRIFT = 0.02  # in metres and radians, of the pose of a static object between two scans
 
 log = logging.getLogger(__name__)
 
@@ -97,7 +93,7 @@ class BoxFitTracker:
             background=BackgroundModel(),
         )
         _, observation = self._observe(tracker_input, self._track)
-        support = self._track.support(observation, self._track.pose)
+        support = support_at(self._track.shape, observation, self._track.pose)
         self._track = self._track.seen(observation, support)
         return self._tracked(tracker_input, self._track)
 
@@ -167,7 +163,7 @@ class BoxFitTracker:
         expected_reward = predicted.expected_reward(observation)
         priors = self._priors(before, predicted)
         estimate = search(predicted.shape, observation, priors, expected_reward)
-        support = predicted.support(observation, estimate.pose)
+        support = support_at(predicted.shape, observation, estimate.pose)
         share = _REACQUIRE_SHARE if before.is_hidden else _MIN_SHARE
         min_reward = max(_MIN_REWARD, _MIN_CONTRAST * support.penalty, share * expected_reward)
         is_accepted = (

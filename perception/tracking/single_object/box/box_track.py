@@ -8,11 +8,7 @@ from perception.tracking.single_object.box.environment import BackgroundModel, L
 from perception.tracking.single_object.box.object_motion import POSE, KinematicState
 from perception.tracking.single_object.box.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.box.observation import ObjectObservation
-from perception.tracking.single_object.box.pose_search import (
-    PoseEstimate,
-    Support,
-    support_at,
-)
+from perception.tracking.single_object.box.pose_search import PoseEstimate, Support
 from perception.types import Float64
 
 _LEARNING_RATE = 0.1  # gain of a correction of the expected reward and height
@@ -65,10 +61,6 @@ class BoxTrack:
     def expected_reward(self, observation: ObjectObservation) -> float:
         """Return the expected reward of the object's points at its distance."""
         return self.mean_reward / observation.distance_m(self.pose[:2]) ** 2
-
-    def support(self, observation: ObjectObservation, pose: Float64) -> Support:
-        """Return the evidence for and against (3,) a pose."""
-        return support_at(self.shape, observation, pose)
 
     def seen(self, observation: ObjectObservation, support: Support) -> "BoxTrack":
         """Return the track after an observation at its present pose."""

@@ -14,8 +14,7 @@ _GROUND_CELL_M = 0.5  # edge of the cells of the lowest points
 _MIN_CELLS = 4  # minimum number of cells with a lowest point near the expected height
 _AROUND_M = 2.5  # distance from the object within which lowest points are used
 _BAND_M = 0.4  # maximum difference of a lowest point from the expected height
-# Maximum difference between ground stage and lowest points at which the stage is used.
-_MAX_DISAGREEMENT_M = 0.2
+_MAX_DISAGREEMENT_M = 0.2  # of ground stage and lowest points where the stage is used
 _SLOPE = 0.03  # standard deviation of the road's slope
 _DRIFT_M = 0.01  # standard deviation of the drift of the poses per scan
 _STAGE_DEVIATION_M = 0.05  # standard deviation of a height from the ground stage

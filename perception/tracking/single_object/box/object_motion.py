@@ -25,8 +25,7 @@ _ACCELERATION_M_S2, _ACCELERATION_TIME_S = 1.5, 0.1  # along x and along y, and 
 _TURN_RATE_RAD_S, _STATIC_TURN_RATE_RAD_S = 0.6, 0.1  # within a second, walking and standing
 _INITIAL_SPEED_M_S = 1.2  # along x and along y
 _COURSE_DEVIATION_RAD = 0.3  # of the heading from the course
-# Squared deviations of a pedestrian's velocity from 0 (95 %, chi-squared, 2 degrees of freedom).
-_STATIC_GATE = 6.0
+_STATIC_GATE = 6.0  # squared deviations of a pedestrian's velocity from 0 (95 %, chi-squared)
 
 
 @dataclass(frozen=True)

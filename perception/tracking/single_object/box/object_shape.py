@@ -18,11 +18,9 @@ from perception.tracking.single_object.box.observation import ObjectObservation
 from perception.types import Float32, Float64
 
 CELL_M = 0.05  # edge of a cell of the reward map
-# Width of the rim outside the box in which points count against it, as a share of its width.
-_RIM_SHARE = 0.5
+_RIM_SHARE = 0.5  # width of the rim in which points count against the box, in its widths
 _RIM_M = (0.35, 0.6)  # minimum and maximum width of the rim
-# Margin outside the box beyond which points belong to the background, as a share of its width.
-_OWN_SHARE = 0.3
+_OWN_SHARE = 0.3  # margin beyond which points belong to the background, in widths of the box
 _OWN_M = (0.2, 0.4)  # minimum and maximum of that margin
 _SIDE_DEVIATION_M = 0.2  # standard deviation of points from the side they lie on
 _DEEP_REWARD = 0.3  # reward of a point inside, far from the sides that face the sensor
@@ -30,8 +28,7 @@ _RIM_PENALTY = 0.7  # penalty of a point outside
 _TOLERANCE_M = 0.1  # distance outside the box up to which a point counts for it
 _EDGE_M = 0.15  # width over which the reward falls to the penalty
 _VEHICLE_WIDTH_M = 1.3  # minimum width of an object that has sides; narrower bodies have a middle
-# Distance of a body's points from its middle towards the sensor, as a share of its width.
-_NEAR_SHARE = 0.2
+_NEAR_SHARE = 0.2  # distance of a body's points from its middle towards the sensor, in its widths
 _SPREAD_SHARE = 0.25  # spread of a body's points, as a share of its length and width
 _MEMORY_SHARE = 0.5  # share of the reward that comes from past observations, after many scans
 _MEMORY_SCANS = 3.0  # number of scans after which half of that share is reached
