@@ -5,7 +5,6 @@ from typing import Protocol
 
 import numpy as np
 
-from perception.geometry import se3
 from perception.tracking.single_object.config import PointMeanShiftConfig
 from perception.tracking.single_object.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackerInput
@@ -109,15 +108,7 @@ def obstacles_near(
     heights_m: tuple[float, float],
 ) -> NearObstacles:
     """Return the points within a square around a position and between two heights above the ground."""
-    position_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(position_world, 1.0)
-    # Column by column: two passes over a scan's x and y cost less than one over all its rows.
-    near = np.flatnonzero(
-        (np.abs(tracker_input.points_velo[:, 0] - np.float32(position_velo[0])) < reach_m)
-        & (np.abs(tracker_input.points_velo[:, 1] - np.float32(position_velo[1])) < reach_m)
-    )
-    points_velo = tracker_input.points_velo[near, :3]
+    points_velo = tracker_input.points_near(position_world, reach_m)
     above_m = ground.distance_m(points_velo)
     points_velo = points_velo[(above_m > heights_m[0]) & (above_m < heights_m[1])]
-    world_SE3_velo = tracker_input.world_SE3_velo
-    rotation, origin_m = world_SE3_velo[:3, :3], world_SE3_velo[:3, 3]
-    return NearObstacles(points_velo, points_velo.astype(np.float64) @ rotation.T + origin_m)
+    return NearObstacles(points_velo, tracker_input.in_world(points_velo))

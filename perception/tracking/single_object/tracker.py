@@ -42,6 +42,20 @@ class TrackerInput:
     image: UInt8 | None = None
     image_P_velo: Float64 | None = None
 
+    def points_near(self, position_world: Float64, reach_m: float) -> Float32:
+        """Return the (N, 3) points in the LiDAR frame within a square around (3,) a position in the world."""
+        velo_SE3_world = se3.inverse(self.world_SE3_velo)
+        x, y, _ = velo_SE3_world[:3, :3] @ position_world + velo_SE3_world[:3, 3]
+        # One column, then the other of the remaining points: a third of the time of both over all points.
+        near = np.flatnonzero(np.abs(self.points_velo[:, 0] - np.float32(x)) < reach_m)
+        near = near[np.abs(self.points_velo[near, 1] - np.float32(y)) < reach_m]
+        return self.points_velo[near, :3]
+
+    def in_world(self, points_velo: Float32) -> Float64:
+        """Return (N, 3) points in the world."""
+        rotation, origin_m = self.world_SE3_velo[:3, :3], self.world_SE3_velo[:3, 3]
+        return np.asarray(points_velo.astype(np.float64) @ rotation.T + origin_m)
+
     def box_px(self, box_velo: Boxes3D) -> Float64 | None:
         """Return the (4,) outline of one box in the image, or None where the image does not show it."""
         if self.image is None or self.image_P_velo is None:

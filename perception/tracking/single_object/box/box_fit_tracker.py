@@ -21,11 +21,7 @@ from perception.tracking.single_object.box.box_track import BoxTrack
 from perception.tracking.single_object.box.environment import BackgroundModel, LocalGround
 from perception.tracking.single_object.box.object_motion import motion_model_for
 from perception.tracking.single_object.box.object_shape import ObjectShape
-from perception.tracking.single_object.box.observation import (
-    ObjectObservation,
-    observation_of,
-    points_around,
-)
+from perception.tracking.single_object.box.observation import ObjectObservation, observation_of
 from perception.tracking.single_object.box.pose_search import (
     REACH,
     PoseEstimate,
@@ -141,7 +137,9 @@ class BoxFitTracker:
         deviation_m = np.sqrt(np.linalg.eigvalsh(predicted.state.covariance[:2, :2])[-1])
         margin_m = np.clip(REACH * deviation_m, *_SEARCH_MARGIN_M)
         reach_m = predicted.shape.radius_m + float(margin_m)
-        around = points_around(tracker_input, predicted.position_world, reach_m)
+        around = tracker_input.in_world(
+            tracker_input.points_near(predicted.position_world, reach_m)
+        )
         ground = predicted.ground.updated(
             tracker_input, predicted.position_world, float(size_m[0]), around
         )

@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.geometry.se3 import inverse
-from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Bool, Float64, Int
 
 _FULL_COUNT = 4  # points in a cell of weight 1
@@ -52,17 +50,6 @@ class ObjectObservation:
     def downweighted(self, rows: Bool, share: float) -> "ObjectObservation":
         """Return the observation with the weight of some cells reduced to a share."""
         return replace(self, weights=np.where(rows, share * self.weights, self.weights))
-
-
-def points_around(tracker_input: TrackerInput, position_world: Float64, reach_m: float) -> Float64:
-    """Return the (N, 3) points in the world within a square around (3,) a position."""
-    velo = inverse(tracker_input.world_SE3_velo)
-    x, y, _ = velo[:3, :3] @ position_world + velo[:3, 3]
-    # One column, then the other of the remaining points: a third of the time of both over all points.
-    near = np.flatnonzero(np.abs(tracker_input.points_velo[:, 0] - np.float32(x)) < reach_m)
-    near = near[np.abs(tracker_input.points_velo[near, 1] - np.float32(y)) < reach_m]
-    world = tracker_input.world_SE3_velo
-    return tracker_input.points_velo[near, :3].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
 
 
 def observation_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -> ObjectObservation:

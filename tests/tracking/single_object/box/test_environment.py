@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.tracking.single_object.box.environment import BackgroundModel, LocalGround
-from perception.tracking.single_object.box.observation import observation_of, points_around
+from perception.tracking.single_object.box.observation import observation_of
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
@@ -50,8 +50,9 @@ def test_points_around_are_those_in_the_square() -> None:
     points = np.array([[1, 1, 0, 0], [4, 1, 0, 0], [1, 4, 0, 0]], np.float32)
     world = np.eye(4)
     world[:3, 3] = 100.0, 0.0, 0.0
-    around = points_around(TrackerInput(0.0, points, world), np.array([101.0, 1.0, 0.0]), 2.0)
-    np.testing.assert_allclose(around, [[101.0, 1.0, 0.0]])
+    tracker_input = TrackerInput(0.0, points, world)
+    around = tracker_input.points_near(np.array([101.0, 1.0, 0.0]), 2.0)
+    np.testing.assert_allclose(tracker_input.in_world(around), [[101.0, 1.0, 0.0]])
 
 
 class _Stage:
