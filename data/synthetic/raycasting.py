@@ -6,6 +6,8 @@ so that no geometry is rebuilt from frame to frame and a scan sees motion exactl
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from threading import Lock
+from typing import Any
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -78,14 +80,14 @@ class RaycastingScene:
     """Surfaces that rays can hit, with their materials."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
-        """Build the acceleration structure of the static surfaces."""
+        """Merge the static surfaces."""
         self._palettes = [part.palette for part in parts]
         self._semantics = [part.semantic for part in parts]
         self._instances = [part.instance for part in parts]
         still = meshes.merge([part.mesh for part in parts])
-        self._still = _embree(still)
+        self._still = _Surface(still)
         self._meshes, self._starts = [still], [0]
-        self._shapes: list[EmbreeScene] = []
+        self._shapes: list[_Surface] = []
         self._object_of_row = np.repeat(
             np.arange(len(parts), dtype=np.int32), [len(part.mesh) for part in parts]
         )
@@ -96,7 +98,7 @@ class RaycastingScene:
         """Add a shape of moving objects; return its index."""
         self._starts.append(self._starts[-1] + len(self._meshes[-1]))
         self._meshes.append(mesh)
-        self._shapes.append(_embree(mesh))
+        self._shapes.append(_Surface(mesh))
         self._radii_m.append(mesh.radius_m)
         return len(self._shapes) - 1
 
@@ -208,12 +210,23 @@ class SurfaceTables:
 _SEMANTIC_OF_SLOT = column("semantic").astype(np.int32)
 
 
-def _embree(mesh: Mesh) -> EmbreeScene:
-    scene = EmbreeScene()
-    TriangleMesh(scene, mesh.vertices_m, mesh.triangles)
-    # The first query builds the tree; ask now, so that threads may share the scene later.
-    scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
-    return scene
+class _Surface:
+    """Embree's scene of a mesh, built before its first query: most moving shapes of a world meet no ray."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh, self._building = mesh, Lock()
+        self._scene: EmbreeScene | None = None
+
+    def run(self, origins_m: Float32, directions: Float32, **query: Any) -> Any:  # noqa: ANN401 - as of Embree
+        """Query the scene; threads may share it."""
+        with self._building:
+            if self._scene is None:
+                scene = EmbreeScene()
+                TriangleMesh(scene, self._mesh.vertices_m, self._mesh.triangles)
+                # Embree builds its tree in the first query, which no other thread may join.
+                scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+                self._scene = scene
+        return self._scene.run(origins_m, directions, **query)
 
 
 def to_local(rays: Rays, index: Int, object_row: MovingObject) -> tuple[Float32, Float32]:
