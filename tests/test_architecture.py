@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from tests.syntax_trees import ROOT, nodes_of, source_files
 
 # Lowest first; a module may import its own layer and the layers below it.
 LAYERS = [
@@ -45,7 +45,7 @@ def layer_of(module: str) -> int | None:
 
 def imports_of(path: Path) -> list[str]:
     names = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -57,10 +57,9 @@ def imports_of(path: Path) -> list[str]:
 
 def source_modules() -> dict[str, Path]:
     found = {}
-    for package in ("perception", "data", "train", "export", "benchmarks"):
-        for path in (ROOT / package).rglob("*.py"):
-            module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-            found[module.removesuffix(".__init__")] = path
+    for path, _ in source_files():
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        found[module.removesuffix(".__init__")] = path
     return found
 
 

@@ -4,11 +4,13 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-OURS = ("perception", "data", "train", "export", "benchmarks", "tests")
+from tests.syntax_trees import ROOT, SHIPPED, source_files
+
+OURS = (*SHIPPED, "tests")
 # Declared and not imported: programs and plugins that the Makefile calls, and what torch.onnx, Sphinx and build load.
 CALLED = {
     "ruff": "/ruff check",
@@ -43,12 +45,13 @@ def declared() -> dict[str, set[str]]:
     }
 
 
+@cache
 def imported(*folders: str) -> dict[str, Path]:
     """Return the distributions that files import, each with one of the files."""
     installed = packages_distributions()
     found = {}
-    for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+    for path, nodes in source_files(*folders):
+        for node in nodes:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
                 names = [node.module]

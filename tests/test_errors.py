@@ -4,7 +4,6 @@ import ast
 import re
 import sys
 from importlib import metadata
-from pathlib import Path
 
 import pytest
 
@@ -12,8 +11,8 @@ from perception import errors
 from perception.cli.main import run_command_line
 from perception.errors import MissingDependencyError, PerceptionError, UsageError
 from tests.faults import fault
+from tests.syntax_trees import ROOT, source_files
 
-ROOT = Path(__file__).parents[1]
 # A command outside of backticks, and the punctuation that runs into it.
 RUN_INTO = re.compile(r"(?:trifuse|pip) [a-z][^`]*[,.;:)](?:\s|$)")
 
@@ -62,13 +61,12 @@ def test_a_wheel_has_no_benchmarks(name, monkeypatch):
 
 def texts() -> list[tuple[str, str]]:
     """Return the place and the text of every expectation and advice in the source."""
-    found = []
-    for package in ("perception", "data", "train", "export", "benchmarks"):
-        for path in (ROOT / package).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text())):
-                if isinstance(node, ast.keyword) and node.arg in ("expected", "advice"):
-                    found.append((f"{path}:{node.lineno}", ast.unparse(node.value)))
-    return found
+    return [
+        (f"{path}:{node.lineno}", ast.unparse(node.value))
+        for path, nodes in source_files()
+        for node in nodes
+        if isinstance(node, ast.keyword) and node.arg in ("expected", "advice")
+    ]
 
 
 def test_no_punctuation_runs_into_a_command():

@@ -1,8 +1,8 @@
 """What docs/security.md promises of the code: nothing in it could run what a file holds."""
 
 import ast
+from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import pytest
 
@@ -12,8 +12,8 @@ from perception.errors import DriveError, UsageError
 from perception.sensor import load_sensor
 from perception.yaml_text import read_yaml
 from tests.faults import fault
+from tests.syntax_trees import ROOT, source_files
 
-ROOT = Path(__file__).parents[1]
 # They run code when they are read.
 UNSAFE_MODULES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
 # Values between a process and one that it has started, through a pipe.
@@ -26,18 +26,16 @@ def calls() -> list[tuple[str, str, ast.Call]]:
     """Return file, dotted name and node of every call in what ships."""
     return [
         (path, ast.unparse(node.func), node)
-        for path, tree in trees()
-        for node in ast.walk(tree)
+        for path, nodes in shipped()
+        for node in nodes
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute)
     ]
 
 
-@cache
-def trees() -> list[tuple[str, ast.Module]]:
-    """Return file and syntax tree of everything that ships."""
-    packages = ("perception", "data", "train", "export", "benchmarks")
-    paths = [path for package in packages for path in sorted((ROOT / package).rglob("*.py"))]
-    return [(path.relative_to(ROOT).as_posix(), ast.parse(path.read_text())) for path in paths]
+def shipped() -> Iterator[tuple[str, tuple[ast.AST, ...]]]:
+    """Yield file and syntax nodes of everything that ships."""
+    for path, nodes in source_files():
+        yield path.relative_to(ROOT).as_posix(), nodes
 
 
 def keyword(call: ast.Call, name: str) -> str | None:
@@ -46,8 +44,8 @@ def keyword(call: ast.Call, name: str) -> str | None:
 
 def test_no_file_is_unpickled():
     importing = set()
-    for path, tree in trees():
-        for node in ast.walk(tree):
+    for path, nodes in shipped():
+        for node in nodes:
             names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             if UNSAFE_MODULES & {name.partition(".")[0] for name in names}:

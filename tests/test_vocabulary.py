@@ -3,13 +3,12 @@
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-SOURCES = ("perception", "data", "train", "export", "benchmarks")
+from tests.syntax_trees import ROOT, SHIPPED, source_files
+
 Definition = ast.ClassDef | ast.FunctionDef
 
 # Words for which the field has another one: detect, observation, image, min_, confirmed, required, cluster, similarity ...
@@ -21,12 +20,11 @@ OTHER_WORDS = re.compile(
 WHOLE_ENTRY = re.compile(r"[A-Z0-9(`'\"\[\u0370-\u03ff].*", re.DOTALL)
 
 
-def definitions(packages: Sequence[str] = SOURCES) -> Iterator[tuple[str, Definition]]:
-    for package in packages:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
-                if isinstance(node, Definition):
-                    yield str(path.relative_to(ROOT)), node
+def definitions(*packages: str) -> Iterator[tuple[str, Definition]]:
+    for path, nodes in source_files(*packages):
+        for node in nodes:
+            if isinstance(node, Definition):
+                yield str(path.relative_to(ROOT)), node
 
 
 def words_of(name: str) -> str:
@@ -54,7 +52,7 @@ def test_a_public_class_name_has_one_meaning():
 def test_names_are_the_standard_terms():
     odd = [
         f"{path}: {node.name}"
-        for path, node in definitions((*SOURCES, "tests"))
+        for path, node in definitions(*SHIPPED, "tests")
         if OTHER_WORDS.search(words_of(node.name))
     ]
     assert odd == []
