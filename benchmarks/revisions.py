@@ -10,6 +10,7 @@ with the same frame of the other, computed moments before or after, so that the 
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -33,6 +34,7 @@ IN_SORTS = "all of a frame / sort"
 WARM_UP = 8
 # Frames that one process computes before it is the other's turn: few, so that both meet the same load.
 _TURN = 4
+_KERNELS = "perception/kernels"
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
@@ -140,7 +142,26 @@ def source_tree(revision: str) -> Iterator[Path]:
     with TemporaryDirectory(prefix="trifuse-") as folder:
         with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
             tar.extractall(folder, filter="data")
+        _copy_compiled(ROOT / _KERNELS, Path(folder, _KERNELS))
         yield Path(folder)
+
+
+def _copy_compiled(kernels: Path, others: Path) -> None:
+    """Copy what numba has compiled of the files that both revisions share, so that these do not compile again.
+
+    numba knows a file by its time and size. A compiled function's name tells the contents of the other files that it is
+    compiled of, and compiled.py how all are compiled.
+    """
+    sources = (kernels / "compiled.py", *kernels.glob("*.py"))
+    for source in sources:
+        twin = others / source.name
+        if twin.is_file() and twin.read_bytes() == source.read_bytes():
+            shutil.copystat(source, twin)
+            for file in kernels.glob(f"__pycache__/{source.stem}.*.nb[ci]"):
+                (others / "__pycache__").mkdir(exist_ok=True)
+                shutil.copy2(file, others / "__pycache__")
+        elif source == sources[0]:
+            return
 
 
 class _RevisionProcess:
