@@ -20,6 +20,7 @@ from tests.car_frames import write_car_frames_with_a_gap
 from tests.full_disk import SmallDisk
 
 cv2.setNumThreads(1)
+gc.disable()  # while the tests are imported: it would take a third of the time
 
 _SHARED = Path(__file__).parents[2] / "shared" / "kitti"
 _TRAINING = ("tests/train/", "tests/cli/test_train")
@@ -32,6 +33,27 @@ _SLOW = (
     "tests/test_readme.py",
     "tests/export/",
 )
+# What takes longest starts first, so that no core waits at the end.
+_LONGEST = (
+    "tests/train/test_",
+    "tests/cli/test_train",
+    "tests/test_readme.py",
+    "tests/test_site.py",
+    "tests/benchmarks/test_bench.py",
+    "tests/benchmarks/test_revisions.py",
+    "tests/data/synthetic/",
+    "tests/cli/",
+    "tests/pipeline/",
+    "tests/test_",
+    "tests/export/",
+    "tests/localization/",
+    "tests/benchmarks/",
+)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let processes take the files in our order, not those with most tests first."""
+    config.option.loadscopereorder = False
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -49,7 +71,8 @@ def kills(request: pytest.FixtureRequest) -> int:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that read real frames, those that train, and those that run whole commands."""
+    """Mark the tests that read real frames, that train, that run whole commands; put the longest first."""
+    items.sort(key=lambda item: [not item.nodeid.startswith(start) for start in _LONGEST])
     for item in items:
         if "kitti_root" in getattr(item, "fixturenames", ()):
             item.add_marker("kitti")
@@ -60,10 +83,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep the garbage collector from searching again and again what all tests import: a tenth of their time."""
-    gc.collect()
+    """Let the garbage collector run from now on, over what the tests make and not over all that they have imported."""
     gc.freeze()
     gc.set_threshold(5000, 20, 20)
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
