@@ -123,7 +123,7 @@ weights: $(VENV)/.installed-dev
 $(PUBLIC_WEIGHTS):
 	mkdir -p $(@D)
 	curl --fail --location --output $@ \
-	  $$($(BIN)/python -c 'from train.detector.public_weights import ADDRESS; print(ADDRESS)')
+	  $$($(BIN)/python -c 'from train.detector.initial_network import ADDRESS; print(ADDRESS)')
 
 # All of 7.2, on KITTI where KITTI_ROOT is set. 80200 steps of three YOLOv2 are days of a GPU; what is done is not
 # done again. Two cores: make thesis STEPS=100 FRAMES=100 FLAGS="--detectors default --epochs 4 --fit-steps 15"

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.measure import Comparison, Contender, Measurement, add_peer, compare, metric
 from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import PreparedDrive
-from export.parity import Network
+from export.variants import Network
 from perception.detection.detectors.detector_description import DescribedFile, DetectorDescription
 from perception.detection.detectors.image_region import detection_region
 from perception.detection.detectors.input_size import InputSize

@@ -16,8 +16,8 @@ from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import PreparedDrive
 from export.detector import QUANTIZATION, DecodedDetector
 from export.onnx import Exportable, to_onnx
-from export.parity import Arrays, Network
 from export.quantize import to_int8
+from export.variants import Arrays, Network
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import camera_image, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector

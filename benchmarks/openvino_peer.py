@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from export.parity import Arrays, Network
+from export.variants import Arrays, Network
 from perception.errors import optional_package
 
 

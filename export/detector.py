@@ -10,18 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from export.detector_precision import measure_variants
 from export.onnx import Exportable, to_onnx
-from export.parity import Arrays, torch_runner
 from export.quantize import QuantizationConfig, Scales, to_int8
 from export.result import ChosenVariant, ExportConfig, ExportResult
-from export.variants import ModelVariant, compare_variants
+from export.variants import Arrays, ModelVariant, Network, compare_variants, torch_runner
 from perception.atomic_file import write_atomically
 from perception.detection.detectors.input_size import SIZE_STEP_PX, InputSize
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
-from perception.types import UInt8
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.types import Detections, Labels, UInt8
+from train.detector.metrics import measure, precision_table
 from train.detector.networks import load_detector
 from train.networks.yolo_detector import YoloDetector
 
@@ -184,3 +184,36 @@ def _open(data: bytes, file: Path) -> ModalityDetector:
     """Open a file on one thread, as it runs beside other detectors."""
     write_atomically(file, data)
     return ModalityDetector(file, threads=1)
+
+
+Precision = dict[str, dict[str, float]]
+
+
+def measure_variants(
+    config: ExportConfig, networks: Mapping[str, Network], detector: ModalityDetector
+) -> dict[str, Precision]:
+    """Return average precision in percent by form, class and overlap, and difficulty.
+
+    Args:
+        config: Export with its drive; without one, or without labels, nothing is measured.
+        networks: Variants by name.
+        detector: One of them, whose input and classes all share.
+    """
+    drive = config.drive
+    if drive is None or not drive.has_labels:
+        return {}
+    labels: list[Labels] = []
+    found: dict[str, list[Detections]] = {name: [] for name in networks}
+    for frame in config.read("precision"):
+        labels.append(drive.labels(frame.index))
+        image = modality_image(frame, detector.modality, detector.filling)
+        inputs = {"images": detector.preprocess(image)}
+        for name, network in networks.items():
+            found[name].append(detector.postprocess(image, network(inputs)))
+    truths = TrueBoxes.of_frames(labels)
+    return {
+        name: precision_table(
+            measure(truths, DetectedBoxes.of_frames(of_variant), len(labels), detector.class_names)
+        )
+        for name, of_variant in found.items()
+    }

@@ -18,7 +18,7 @@ from onnxruntime.quantization import (
 )
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
-from export.parity import Arrays
+from export.variants import Arrays
 from perception.atomic_file import write_atomically
 
 # By entropy is a third way of ONNX Runtime's, but with the bins that it counts in there is nothing to choose

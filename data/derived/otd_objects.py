@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import table_3_2, table_a_1, unique_sequences
+from data.derived.tables import table_rows
 from data.frames import frame_count
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
@@ -197,3 +198,54 @@ def _open(config: ObjectSetConfig, sequence: str | None) -> RecordedDrive:
             advice="name tracking sequences, or a drive that `trifuse synth` wrote",
         )
     return drive
+
+
+@cache
+def table_3_2() -> tuple[ObjectSequence, ...]:
+    """Return the 8 sequences on which the thesis evaluates its fusion tracker."""
+    printed: dict[str, dict[str, dict[str, float]]] = {}
+    for row in table_rows("tables_7_6_7_7.csv"):
+        number, metric = row.pop("number"), row.pop("metric")
+        errors = {tracker: float(error) for tracker, error in row.items() if error}
+        printed.setdefault(f"3.2 ({number})", {})[metric] = errors
+    sequences = _read("table_3_2.csv", "3.2 ({})")
+    return tuple(replace(one, printed=printed[one.name]) for one in sequences)
+
+
+@cache
+def table_a_1() -> tuple[ObjectSequence, ...]:
+    """Return the 50 sequences of the thesis' benchmark of 3D object tracking in driving environments."""
+    return _read("table_a_1.csv", "OTD {}")
+
+
+def unique_sequences(sequences: Sequence[ObjectSequence]) -> list[ObjectSequence]:
+    """Return each sequence once, under all of its names."""
+    names: dict[tuple[str, int, int, int], list[ObjectSequence]] = {}
+    for one in sequences:
+        key = (one.sequence, one.track_id, one.first_frame, one.last_frame)
+        names.setdefault(key, []).append(one)
+    return [
+        replace(
+            same[-1],
+            name=" = ".join(one.name for one in same),
+            stated={key: value for one in same for key, value in one.stated.items()},
+            printed={key: errors for one in same for key, errors in one.printed.items()},
+        )
+        for same in names.values()
+    ]
+
+
+def _read(name: str, title: str) -> tuple[ObjectSequence, ...]:
+    return tuple(_parse(row, title) for row in table_rows(name))
+
+
+def _parse(row: dict[str, str], title: str) -> ObjectSequence:
+    return ObjectSequence(
+        name=title.format(row.pop("number")),
+        sequence=row.pop("sequence"),
+        track_id=int(row.pop("track_id")),
+        kind=row.pop("kind"),
+        first_frame=int(row.pop("first_frame")),
+        last_frame=int(row.pop("last_frame")),
+        stated=row,
+    )

@@ -5,29 +5,73 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from data.array_store import ArrayStore
 from data.detections.cached_detections import FingerprintedDetector, detected_scene
-from data.detections.located_scenes import SceneLocator
 from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.detector_description import YAML_SUFFIXES
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.detector_fusion import detector_fingerprints, fusion_of
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detector_fusion import (
+    DetectionFusion,
+    detector_fingerprints,
+    fusion_of,
+)
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.networks import open_depthcn, open_detectors, open_fusion
+from perception.detection.vehicles.locate import locate
 from perception.errors import UsageError
+from perception.evaluation.detection.box_rows import LocatedDetections
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
 from perception.evaluation.detection.fusion_measure import FusionMeasure, LocatedScene
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass, kitti_class
+from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
+from perception.obstacles.ground import ground_estimator
 from perception.pipeline import PipelineConfig
 from perception.pipeline.workers import StageClock
-from perception.sensor import HDL_64E
-from perception.types import MODALITIES, Drive, Frame, Progress, UInt8
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import MODALITIES, Drive, Frame, GroundModel, Progress, UInt8
+
+
+@dataclass(frozen=True)
+class SceneLocator:
+    """Fuses the detections of single frames and fits their 3D boxes to the scan and the ground.
+
+    Attributes:
+        fusion: Fusion of the modalities.
+        sensor: LiDAR model of the scans.
+        config: Pipeline configuration.
+    """
+
+    fusion: DetectionFusion
+    sensor: LidarModel
+    config: PipelineConfig
+
+    def locate(self, scene: DetectedScene, frame: Frame) -> LocatedScene:
+        """Return the detections of a frame with those of the fusion located in its scan."""
+        fused = self.fusion.fuse(scene)
+        vehicles = locate(fused, frame, self._ground(frame), self.config.vehicles)
+        camera, _ = camera_of(frame)
+        return LocatedScene(
+            scene, LocatedDetections(vehicles.fused.detections, vehicles.boxes, camera)
+        )
+
+    def _ground(self, frame: Frame) -> GroundModel:
+        """Return the ground of a drive that starts with this frame."""
+        config, points_velo = self.config, frame.points_velo
+        window = ScanWindow(previous_scans=0)
+        window.push(PosedScan(points_velo[~config.ego_vehicle.contains_xy(points_velo)], np.eye(4)))
+        method = config.method_of(config.ground)
+        estimator = ground_estimator(config.ground, method, self.sensor, config.area, config.seed)
+        return estimator.update(window)
+
 
 _THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
 Detect = Callable[[Frame], Any]

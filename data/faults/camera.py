@@ -1,4 +1,4 @@
-"""Faults of the camera."""
+"""Faults of the camera, and of its calibration."""
 
 from dataclasses import replace
 
@@ -7,7 +7,8 @@ import numpy as np
 
 from data.corruptions import darken
 from data.faults.moment import FaultMoment
-from perception.types import Float32, Frame, UInt8
+from perception.calibration.offset import offset_SE3
+from perception.types import Float32, Float64, Frame, UInt8
 
 _GREY, _MUD = 200.0, np.array([70.0, 60.0, 45.0], np.float32)
 _MUD_COVER = 0.75  # of the light, at the middle of a spot
@@ -85,3 +86,28 @@ def _with_noise(image: Float32, moment: FaultMoment, share: Float32 | float = 1.
     """Return grey levels with the noise of the sensor, which no lens takes away."""
     noise = moment.passing.standard_normal(image.shape, np.float32) * np.float32(_NOISE)
     return np.asarray(np.clip(np.rint(image + share * noise), 0, 255), np.uint8)
+
+
+_PITCH, _YAW, _RIGHT = 0, 1, 3
+
+
+def turned_aside(moment: FaultMoment, yaw_deg: float) -> Frame:
+    """Turn the camera of the calibration to the side."""
+    return _changed(moment.frame, np.radians(yaw_deg) * np.eye(6)[_YAW])
+
+
+def tilted(moment: FaultMoment, pitch_deg: float) -> Frame:
+    """Tilt the camera of the calibration up or down."""
+    return _changed(moment.frame, np.radians(pitch_deg) * np.eye(6)[_PITCH])
+
+
+def shifted(moment: FaultMoment, distance_m: float) -> Frame:
+    """Move the camera of the calibration to the right."""
+    return _changed(moment.frame, distance_m * np.eye(6)[_RIGHT])
+
+
+def _changed(frame: Frame, offset: Float64) -> Frame:
+    if frame.calibration is None:
+        return frame
+    cam_SE3_velo = offset_SE3(offset) @ frame.calibration.cam_SE3_velo
+    return replace(frame, calibration=replace(frame.calibration, cam_SE3_velo=cam_SE3_velo))

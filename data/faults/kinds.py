@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from data.faults import calibration, camera, ins, lidar
+from data.faults import camera, ins, lidar
 from data.faults.moment import FaultFunction
 from perception.types import CALIBRATION, CAMERA, INS, LIDAR
 
@@ -78,12 +78,12 @@ FAULT_KINDS: Final[Mapping[str, FaultKind]] = {
         INS, ins.turning, "degrees/s", 12, (2, 5, 12, 20), ("INS drifting", "INS jumping")
     ),
     "calibration-yaw": FaultKind(
-        CALIBRATION, calibration.turned_aside, "degrees", 1, (0.5, 1, 2, 3, 5), ("calibration off",)
+        CALIBRATION, camera.turned_aside, "degrees", 1, (0.5, 1, 2, 3, 5), ("calibration off",)
     ),
     "calibration-pitch": FaultKind(
-        CALIBRATION, calibration.tilted, "degrees", 1, (0.5, 1, 2, 3, 5), ("calibration off",)
+        CALIBRATION, camera.tilted, "degrees", 1, (0.5, 1, 2, 3, 5), ("calibration off",)
     ),
     "calibration-shift": FaultKind(
-        CALIBRATION, calibration.shifted, "metres", 0.1, (0.05, 0.1, 0.2, 0.5), ("calibration off",)
+        CALIBRATION, camera.shifted, "metres", 0.1, (0.05, 0.1, 0.2, 0.5), ("calibration off",)
     ),
 }

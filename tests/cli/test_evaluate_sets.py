@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from data.results.counting_sheet import (
+from data.results.counted_scans import (
     CountedImage,
     read_counting_sheet,
     write_counting_sheet,

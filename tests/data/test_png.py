@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from data.png import decode_rgb_png
+from data.image_decoder import decode_rgb_png
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (11, 7, 3)).astype(np.uint8)
 IMAGE[:, 3:] = IMAGE[:, 2:3] + np.arange(4, dtype=np.uint8)[:, None]

@@ -9,8 +9,8 @@ import torch
 from data.open_drive import open_drive
 from export.depthcn import crop_inputs, exportable_verifier, random_inputs
 from export.exporters import export_network
-from export.parity import compare, torch_runner
 from export.result import ExportConfig
+from export.variants import compare, torch_runner
 from perception.cli.main import main, run_command_line
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels

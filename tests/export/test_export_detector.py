@@ -13,14 +13,13 @@ from export.detector import (
     best_int8,
     choose,
     exportable_detector,
+    measure_variants,
     moderate,
     random_images,
 )
-from export.detector_precision import measure_variants
 from export.onnx import to_onnx
-from export.parity import compare, torch_runner
 from export.result import ExportConfig
-from export.variants import ModelVariant
+from export.variants import ModelVariant, compare, torch_runner
 from perception.cli.main import main
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from export.onnx import OPSET, Exportable, to_onnx
-from export.parity import Parity, compare, torch_runner
+from export.variants import Parity, compare, torch_runner
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
 from tests.faults import fault

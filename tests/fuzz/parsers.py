@@ -327,13 +327,13 @@ def _frame_lines() -> Sequence[bytes]:
 
 
 def _read_counting_sheet(path: Path) -> object:
-    from data.results.counting_sheet import read_counting_sheet
+    from data.results.counted_scans import read_counting_sheet
 
     return read_counting_sheet(path)
 
 
 def _counting_sheets() -> Sequence[bytes]:
-    from data.results.counting_sheet import CountedImage, write_counting_sheet
+    from data.results.counted_scans import CountedImage, write_counting_sheet
     from perception.evaluation.obstacle_counts import ObstacleCounts
 
     counts = ObstacleCounts(4, 2, 1, 0, 0, 0)

@@ -11,7 +11,7 @@ import torch
 
 from perception.errors import ModelError
 from tests.faults import fault
-from train.detector.public_weights import init_from_public, public_detector
+from train.detector.initial_network import init_from_public, public_detector
 from train.networks.yolox import YoloxNano, flatten_levels
 
 _DEFAULT = Path(__file__).parents[3] / "shared" / "public_networks"

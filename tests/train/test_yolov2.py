@@ -4,11 +4,11 @@ from torch import nn
 
 from perception.errors import ModelError, UsageError
 from tests.faults import fault
-from train.networks.darknet19 import Darknet19
 from train.networks.yolo_head import YoloHead
 from train.networks.yolov2 import (
     COCO_ANCHORS_CELLS,
     VOC_ANCHORS_CELLS,
+    Darknet19,
     YOLOv2,
     anchors_px,
     reorganise,

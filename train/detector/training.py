@@ -1,5 +1,6 @@
 """Training of a detector (7.2.2)."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any, ClassVar
 
@@ -21,6 +22,7 @@ from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections, Fit, MapFilling, Modality
 from train.best_epoch import Criterion, Ranking
 from train.checkpoints import program_revision, read_checkpoint
+from train.detector.anchor_free_loss import anchor_free_loss
 from train.detector.anchors import fit_anchors
 from train.detector.config import (
     Anchors,
@@ -29,10 +31,9 @@ from train.detector.config import (
     InitialWeights,
 )
 from train.detector.distillation import Distillation
-from train.detector.head_losses import head_loss
 from train.detector.images import DetectorImages
 from train.detector.initial_network import initial_network
-from train.detector.losses import DetectionLoss
+from train.detector.losses import DetectionLoss, detection_loss
 from train.detector.metrics import ValidationBoxes, mean_precision, measure, precision_table
 from train.detector.multi_scale import (
     Interpolation,
@@ -43,6 +44,8 @@ from train.detector.multi_scale import (
 )
 from train.detector.networks import ANCHORS, IDENTITY, MODEL, DetectorNetworkConfig
 from train.detector.targets import BatchLabels
+from train.networks.yolo_head import DetectionHead, YoloHead
+from train.networks.yolox import YoloxHead
 from train.optimization import WarmupCosine, configure_optimizers
 
 _LOSS, _RANDOM_WEIGHTS = DetectionLossConfig(), InitialWeights()
@@ -257,3 +260,16 @@ class DetectorTraining(LightningModule):
 
 def _labels(batch: Batch) -> BatchLabels:
     return BatchLabels(batch["boxes_px"], batch["classes"], batch["is_ignored"])
+
+
+# From raw predictions, labels, head, weights of the terms and the number of images seen before.
+HeadLoss = Callable[[Any, BatchLabels, Any, DetectionLossConfig, int], DetectionLoss]
+_LOSSES: Mapping[type[DetectionHead[Any]], HeadLoss] = {
+    YoloHead: detection_loss,
+    YoloxHead: anchor_free_loss,
+}
+
+
+def head_loss(head: DetectionHead[Any]) -> HeadLoss:
+    """Return the loss that the predictions of a head are trained by."""
+    return _LOSSES[type(head)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import table_3_2, table_a_1, unique_sequences
+from data.derived.otd_objects import table_3_2, table_a_1, unique_sequences
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import empty_labels, read_tracking_labels
 from perception.evaluation.single_object.challenges import Challenge, Variations, variations

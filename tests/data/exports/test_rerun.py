@@ -13,9 +13,8 @@ import rerun
 from rerun.chunk import RrdReader
 
 from data.exports import rerun_writer
-from data.exports.rerun_blueprint import blueprint_of
 from data.exports.rerun_entities import pinhole_of
-from data.exports.rerun_writer import RerunWriter
+from data.exports.rerun_writer import RerunWriter, blueprint_of
 from data.exports.run_exports import RunExports
 from data.results.result_writer import open_writers
 from perception.errors import UsageError, WriteError

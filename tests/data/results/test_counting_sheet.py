@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from data.results.counting_sheet import (
+from data.results.counted_scans import (
     CountedImage,
     choose_frames,
     read_counting_sheet,

@@ -2,8 +2,8 @@
 
 import pytest
 
-from data.results.background_writer import BackgroundWriter
 from data.results.result_writer import ResultWriter, open_writers
+from data.results.run_writers import BackgroundWriter
 
 
 class Log(ResultWriter):

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from data.results.background_writer import BackgroundWriter
 from data.results.result_writer import open_writers
 from data.results.run_video import RunVideo
+from data.results.run_writers import BackgroundWriter
 from perception.render.composition import Composition
 from perception.types import Boxes3D, Tracks
 from tests.render.conftest import scene  # noqa: F401 - fixture

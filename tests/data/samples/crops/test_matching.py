@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from data.samples.crops.labelled_frames import ProposalScene
-from data.samples.crops.matching import match_by_boxes, match_by_points
+from data.samples.crops.sampling import match_by_boxes, match_by_points
 
 SCENE = ProposalScene(
     boxes_px=np.zeros((0, 4)),
