@@ -16,6 +16,7 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.duplicates import find_leaders
 from perception.tracking.vehicles.observations import ASSUMED_HEIGHT_M, FrameGeometry
 from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
@@ -52,7 +53,7 @@ def join_cameras(
     has_sides = SizePriors.of(vehicles.fused.detections.types).has_sides
     is_same &= has_sides[:, None] == has_sides  # a person may stand in front of a car
     quality = vehicles.fused.existence * _visible_shares(vehicles, cameras)
-    leaders = _leaders(is_same, quality)
+    leaders = find_leaders(is_same, quality)
     distances_m = np.full(len(vehicles), np.inf)
     np.fmin.at(distances_m, leaders, vehicles.distances_m)
     joined = replace(
@@ -150,18 +151,6 @@ def _visible_shares(vehicles: Vehicles, cameras: Sequence[FrameGeometry]) -> Flo
         whole, cut = (np.prod(one[:, 2:] - one[:, :2], axis=1) for one in (whole_px, cut_px))
         shares[rows] = np.nan_to_num(cut / whole, nan=1.0)
     return shares
-
-
-def _leaders(is_same: Bool, quality: Float64) -> Int:
-    """Return (M,) the best vehicle of which each is another detection: itself where there is none."""
-    leaders = np.arange(len(quality))
-    is_kept = np.zeros(len(quality), bool)
-    order = np.argsort(-quality, kind="stable")
-    for row in order.tolist():
-        better = order[(is_same[row] & is_kept)[order]]
-        leaders[row] = better[0] if len(better) else row
-        is_kept[row] = not len(better)
-    return leaders
 
 
 def _merged_owners(owners: Int, leaders: Int, quality: Float64) -> Int:

@@ -21,6 +21,7 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.sorting import sorted_keys
 from perception.kernels.graphs import connected_parts
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.duplicates import find_leaders
 from perception.tracking.vehicles.observations import SAME_PLACE_IOU
 from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, GroundModel, Int
 
@@ -56,12 +57,7 @@ class ImageObjects(ArrayTable):
         A network may report one object as several classes; all of them have the same returns.
         """
         is_same = iou_px(self.boxes_px, self.boxes_px) >= SAME_PLACE_IOU
-        leaders = np.full(len(self), -1)
-        for row in np.argsort(-self.existence, kind="stable").tolist():
-            if leaders[row] < 0:
-                leaders[is_same[row] & (leaders < 0)] = row
-                leaders[row] = row
-        return leaders
+        return find_leaders(is_same, self.existence)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.tracking.vehicles.observations import VehicleObservations
-from perception.types import Bool, Int, Vehicles
+from perception.types import Bool, Float64, Int, Vehicles
 
 _MIN_IOU = 0.4  # minimum IoU in the image, unless the returns of both lie apart
 _MIN_IOU_APART = 0.75  # minimum IoU in the image where the returns of both lie apart
@@ -18,11 +18,25 @@ def is_duplicate(observations: VehicleObservations) -> Bool:
     covers = covered(observations, observations)
     # Detections of two cameras have been joined on the ground.
     covers &= observations.cameras[:, None] == observations.cameras
-    best_first = np.argsort(-observations.detections.scores, kind="stable")
-    is_single = np.zeros(len(observations), bool)
-    for row in best_first.tolist():
-        is_single[row] = not (covers[row] & is_single).any()
-    return ~is_single
+    scores = observations.detections.scores
+    return np.asarray(find_leaders(covers, scores) != np.arange(len(scores)))
+
+
+def find_leaders(is_same: Bool, quality: Float64) -> Int:
+    """Return (N,) the best row of the object of each: itself where no better one leads, and one that is led leads none.
+
+    Args:
+        is_same: (N, N) whether a row shows the object of another one.
+        quality: (N,) quality of each; of equal ones the first is better.
+    """
+    leader_of = np.arange(len(quality))
+    is_leader = np.zeros(len(quality), bool)
+    order = np.argsort(-quality, kind="stable")
+    for row in order.tolist():
+        better = order[(is_same[row] & is_leader)[order]]
+        leader_of[row] = better[0] if len(better) else row
+        is_leader[row] = not len(better)
+    return leader_of
 
 
 def covered(observations: VehicleObservations, others: VehicleObservations) -> Bool:
@@ -67,7 +81,6 @@ def distinct_rows(vehicles: Vehicles, min_score: float) -> Int:
     is_alike_px = (iou_px(boxes_px, boxes_px) >= _MIN_IOU) & ~(overlap <= 0)
     one_camera = vehicles.cameras[rows, None] == vehicles.cameras[rows]
     is_same = np.where(one_camera, is_alike_px, overlap >= _MIN_IOU_CAMERAS)
-    is_shown = np.zeros(len(rows), bool)
-    for row in range(len(rows)):
-        is_shown[row] = is_tracked[rows[row]] or not (is_same[row] & is_shown).any()
-    return np.sort(rows[is_shown])
+    is_same &= ~is_tracked[rows, None]
+    best_first = -np.arange(len(rows), dtype=np.float64)
+    return np.sort(rows[find_leaders(is_same, best_first) == np.arange(len(rows))])
