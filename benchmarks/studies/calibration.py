@@ -5,22 +5,19 @@ from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from data.calibration_files import CalibratedFrames, read_calibrated_frames
-from data.layouts import OpenConfig
-from data.open_drive import open_drive
-from data.recorded_drive import RecordedDrive
-from perception.calibration.offset import offset_SE3
-from perception.calibration.recalibration import recalibrate
 from perception.cli.progress import frame_progress_bar
 from perception.errors import PerceptionError
-from perception.geometry.se3 import inverse, rotation_angle_rad
-from perception.health.miscalibration import MiscalibrationMonitor, corrected
-from perception.localization.frame_registration import FrameRegistration
 from perception.types import Float64, Frame
+
+if TYPE_CHECKING:
+    from data.calibration_files import CalibratedFrames
+    from data.recorded_drive import RecordedDrive
+    from perception.health.miscalibration import MiscalibrationMonitor
 
 _AXES = ("pitch", "yaw", "roll", "right", "down", "ahead")
 _ROTATIONS_DEG = (0.0, 0.5, 1.0, 2.0, 4.0)
@@ -35,18 +32,22 @@ class _Watch:
     """Whether monitors notice one error, each from the frame on in which it begins."""
 
     def __init__(self, error: Float64) -> None:
+        from perception.calibration.offset import offset_SE3
+
         self._error_SE3_cam = offset_SE3(error)
         self._monitor: MiscalibrationMonitor | None = None
         self._frames = self._within = self._starts = 0
         self._delays: list[int] = []
 
-    def begin(self, monitor: MiscalibrationMonitor, within: int) -> None:
+    def begin(self, monitor: "MiscalibrationMonitor", within: int) -> None:
         """Watch a monitor from now on, which has not met the error, for some frames."""
         self._monitor, self._frames, self._within = monitor, 0, within
         self._starts += 1
 
     def update(self, frame: Frame, world_SE3_velo: Float64) -> None:
         """Give the monitor a frame with the error, until it notices."""
+        from perception.health.miscalibration import corrected
+
         if self._monitor is None or self._frames == self._within:
             return
         self._frames += 1
@@ -64,7 +65,10 @@ class _Watch:
 class _Watches:
     """Errors that are there from the start of the monitor on, and others that begin amid a drive."""
 
-    def __init__(self, drive: RecordedDrive) -> None:
+    def __init__(self, drive: "RecordedDrive") -> None:
+        from perception.health.miscalibration import MiscalibrationMonitor
+        from perception.localization.frame_registration import FrameRegistration
+
         self._drive, self._registration = drive, FrameRegistration()
         self._clean = MiscalibrationMonitor(drive.sensor)
         self.none = _Watch(np.zeros(6))
@@ -74,6 +78,8 @@ class _Watches:
 
     def update(self, index: int) -> None:
         """Give all monitors a frame; those whose time has come begin with it, where enough frames are left."""
+        from perception.health.miscalibration import MiscalibrationMonitor
+
         frame, left = self._drive[index], len(self._drive) - index
         pose = self._registration.update(frame)
         if index % _RESTART_EVERY == 0 and left >= _RESTART_EVERY:
@@ -109,6 +115,10 @@ def calibration(
         seed: Seed of the axes of the errors.
         out: JSON file with the numbers.
     """
+    from data.calibration_files import read_calibrated_frames
+    from data.layouts import OpenConfig
+    from data.open_drive import open_drive
+
     opened = open_drive(drive, sequence=sequence, config=OpenConfig(sensor=sensor))
     read = read_calibrated_frames(opened, frames, frame_progress_bar(opened.name, delay_s=0))
     accuracy_columns = {"rotation [deg]": ".2f", "translation [cm]": ".1f", "CPU [s]": ".1f"}
@@ -152,9 +162,13 @@ def _errors() -> Iterator[tuple[str, Float64]]:
 
 
 def _recalibrated(
-    read: CalibratedFrames, drive: RecordedDrive, rng: np.random.Generator
+    read: "CalibratedFrames", drive: "RecordedDrive", rng: np.random.Generator
 ) -> Iterator[tuple[str, tuple[float, float, float]]]:
     """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
+    from perception.calibration.offset import offset_SE3
+    from perception.calibration.recalibration import recalibrate
+    from perception.geometry.se3 import inverse, rotation_angle_rad
+
     stated = read.calibration.cam_SE3_velo
     for angle_deg in _ROTATIONS_DEG:
         worst = np.zeros(3)

@@ -4,37 +4,26 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from benchmarks.studies.motion_grid import PRESETS, SOURCES, Preset
 from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from benchmarks.studies.tracking_metrics import PROTOCOL, tracking_values
-from data.derived.moving_truth import moving_truth
-from data.synthetic.traffic_scenes import TRAFFIC_SCENES, TrafficSceneDrive
 from perception.atomic_file import write_jpeg
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
-from perception.datmo.grid_detector import MotionGridDetector
-from perception.datmo.stage import Datmo
 from perception.evaluation.config import DatmoProtocol
-from perception.evaluation.datmo_measure import DatmoMeasure, DatmoReport
 from perception.evaluation.report import Table, Value
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.pipeline.lidar_stages import LidarStages
-from perception.render.canvas import blank_canvas, draw_text
-from perception.render.composition import Composition
-from perception.render.motion_grid_plots import cell_columns
 from perception.render.palette import BACKGROUND
-from perception.render.scene import SceneObjects
-from perception.render.trails import SceneHistory
-from perception.render.video import VideoWriter
 from perception.sensor import load_sensor
-from perception.tracking.point_tracker import PointTracker
 from perception.types import Drive, Frame, Obstacles, PointState, UInt8, Voxels
+
+if TYPE_CHECKING:
+    from perception.evaluation.datmo_measure import DatmoReport
 
 _MOMENTS = (0.3, 0.6, 0.9)  # shares of a scene of which the figure shows the images
 _TITLE_PX = 36
@@ -75,6 +64,8 @@ def datmo_film(
         drive: Folder of a drive, or the word synthetic.
         out: Figure of three moments of each scene; the film and a JSON file are written beside it.
     """
+    from perception.render.video import VideoWriter
+
     drives = _scenes(drive, config)
     reports: dict[str, DatmoReport | None] = {}
     stills: list[list[UInt8]] = []
@@ -108,6 +99,7 @@ def _scenes(drive: str, config: DatmoFilmConfig) -> Sequence[Drive]:
     """Return the drive, or the three scenes of the thesis' figure."""
     if drive != "synthetic":
         return [config.open(drive, images=True)]
+    from data.synthetic.traffic_scenes import TRAFFIC_SCENES, TrafficSceneDrive
 
     sensor = load_sensor(config.sensor or "HDL-64E")
     return [TrafficSceneDrive(name, config.frames, sensor=sensor) for name in TRAFFIC_SCENES]
@@ -123,6 +115,15 @@ class FilmedScene:
             drive: Drive.
             preset: Values of the detector and the tracker.
         """
+        from data.derived.moving_truth import moving_truth
+        from perception.datmo.grid_detector import MotionGridDetector
+        from perception.datmo.stage import Datmo
+        from perception.evaluation.datmo_measure import DatmoMeasure
+        from perception.pipeline.lidar_stages import LidarStages
+        from perception.render.composition import Composition
+        from perception.render.trails import SceneHistory
+        from perception.tracking.point_tracker import PointTracker
+
         config = PRESETS[preset]
         self._drive, self._area = drive, config.area
         self._stages = LidarStages(drive.sensor, PipelineConfig.for_motion("none"))
@@ -138,6 +139,9 @@ class FilmedScene:
 
     def draw(self, frame: Frame, title: str) -> UInt8:
         """Return the image of the next frame: the motion grid in place of voxels, with boxes and paths."""
+        from perception.render.motion_grid_plots import cell_columns
+        from perception.render.scene import SceneObjects
+
         result, scan = self._stages.segment(frame)
         start_s = time.perf_counter()
         with limit_blas_threads():
@@ -157,12 +161,14 @@ class FilmedScene:
         objects = SceneObjects.of(shown)
         return _with_title(self._composition.draw(self._history.update(shown, objects)), title)
 
-    def report(self) -> DatmoReport | None:
+    def report(self) -> "DatmoReport | None":
         """Return the metrics of the tracks so far; None of a drive without labels and poses."""
         return None if self._measure is None else self._measure.compute()
 
 
 def _with_title(image: UInt8, title: str) -> UInt8:
+    from perception.render.canvas import blank_canvas, draw_text
+
     band = blank_canvas((image.shape[1], _TITLE_PX), BACKGROUND)
     draw_text(band, title, (_TITLE_PX / 4, 0.7 * _TITLE_PX), height_px=_TITLE_PX // 2)
     return np.vstack([band, image])
@@ -170,6 +176,7 @@ def _with_title(image: UInt8, title: str) -> UInt8:
 
 def _contact_sheet(stills: Sequence[Sequence[UInt8]]) -> UInt8:
     """Return the images side by side, a row for each scene."""
+    import cv2
 
     def small(image: UInt8) -> UInt8:
         size_px = (image.shape[1] // 2, image.shape[0] // 2)
@@ -178,7 +185,7 @@ def _contact_sheet(stills: Sequence[Sequence[UInt8]]) -> UInt8:
     return np.vstack([np.hstack([small(image) for image in row]) for row in stills])
 
 
-def _table(title: str, reports: Mapping[str, DatmoReport | None]) -> Table[Any]:
+def _table(title: str, reports: Mapping[str, "DatmoReport | None"]) -> Table[Any]:
     rows: dict[str, tuple[Value, ...]] = {}
     for name, report in reports.items():
         if report is None:

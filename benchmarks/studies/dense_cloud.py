@@ -1,17 +1,19 @@
 """A pole in the merged cloud, by INS alone and after registration (Fig. 5.2)."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
 from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.errors import DriveError
 from perception.geometry.grids import LocalArea
-from perception.localization.scan_window import DenseCloud, merge
-from perception.render.obstacle_plots import AgedPoints, plot_aged_points
 from perception.types import Bool, Float64, GroundModel, Int, UInt8
+
+if TYPE_CHECKING:
+    from perception.localization.scan_window import DenseCloud
+    from perception.render.obstacle_plots import AgedPoints
 
 _SPECS = {"points": "d", "scans apart [cm]": ".1f"}
 _CELL_M = 0.1
@@ -41,6 +43,9 @@ def dense_cloud(
     Raises:
         DriveError: The drive has no INS, or the frame no pole.
     """
+    from perception.localization.scan_window import merge
+    from perception.render.obstacle_plots import plot_aged_points
+
     opened = window.open(drive)
     merged = read_merged_frame(opened, window)
     by_ins, ground = merged.ins_window, merged.planes
@@ -74,12 +79,14 @@ def dense_cloud(
     )
 
 
-def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float64:
+def find_pole(cloud: "DenseCloud", ground: GroundModel, area: LocalArea) -> Float64:
     """Return (2,) x and y of the most isolated tall thin object that every scan of the cloud observed.
 
     Raises:
         DriveError: There is none.
     """
+    import cv2
+
     height_m = ground.distance_m(cloud.points_velo)
     rows = (height_m > _LOW_M) & (height_m < _HIGH_M)
     xy_m = cloud.points_velo[rows, :2] + (area.behind_m, area.side_m)
@@ -114,6 +121,8 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
 
 def _distinct_values_around(cells: Int, values: Int | UInt8, shape: tuple[int, int]) -> Float64:
     """Count the distinct values within the inner square around each cell."""
+    import cv2
+
     total = np.zeros(shape)
     for one in np.unique(values):
         layer = np.zeros(shape[0] * shape[1], np.uint8)
@@ -123,9 +132,11 @@ def _distinct_values_around(cells: Int, values: Int | UInt8, shape: tuple[int, i
 
 
 def cut_out(
-    cloud: DenseCloud, ground: GroundModel, place_m: Float64, radius_m: float = 0.5
-) -> AgedPoints:
+    cloud: "DenseCloud", ground: GroundModel, place_m: Float64, radius_m: float = 0.5
+) -> "AgedPoints":
     """Return the points above the ground within a radius of a place (2,)."""
+    from perception.render.obstacle_plots import AgedPoints
+
     offset_m = cloud.points_velo[:, :2] - place_m
     height_m = ground.distance_m(cloud.points_velo)
     is_inside: Bool = (np.hypot(*offset_m.T) < radius_m) & (height_m > _LOW_M)
@@ -134,7 +145,7 @@ def cut_out(
     return AgedPoints(points_m.astype(np.float32), cloud.age[is_inside])
 
 
-def disagreement_m(points: AgedPoints) -> float:
+def disagreement_m(points: "AgedPoints") -> float:
     """Return the RMS distance of the object's centre in the earlier scans from that in the newest scan."""
     ages = np.unique(points.age)
     centers_m = [np.median(points.points_m[points.age == age, :2], axis=0) for age in ages]

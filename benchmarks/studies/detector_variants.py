@@ -10,10 +10,8 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from data.detections.measured_detectors import DetectorOptions, measured_network
-from data.detections.measured_drives import DriveInfo, DriveReader, measure_drives
 from data.results.documents import to_serializable, write_json
 from perception.atomic_file import write_atomically
 from perception.cli.flags import require_positive
@@ -21,11 +19,13 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar, progress_bar
 from perception.cli.trainings import TRAININGS
 from perception.detection.config import DetectionConfig
-from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
-from perception.evaluation.detection.detector_measure import DetectorReport
 from perception.types import Modality
+
+if TYPE_CHECKING:
+    from data.detections.measured_drives import DriveInfo
+    from perception.evaluation.detection.detector_measure import DetectorReport
 
 IOU = (0.7, 0.5)
 
@@ -182,6 +182,10 @@ def _measured(
     trained: Mapping[str, Any], flags: VariantFlags, drives: Sequence[Path], folder: Path
 ) -> VariantMetrics:
     """Measure, or read what was measured on the same drives."""
+    from data.detections.measured_detectors import DetectorOptions, measured_network
+    from data.detections.measured_drives import DriveReader, measure_drives
+    from perception.detection.detectors.modality_detector import ModalityDetector
+
     precision = PrecisionConfig(IOU, bootstrap=flags.bootstrap, seed=flags.seed)
     protocol = to_serializable({"drives": list(drives), "precision": asdict(precision)})
     known = _read(folder / "measured.json")
@@ -203,7 +207,7 @@ def _measured(
     return metrics
 
 
-def _of_drive(info: DriveInfo, report: DetectorReport) -> dict[str, Any]:
+def _of_drive(info: "DriveInfo", report: "DetectorReport") -> dict[str, Any]:
     (precision,) = report.to_json()["classes"].values()
     return {"data": info.kind, "frames": info.frames_evaluated, "iou": precision}
 

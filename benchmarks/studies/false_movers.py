@@ -15,21 +15,13 @@ import numpy as np
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
 from data.batch.parts import run_parts
 from data.results.documents import usable_cores
-from data.synthetic.drive import SyntheticDrive
-from data.synthetic.world_kinds import park_road
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
-from perception.evaluation.exact_obstacles import (
-    count_exactly,
-    count_false,
-    exact_points,
-    false_clusters_m,
-)
 from perception.evaluation.report import Table
 from perception.geometry.grids import LocalArea
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import LidarModel, load_sensor
 from perception.types import Float64, PointState
@@ -163,6 +155,16 @@ def _measure(
     case: tuple[float, int], frames: int, model: LidarModel, area: LocalArea
 ) -> MoverCounts:
     """Count on one road; called by workers."""
+    from data.synthetic.drive import SyntheticDrive
+    from data.synthetic.world_kinds import park_road
+    from perception.evaluation.exact_obstacles import (
+        count_exactly,
+        count_false,
+        exact_points,
+        false_clusters_m,
+    )
+    from perception.pipeline import Pipeline
+
     speed_m_s, seed = case
     world = replace(park_road(np.random.default_rng(seed)), ego_m_s=speed_m_s)
     drive = SyntheticDrive(frames, seed=seed, sensor=model, config=world, images=False)

@@ -3,16 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from benchmarks.studies.monitored_recording import WARM_UP, MonitoredRecording
 from benchmarks.studies.report import publish
-from data.faults.injection import Fault
-from data.faults.kinds import FAULT_KINDS, FaultKind
-from data.open_drive import open_drive, sequences_in
-from data.synthetic.collection import SynthConfig, draw_drive
 from data.synthetic.street_kind import StreetKind
 from perception.cli.flags import SourceFlags
 from perception.cli.parser import FlagGroup
@@ -22,6 +17,10 @@ from perception.evaluation.report import Metric, Metrics, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor.files import load_sensor
 from perception.types import CALIBRATION, Drive
+
+if TYPE_CHECKING:
+    from benchmarks.studies.monitored_recording import MonitoredRecording
+    from data.faults.kinds import FaultKind
 
 _MIN_SPEED_M_S = 1.0  # a frozen pose of a vehicle that stands is no fault yet
 
@@ -133,6 +132,8 @@ def fault_detection(
         roots: Folders or files of drives; of several drives in a folder, all are read. None with --worlds.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from benchmarks.studies.monitored_recording import MonitoredRecording
+
     if not roots and not config.worlds:
         raise UsageError(
             "ROOTS",
@@ -159,6 +160,9 @@ def fault_detection(
 
 def _drives(roots: Sequence[str], source: SourceFlags, config: InjectionConfig) -> Iterator[Drive]:
     """Yield the recorded drives, and the synthetic ones."""
+    from data.open_drive import open_drive, sequences_in
+    from data.synthetic.collection import SynthConfig, draw_drive
+
     for root in roots:
         names = sequences_in(Path(root)) if source.sequence is None else [source.sequence]
         for name in names:
@@ -176,9 +180,13 @@ def _drives(roots: Sequence[str], source: SourceFlags, config: InjectionConfig) 
 
 
 def _inject_all(
-    recording: MonitoredRecording, config: InjectionConfig, detections: dict[str, FaultDetection]
+    recording: "MonitoredRecording", config: InjectionConfig, detections: dict[str, FaultDetection]
 ) -> None:
     """Inject faults of each kind and size at random frames."""
+    from benchmarks.studies.monitored_recording import WARM_UP
+    from data.faults.injection import Fault
+    from data.faults.kinds import FAULT_KINDS
+
     rng = np.random.default_rng(config.seed)
     for kind, size in _cases(config):
         part = FAULT_KINDS[kind].part
@@ -202,6 +210,8 @@ def _inject_all(
 
 def _panels(detections: Mapping[str, FaultDetection]) -> list[CurvePanel]:
     """Return the recall of each kind of fault over its size."""
+    from data.faults.kinds import FAULT_KINDS
+
     by_kind: dict[str, dict[float, float]] = {}
     for name, one in detections.items():
         kind, size = name.split()
@@ -219,6 +229,8 @@ def _panels(detections: Mapping[str, FaultDetection]) -> list[CurvePanel]:
 
 
 def _cases(config: InjectionConfig) -> Iterator[tuple[str, float]]:
+    from data.faults.kinds import FAULT_KINDS
+
     for kind in config.kinds or FAULT_KINDS:
         definition: FaultKind = FAULT_KINDS[kind]
         for size in definition.sizes if config.curves else (definition.default,):

@@ -8,7 +8,6 @@ from benchmarks.studies.merged_frame import MergedFrame, MergedFrameFlags, read_
 from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.evaluation.report import Value
 from perception.obstacles.ground_planes import PiecewisePlanes, PlaneStep, plane_step
-from perception.render.obstacle_plots import GatedCloud, plot_gates
 from perception.types import Bool, Float
 
 _CLEARANCE_M = 0.2  # d_min of Table 7.1
@@ -34,6 +33,8 @@ def gates(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "gates.
         drive: Folder of a drive, or the word synthetic.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from perception.render.obstacle_plots import GatedCloud, plot_gates
+
     merged = read_merged_frame(window.open(drive), window)
     points_velo, planes = merged.cloud.points_velo, merged.planes
     is_inlier = passes_gate(points_velo, planes)

@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from data.derived.obstacle_sequences import SequenceSet, find_sequences
-from data.frames import read_frames
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError
@@ -20,9 +19,6 @@ from perception.evaluation.ground import (
     pooled_displacement_error,
 )
 from perception.geometry.grids import LocalArea
-from perception.localization.odometry import LidarOdometry
-from perception.localization.registration import register_window
-from perception.localization.scan_window import PosedScan, ScanWindow, merge
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.render.bar_plots import ValueGrid, plot_grid
@@ -126,6 +122,10 @@ def measure_ground_errors(
             found="none",
             advice="use a KITTI tracking sequence or a synthetic drive",
         )
+    from data.frames import read_frames
+    from perception.localization.odometry import LidarOdometry
+    from perception.localization.registration import register_window
+    from perception.localization.scan_window import PosedScan, ScanWindow, merge
 
     area, odometry = LocalArea(), LidarOdometry()
     window = ScanWindow(max(config.previous_scans))

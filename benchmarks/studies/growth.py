@@ -4,23 +4,25 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.measure import memory_mib, processor_clock
-from benchmarks.pipeline import FrameSource
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from data.synthetic.drive import SyntheticDrive
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.evaluation.report import Table
 from perception.evaluation.stage_times import ALL_STAGES
 from perception.geometry.grids import LocalArea
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import HDL_64E, VLP_16, LidarModel
 from perception.types import Drive, Frame
+
+if TYPE_CHECKING:
+    from perception.pipeline import Pipeline
 
 WARM_UP = 8  # frames that fill the window of scans
 _BLOCKS = 20  # of a long run
@@ -67,6 +69,9 @@ def long_run(drive: Drive, length: int, config: PipelineConfig) -> LongRun:
         length: Number of frames of the run.
         config: Pipeline configuration.
     """
+    from benchmarks.pipeline import FrameSource
+    from perception.pipeline import Pipeline
+
     with Pipeline(drive.sensor, config) as pipeline:
         frames = progress_bar(FrameSource(drive).take(length), "frames", length, delay_s=2)
         return blocks_of((_cpu_s(pipeline, frame) for frame in frames), length)
@@ -95,6 +100,8 @@ def median_stages_ms(
     sensor: LidarModel, frames: Sequence[Frame], config: PipelineConfig
 ) -> dict[str, float]:
     """Return the median processor time of each stage and of the whole frame, once the window of scans is full."""
+    from perception.pipeline import Pipeline
+
     with processor_clock(), Pipeline(sensor, config) as pipeline:
         times = list(_stage_times(pipeline, frames))[WARM_UP:]
     stages = dict.fromkeys(stage for frame in times for stage in frame)
@@ -104,14 +111,14 @@ def median_stages_ms(
     }
 
 
-def _stage_times(pipeline: Pipeline, frames: Iterable[Frame]) -> Iterator[dict[str, float]]:
+def _stage_times(pipeline: "Pipeline", frames: Iterable[Frame]) -> Iterator[dict[str, float]]:
     for frame in frames:
         start_s = time.process_time()
         timings_s = pipeline.step(frame).timings_s
         yield {**timings_s, ALL_STAGES: time.process_time() - start_s}
 
 
-def _cpu_s(pipeline: Pipeline, frame: Frame) -> float:
+def _cpu_s(pipeline: "Pipeline", frame: Frame) -> float:
     start_s = time.process_time()
     pipeline.step(frame)
     return time.process_time() - start_s
@@ -153,6 +160,8 @@ class GrowthConfig(FlagGroup):
 
     def drive(self, frames: int, sensor: LidarModel) -> Drive:
         """Return the street by a LiDAR."""
+        from data.synthetic.drive import SyntheticDrive
+
         return SyntheticDrive(frames, seed=self.seed, sensor=sensor, images=self.detect)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from benchmarks.studies.tracking_metrics import (
@@ -11,11 +12,12 @@ from benchmarks.studies.tracking_metrics import (
     total,
     tracking_table,
 )
-from data.synthetic.drive import CachedDrive
-from data.synthetic.ins import InsNoise
 from perception.cli.parser import FlagGroup
 from perception.render.curve_plots import metric_panels, plot_curves
 from perception.sensor import load_sensor
+
+if TYPE_CHECKING:
+    from data.synthetic.ins import InsNoise
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,10 @@ class InsErrorConfig(FlagGroup):
     positions_m: tuple[float, ...] = (0.0, 0.1, 0.25, 0.5, 1.0)
     angles_deg: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0)
 
-    def cases(self) -> list[InsNoise]:
+    def cases(self) -> list["InsNoise"]:
         """Return every INS, each once."""
+        from data.synthetic.ins import InsNoise
+
         by_position = [InsNoise(position_m, 0.0) for position_m in self.positions_m]
         by_angle = [InsNoise(0.0, angle_deg) for angle_deg in self.angles_deg]
         return list(dict.fromkeys([*by_position, *by_angle]))
@@ -52,6 +56,9 @@ def ins_error(
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from data.synthetic.drive import CachedDrive
+    from data.synthetic.ins import InsNoise
+
     model = load_sensor(sensor)
     parts = []
     for seed in streets.seeds:

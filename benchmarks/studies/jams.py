@@ -7,36 +7,31 @@ from functools import partial, reduce
 from itertools import product
 from operator import add
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
 from benchmarks.studies.tracking_metrics import PROTOCOL
 from data.batch.parts import run_parts
-from data.derived.moving_truth import moving_truth
 from data.results.documents import usable_cores
-from data.synthetic.collection import SynthConfig, draw_drive
-from data.synthetic.drive import SyntheticDrive
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion
-from perception.evaluation.multi_object.track_assignment import (
-    MovingScene,
-    assign_tracks,
-    covered_shares,
-)
 from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import SummedMetrics
-from perception.geometry.se3 import inverse
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.pipeline.lidar_stages import LidarStages
 from perception.pipeline.workers import StageClock
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
 from perception.types import Float64, Tracks
+
+if TYPE_CHECKING:
+    from data.synthetic.drive import SyntheticDrive
+    from perception.evaluation.multi_object.track_assignment import MovingScene
 
 _SPAN_S = 1.0  # over which the error of the motion is measured
 _COVERED_SHARE = 0.5  # of a track's outline that lies on a vehicle
@@ -177,13 +172,15 @@ def jams(
 
 def measure_jam(case: tuple[str, int], frames: int, sensor: str, config: JamsConfig) -> JamCounts:
     """Measure one drive, with or without INS; called by workers."""
+    from data.synthetic.collection import SynthConfig, draw_drive
+
     name, seed = case
     model = load_sensor(sensor)
     recipe = SynthConfig("tracking", frames, sensor=model, seed=seed, images=False, street="jam")
     return measure_drive(draw_drive(recipe, 0, frames), config, has_ins=name == "INS")
 
 
-def measure_drive(drive: SyntheticDrive, config: JamsConfig, *, has_ins: bool) -> JamCounts:
+def measure_drive(drive: "SyntheticDrive", config: JamsConfig, *, has_ins: bool) -> JamCounts:
     """Measure a drive.
 
     Args:
@@ -191,6 +188,9 @@ def measure_drive(drive: SyntheticDrive, config: JamsConfig, *, has_ins: bool) -
         config: What counts.
         has_ins: Whether frames carry the pose of the INS.
     """
+    from data.derived.moving_truth import moving_truth
+    from perception.pipeline.lidar_stages import LidarStages
+
     truth, targets = moving_truth(drive, PROTOCOL.view, PROTOCOL.motion), PROTOCOL.targets
     stages = LidarStages(drive.sensor, PipelineConfig.for_motion())
     poses = _Poses(drive)
@@ -237,8 +237,13 @@ class _Vehicles:
         self.ids_of: dict[int, set[int]] = {}
         self.whole: set[int] = set()
 
-    def update(self, scene: MovingScene, tracks: Tracks) -> None:
+    def update(self, scene: "MovingScene", tracks: Tracks) -> None:
         """Add a frame."""
+        from perception.evaluation.multi_object.track_assignment import (
+            assign_tracks,
+            covered_shares,
+        )
+
         assigned = assign_tracks(scene, tracks, PROTOCOL.targets)
         matches = np.zeros((len(scene), len(tracks)), bool)
         matches[assigned.matched_objects, assigned.matched_tracks] = True
@@ -254,7 +259,7 @@ class _Vehicles:
 class _Poses:
     """Errors of the motion over a second, or since poses of earlier scans no longer fit, of a drive."""
 
-    def __init__(self, drive: SyntheticDrive) -> None:
+    def __init__(self, drive: "SyntheticDrive") -> None:
         self._drive, self._scans = drive, round(_SPAN_S * drive.sensor.rate_hz)
         self._poses: deque[tuple[Float64, Float64]] = deque(maxlen=self._scans + 1)
         self.errors_m: list[float] = []
@@ -262,6 +267,8 @@ class _Poses:
 
     def update(self, index: int, pose: Float64, *, is_reset: bool) -> None:
         """Add the pose of a scan."""
+        from perception.geometry.se3 import inverse
+
         if is_reset:
             self._poses.clear()
             self.resets += 1

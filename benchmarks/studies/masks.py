@@ -1,14 +1,16 @@
 """Counters, log-likelihood ratio and masks of the thesis' static-moving segmentation (Fig. 5.6)."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from perception.obstacles.motion_counters import CounterSegmenter, MotionCounters
-from perception.render.obstacle_plots import plot_masks
 from perception.types import PointState
+
+if TYPE_CHECKING:
+    from perception.obstacles.motion_counters import MotionCounters
 
 
 def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.png") -> None:
@@ -20,6 +22,9 @@ def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.
         drive: Folder of a drive, or the word synthetic.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from perception.obstacles.motion_counters import CounterSegmenter
+    from perception.render.obstacle_plots import plot_masks
+
     merged = read_merged_frame(window.open(drive), window)
     segmenter = CounterSegmenter(merged.area)
     voxelized = segmenter.voxelize(merged.window, merged.planes)
@@ -35,7 +40,7 @@ def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.
     )
 
 
-def _counts(counters: MotionCounters) -> dict[str, tuple[int, int]]:
+def _counts(counters: "MotionCounters") -> dict[str, tuple[int, int]]:
     """Return for each step the number of columns that are not empty, and of the points in them."""
     masks = counters.masks
     steps = {

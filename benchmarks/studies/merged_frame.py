@@ -1,7 +1,7 @@
 """One frame of a drive with the scans before it, registered and merged, and the thesis' ground in it."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from benchmarks.studies.report import DriveOfStudy
 from perception.cli.flags import require_positive
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
-from perception.localization.odometry import LidarOdometry
-from perception.localization.registration import register_window
-from perception.localization.scan_window import DenseCloud, PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanes, PiecewisePlanesEstimator
 from perception.types import Drive, Frame
+
+if TYPE_CHECKING:
+    from perception.localization.scan_window import DenseCloud, ScanWindow
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ class MergedFrame:
     """
 
     frame: Frame
-    window: ScanWindow
-    odometry_window: ScanWindow
-    ins_window: ScanWindow
-    cloud: DenseCloud
+    window: "ScanWindow"
+    odometry_window: "ScanWindow"
+    ins_window: "ScanWindow"
+    cloud: "DenseCloud"
     planes: PiecewisePlanes
     area: LocalArea
     title: str
@@ -68,6 +68,10 @@ def read_merged_frame(drive: Drive, flags: MergedFrameFlags) -> MergedFrame:
     Raises:
         UsageError: The drive has no such frame, or no scan before it.
     """
+    from perception.localization.odometry import LidarOdometry
+    from perception.localization.registration import register_window
+    from perception.localization.scan_window import PosedScan, ScanWindow, merge
+
     newest = existing_frame(drive, flags.frame, first=1)
     m, odometry, area = flags.previous_scans, LidarOdometry(), LocalArea()
     by_odometry, by_ins = ScanWindow(m), ScanWindow(m)

@@ -1,7 +1,7 @@
 """The thesis' motion grids of one frame: subtraction, suppression, and objects (Fig. 5.10)."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -9,12 +9,13 @@ from benchmarks.studies.merged_frame import existing_frame
 from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, publish
 from perception.cli.progress import progress_bar
 from perception.datmo.config import AUTHOR, THESIS
-from perception.datmo.grid_detector import MotionGridDetector, MotionGrids
-from perception.geometry.footprints import Footprints
 from perception.pipeline import PipelineConfig
-from perception.pipeline.lidar_stages import LidarStages
-from perception.render.motion_grid_plots import CameraView, MotionGridScene, plot_motion_grids
 from perception.types import Boxes3D, Drive, Frame
+
+if TYPE_CHECKING:
+    from perception.datmo.grid_detector import MotionGrids
+    from perception.geometry.footprints import Footprints
+    from perception.render.motion_grid_plots import CameraView
 
 Preset = Literal["thesis", "author"]
 PRESETS = {"thesis": THESIS, "author": AUTHOR}
@@ -46,6 +47,10 @@ def motion_grid(
     Raises:
         UsageError: The drive has no such frame.
     """
+    from perception.datmo.grid_detector import MotionGridDetector
+    from perception.pipeline.lidar_stages import LidarStages
+    from perception.render.motion_grid_plots import MotionGridScene, plot_motion_grids
+
     opened, config = source.open(drive, images=True), PRESETS[preset]
     newest = existing_frame(opened, frame)
     detector = MotionGridDetector(opened.sensor, config)
@@ -72,7 +77,7 @@ def motion_grid(
     )
 
 
-def axis_aligned_boxes(footprints: Footprints) -> Boxes3D:
+def axis_aligned_boxes(footprints: "Footprints") -> Boxes3D:
     """Return the boxes around footprints, along the axes of their frame (5.2.2: no orientation)."""
     low_m, high_m = footprints.extents_m(np.zeros(len(footprints)))
     return Boxes3D(
@@ -82,14 +87,16 @@ def axis_aligned_boxes(footprints: Footprints) -> Boxes3D:
     )
 
 
-def _camera(frame: Frame, drive: Drive) -> CameraView | None:
+def _camera(frame: Frame, drive: Drive) -> "CameraView | None":
+    from perception.render.motion_grid_plots import CameraView
+
     calibration = frame.calibration or drive.calibration
     if frame.image is None or calibration is None:
         return None
     return CameraView(frame.image, calibration.image_P_velo)
 
 
-def _counts(grids: MotionGrids) -> dict[str, int]:
+def _counts(grids: "MotionGrids") -> dict[str, int]:
     """Return the number of cells that each step leaves in the area of objects."""
     part = grids.work_cells.part(grids.config.area)
     steps = {

@@ -4,18 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from data.detections.measured_drives import DriveReader
-from data.recorded_drive import RecordedDrive
 from perception.cli.progress import progress_bar
-from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import CalibrationError, ImageError, UsageError
-from perception.evaluation.detection.average_precision import match_detections, max_ap
-from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
     KITTI_CLASSES,
@@ -26,6 +20,10 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.render.curve_plots import Curve, CurvePanel
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Bool, Detections, Float64, Labels
+
+if TYPE_CHECKING:
+    from data.recorded_drive import RecordedDrive
+    from perception.detection.detectors.modality_detector import ModalityDetector
 
 RANGES_M: tuple[tuple[float, float], ...] = ((0, 15), (15, 30), (30, 50), (0, 50))
 _MODERATE = next(one for one in DIFFICULTIES if one.name == "moderate")
@@ -122,6 +120,10 @@ def range_name(range_m: tuple[float, float]) -> str:
 
 
 def _precision(frames: Sequence[RangedFrame], detection_class: DetectionClass) -> RangePrecision:
+    from perception.evaluation.detection.average_precision import match_detections, max_ap
+    from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+    from perception.evaluation.detection.evaluation_boxes import pair_boxes
+
     truths = TrueBoxes.of_frames([frame.labels for frame in frames])
     detected = DetectedBoxes.of_frames([frame.detections for frame in frames])
     neighbours = (*detection_class.neighbours, _ELSEWHERE)
@@ -148,6 +150,9 @@ def measure_realism(
     Raises:
         PerceptionError: a network or a drive cannot be read or used.
     """
+    from data.detections.measured_drives import DriveReader
+    from perception.detection.detectors.modality_detector import ModalityDetector
+
     opened = {file.stem: ModalityDetector(file) for file in networks}
     for file, network in zip(networks, opened.values(), strict=True):
         if network.modality != "rgb":
@@ -162,7 +167,7 @@ def measure_realism(
 
 
 def _detect(
-    networks: Mapping[str, ModalityDetector], drive: RecordedDrive
+    networks: Mapping[str, "ModalityDetector"], drive: "RecordedDrive"
 ) -> dict[str, list[RangedFrame]]:
     """Return the frames of a drive with the detections of each network."""
     frames: dict[str, list[RangedFrame]] = {name: [] for name in networks}

@@ -6,9 +6,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from data.open_drive import open_drive
 from data.results.documents import write_json
-from data.synthetic.drive import SyntheticDrive
 from perception import __version__
 from perception.cli.flags import SourceFlags, require_positive
 from perception.cli.parser import FlagGroup
@@ -29,8 +27,11 @@ class DriveOfStudy(SourceFlags):
     def open(self, drive: str, *, images: bool = False) -> Drive:
         """Open a path, or return a synthetic street for the word `synthetic`."""
         if drive == "synthetic":
+            from data.synthetic.drive import SyntheticDrive
+
             sensor = load_sensor(self.sensor or "HDL-64E")
             return SyntheticDrive(_SYNTHETIC_FRAMES, sensor=sensor, images=images)
+        from data.open_drive import open_drive
 
         return open_drive(Path(drive), sequence=self.sequence, config=self.reading, images=images)
 

@@ -11,7 +11,6 @@ from benchmarks.studies.tracking_metrics import (
     total,
     tracking_table,
 )
-from data.synthetic.drive import SyntheticDrive
 from perception.render.bar_plots import plot_groups
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 
@@ -26,6 +25,8 @@ def sensors(*, streets: StreetFlags, out: Path = RESULTS / "sensors.png") -> Non
     Args:
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from data.synthetic.drive import SyntheticDrive
+
     metrics = {
         sensor.name: total(
             [

@@ -15,7 +15,6 @@ from benchmarks.studies.detector_variants import (
 from benchmarks.studies.realism import measure_realism, realism_panels, realism_table
 from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.variant_report import frames_panels, precision_tables, variant_panels
-from data.open_drive import open_drives
 from perception.errors import UsageError
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import plot_curves
@@ -115,6 +114,8 @@ def leave_out_variants(base: DetectorVariant, drives: Sequence[Path]) -> dict[st
         UsageError: There are not two drives.
         PerceptionError: A drive cannot be read.
     """
+    from data.open_drive import open_drives
+
     if len(drives) <= 1:
         expected, found = "two training drives or more", f"{len(drives)}"
         raise UsageError("--leave-one-out", expected=expected, found=found)

@@ -3,30 +3,24 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, publish
-from data.synthetic import scenarios
-from data.synthetic.scenarios import TARGET_ID, ScenarioDrive, true_track
 from perception.cli.evaluate_otd import require_trackers, run_trackers
 from perception.cli.parser import FlagGroup
 from perception.evaluation.config import MIN_OVERLAP
 from perception.evaluation.report import Column, Table
-from perception.evaluation.single_object.metrics import (
-    SingleObjectErrors,
-    SingleObjectMetrics,
-    single_object_errors,
-    single_object_metrics,
-)
-from perception.evaluation.single_object.track import ObjectSequence, TargetObject, TrueTrack
-from perception.evaluation.single_object.tracker_runs import named_trackers
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import load_sensor
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
-from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Float64
+
+if TYPE_CHECKING:
+    from data.synthetic.scenarios import ScenarioDrive
+    from perception.evaluation.single_object.metrics import SingleObjectErrors, SingleObjectMetrics
+    from perception.evaluation.single_object.track import TargetObject, TrueTrack
 
 # An object that was hidden is reacquired once it is observed with this overlap of both boxes (A.1).
 _REACQUIRED_IOU = MIN_OVERLAP
@@ -60,7 +54,7 @@ class SingleObjectStudyMetrics:
         refusal: Reason why the tracker could not begin, or None.
     """
 
-    scores: SingleObjectMetrics
+    scores: "SingleObjectMetrics"
     reacquired_s: float
     refusal: str | None = None
 
@@ -79,6 +73,13 @@ def single_object(
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from data.synthetic import scenarios
+    from perception.evaluation.single_object.metrics import (
+        single_object_errors,
+        single_object_metrics,
+    )
+    from perception.evaluation.single_object.tracker_runs import named_trackers
+
     require_trackers(config.trackers)
     model, panels = load_sensor(sensor), []
     rows: dict[str, SingleObjectStudyMetrics] = {}
@@ -109,15 +110,18 @@ def single_object(
     )
 
 
-def target_of(drive: ScenarioDrive) -> TargetObject:
+def target_of(drive: "ScenarioDrive") -> "TargetObject":
     """Return the object of a scene, to be tracked in all its frames."""
+    from data.synthetic.scenarios import TARGET_ID, true_track
+    from perception.evaluation.single_object.track import ObjectSequence, TargetObject
+
     scenario, frames = drive.scenario, len(drive)
     sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, frames - 1)
     return TargetObject(sequence, true_track(drive), frames)
 
 
 def _error_panel(
-    title: str, truth: TrueTrack, errors: Mapping[str, SingleObjectErrors]
+    title: str, truth: "TrueTrack", errors: Mapping[str, "SingleObjectErrors"]
 ) -> CurvePanel:
     """Return the centre errors of the trackers with 3D boxes, NaN where a frame has none."""
     errors_m = {}
@@ -128,11 +132,13 @@ def _error_panel(
     return tracking_error_panel(title, truth.stamps_s, np.isnan(truth.boxes_px[:, 0]), errors_m)
 
 
-def reacquisition_time_s(truth: TrueTrack, errors: SingleObjectErrors) -> float:
+def reacquisition_time_s(truth: "TrueTrack", errors: "SingleObjectErrors") -> float:
     """Return the seconds from the last hidden frame to the first in which the object is reacquired.
 
     Reacquired means that the tracker observes it and overlaps it enough, in 3D or else in the image.
     """
+    from perception.tracking.single_object.tracker import TrackStatus
+
     hidden = np.flatnonzero(np.isnan(truth.boxes_px[:, 0]))
     if not len(hidden):
         return np.nan

@@ -10,7 +10,7 @@ from benchmarks.studies.report import RESULTS, DriveOfStudy, formatted_table, pu
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError, UsageError
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
 from perception.render.bar_plots import plot_shares
 from perception.types import Drive, Method
 
@@ -54,6 +54,8 @@ def stage_times(drive: Drive, config: PipelineConfig, first: int, frames: int) -
         UsageError: The drive is too short.
         DriveError: The drive has no INS.
     """
+    from perception.pipeline import Pipeline
+
     if len(drive) < first + frames:
         raise UsageError(
             f"--frames {frames}",

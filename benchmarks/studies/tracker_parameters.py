@@ -4,31 +4,29 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.single_object import target_of
-from data.derived.otd_objects import ObjectSetConfig, find_objects
-from data.synthetic.scenarios import ScenarioDrive, all_scenarios
 from perception.cli.evaluate_otd import run_trackers
 from perception.cli.flags import DriveFlags
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
 from perception.evaluation.report import Column, Table
-from perception.evaluation.single_object.measure import SingleObjectMeasure
-from perception.evaluation.single_object.metrics import SingleObjectMetrics
-from perception.evaluation.single_object.track import TargetObject
-from perception.evaluation.single_object.tracker_runs import TrackerMakers
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import LidarModel, load_sensor
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
-from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Drive
 
+if TYPE_CHECKING:
+    from perception.evaluation.single_object.metrics import SingleObjectMetrics
+    from perception.evaluation.single_object.track import TargetObject
+    from perception.evaluation.single_object.tracker_runs import TrackerMakers
+
 ObjectClass = Literal["Car", "Cyclist", "Pedestrian"]
-Metrics = Mapping[float, SingleObjectMetrics]
+Metrics = Mapping[float, "SingleObjectMetrics"]
 _NOTES = (
     "gate: length and width in those of the box. App. A.1 compares 1, 1.5 and 2 and finds 1 best; the author's code",
     "doubles them, so that these are 2, 3 and 4 here. Of 3, 5 and 10 iterations it finds 3 best.",
@@ -76,6 +74,8 @@ def tracker_parameters(
         drive: Folder whose labelled tracks are tracked, or the word synthetic for scenes with exact truth.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from perception.evaluation.single_object.measure import SingleObjectMeasure
+
     names = [*map(_gate_name, config.gates), *map(_shift_name, config.iterations)]
     measure, frames = SingleObjectMeasure(tuple(dict.fromkeys(names))), 0
     for one, targets in _drives(drive, source, config):
@@ -100,14 +100,17 @@ def tracker_parameters(
 
 def _drives(
     drive: str, source: DriveFlags, config: TrackerParametersConfig
-) -> Iterator[tuple[Drive, Sequence[TargetObject]]]:
+) -> "Iterator[tuple[Drive, Sequence[TargetObject]]]":
     """Yield the scenes, or the drives of a folder, with their objects."""
     if drive == "synthetic":
+        from data.synthetic.scenarios import ScenarioDrive, all_scenarios
+
         sensor = load_sensor(source.sensor or "HDL-64E")
         for scenario in all_scenarios(config.object_class, config.duration_s):
             scene = ScenarioDrive(scenario, seed=config.seed, sensor=sensor, images=False)
             yield scene, [target_of(scene)]
         return
+    from data.derived.otd_objects import ObjectSetConfig, find_objects
 
     objects = ObjectSetConfig(
         Path(drive), "present", source.sequence, frames=source.frames, reading=source.reading
@@ -116,8 +119,10 @@ def _drives(
         yield found.drive, found.objects
 
 
-def _makers(sensor: LidarModel, config: TrackerParametersConfig) -> TrackerMakers:
+def _makers(sensor: LidarModel, config: TrackerParametersConfig) -> "TrackerMakers":
     """Return a tracker for each value of each parameter."""
+    from perception.tracking.single_object.trackers import single_object_tracker
+
     default = SingleObjectTrackerConfig()
     makers = {}
     for gate in config.gates:
@@ -157,7 +162,7 @@ def _panels(tracker: str, label: str, metrics: Metrics) -> list[CurvePanel]:
     ]
 
 
-_COLUMNS: list[Column[SingleObjectMetrics]] = [
+_COLUMNS: list[Column["SingleObjectMetrics"]] = [
     Column("overlap success [%]", lambda m: m.overlap_success, ".1%", "overlap_success"),
     Column("heading success [%]", lambda m: m.heading_success, ".1%", "heading_success"),
     Column("E3D [m]", lambda m: m.center_m, ".2f", "center_m"),

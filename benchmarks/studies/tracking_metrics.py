@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from operator import add
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,10 +11,12 @@ from benchmarks.studies.report import formatted_table
 from perception.cli.evaluate_datmo import Method, compare_methods
 from perception.cli.flags import DriveFlags
 from perception.evaluation.config import DatmoProtocol
-from perception.evaluation.datmo_measure import DatmoReport
 from perception.evaluation.report import Table
 from perception.pipeline import PipelineConfig
 from perception.types import Drive, Float64
+
+if TYPE_CHECKING:
+    from perception.evaluation.datmo_measure import DatmoReport
 
 METHODS: tuple[Method, ...] = ("thesis", "author", "default")
 # Everything around the vehicle counts, as synthetic truth is exact.
@@ -24,20 +26,20 @@ PROTOCOL = DatmoProtocol(view="all")
 MethodMetrics = Mapping[str, Mapping[str, float]]
 
 
-def measure_methods(drive: Drive) -> Mapping[str, DatmoReport]:
+def measure_methods(drive: Drive) -> Mapping[str, "DatmoReport"]:
     """Run every method on the same segmented scans of a drive, and measure its tracks."""
     config = PipelineConfig.for_motion()
     return compare_methods(drive, DriveFlags(), config, METHODS, PROTOCOL).reports
 
 
-def total(drives: Sequence[Mapping[str, DatmoReport]]) -> MethodMetrics:
+def total(drives: Sequence[Mapping[str, "DatmoReport"]]) -> MethodMetrics:
     """Return each method's metrics over several drives, as of one longer drive."""
     return {
         method: tracking_values([reports[method] for reports in drives]) for method in drives[0]
     }
 
 
-def tracking_values(reports: Sequence[DatmoReport]) -> dict[str, float]:
+def tracking_values(reports: Sequence["DatmoReport"]) -> dict[str, float]:
     """Return the metrics of one method by name with unit, over several drives as of one longer drive."""
     scores = reduce(add, (report.by_distance for report in reports))
     false_tracks = sum(len(report.false_tracks.ids) for report in reports)

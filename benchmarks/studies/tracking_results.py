@@ -2,29 +2,22 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.studies.report import RESULTS, publish
-from data.derived.otd_objects import ObjectSetConfig, find_objects
-from data.derived.track_start import TrackStart
-from data.results.track_object import TrackConfig, tracked_scenes
 from perception.atomic_file import write_jpeg
 from perception.cli.evaluate_otd import ObjectSet
 from perception.cli.flags import DriveFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.evaluation.report import Table
-from perception.evaluation.single_object.metrics import (
-    SingleObjectMetrics,
-    single_object_errors,
-    single_object_metrics,
-)
-from perception.evaluation.single_object.track import PredictedTrack, TargetObject
-from perception.render.tracked_object_grid import draw_tracked_objects
-from perception.render.tracked_object_views import TrackedObjectScene
 from perception.tracking.single_object.config import TrackerName
-from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Drive
+
+if TYPE_CHECKING:
+    from perception.evaluation.single_object.metrics import SingleObjectMetrics
+    from perception.evaluation.single_object.track import TargetObject
+    from perception.render.tracked_object_views import TrackedObjectScene
 
 
 @dataclass(frozen=True)
@@ -63,6 +56,10 @@ def tracking_results(
         root: KITTI's tracking data, or a synthetic drive.
         out: Figure; a JSON file with the errors is written beside it.
     """
+    from data.derived.otd_objects import ObjectSetConfig, find_objects
+    from perception.evaluation.single_object.metrics import SingleObjectMetrics
+    from perception.render.tracked_object_grid import draw_tracked_objects
+
     objects = ObjectSetConfig(
         root,
         config.set,
@@ -94,14 +91,23 @@ class _Track:
         shown: Instants that are drawn.
     """
 
-    metrics: SingleObjectMetrics
-    shown: list[TrackedObjectScene]
+    metrics: "SingleObjectMetrics"
+    shown: "list[TrackedObjectScene]"
 
 
 def _track(
-    drive: Drive, target: TargetObject, source: DriveFlags, config: TrackingResultsConfig
+    drive: Drive, target: "TargetObject", source: DriveFlags, config: TrackingResultsConfig
 ) -> _Track:
     """Track an object from its first label to the last frame of its sequence."""
+    from data.derived.track_start import TrackStart
+    from data.results.track_object import TrackConfig, tracked_scenes
+    from perception.evaluation.single_object.metrics import (
+        single_object_errors,
+        single_object_metrics,
+    )
+    from perception.evaluation.single_object.track import PredictedTrack
+    from perception.tracking.single_object.trackers import single_object_tracker
+
     sequence, truth = target.sequence, target.truth
     first = int(truth.frames[0])
     start = TrackStart(first, truth.boxes_velo[:1], sequence.track_id, sequence.kind, truth)

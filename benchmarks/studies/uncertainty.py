@@ -3,30 +3,27 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
-from data.derived.moving_truth import moving_truth
-from data.synthetic.drive import SyntheticDrive
 from data.synthetic.street_kind import StreetKind
-from data.synthetic.world_kinds import STREETS, draw_config
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
-from perception.evaluation.box_intervals import BoxIntervals, box_intervals
 from perception.evaluation.config import DatmoProtocol
-from perception.evaluation.intervals import interval_coverage
-from perception.evaluation.multi_object.track_assignment import assign_tracks
-from perception.evaluation.multi_object.track_errors import TargetErrors, target_errors
-from perception.evaluation.pose_intervals import PoseErrors, PoseIntervals
 from perception.evaluation.report import Table
-from perception.evaluation.vehicle_measure import matched_labels
-from perception.localization.odometry import LidarOdometry
-from perception.pipeline import Pipeline
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
 from perception.types import Result
+
+if TYPE_CHECKING:
+    from perception.evaluation.box_intervals import BoxIntervals
+    from perception.evaluation.multi_object.track_errors import TargetErrors
+    from perception.evaluation.pose_intervals import PoseErrors
+
+if TYPE_CHECKING:
+    from data.synthetic.drive import SyntheticDrive
 
 _PROTOCOL = DatmoProtocol(view="all")
 # Time since the first scan in periods of the sensor, by name.
@@ -69,11 +66,11 @@ class _Errors:
         single: The same of those that are not confirmed.
     """
 
-    poses: dict[bool, list[PoseErrors]] = field(default_factory=lambda: {True: [], False: []})
-    tracks: list[TargetErrors] = field(default_factory=list)
-    track_boxes: list[BoxIntervals] = field(default_factory=list)
-    vehicles: list[BoxIntervals] = field(default_factory=list)
-    single: list[BoxIntervals] = field(default_factory=list)
+    poses: "dict[bool, list[PoseErrors]]" = field(default_factory=lambda: {True: [], False: []})
+    tracks: "list[TargetErrors]" = field(default_factory=list)
+    track_boxes: "list[BoxIntervals]" = field(default_factory=list)
+    vehicles: "list[BoxIntervals]" = field(default_factory=list)
+    single: "list[BoxIntervals]" = field(default_factory=list)
 
 
 def uncertainty(
@@ -113,6 +110,9 @@ def uncertainty(
 
 def _measure(sensor: str, streets: StreetFlags, config: UncertaintyConfig) -> _Errors:
     """Drive through the streets of one LiDAR."""
+    from data.synthetic.drive import SyntheticDrive
+    from data.synthetic.world_kinds import STREETS, draw_config
+
     errors = _Errors()
     for number, seed in enumerate(streets.seeds):
         rng = np.random.default_rng(seed)
@@ -128,7 +128,15 @@ def _measure(sensor: str, streets: StreetFlags, config: UncertaintyConfig) -> _E
     return errors
 
 
-def _drive(drive: SyntheticDrive, config: UncertaintyConfig, errors: _Errors) -> None:
+def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) -> None:
+    from data.derived.moving_truth import moving_truth
+    from perception.evaluation.box_intervals import box_intervals
+    from perception.evaluation.multi_object.track_assignment import assign_tracks
+    from perception.evaluation.multi_object.track_errors import target_errors
+    from perception.evaluation.pose_intervals import PoseIntervals
+    from perception.localization.odometry import LidarOdometry
+    from perception.pipeline import Pipeline
+
     truth, targets = moving_truth(drive, _PROTOCOL.view, _PROTOCOL.motion), _PROTOCOL.targets
     true_poses = [drive.true_world_SE3_velo(index) for index in range(len(drive))]
     started: list[tuple[bool, LidarOdometry, PoseIntervals]] = []
@@ -159,7 +167,10 @@ def _drive(drive: SyntheticDrive, config: UncertaintyConfig, errors: _Errors) ->
         errors.poses[has_ins].append(intervals.errors)
 
 
-def _add_vehicles(result: Result, drive: SyntheticDrive, errors: _Errors) -> None:
+def _add_vehicles(result: Result, drive: "SyntheticDrive", errors: _Errors) -> None:
+    from perception.evaluation.box_intervals import box_intervals
+    from perception.evaluation.vehicle_measure import matched_labels
+
     if result.vehicles is None:
         return
     known, rows = matched_labels(drive.labels(result.frame.index), result.vehicles)
@@ -175,6 +186,8 @@ def _add_vehicles(result: Result, drive: SyntheticDrive, errors: _Errors) -> Non
 
 def _pose_shares(errors: _Errors) -> Shares:
     """Return the shares of poses with and without INS by the time since their start."""
+    from perception.evaluation.pose_intervals import PoseErrors
+
     shares = {}
     for has_ins, drives in errors.poses.items():
         every = PoseErrors.concatenate(drives)
@@ -194,6 +207,9 @@ def _pose_shares(errors: _Errors) -> Shares:
 
 def _object_shares(errors: _Errors) -> Shares:
     """Return the shares of moving objects, of confirmed boxes and of those that are not confirmed."""
+    from perception.evaluation.intervals import interval_coverage
+    from perception.evaluation.multi_object.track_errors import TargetErrors
+
     tracks = TargetErrors.concatenate(errors.tracks).matched
     shares = {
         "moving objects": _box_shares(errors.track_boxes),
@@ -205,8 +221,10 @@ def _object_shares(errors: _Errors) -> Shares:
     return shares
 
 
-def _by_kind(boxes: Sequence[BoxIntervals]) -> Shares:
+def _by_kind(boxes: "Sequence[BoxIntervals]") -> Shares:
     """Return the shares of the boxes of each class."""
+    from perception.evaluation.box_intervals import BoxIntervals
+
     every = BoxIntervals.concatenate(boxes)
     return {
         kind: _box_shares([every[every.types == kind]])
@@ -214,7 +232,9 @@ def _by_kind(boxes: Sequence[BoxIntervals]) -> Shares:
     }
 
 
-def _box_shares(boxes: Sequence[BoxIntervals]) -> dict[str, float]:
+def _box_shares(boxes: "Sequence[BoxIntervals]") -> dict[str, float]:
+    from perception.evaluation.box_intervals import BoxIntervals
+
     one = BoxIntervals.concatenate(boxes).summary()
     return {
         "number": float(one.boxes),

@@ -7,6 +7,7 @@ import cv2
 import pytest
 
 from benchmarks.studies.datmo_film import DatmoFilmConfig, datmo_film
+from data.synthetic import traffic_scenes
 from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import UsageError
@@ -28,7 +29,7 @@ def test_three_scenes_follow_each_other_in_one_film(drive, tmp_path, monkeypatch
         asked.append((name, frames, sensor.name))
         return drive
 
-    monkeypatch.setattr("benchmarks.studies.datmo_film.TrafficSceneDrive", make)
+    monkeypatch.setattr(traffic_scenes, "TrafficSceneDrive", make)
     out = tmp_path / "film.jpg"
     datmo_film("synthetic", config=DatmoFilmConfig(sensor="VLP-16", frames=4), out=out)
     assert asked == [(name, 4, "VLP-16") for name in ("highway", "junction", "crossing")]

@@ -50,7 +50,7 @@ class HaltingDrive(CachedDrive):
 
 def test_what_has_just_halted_is_counted_apart(monkeypatch):
     monkeypatch.setattr(
-        "benchmarks.studies.false_movers.SyntheticDrive",
+        "data.synthetic.drive.SyntheticDrive",
         lambda frames, **flags: HaltingDrive(frames, seed=1, sensor=VLP_16),
     )
     found = _measure((8.0, 1), 20, VLP_16, LocalArea(40.0, 40.0, 40.0))

@@ -13,7 +13,7 @@ from tests.faults import command, fault
 @pytest.mark.slow
 def test_each_value_of_each_parameter_is_measured(tmp_path, monkeypatch, capsys):
     scenarios = [Scenario("Car", duration_s=0.5)]
-    monkeypatch.setattr("benchmarks.studies.tracker_parameters.all_scenarios", lambda *_: scenarios)
+    monkeypatch.setattr("data.synthetic.scenarios.all_scenarios", lambda *_: scenarios)
     plot_path = tmp_path / "parameters.png"
     words = ("--gates", "1,6", "--iterations", "3,5", "--sensor", "VLP-16", "--out", plot_path)
     command("study", "tracker-parameters", "synthetic", *words)

@@ -69,7 +69,7 @@ def test_sensors(tmp_path, monkeypatch, capsys):
     # The measuring itself is that of the study above: here, what becomes of it.
     found = {"HDL-32E": {0: 10, 1: 10}, "VLP-16": {0: 6, 1: 2}}
     monkeypatch.setattr(
-        "benchmarks.studies.sensors.SyntheticDrive", lambda _, seed, sensor, images: (sensor, seed)
+        "data.synthetic.drive.SyntheticDrive", lambda _, seed, sensor, images: (sensor, seed)
     )
     monkeypatch.setattr(
         sensors,
