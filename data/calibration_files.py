@@ -20,8 +20,10 @@ from data.recorded_drive import RecordedDrive
 from data.sweep_motion import SweepMotions
 from perception.calibration.frame_edges import FrameEdges
 from perception.calibration.observed_corners import USUAL_TRAVEL_M, ObservedCorners
+from perception.calibration.recalibration import Recalibration
 from perception.calibration.surface_corners import CornerTracks, SweepVelocity
 from perception.errors import CalibrationError
+from perception.evaluation.report import Column, Table
 from perception.geometry.se3 import from_rotation_translation, inverse
 from perception.localization.frame_registration import FrameRegistration
 from perception.types import Calibration, Float64, Frame, Progress, UInt8
@@ -192,3 +194,31 @@ def _with_extrinsics(path: Path, cam_SE3_lidar: Float64) -> str:
     document["camera"]["lidar_to_camera"] = {"matrix": cam_SE3_lidar[:3].tolist()}
     text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
     return text
+
+
+def recalibration_table(
+    title: str, found: Recalibration, left_out: int
+) -> Table[tuple[float, float]]:
+    """Return the change of the calibration along each axis, and how sure it is."""
+    scale = np.array([np.degrees(1)] * 3 + [100] * 3)
+    values = np.column_stack([found.offset, found.deviations]) * scale[:, None]
+    names = (
+        "pitch, about the axis to the right [deg]", "yaw, about the axis down [deg]",
+        "roll, about the optical axis [deg]", "to the right [cm]", "down [cm]", "ahead [cm]",
+    )  # fmt: skip
+    columns = (
+        Column[tuple[float, float]]("change", lambda row: row[0], "+.2f"),
+        Column[tuple[float, float]]("standard deviation", lambda row: row[1], ".2f"),
+    )
+    notes = [
+        f"{found.edges} edges in {found.frames} frames; score {found.given_score:.3f} as stated, {found.score:.3f} as found",
+        *([f"{left_out} frames of another calibration are left out"] if left_out else []),
+    ]
+    rows = {name: (float(row[0]), float(row[1])) for name, row in zip(names, values, strict=True)}
+    return Table(
+        f"{title}: calibration of LiDAR and camera",
+        columns,
+        rows,
+        "LiDAR in the camera's frame",
+        notes,
+    )

@@ -1,6 +1,6 @@
 """Read every file of a drive once, and list missing, damaged and implausible data."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -9,6 +9,8 @@ import numpy as np
 
 from data.beam_pattern import beam_anomalies
 from data.kitti.oxts import InsPacket
+from data.layouts import OpenConfig
+from data.open_drive import open_drive, sequences_in
 from data.plausibility import (
     Anomaly,
     calibration_anomalies,
@@ -144,6 +146,36 @@ class _FindingList:
     def add_anomalies(self, anomalies: Iterable[Anomaly]) -> None:
         for anomaly in anomalies:
             self.add(anomaly.what, anomaly.example)
+
+
+def inspect_path(
+    root: Path,
+    sequence: str | None,
+    reading: OpenConfig,
+    progress: Callable[[str], Progress],
+) -> Iterator[tuple[str, int]]:
+    """Yield what was found in each drive of a path, as text, and the number of its faults.
+
+    Args:
+        root: Folder or file of a drive, or of several.
+        sequence: Name of the only drive to read; None for all.
+        reading: How a drive is read.
+        progress: Function from the name of a drive to its progress bar.
+
+    Raises:
+        PerceptionError: The only drive cannot be opened.
+    """
+    sequences = sequences_in(root) if sequence is None else [sequence]
+    for name in sequences:
+        try:
+            drive = open_drive(root, sequence=name, config=reading)
+        except PerceptionError as error:
+            if len(sequences) == 1:
+                raise
+            yield f"{name}: cannot be opened\n  {error}\n", 1
+            continue
+        report = inspect_drive(drive, progress=progress(drive.name))
+        yield report.text(), report.faults
 
 
 def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveReport:

@@ -1,14 +1,17 @@
 """Settings and result of the export of any network."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from data.results.documents import describe_machine, write_json
+from data.splits.training_frames import ENTRY
 from export.onnx import OPSET
 from export.variants import ModelVariant
+from perception.atomic_file import write_atomically
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.report import Column, Table
 from perception.types import Drive, Frame
@@ -86,6 +89,42 @@ class ExportResult:
     choice: ChosenVariant
     timed_input: str
     opset: int = OPSET
+
+    def write(
+        self, out: Path, drive: Drive | None, frames: int, stated: Mapping[str, object]
+    ) -> list[Path]:
+        """Write the report, and the model files where they agree with the checkpoint; return the model files.
+
+        Args:
+            out: File of the best variant; the report has the same name and ends in .json.
+            drive: Drive that the variants were compared on, or None.
+            frames: Maximum number of its frames.
+            stated: What the report states besides.
+
+        Raises:
+            ModelError: An output is too far from the checkpoint.
+            WriteError: A file cannot be written.
+        """
+        report = {
+            **stated,
+            "data": drive.name if drive else None,
+            "frames": min(frames, len(drive)) if drive else 0,
+            "machine": describe_machine(),
+            "tolerances": self.tolerances,
+            "metadata": {k: text for k, text in self.metadata.items() if k != ENTRY},
+            "opset": self.opset,
+            "variants": self.variants,
+            "choice": self.choice,
+        }
+        write_json(out.with_suffix(".json"), report)
+        self.require_parity(out.name)
+        files = []
+        for name, model in self.models.items():
+            is_chosen = name == self.choice.variant
+            file = out if is_chosen else out.with_suffix(f".{name.partition(' ')[0]}.onnx")
+            write_atomically(file, model)
+            files.append(file)
+        return files
 
     def require_parity(self, where: str) -> None:
         """Validate that the file in full precision agrees with the checkpoint.

@@ -7,10 +7,10 @@ from typing import Any
 
 from benchmarks.studies.report import RESULTS, formatted_table, publish
 from perception.cli.progress import frame_progress_bar
-from perception.cli.trainings import TRAININGS
 from perception.evaluation.report import Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
+from train.trainings import TRAININGS
 
 # Accuracy on the training and on the validation set in percent.
 THESIS_PERCENT = {"without": (92.83, 86.69), "with": (96.45, 91.93)}

@@ -17,11 +17,11 @@ from perception.atomic_file import write_atomically
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar, progress_bar
-from perception.cli.trainings import TRAININGS
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.types import Modality
+from train.trainings import TRAININGS
 
 if TYPE_CHECKING:
     from data.detections.measured_drives import DriveInfo

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, publish
-from perception.cli.evaluate_otd import require_trackers, run_trackers
 from perception.cli.parser import FlagGroup
+from perception.cli.progress import progress_bar
 from perception.evaluation.config import MIN_OVERLAP
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
@@ -73,12 +73,13 @@ def single_object(
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from data.derived.otd_objects import run_trackers
     from data.synthetic import scenarios
     from perception.evaluation.single_object.metrics import (
         single_object_errors,
         single_object_metrics,
     )
-    from perception.evaluation.single_object.tracker_runs import named_trackers
+    from perception.evaluation.single_object.tracker_runs import named_trackers, require_trackers
 
     require_trackers(config.trackers)
     model, panels = load_sensor(sensor), []
@@ -88,7 +89,7 @@ def single_object(
         target = target_of(drive)
         truth, frames = target.truth, len(drive)
         makers = named_trackers(config.trackers, model, SingleObjectTrackerConfig())
-        (runs,) = run_trackers(drive, [target], makers)
+        (runs,) = run_trackers(drive, [target], makers, progress=progress_bar)
         errors = {
             name: single_object_errors(truth, run.track, drive.calibration)
             for name, run in runs.items()

@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.single_object import target_of
-from perception.cli.evaluate_otd import run_trackers
 from perception.cli.flags import DriveFlags
 from perception.cli.parser import FlagGroup
+from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
@@ -74,6 +74,7 @@ def tracker_parameters(
         drive: Folder whose labelled tracks are tracked, or the word synthetic for scenes with exact truth.
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from data.derived.otd_objects import run_trackers
     from perception.evaluation.single_object.measure import SingleObjectMeasure
 
     names = [*map(_gate_name, config.gates), *map(_shift_name, config.iterations)]
@@ -81,7 +82,9 @@ def tracker_parameters(
     for one, targets in _drives(drive, source, config):
         frames += sum(len(target.truth) for target in targets)
         makers = _makers(one.sensor, config)
-        for target, runs in zip(targets, run_trackers(one, targets, makers), strict=True):
+        for target, runs in zip(
+            targets, run_trackers(one, targets, makers, progress=progress_bar), strict=True
+        ):
             measure.update(target, runs, one.calibration)
     report = measure.compute()
     metrics = {n: m for n, m in report.metrics_of().items() if m is not None}

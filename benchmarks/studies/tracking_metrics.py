@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.studies.report import formatted_table
-from perception.cli.evaluate_datmo import Method, compare_methods
-from perception.cli.flags import DriveFlags
+from perception.cli.evaluate_datmo import Method
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.report import Table
 from perception.pipeline import PipelineConfig
@@ -28,8 +27,12 @@ MethodMetrics = Mapping[str, Mapping[str, float]]
 
 def measure_methods(drive: Drive) -> Mapping[str, "DatmoReport"]:
     """Run every method on the same segmented scans of a drive, and measure its tracks."""
-    config = PipelineConfig.for_motion()
-    return compare_methods(drive, DriveFlags(), config, METHODS, PROTOCOL).reports
+    from data.derived.moving_methods import compare_methods
+    from data.labelled_drives import LabelledDrives
+    from perception.cli.progress import progress_bar
+
+    config, reader = PipelineConfig.for_motion(), LabelledDrives(progress=progress_bar)
+    return compare_methods(drive, reader, config, METHODS, PROTOCOL).reports
 
 
 def total(drives: Sequence[Mapping[str, "DatmoReport"]]) -> MethodMetrics:

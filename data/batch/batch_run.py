@@ -3,15 +3,23 @@
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast, get_args
 
-from data.batch.drive_task import DriveOutcome, Task, sentence_of
+from data.batch.cluster import dashboard, open_cluster
+from data.batch.cluster_config import ClusterConfig
+from data.batch.drive_task import DriveOutcome, State, Task, sentence_of
+from data.report.page import can_write_report
+from data.report.report_file import write_report
 from data.results.folder import DRIVES
 from perception.atomic_file import atomic_file, write_atomically
-from perception.errors import PerceptionError
+from perception.errors import DriveError, PerceptionError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -20,6 +28,87 @@ _RETRIES = 2  # after an error that is none of ours, such as a file server that 
 # Documents of results whose numbers become columns.
 _DOCUMENTS = ("summary.json", "metrics.json")
 _WRITE_EVERY_S = 5.0
+_MAX_LISTED = 10  # failures that are printed
+
+RunCommand = Callable[[Sequence[str]], None]
+
+
+def run_batch_tasks(
+    tasks: Sequence[Task],
+    out: Path,
+    cluster: ClusterConfig,
+    run: RunCommand,
+    progress: Callable[..., Iterable[Any]],
+) -> None:
+    """Run all tasks on a cluster; print where it is, what became of them, and the report.
+
+    Args:
+        tasks: Drives with their commands.
+        out: Folder of the results of all drives.
+        cluster: Workers.
+        run: Function of a module that runs a command line; workers import it.
+        progress: Progress bar over the drives, with a description, their number and their unit.
+
+    Raises:
+        DriveError: A drive failed.
+    """
+    start_s = time.perf_counter()
+    outcomes, rows = [], OutcomeRows(out, tasks)
+    with open_cluster(cluster.workers, cluster.scheduler, cluster.memory_limit) as client:
+        print(f"workers: {len(client.nthreads())}; dashboard: {dashboard(client)}", flush=True)
+        ended = run_tasks(client, partial(run_task, run), tasks)
+        try:
+            for outcome in progress(ended, "batch", len(tasks), unit="drive"):
+                outcomes.append(outcome)
+                rows.add(outcome)
+        finally:
+            rows.write()
+    if can_write_report():
+        print(f"report: {write_report(out)}")
+    print(_summary(outcomes, time.perf_counter() - start_s, out))
+    if failed := [one for one in outcomes if one.state == "failed"]:
+        raise DriveError(
+            out / DRIVES,
+            expected=f"{len(outcomes)} drives without an error",
+            found=f"{len(failed)} with one, first {failed[0].name}",
+            advice="mend them and repeat the command; the others are kept",
+        )
+
+
+def run_task(run: RunCommand, task: Task) -> DriveOutcome:
+    """Run the command of a drive in this process, unless its results are there; called by workers."""
+    start_s, key, frames, error = time.perf_counter(), "", 0, ""
+    try:
+        key, frames = task.key()
+        if (earlier := task.finished(key)) is not None:
+            return replace(earlier, state="skipped")
+        task.folder.mkdir(parents=True, exist_ok=True)
+        with (
+            task.ready(frames) as (words, frames),
+            (task.folder / "log.txt").open("w") as log,
+            redirect_stdout(log),
+            redirect_stderr(log),
+        ):
+            run(words)
+    except PerceptionError as failure:
+        error = sentence_of(failure)
+    seconds, state = round(time.perf_counter() - start_s, 3), "failed" if error else "done"
+    outcome = DriveOutcome(task.name, cast(State, state), frames, seconds, key, error)
+    if not error:
+        task.finish(outcome)
+    return outcome
+
+
+def _summary(outcomes: Sequence[DriveOutcome], seconds: float, out: Path) -> str:
+    count = Counter(one.state for one in outcomes)
+    frames = sum(one.frames for one in outcomes if one.state == "done")
+    counted = ", ".join(f"{count[state]} {state}" for state in get_args(State))
+    lines = [f"drives: {counted}; {frames} frames in {seconds:.1f} s; rows: {out / DRIVES}"]
+    failed = [one for one in outcomes if one.state == "failed"]
+    lines += [f"  {one.name}: {one.error}" for one in failed[:_MAX_LISTED]]
+    if len(failed) > _MAX_LISTED:
+        lines.append(f"  and {len(failed) - _MAX_LISTED} more")
+    return "\n".join(lines)
 
 
 def run_tasks(

@@ -8,15 +8,23 @@ from typing import Literal
 
 from data.derived.object_truth import DriveObjects
 from data.derived.tables import table_rows
-from data.frames import frame_count
+from data.frames import frame_count, read_frames
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
+from data.pipeline_results import FrameProgress, no_progress
 from data.recorded_drive import RecordedDrive
 from data.synthetic.truth_files import truth_files
 from perception.errors import DriveError, UsageError
 from perception.evaluation.single_object.track import ObjectSequence, TargetObject
+from perception.evaluation.single_object.tracker_runs import (
+    TrackerMakers,
+    TrackerRun,
+    track_objects,
+)
+from perception.pipeline import PipelineConfig
+from perception.types import Drive, OnBadFrame
 
-_READING = OpenConfig()
+_READING, _PIPELINE = OpenConfig(), PipelineConfig.for_motion("none")
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 
@@ -93,6 +101,24 @@ class AvailableObjects:
         for one in self.absent:
             names.setdefault(one.reason, []).append(one.sequence.name)
         return [f"  {reason}: {', '.join(which)}" for reason, which in names.items()]
+
+    def heading(self, root: Path, set: ObjectSet, count: int) -> str:
+        """Return how many objects of a set were tracked, and which are absent."""
+        total = count + len(self.absent)
+        heading = f"{root}: {count} of {total} sequences of the set {set}"
+        absent = self.absent_lines()
+        return "\n".join([f"{heading}; absent:", *absent]) if absent else heading
+
+    def to_json(self) -> dict[str, object]:
+        """Return the drives, and the reason of each absent object."""
+        drives = [
+            {"drive": one.drive.name, "sensor": one.drive.sensor.name, "frames": len(one.drive)}
+            for one in self.drives
+        ]
+        return {
+            "drives": drives,
+            "absent": {one.sequence.name: one.reason for one in self.absent},
+        }
 
 
 def find_objects(config: ObjectSetConfig) -> AvailableObjects:
@@ -249,3 +275,27 @@ def _parse(row: dict[str, str], title: str) -> ObjectSequence:
         last_frame=int(row.pop("last_frame")),
         stated=row,
     )
+
+
+def run_trackers(
+    drive: Drive,
+    targets: Sequence[TargetObject],
+    makers: TrackerMakers,
+    pipeline: PipelineConfig = _PIPELINE,
+    on_bad_frame: OnBadFrame = "stop",
+    progress: FrameProgress = no_progress,
+) -> list[dict[str, TrackerRun]]:
+    """Let trackers track objects of one drive; see `track_objects`.
+
+    Args:
+        drive: Drive with the objects.
+        targets: Objects to track.
+        makers: Trackers by name.
+        pipeline: Configuration of the pipeline up to the ground.
+        on_bad_frame: Stop at a damaged frame, or skip it.
+        progress: Progress bar over the frames.
+    """
+    limit = max((one.sequence.last_frame + 1 for one in targets), default=0)
+    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
+    bar = progress(frames, drive.name, frame_count(drive, limit))
+    return track_objects(bar, drive.sensor, targets, makers, pipeline)

@@ -10,7 +10,7 @@ from data.detections.measured_detectors import MeasuredDetector
 from data.detections.unlearned_frames import LearnedCounts, count_learned_frames
 from data.frames import file_number, frame_count, read_frames
 from data.kitti.drive import KittiDrive
-from data.layouts import OpenConfig
+from data.labelled_drives import LabelledDrives
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
 from data.splits.files import read_split
@@ -20,10 +20,11 @@ from perception.errors import DriveError
 from perception.evaluation.detection.frame_errors import worst_frames
 from perception.evaluation.report import Report, Table
 from perception.geometry.threads import limit_blas_threads
+from perception.render.curve_plots import plot_curves
 from perception.render.detections import draw_detection_errors
-from perception.types import Detections, Drive, Frame, OnBadFrame
-
-_READING = OpenConfig()
+from perception.render.figure import save_figure
+from perception.render.fusion_plots import reliability_figure
+from perception.types import Detections, Drive, Frame
 
 
 def drive_kind(drive: Drive) -> str:
@@ -110,28 +111,21 @@ class DrivesReport(Report):
             for panel in report.panels()
         ]
 
+    def plot(self, path: Path, title: str) -> None:
+        """Plot the panels of all drives."""
+        plot_curves(path, title, self.panels(), share_y="all")
+
+    def plot_reliability(self, path: Path, iou: float) -> None:
+        """Plot the share of correct detections over their scores, of the first class on the first drive."""
+        info, first = self.drives[0]
+        of_class, *_ = first.classes.values()
+        title = f"{info.title}, IoU over {iou:g}"
+        save_figure(reliability_figure(title, of_class.reliability), path)
+
 
 @dataclass(frozen=True)
-class DriveReader:
-    """How labelled drives are opened and read.
-
-    Attributes:
-        sequence: Sequence of a tracking folder; else each of them.
-        reading: How each drive is read.
-        frames: Number of frames from the start of each drive; else all.
-        on_bad_frame: Stop at a damaged frame, or skip it.
-        split: Split file of which one part is read; else all frames.
-        part: Part of the split; test where none is named.
-        progress: Shows a progress bar over frames with a description and their number.
-    """
-
-    sequence: str | None = None
-    reading: OpenConfig = _READING
-    frames: int | None = None
-    on_bad_frame: OnBadFrame = "stop"
-    split: Path | None = None
-    part: Part | None = None
-    progress: Callable[[Iterator[Frame], str, int], Any] = lambda frames, *_: frames
+class DriveReader(LabelledDrives):
+    """How the labelled drives of detectors are opened, read, and given to a detector frame by frame."""
 
     def drives(self, paths: Sequence[Path]) -> list[tuple[str, RecordedDrive]]:
         """Open the drives of all paths, with their names; of a split, those that have frames in the part.

@@ -6,11 +6,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from data.detections.config import LabelNoise, VehicleDetector
+from data.labelled_drives import LabelledDrives
+from data.recorded_drive import RecordedDrive
 from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.networks import open_detectors, open_fusion
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
+from perception.errors import CalibrationError, DriveError
+from perception.evaluation.vehicle_measure import VehicleMeasure, VehicleReport
 from perception.pipeline import PipelineConfig
 from perception.tracking.vehicles.tracker import VehicleTracker
 from perception.types import MODALITIES, Detections, Drive, Frame, FusedDetections, Result
@@ -96,3 +100,43 @@ def _label_detector(drive: Drive, noise: LabelNoise) -> Callable[[Frame], Detect
         return Detections(boxes_px + noise_px, np.full(count, _LABEL_SCORE), np.full(count, "Car"))
 
     return detect
+
+
+def measure_vehicles(
+    drive: RecordedDrive,
+    reader: LabelledDrives,
+    opened: OpenedVehicleDetector,
+    pipeline: PipelineConfig,
+    display_score: float,
+) -> VehicleReport:
+    """Run the pipeline with a detector over a labelled drive, and measure its vehicles.
+
+    Args:
+        drive: Drive with a camera, and labelled boxes that have track ids.
+        reader: How its frames are read.
+        opened: Detector.
+        pipeline: Pipeline configuration.
+        display_score: Existence of a vehicle from which on it counts, 0 to 1.
+
+    Raises:
+        DriveError: The drive has no labelled sequence.
+        CalibrationError: It has no camera.
+    """
+    if not (drive.is_sequence and drive.has_labels):
+        raise DriveError(
+            drive.root,
+            expected="frames in order of time with labelled boxes that have track ids",
+            found="single frames" if drive.has_labels else "no boxes",
+            advice="name such a drive, or make one: trifuse synth OUT --layout tracking",
+        )
+    if drive.calibration is None:
+        raise CalibrationError(
+            drive.root,
+            expected="a camera, in whose image vehicles are compared with labels",
+            found="none",
+        )
+    measure = VehicleMeasure(display_score)
+    results = reader.results(drive, opened.pipeline(pipeline))
+    for result in opened.results(results, pipeline.vehicles):
+        measure.update(result, drive.labels(result.frame.index), None)
+    return measure.compute()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from data.live.server import ResultServer
 from data.live.source import LiveSource
-from perception.pipeline import Pipeline
+from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Result
 
 
@@ -27,6 +27,56 @@ class LiveCounts:
         return (
             f"frames published: {self.published}, dropped as later ones were there: {self.dropped}"
         )
+
+
+@dataclass(frozen=True)
+class ServerAddress:
+    """Where viewers connect, and what they are shown.
+
+    Attributes:
+        host: Address of the network interface.
+        port: Port.
+        min_score: Score from which detections and vehicles are shown.
+        cameras: Names of the further cameras.
+    """
+
+    host: str
+    port: int
+    min_score: float
+    cameras: tuple[str, ...] = ()
+
+
+def serve_live(live: LiveSource, config: PipelineConfig, address: ServerAddress) -> None:
+    """Run the pipeline on a live source and publish the results; print where viewers connect.
+
+    Args:
+        live: Source of the frames.
+        config: Pipeline configuration.
+        address: Where viewers connect.
+
+    Raises:
+        UsageError: The port is not free.
+        KeyboardInterrupt: It was stopped; the message has the counts of the frames.
+    """
+    counts = LiveCounts()
+    with (
+        ResultServer(
+            live.name,
+            address.host,
+            address.port,
+            min_score=address.min_score,
+            cameras=address.cameras,
+        ) as server,
+        Pipeline(live.sensor, config) as pipeline,
+    ):
+        print(
+            f"{live.name}: connect a viewer of Foxglove's protocol to {server.address}", flush=True
+        )
+        try:
+            serve_results(live, pipeline, server, counts)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(counts.text()) from None
+    print(counts.text())
 
 
 def serve_results(

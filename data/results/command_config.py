@@ -1,7 +1,8 @@
 """The configuration of a command: what `config.yaml` holds is what `--config` reads."""
 
+import difflib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from perception.errors import UsageError
 
 # Section of a JSON report that holds the configuration.
 SECTION = "configuration"
+_MAX_NAMED = 3  # unknown keys that an error names
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,44 @@ def read_config(path: Path) -> dict[str, Any]:
         raise _unreadable(path, f"a {type(document).__name__}")
     configuration: dict[str, Any] = document.get(SECTION, document)
     return configuration
+
+
+def read_known(path: Path, command: str, known: Collection[str]) -> dict[str, Any]:
+    """Read a configuration of which every key is a flag of a command.
+
+    Args:
+        path: YAML file, or JSON report.
+        command: Words that call the command.
+        known: Full names of its flags, nested ones with dots.
+
+    Raises:
+        UsageError: The file cannot be read, or holds keys that are no flags, such as those of another version.
+    """
+    configuration = read_config(path)
+    unknown = [*_unknown_keys(configuration, known)]
+    if unknown:
+        named = ", ".join(unknown[:_MAX_NAMED])
+        more = f" and {len(unknown) - _MAX_NAMED} more" if len(unknown) > _MAX_NAMED else ""
+        near = difflib.get_close_matches(unknown[0], known, n=1)
+        raise UsageError(
+            f"--config {path}",
+            expected=f"keys that are flags of {command}" + "".join(f", such as {n}" for n in near),
+            found=f"{named}{more}",
+            advice="remove these keys; a parameter of an older version may be a constant of the method now",
+        )
+    return configuration
+
+
+def _unknown_keys(
+    values: Mapping[str, object], known: Collection[str], section: str = ""
+) -> Iterator[str]:
+    for key, value in values.items():
+        name = f"{section}{key}"
+        is_section = any(one.startswith(f"{name}.") for one in known)
+        if isinstance(value, Mapping) and is_section:
+            yield from _unknown_keys(value, known, f"{name}.")
+        elif name not in known and not is_section:
+            yield name
 
 
 def _unreadable(path: Path, found: str) -> UsageError:

@@ -2,23 +2,26 @@
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from data.derived.motion_labels import evaluation_labels
-from data.derived.obstacle_sequences import table_3_1
+from data.derived.motion_labels import evaluation_labels, obstacle_measure
+from data.derived.obstacle_sequences import SequenceSet, find_sequences, table_3_1
 from data.frames import frame_count
 from data.kitti.reading import read_text
+from data.labelled_drives import LabelledDrives
+from data.open_drive import open_drive
 from perception.atomic_file import write_atomically, write_jpeg
 from perception.errors import DriveError, LabelError
+from perception.evaluation.config import ObstacleProtocol
 from perception.evaluation.obstacle_counts import ObstacleCounts
-from perception.evaluation.obstacle_measure import ObstacleMeasure
 from perception.evaluation.obstacle_sets import CountingReport
+from perception.pipeline import PipelineConfig
 from perception.render.counted_obstacles import draw_counted_obstacles
-from perception.types import Drive, Int, Result
+from perception.types import Drive, Int
 
 _COLUMNS = tuple(field.name for field in fields(ObstacleCounts))
 _HEADER = ("sequence", "frame", "image", *_COLUMNS)
@@ -110,46 +113,52 @@ class CountedScans:
         folder: Folder of the sheet and of its images.
         scans: Number of random scans of each drive.
         seed: Seed of the choice of scans.
-        first_frames: Number of frames from the start of a drive to choose among; None for all.
+        pipeline: Pipeline configuration.
+        protocol: Protocol of the evaluation.
     """
 
     folder: Path
     scans: int
     seed: int
-    first_frames: int | None = None
+    pipeline: PipelineConfig
+    protocol: ObstacleProtocol
 
     @property
     def sheet(self) -> Path:
         """The counting sheet."""
         return self.folder / SHEET
 
-    def write(
-        self,
-        drives: Sequence[Drive],
-        results_of: Callable[[Drive, int], Iterable[Result]],
-        measure_of: Callable[[Drive], ObstacleMeasure],
-    ) -> None:
-        """Write the images and the sheet, with the counts that exact truth gives.
+    def evaluate(
+        self, root: Path, set: SequenceSet | None, reader: LabelledDrives
+    ) -> CountingReport:
+        """Write the images and the sheet where there is no sheet yet, and return what the sheet holds.
 
         Args:
-            drives: Drives with images; a person needs no labels.
-            results_of: Function from a drive and a number of frames to their results.
-            measure_of: Function that returns the measure of a drive's obstacles.
+            root: Folder of a drive with images, or of tracking sequences; a person needs no labels.
+            set: Name of the set of sequences, or None for one drive.
+            reader: How the drives are opened and read.
 
         Raises:
             DriveError: A drive has no images.
             PerceptionError: A frame cannot be read or used.
         """
-        for drive in drives:
-            if not drive.has_images or drive.calibration is None:
-                raise DriveError(
-                    drive.root,
-                    expected=f"images and a camera calibration of {drive.name}, to project voxels into",
-                    found="none",
-                    advice="add image_02 and calib, or evaluate without --counting-sheet",
-                )
-        rows = [row for one in drives for row in self._write(one, results_of, measure_of(one))]
-        write_counting_sheet(self.sheet, rows)
+        if not self.sheet.exists():
+            names = [reader.sequence]
+            if set is not None:
+                names = [one.sequence for one in find_sequences(root, set, reader.sequence)[0]]
+            opened = [open_drive(root, sequence=name, config=reader.reading) for name in names]
+            drives = reader.select(opened)
+            for drive in drives:
+                if not drive.has_images or drive.calibration is None:
+                    raise DriveError(
+                        drive.root,
+                        expected=f"images and a camera calibration of {drive.name}, to project voxels into",
+                        found="none",
+                        advice="add image_02 and calib, or evaluate without --counting-sheet",
+                    )
+            rows = [row for drive in drives for row in self._write(drive, reader)]
+            write_counting_sheet(self.sheet, rows)
+        return self.report()
 
     def report(self) -> CountingReport:
         """Return what the sheet holds, in the form of Table 7.2.
@@ -167,16 +176,13 @@ class CountedScans:
         counted = sum(row.counts is not None for row in rows)
         return CountingReport(self.sheet, counts, len(rows), counted, table_3_1())
 
-    def _write(
-        self,
-        drive: Drive,
-        results_of: Callable[[Drive, int], Iterable[Result]],
-        measure: ObstacleMeasure,
-    ) -> Iterator[CountedImage]:
+    def _write(self, drive: Drive, reader: LabelledDrives) -> Iterator[CountedImage]:
         """Write the images of the random scans of a drive, and yield their rows."""
-        count = frame_count(drive, self.first_frames)
+        measure = obstacle_measure(drive, self.pipeline.area, self.protocol)
+        count = frame_count(drive, reader.frames)
         frames = {*choose_frames(drive.name, count, self.scans, self.seed).tolist()}
-        for result in results_of(drive, max(frames) + 1):
+        until_last = replace(reader, frames=max(frames) + 1)
+        for result in until_last.results(drive, self.pipeline):
             frame = result.frame
             truth = drive.point_truth(frame.index)
             measure.update(result, evaluation_labels(drive, frame.index), truth)

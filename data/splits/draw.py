@@ -82,3 +82,19 @@ def _drive_parts(drive: RecordedDrive, is_in: Mapping[Part, Bool]) -> DriveParts
     names = np.array(drive.frame_names)
     frames = {part: tuple(names[mask].tolist()) for part, mask in is_in.items() if mask.any()}
     return DriveParts(drive.root.resolve(), drive.name, frames)
+
+
+def require_labels(drives: Sequence[RecordedDrive]) -> None:
+    """Validate that every drive has labelled boxes.
+
+    Raises:
+        UsageError: A drive has none.
+    """
+    for drive in drives:
+        if not drive.has_labels:
+            raise UsageError(
+                drive.root,
+                expected="labelled boxes in every drive",
+                found=f"none of {drive.name}",
+                advice="name drives with labels, such as KITTI's training folder",
+            )

@@ -78,6 +78,17 @@ class SynthConfig:
         """Number of drives, or of worlds in the object layout: what can be written apart."""
         return self.drives if self.layout != "object" else -(-self.frames // _FRAMES_A_WORLD)
 
+    def named_part(self, text: str | None) -> "SynthPart":
+        """Return the part of a text such as 3/8, the third of eight; all without a text.
+
+        Raises:
+            UsageError: There is no such part.
+        """
+        number, _, count = (text or "1/1").partition("/")
+        if not (number.isdecimal() and count.isdecimal()):
+            raise UsageError("--part", expected="a part such as 3/8", found=str(text))
+        return self.part(int(number), int(count))
+
     def part(self, number: int = 1, count: int = 1) -> "SynthPart":
         """Return one of some parts of about the same size.
 

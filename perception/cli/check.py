@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from perception.cli.flags import SourceFlags
-from perception.errors import DriveError, PerceptionError
+from perception.errors import DriveError
 
 
 def check(root: Path, *, source: SourceFlags) -> None:
@@ -19,24 +19,15 @@ def check(root: Path, *, source: SourceFlags) -> None:
     Raises:
         DriveError: There is a fault.
     """
-    from data.inspection import inspect_drive
-    from data.open_drive import open_drive, sequences_in
+    from data.inspection import inspect_path
     from perception.cli.progress import frame_progress_bar
 
-    sequences = sequences_in(root) if source.sequence is None else [source.sequence]
     faults = 0
-    for name in sequences:
-        try:
-            drive = open_drive(root, sequence=name, config=source.reading)
-        except PerceptionError as error:
-            if len(sequences) == 1:
-                raise
-            print(f"{name}: cannot be opened\n  {error}\n")
-            faults += 1
-            continue
-        report = inspect_drive(drive, progress=frame_progress_bar(drive.name, delay_s=0))
-        print(report.text())
-        faults += report.faults
+    for text, count in inspect_path(
+        root, source.sequence, source.reading, lambda name: frame_progress_bar(name, delay_s=0)
+    ):
+        print(text)
+        faults += count
     if faults:
         raise DriveError(
             root,

@@ -3,9 +3,8 @@
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
-from perception.cli.parser import flag_types, nested_types, positional
 from perception.cli.words import flag_words
 from perception.errors import PerceptionError
 
@@ -35,10 +34,11 @@ def _command_tree() -> argparse.ArgumentParser:
     tree = argparse.ArgumentParser(prog="trifuse")
     branches = {"": tree.add_subparsers()}
     for group in GROUPS:
-        branches[group] = _add(branches[""], group, SUMMARIES[group]).add_subparsers()
+        branch = branches[""].add_parser(group, help=SUMMARIES[group], add_help=False)
+        branches[group] = branch.add_subparsers()
     for name, command in COMMANDS.items():
         group, _, last = name.rpartition(" ")
-        leaf = _add(branches[group], last, command.summary)
+        leaf = branches[group].add_parser(last, help=command.summary, add_help=False)
         for flag, kind in _flags(command):
             _add_flag(leaf, flag, kind)
     return tree
@@ -46,26 +46,13 @@ def _command_tree() -> argparse.ArgumentParser:
 
 def _flags(command: "Command") -> Iterator[tuple[str, Any]]:
     """Yield each argument and flag that `--help` lists, with its type; none of a command that is not installed."""
-    from perception.cli.main import TrainingCommand
-    from perception.cli.trainings import EverydayFlags
-
-    if isinstance(command, TrainingCommand):
-        types, places = dict(nested_types(get_type_hints(EverydayFlags))), ["drives"]
-    else:
-        try:
-            function = command.load()
-        except PerceptionError:  # of benchmarks/, which a wheel does not hold
-            return
-        types, places = flag_types(function), positional(function)
+    try:
+        types, places = command.flags(), command.places()
+    except PerceptionError:  # of benchmarks/, which a wheel does not hold
+        return
     for name, kind in types.items():
         if "." not in name:
             yield (name if name in places else flag_words(name), kind)
-
-
-def _add(
-    branch: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, summary: str
-) -> argparse.ArgumentParser:
-    return branch.add_parser(name, help=summary, add_help=False)
 
 
 def _add_flag(leaf: argparse.ArgumentParser, flag: str, kind: Any) -> None:  # noqa: ANN401 - any annotation

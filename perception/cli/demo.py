@@ -28,12 +28,12 @@ def demo(
         stages: Print the time of each stage, too.
     """
     from data.open_drive import open_drive
+    from data.pipeline_results import pipeline_results
     from data.results.folder import ResultsFolder
     from data.results.run_config import RunConfig
     from data.results.run_drive import run_drive
     from data.synthetic.collection import SynthConfig, write_drives
-    from perception.cli.drive_results import compile_functions, drive_results
-    from perception.cli.progress import counting_bar
+    from perception.cli.progress import compile_functions, counting_bar, progress_bar
     from perception.sensor import load_sensor
 
     synth_config = SynthConfig(frames=frames, sensor=load_sensor(sensor), seed=seed)
@@ -44,6 +44,6 @@ def demo(
     with counting_bar("writing a street", frames) as bar:
         (folder,) = write_drives(street, synth_config, bar.update)
     drive, run_config = open_drive(folder), RunConfig()
-    results = drive_results(drive, run_config.pipeline, limit=None, on_bad_frame="stop")
+    results = pipeline_results(drive, run_config.pipeline, progress=progress_bar)
     print(run_drive(drive, results, results_folder, run_config).text(stages=stages))
     print(f"video: {out / 'video.mp4'}")

@@ -1,16 +1,12 @@
 """`trifuse evaluate datmo`."""
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
 from data.results.evaluated import EvaluatedDrive, EvaluationDocument
-from perception.cli.evaluation import publish_report
-from perception.cli.flags import DriveFlags, LabelledDriveFlags, ReportFlags
-from perception.cli.sequence_sets import evaluate_drives
+from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.errors import UsageError
 from perception.evaluation.config import DatmoProtocol
 from perception.pipeline import PipelineConfig
@@ -49,6 +45,7 @@ def evaluate_datmo(
         protocol: Protocol of the evaluation; `view: all` takes labels of everything around:
             synthetic drives, Argoverse 2, nuScenes.
     """
+    from data.derived.moving_methods import compare_methods
     from perception.evaluation.datmo_measure import PROTOCOL_WORDS, DatmoSetReport
 
     if not methods or len({*methods}) < len(methods):
@@ -56,62 +53,16 @@ def evaluate_datmo(
         raise UsageError(
             "--methods", expected=f"some of {known}, each once", found=repr(",".join(methods))
         )
+    reader = drive.reader()
 
     def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, DatmoComparison]":
-        comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
+        comparison = compare_methods(labelled, reader, pipeline, methods, protocol)
         frames = next(iter(comparison.reports.values())).frames
         return EvaluatedDrive.of(labelled, drive.frames, frames), comparison
 
-    data, metrics = evaluate_drives(
-        root, set, drive, evaluate, lambda reports: DatmoSetReport(reports, table_3_1())
+    data, metrics = reader.evaluate_set(
+        root, set, evaluate, lambda reports: DatmoSetReport(reports, table_3_1())
     )
     document = EvaluationDocument("datmo", data, {**PROTOCOL_WORDS, "values": protocol})
     heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"
-    publish_report(heading, metrics, document, config, report)
-
-
-def compare_methods(
-    drive: Drive,
-    flags: DriveFlags,
-    pipeline: PipelineConfig,
-    methods: Sequence[Method],
-    protocol: DatmoProtocol,
-) -> "DatmoComparison":
-    """Measure the tracks of several methods that get the same segmented scans, with a progress bar.
-
-    Raises:
-        DriveError: The motion of the drive's objects is not known.
-        PerceptionError: A frame cannot be read or used.
-    """
-    import time
-
-    from data.derived.moving_truth import moving_truth
-    from data.derived.true_poses import true_poses
-    from data.frames import frame_count, read_frames
-    from perception.cli.progress import progress_bar
-    from perception.datmo.stage import datmo_stage
-    from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
-    from perception.evaluation.pose_intervals import PoseIntervals
-    from perception.geometry.threads import limit_blas_threads
-    from perception.pipeline.lidar_stages import LidarStages
-
-    truth = moving_truth(drive, protocol.view, protocol.motion)
-    measures = {method: DatmoMeasure(truth, protocol) for method in methods}
-    configs = {method: replace(pipeline.datmo, method=method) for method in methods}
-    stages = {m: datmo_stage(config, drive.sensor, pipeline.area) for m, config in configs.items()}
-    poses = PoseIntervals(true_poses(drive))
-    lidar_stages = LidarStages(drive.sensor, pipeline)
-    frames = read_frames(drive, on_bad_frame=flags.on_bad_frame, limit=flags.frames)
-    for frame in progress_bar(frames, drive.name, frame_count(drive, flags.frames)):
-        segmented, scan = lidar_stages.segment(frame)
-        poses.update(segmented)
-        for method, stage in stages.items():
-            with limit_blas_threads():
-                start_s = time.perf_counter()
-                tracks = segmented.tracks if stage is None else stage.update(scan)
-                timings_s = {"moving objects": time.perf_counter() - start_s}
-            result = replace(segmented, tracks=tracks, timings_s=timings_s)
-            measures[method].update(result, truth=drive.point_truth(frame.index))
-    return DatmoComparison(
-        {method: one.compute() for method, one in measures.items()}, poses.compute()
-    )
+    report.publish(heading, metrics, document, config)

@@ -1,20 +1,15 @@
 """`trifuse evaluate detection`: detectors on labelled drives, by KITTI's object benchmark."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from data.results.command_config import CommandConfig
 from data.results.evaluated import EvaluationDocument
-from perception.cli.evaluation import publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
-from perception.evaluation.detection.config import PROTOCOL, PrecisionConfig
-from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.evaluation.detection.config import PrecisionConfig
 
 _DETECTION = DetectionConfig()
 
@@ -66,43 +61,22 @@ def evaluate_detection(
     from data.detections.compared_detectors import open_compared
     from data.detections.measured_detectors import DetectorOptions
     from data.detections.measured_drives import measure_drives
-    from perception.cli.progress import progress_bar
+    from perception.cli.progress import resample_bar
 
     require_positive("--worst-count", worst_count)
     if reliability_plot is not None and detector != ("fusion",):
         named = ",".join(detector)
         raise UsageError("--reliability-plot", expected="--detector fusion", found=named)
-    options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar())
+    options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar)
     opened = open_compared(detector, options)
     worst = None if worst_frames is None else (worst_frames, worst_count)
-    reader = drive.reader(progress_bar)
-    measured = measure_drives(opened, drives, reader, worst)
+    measured = measure_drives(opened, drives, drive.reader(), worst)
     document = EvaluationDocument.of_networks(
-        "detection", measured.data, protocol(metric), opened.metadata
+        "detection", measured.data, metric.protocol(), opened.metadata
     )
     heading = f"{opened.title}\n{measured.seen_in_training}"
-    publish_report(heading, measured, document, config, report)
+    report.publish(heading, measured, document, config)
     if plot is not None:
-        from perception.render.curve_plots import plot_curves
-
-        plot_curves(plot, opened.title, measured.panels(), share_y="all")
+        measured.plot(plot, opened.title)
     if reliability_plot is not None:
-        from perception.render.figure import save_figure
-        from perception.render.fusion_plots import reliability_figure
-
-        info, first = measured.drives[0]
-        title = f"{info.title}, IoU over {metric.iou[0]:g}"
-        of_class, *_ = first.classes.values()
-        save_figure(reliability_figure(title, of_class.reliability), reliability_plot)
-
-
-def resample_bar() -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return the progress bar of the bootstrap."""
-    from perception.cli.progress import progress_bar
-
-    return partial(progress_bar, description="bootstrap", unit="resample", delay_s=2)
-
-
-def protocol(metric: PrecisionConfig, **values: object) -> dict[str, Any]:
-    """Return the protocol in words and values."""
-    return {**PROTOCOL, "values": {"difficulties": DIFFICULTIES, **asdict(metric), **values}}
+        measured.plot_reliability(reliability_plot, metric.iou[0])

@@ -1,19 +1,12 @@
 """`trifuse evaluate ground`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from data.derived.obstacle_sequences import PRINTED_MDE_M, SequenceSet
 from data.results.command_config import CommandConfig
-from data.results.evaluated import EvaluatedDrive, EvaluationDocument
-from perception.cli.evaluation import evaluate_drive, publish_report
+from data.results.evaluated import EvaluationDocument
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
-from perception.cli.sequence_sets import evaluate_drives
 from perception.pipeline import PipelineConfig
-from perception.types import Drive
-
-if TYPE_CHECKING:
-    from perception.evaluation.ground import GroundReport
 
 _PIPELINE = PipelineConfig.for_obstacles()
 
@@ -46,14 +39,14 @@ def evaluate_ground(
         thesis_slice_edges_m,
     )
 
-    def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, GroundReport]":
-        edges_m = thesis_slice_edges_m(labelled.sensor, pipeline.area)
-        measure = GroundMeasure(pipeline.area, edges_m)
-        data = evaluate_drive(labelled, drive, pipeline, measure)
-        return data, measure.compute()
-
-    data, metrics = evaluate_drives(
-        root, set, drive, evaluate, lambda reports: GroundSetReport(reports, PRINTED_MDE_M)
+    reader, area = drive.reader(), pipeline.area
+    data, metrics = reader.evaluate_set(
+        root,
+        set,
+        lambda labelled: reader.evaluate(
+            labelled, pipeline, GroundMeasure(area, thesis_slice_edges_m(labelled.sensor, area))
+        ),
+        lambda reports: GroundSetReport(reports, PRINTED_MDE_M),
     )
     document = EvaluationDocument("ground", data, PROTOCOL)
-    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report)
+    report.publish(f"{data}, method {pipeline.method}", metrics, document, config)

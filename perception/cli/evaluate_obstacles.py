@@ -1,24 +1,15 @@
 """`trifuse evaluate obstacles`."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from data.derived.obstacle_sequences import SequenceSet, find_sequences, table_3_1
+from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
-from data.results.evaluated import EvaluatedDrive, EvaluationDocument
-from perception.cli.evaluation import evaluate_drive, publish_report
+from data.results.evaluated import EvaluationDocument
 from perception.cli.flags import LabelledDriveFlags, ReportFlags, require_positive
 from perception.cli.parser import FlagGroup
-from perception.cli.sequence_sets import evaluate_drives
 from perception.evaluation.config import ObstacleProtocol
 from perception.pipeline import PipelineConfig
-from perception.types import Drive, Result
-
-if TYPE_CHECKING:
-    from perception.evaluation.obstacle_measure import ObstacleReport
-    from perception.evaluation.obstacle_sets import CountingReport
 
 _PIPELINE, _PROTOCOL = PipelineConfig.for_obstacles(), ObstacleProtocol()
 
@@ -72,54 +63,24 @@ def evaluate_obstacles(
     from perception.evaluation.obstacle_measure import PROTOCOL_WORDS
     from perception.evaluation.obstacle_sets import ObstacleSetReport
 
-    words = {**PROTOCOL_WORDS, "values": protocol}
+    reader, words = drive.reader(), {**PROTOCOL_WORDS, "values": protocol}
     if counting.counting_sheet is not None:
-        counted = _count(root, set, counting, drive, pipeline, protocol)
+        from data.results.counted_scans import CountedScans
+
+        scans = CountedScans(
+            counting.counting_sheet, counting.scans, counting.seed, pipeline, protocol
+        )
+        counted = scans.evaluate(root, set, reader)
         document = EvaluationDocument("obstacles", {"root": root, "counting": counting}, words)
-        publish_report(str(counted), counted, document, config, report)
+        report.publish(str(counted), counted, document, config)
         return
-
-    def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, ObstacleReport]":
-        measure = obstacle_measure(labelled, pipeline.area, protocol)
-        data = evaluate_drive(labelled, drive, pipeline, measure)
-        return data, measure.compute()
-
-    data, metrics = evaluate_drives(
-        root, set, drive, evaluate, lambda reports: ObstacleSetReport(reports, table_3_1())
+    data, metrics = reader.evaluate_set(
+        root,
+        set,
+        lambda labelled: reader.evaluate(
+            labelled, pipeline, obstacle_measure(labelled, pipeline.area, protocol)
+        ),
+        lambda reports: ObstacleSetReport(reports, table_3_1()),
     )
     document = EvaluationDocument("obstacles", data, words)
-    publish_report(f"{data}, method {pipeline.method}", metrics, document, config, report)
-
-
-def _count(
-    root: Path,
-    set: SequenceSet | None,
-    counting: CountingFlags,
-    flags: LabelledDriveFlags,
-    pipeline: PipelineConfig,
-    protocol: ObstacleProtocol,
-) -> "CountingReport":
-    """Write the images and the sheet where there is no sheet yet, and return what the sheet holds."""
-    from data.derived.motion_labels import obstacle_measure
-    from data.open_drive import open_drive
-    from data.results.counted_scans import CountedScans
-    from perception.cli.drive_results import drive_results
-
-    def results_of(drive: Drive, count: int) -> Iterable[Result]:
-        return drive_results(drive, pipeline, limit=count, on_bad_frame=flags.on_bad_frame)
-
-    assert counting.counting_sheet is not None
-    scans = CountedScans(counting.counting_sheet, counting.scans, counting.seed, flags.frames)
-    if not scans.sheet.exists():
-        names = [flags.sequence]
-        if set is not None:
-            names = [one.sequence for one in find_sequences(root, set, flags.sequence)[0]]
-        drives = [
-            open_drive(root, sequence=one, config=flags.reading, images=True) for one in names
-        ]
-        scans.write(
-            flags.select(drives),
-            results_of,
-            lambda drive: obstacle_measure(drive, pipeline.area, protocol),
-        )
-    return scans.report()
+    report.publish(f"{data}, method {pipeline.method}", metrics, document, config)

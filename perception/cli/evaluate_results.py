@@ -1,30 +1,16 @@
 """`trifuse evaluate results`: detection and tracking result files of any program, by KITTI's protocols."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from data.results.command_config import CommandConfig
-from data.results.evaluated import EvaluationDocument
-from perception.cli.evaluate_detection import PrecisionFlags, protocol, resample_bar
-from perception.cli.evaluation import publish_report
+from perception.cli.evaluate_detection import PrecisionFlags
 from perception.cli.flags import ReportFlags
-from perception.errors import UsageError
 from perception.evaluation.detection.config import PublishedTable, require_published
-from perception.evaluation.detection.protocol import (
-    KITTI_CLASSES,
-    DetectionClass,
-    class_of_name,
-)
-
-if TYPE_CHECKING:
-    from perception.evaluation.detection.class_precision import PrecisionReport
-    from perception.evaluation.report import Report
+from perception.evaluation.detection.protocol import KITTI_CLASSES, class_of_name
 
 Kind = Literal["auto", "detections", "tracks"]
-
-_SPLIT = "the files under data; the training data of the program are not known"
 
 
 @dataclass(frozen=True)
@@ -77,92 +63,26 @@ def evaluate_results(
             (DepthCN) or table-7.11 (fusion).
         plot: PNG file for the precision-recall curves of detections.
     """
+    from data.kitti.measured_results import ResultBars, measure_detections, measure_tracks
     from data.kitti.tracker_files import are_tracks
+    from perception.cli.progress import frame_progress_bar, progress_bar, resample_bar
+    from perception.render.curve_plots import plot_curves
 
+    bars = ResultBars(
+        frame_progress_bar("reading"),
+        resample_bar,
+        lambda files: progress_bar(files, "tracks", unit="sequence", delay_s=2),
+    )
     is_of_tracks = kind == "tracks" or (kind == "auto" and are_tracks(results))
     if published is not None:
         require_published(classes, metric.iou, are_tracks=is_of_tracks)
     if is_of_tracks:
-        publish_report(*_measure_tracks(results, labels, classes, seqmap), config, report)
+        report.publish(*measure_tracks(results, labels, classes, seqmap, bars), config)
         return
     chosen = [class_of_name(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
-    heading, precision, document = _measure_detections(
-        results, labels, chosen, metric, frame_list, published
+    heading, precision, document = measure_detections(
+        results, labels, chosen, metric, frame_list, published, bars
     )
-    publish_report(heading, precision, document, config, report)
+    report.publish(heading, precision, document, config)
     if plot is not None:
-        from perception.render.curve_plots import plot_curves
-
         plot_curves(plot, f"{results}: {precision.title}", precision.panels(), share_y="all")
-
-
-def _measure_detections(
-    results: Path,
-    labels: Path,
-    classes: Sequence[DetectionClass],
-    metric: PrecisionFlags,
-    frame_list: Path | None,
-    published: PublishedTable | None,
-) -> "tuple[str, PrecisionReport, EvaluationDocument]":
-    from data.kitti.detection_rows import read_detection_set, read_frame_list
-    from perception.cli.progress import frame_progress_bar
-    from perception.evaluation.detection.benchmark_scores import measure_benchmark
-    from perception.evaluation.detection.class_precision import PrecisionReport, measure_precision
-    from perception.evaluation.detection.evaluation_boxes import pair_boxes
-    from perception.evaluation.detection.published import PublishedComparison
-
-    numbers = None if frame_list is None else read_frame_list(frame_list)
-    found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
-    frames = len(found.numbers)
-    rows = found.truths, found.detections, frames
-    boxes, scores = pair_boxes(*rows), measure_benchmark(*rows, classes, metric, resample_bar())
-    precision = [measure_precision(boxes, one, metric, resample_bar()) for one in classes]
-    data = {
-        **_paths(results=results, labels=labels, frame_list=frame_list),
-        "frames": frames,
-        "missing_results": found.missing_results,
-        "detections": len(found.detections),
-    }
-    words = protocol(metric, classes=classes)
-    document = EvaluationDocument("detections", data, words, _SPLIT)
-    title = f"Average precision in the image, {frames} frames"
-    computed = PrecisionReport(title, precision, benchmark=scores)
-    if published is not None:
-        place = f"{frames} frames of {labels}"
-        computed = PublishedComparison(title, precision, (), scores, published, place)
-    return f"{results}: {found.description}", computed, document
-
-
-def _measure_tracks(
-    results: Path, labels: Path, classes: Sequence[str], seqmap: Path | None
-) -> "tuple[str, Report, EvaluationDocument]":
-    from data.kitti.tracker_files import label_folder, pair_with_labels, sequences_in
-    from perception.cli.progress import progress_bar
-    from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS
-    from perception.evaluation.tracking_measure import PROTOCOL, TrackingMeasure
-
-    requested = {name.lower() for name in classes or ("car", "pedestrian")}
-    if not requested <= set(NEIGHBOURS):
-        raise UsageError("--classes", expected=", ".join(NEIGHBOURS), found=",".join(classes))
-    chosen = [name for name in NEIGHBOURS if name in requested]
-    folder, measure = label_folder(labels), TrackingMeasure(chosen)
-    pairs = pair_with_labels(results, folder, seqmap)
-    for files in progress_bar(pairs, "tracks", unit="sequence", delay_s=2):
-        rows = files.read()
-        labelled, found = rows.labels.image_boxes, rows.results.image_boxes
-        measure.update(files.name, labelled, found, rows.frame_count)
-    computed = measure.compute()
-    data = {
-        **_paths(results=results, labels=folder, seqmap=seqmap),
-        "frames": computed.frame_counts,
-    }
-    document = EvaluationDocument("tracks", data, PROTOCOL, _SPLIT)
-    heading = (
-        f"{results}: {len(computed.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
-        f"{sum(computed.frame_counts.values())} frames"
-    )
-    return heading, computed, document
-
-
-def _paths(**paths: Path | None) -> dict[str, object]:
-    return {name: path and path.resolve() for name, path in paths.items()}

@@ -5,8 +5,7 @@ from pathlib import Path
 
 from data.results.command_config import CommandConfig
 from data.results.evaluated import EvaluationDocument
-from perception.cli.evaluate_detection import PrecisionFlags, protocol
-from perception.cli.evaluation import publish_report
+from perception.cli.evaluate_detection import PrecisionFlags
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.detection.config import DetectionConfig
 from perception.evaluation.detection.config import CorruptionLevels
@@ -60,50 +59,35 @@ def evaluate_robustness(
         levels: Levels of each corruption.
         detection: Detectors: networks and suppression.
     """
+    reader = drive.reader()
     if faults:
-        from perception.cli.fault_costs import FaultRuns
+        from data.faults.fault_runs import FaultRuns
 
         # Further kinds go on from the file of those before.
         values = {name: value for name, value in config.values.items() if name != "faults"}
-        fault_runs = FaultRuns.of(root, drive, detection, metric.seed)
+        opened = reader.open(root, images=True)
+        fault_runs = FaultRuns(opened, reader, detection, metric.seed)
         costs, document, heading = fault_runs.measure(faults, values, runs)
-        publish_report(heading, costs, document, config, report)
+        report.publish(heading, costs, document, config)
         if plot is not None:
             from perception.render.curve_plots import plot_curves
 
-            title = f"{fault_runs.drive.name}: cost of faults"
+            title = f"{opened.name}: cost of faults"
             panels = costs.panels()
             plot_curves(plot, title, panels, columns=min(4, len(panels)))
         return
-    from data.corruptions import sensor_corruptions
-    from data.detections.measured_detectors import open_fusions, open_modalities
-    from data.detections.measured_drives import DrivesReport
-    from perception.cli.progress import progress_bar
-    from perception.evaluation.detection.robustness_measure import (
-        RobustnessMeasure,
-        corrupted_detector,
-    )
+    from data.detections.corrupted_drive import measure_corruptions
 
-    reader = drive.reader(progress_bar)
-    name, frames = reader.drives([root])[0]
-    corruptions = sensor_corruptions(levels, has_images=frames.has_images)
-    detector = open_modalities(detection)
-    fusion = open_fusions(detection, (), detector)["default"]
-    measure = RobustnessMeasure(
-        [kitti_class(class_name)], metric, corruptions=corruptions, fusion=fusion
-    )
-    detect = corrupted_detector(detector, corruptions, metric.seed)
-    metadata = {str(name): dict(one.metadata) for name, one in detector.detectors.items()}
-    metadata["fusion default"] = dict(fusion.metadata)
-    info, _ = reader.feed(name, frames, detect, measure, metadata)
-    measured = DrivesReport([(info, measure.compute())])
+    classes = [kitti_class(class_name)]
+    measured, networks = measure_corruptions(root, reader, classes, metric, levels, detection)
     document = EvaluationDocument.of_networks(
-        "robustness", measured.data, protocol(metric, levels=levels), metadata
+        "robustness", measured.data, metric.protocol(levels=levels), networks
     )
     heading = f"{class_name}, IoU over {metric.iou[0]:g}"
-    publish_report(f"{heading}\n{measured.seen_in_training}", measured, document, config, report)
+    report.publish(f"{heading}\n{measured.seen_in_training}", measured, document, config)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 
-        panels = measured.drives[0][1].panels()
+        info, robustness = measured.drives[0]
+        panels = robustness.panels()
         plot_curves(plot, f"{info.title}, {heading}", panels, columns=len(panels), share_y="all")

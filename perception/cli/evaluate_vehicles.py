@@ -5,10 +5,8 @@ from pathlib import Path
 from data.detections.config import LabelNoise, VehicleDetector
 from data.results.command_config import CommandConfig
 from data.results.evaluated import EvaluatedDrive, EvaluationDocument
-from perception.cli.evaluation import open_labelled_drive, publish_report
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.detection.config import DepthCnConfig, DetectionConfig
-from perception.errors import CalibrationError, DriveError
 from perception.pipeline import PipelineConfig
 
 _PIPELINE = PipelineConfig(detection=DetectionConfig(depthcn=DepthCnConfig(enabled=False)))
@@ -37,32 +35,14 @@ def evaluate_vehicles(
         noise: Noise of the labels with `--detector labels`.
         pipeline: Pipeline configuration.
     """
-    from data.detections.measured_vehicles import open_vehicle_detector
+    from data.detections.measured_vehicles import measure_vehicles, open_vehicle_detector
     from data.detections.unlearned_frames import count_learned_frames
-    from perception.cli.drive_results import drive_results
-    from perception.evaluation.vehicle_measure import PROTOCOL_WORDS, VehicleMeasure
+    from perception.evaluation.vehicle_measure import PROTOCOL_WORDS
 
-    labelled = open_labelled_drive(root, drive, images=detector == "fused")
-    if not (labelled.is_sequence and labelled.has_labels):
-        raise DriveError(
-            labelled.root,
-            expected="frames in order of time with labelled boxes that have track ids",
-            found="single frames" if labelled.has_labels else "no boxes",
-            advice="name such a drive, or make one: trifuse synth OUT --layout tracking",
-        )
-    if labelled.calibration is None:
-        raise CalibrationError(
-            labelled.root,
-            expected="a camera, in whose image vehicles are compared with labels",
-            found="none",
-        )
+    reader = drive.reader()
+    labelled = reader.open(root, images=detector == "fused")
     opened = open_vehicle_detector(detector, labelled, pipeline.detection, noise)
-    limit, skips = drive.frames, drive.on_bad_frame
-    results = drive_results(labelled, opened.pipeline(pipeline), limit=limit, on_bad_frame=skips)
-    measure = VehicleMeasure(display_score)
-    for result in opened.results(results, pipeline.vehicles):
-        measure.update(result, labelled.labels(result.frame.index), None)
-    metrics = measure.compute()
+    metrics = measure_vehicles(labelled, reader, opened, pipeline, display_score)
     data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
     document = EvaluationDocument.of_networks("vehicles", data, PROTOCOL_WORDS, opened.metadata)
     learned = count_learned_frames(opened.metadata, labelled.select(range(data.first_frames)))
@@ -70,4 +50,4 @@ def evaluate_vehicles(
     heading = f"{data}, detector {detector}, scores from {display_score:g}"
     if opened.metadata:
         heading = f"{heading}\n{learned}"
-    publish_report(heading, metrics, document, config, report)
+    report.publish(heading, metrics, document, config)

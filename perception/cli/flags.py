@@ -1,21 +1,23 @@
 """Flags that several commands share, each declared once."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from data.results.command_config import CommandConfig
+from data.results.command_config import SECTION, CommandConfig
 from data.splits.parts import Part
+from perception import __version__
 from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
-from perception.types import Frame, OnBadFrame
+from perception.types import OnBadFrame
 
 if TYPE_CHECKING:
     from data.detections.measured_drives import DriveReader
     from data.layouts import OpenConfig
-    from data.recorded_drive import RecordedDrive
+    from data.results.evaluated import EvaluationDocument
     from data.results.folder import ResultsFolder
+    from perception.evaluation.report import Report
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,8 @@ class SourceFlags(FlagGroup):
         """
         from data.layouts import OpenConfig
 
-        return OpenConfig(
-            sensor=self.sensor,
-            camera=self.camera,
-            lidar=self.lidar,
-            deskew=self.deskew,
-            reflectance_scale=self.reflectance_scale,
-            columns=self.columns,
-        )
+        same = ("sensor", "camera", "lidar", "deskew", "reflectance_scale", "columns")
+        return OpenConfig(**{name: getattr(self, name) for name in same})
 
 
 @dataclass(frozen=True)
@@ -111,34 +107,14 @@ class LabelledDriveFlags(DriveFlags):
         super().__post_init__()
         require_split(self.part, self.split)
 
-    def select(self, drives: "Sequence[RecordedDrive]") -> "list[RecordedDrive]":
-        """Return the drives with the frames of the part, or as they are without a split.
-
-        Raises:
-            UsageError: The split is damaged, of other drives, or has no frame of them in the part.
-            DriveError: A drive lacks a frame of the part.
-        """
-        from data.splits.files import select_part
-
-        return select_part(drives, self.split, self.part or "test")
-
-    def reader(self, progress: Callable[[Iterator[Frame], str, int], Any]) -> "DriveReader":
-        """Return what opens and reads the drives of detectors.
-
-        Args:
-            progress: Shows a progress bar over frames with a description and their number.
-        """
+    def reader(self) -> "DriveReader":
+        """Return what opens and reads the drives, with a progress bar."""
         from data.detections.measured_drives import DriveReader
+        from perception.cli.progress import progress_bar
 
-        return DriveReader(
-            sequence=self.sequence,
-            reading=self.reading,
-            frames=self.frames,
-            on_bad_frame=self.on_bad_frame,
-            split=self.split,
-            part=self.part,
-            progress=progress,
-        )
+        same = ("sequence", "frames", "on_bad_frame", "split", "part")
+        values = {name: getattr(self, name) for name in same}
+        return DriveReader(**values, reading=self.reading, progress=progress_bar)
 
 
 @dataclass(frozen=True)
@@ -193,6 +169,20 @@ class ReportFlags(FlagGroup):
     def has_files(self) -> bool:
         """Whether a file is asked for."""
         return self.json is not None or self.html is not None
+
+    def publish(
+        self, heading: str, report: "Report", document: "EvaluationDocument", config: CommandConfig
+    ) -> None:
+        """Print the tables of a report below a heading; write its metrics into the files that are asked for.
+
+        `--config` reads the configuration of the JSON file back.
+        """
+        tables = report.tables()
+        print("\n\n".join([heading, *(table.text() for table in tables)]))
+        if self.has_files:
+            stated = {**vars(document), SECTION: config.values, "program": f"trifuse {__version__}"}
+            printed = [table.printed() for table in tables]
+            self.write({**stated, "tables": printed, "results": report.to_json()})
 
     def write(self, document: object) -> None:
         """Write a document into the files that are asked for.

@@ -7,13 +7,20 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, get_type_hints
 
 from perception import __version__
-from perception.cli import study
-from perception.cli.parser import CommandFunction, call, flag_types, help_text, parse
-from perception.cli.trainings import TRAININGS
-from perception.cli.trainings import help_text as training_help
+from perception.cli.parser import (
+    CommandFunction,
+    call,
+    flag_types,
+    help_text,
+    nested_types,
+    parse,
+    positional,
+)
 from perception.errors import PerceptionError, UsageError
+from train.trainings import TRAININGS, EverydayFlags
 
 
 @dataclass(frozen=True)
@@ -68,10 +75,13 @@ class Command:
         """Return the help, of every flag where all are asked for."""
         return help_text(f"trifuse {name}", self.load(), everything=everything)
 
-    @property
-    def flags(self) -> Sequence[str]:
-        """Names of the flags."""
-        return tuple(flag_types(self.load()))
+    def flags(self) -> Mapping[str, Any]:
+        """Return the type of each flag by its name."""
+        return flag_types(self.load())
+
+    def places(self) -> Sequence[str]:
+        """Return the names of the positional arguments."""
+        return positional(self.load())
 
 
 @dataclass(frozen=True)
@@ -92,12 +102,17 @@ class TrainingCommand(Command):
 
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help; that of every flag imports torch."""
-        return training_help(self.target, everything=everything)
+        from perception.cli.train import help_text
 
-    @property
-    def flags(self) -> Sequence[str]:
-        """None: a training that is interrupted says itself how it goes on."""
-        return ()
+        return help_text(self.target, everything=everything)
+
+    def flags(self) -> Mapping[str, Any]:
+        """Return the type of each short flag by its name."""
+        return dict(nested_types(get_type_hints(EverydayFlags)))
+
+    def places(self) -> Sequence[str]:
+        """Return the names of the positional arguments."""
+        return ["drives"]
 
 
 class BatchCommand(Command):
@@ -108,7 +123,7 @@ class BatchCommand(Command):
         from perception.cli.batch import run_batch
 
         command, rest = self._command(name, words)
-        run_batch(self.load(), command, COMMANDS[command].load(), rest)
+        run_batch(self.load(), command, COMMANDS[command].load(), rest, run_command_line)
 
     def validate(self, name: str, words: Sequence[str]) -> None:
         """Raise the UsageError with which the words would be refused."""
@@ -168,26 +183,54 @@ SUMMARIES: Mapping[str, str] = {
     "train proposals": "search of the proposals' parameters",
     "export": "write a trained network as an ONNX file with a parity report",
     "study": "repeat a study of the thesis: a figure and a table; in the source tree",
+    "study ground-error": "ground error over merged scans and slice width (Fig. 7.1)",
+    "study speed": "frames per second over merged scans and voxel size (Fig. 7.3)",
+    "study stages": "share of the time of each stage (Table 7.3)",
+    "study dense-cloud": "a pole in the merged cloud, before and after registration (Fig. 5.2)",
+    "study gates": "gates and planes of the ground, from the side (Figs 5.4, 5.5)",
+    "study masks": "counters and masks of the static-moving segmentation (Fig. 5.6)",
+    "study motion-grid": "2.5D motion grids and the objects in them (Fig. 5.10)",
+    "study datmo-film": "film of the 2.5D motion grids on a highway, at a junction and at a crossing (Fig. 7.6)",
+    "study ins-error": "tracks of moving objects over the error of the INS (7.1.1)",
+    "study sensors": "tracks of moving objects by LiDAR",
+    "study uncertainty": "share of exact truth within the 90 % intervals of poses, moving objects and boxes, by LiDAR",
+    "study false-movers": "false movers at fences, hedges and rows of trees over speed and distance",
+    "study jams": "long vehicles in traffic jams, with and without INS: moving points, ids and poses",
+    "study fault-detection": "delay and recall of faults of sensors that are named, and false alarms",
+    "study growth": "processor time of a frame over beams, points, area and length of the drive",
+    "study single-object": "challenges of tracking one object, on scenes with exact truth",
+    "study tracker-parameters": "gate of 3D-KF and iterations of 3D-MS (App. A.1)",
+    "study tracking-results": "tracked objects in the image and in 3D over time (Figs 7.7, 7.8)",
+    "study fleet": "many drives by workers that share them: throughput, cost of the engine, deaths of processes",
+    "study thesis": "all of 7.2, trained and measured (Tables 7.8 to 7.10, Figs 7.8 to 7.16)",
+    "study augmentation": "DepthCN trained without and with augmentation (Table 7.8)",
+    "study reflectance-maps": "detectors of sparse, interpolated and wide reflectance maps (Tables B.1 to B.3)",
+    "study detector-losses": "a detector trained with each form of the loss",
+    "study calibration": "errors of the calibration of LiDAR and camera, found again and noticed",
+    "study sim-to-real": "a detector trained on more and more synthetic frames",
     "completion": "print a script that completes commands and flags in a shell",
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "batch", "train", "study")
+
+
+def _command(name: str, summary: str) -> Command:
+    group, _, last = name.rpartition(" ")
+    function = name.replace(" ", "_")
+    if group == "batch":
+        own = "batch_synth" if last == "synth" else "batch"
+        return BatchCommand(f"perception.cli.batch:{own}", summary)
+    if group == "train" and last in TRAININGS:
+        return TrainingCommand(last, summary)
+    if group == "study":
+        study = last.replace("-", "_")
+        return Command(f"benchmarks.studies.{study}:{study}", summary)
+    room = "benchmarks" if name == "bench" else "perception.cli"
+    return Command(f"{room}.{function}:{function}", summary)
+
+
 COMMANDS: Mapping[str, Command] = {
-    **{
-        name: Command(f"perception.cli.{function}:{function}", summary)
-        for name, summary in SUMMARIES.items()
-        for function in [name.replace(" ", "_")]
-        if name not in GROUPS and not name.startswith("batch ")
-    },
-    **{
-        name: BatchCommand(f"perception.cli.batch:{function}", summary)
-        for name, summary in SUMMARIES.items()
-        for function in ["batch_synth" if name == "batch synth" else "batch"]
-        if name.startswith("batch ")
-    },
-    **{f"train {kind}": TrainingCommand(kind, SUMMARIES[f"train {kind}"]) for kind in TRAININGS},
-    "bench": Command("benchmarks.bench:bench", SUMMARIES["bench"]),
-    **{f"study {n}": Command(study.target(n), summary) for n, summary in study.STUDIES.items()},
+    name: _command(name, summary) for name, summary in SUMMARIES.items() if name not in GROUPS
 }
 
 _HELP = """usage: trifuse COMMAND [flags]
@@ -296,7 +339,7 @@ def _command_of(words: Sequence[str]) -> str | None:
 
 def _how_to_go_on(words: Sequence[str]) -> str:
     name = _command_of(words)
-    flags = () if name is None else COMMANDS[name].flags
+    flags = {} if name is None else COMMANDS[name].flags()
     if "resume" in flags:
         return "repeat the command with --resume to go on, or with --overwrite"
     return "repeat the command" + (" with --overwrite" if "overwrite" in flags else "")

@@ -18,7 +18,7 @@ from typing import Any, get_args, get_type_hints
 
 from jsonargparse import ArgumentParser, Namespace
 
-from data.results.command_config import CommandConfig, read_config
+from data.results.command_config import CommandConfig, read_known
 from perception.atomic_file import require_writable
 from perception.cli.help import help_formatter, place_words
 from perception.cli.words import flag_words, read_words, usage_error
@@ -67,12 +67,13 @@ def parse(
     """
     types, places = flag_types(function), positional(function)
     given = read_words(prog, words, types, places)
-    configs = [read_config(Path(value)) for name, value in given if name == "config"]
+    files = [Path(value) for name, value in given if name == "config"]
+    configs = [read_known(file, prog, types) for file in files]
     flags = [(name, value) for name, value in given if name != "config"]
     parser = build_parser(prog, function)
     try:
-        files = [f"--config={json.dumps(config)}" for config in configs]
-        parsed = parser.parse_args([*files, *(f"--{name}={value}" for name, value in flags)])
+        read = [f"--config={json.dumps(config)}" for config in configs]
+        parsed = parser.parse_args([*read, *(f"--{name}={value}" for name, value in flags)])
     except argparse.ArgumentError as error:
         raise usage_error(prog, str(error), types, places) from error
     arguments = _arguments(function, parser.instantiate(parsed))
@@ -146,7 +147,7 @@ def nested_types(hints: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[s
     for name, hint in hints.items():
         kind = _without_none(hint)
         if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            inner = prefix if _is_flat(kind) else f"{prefix}{name}."
+            inner = prefix if issubclass(kind, FlagGroup) else f"{prefix}{name}."
             hints_of_kind = get_type_hints(kind)
             fields = {one.name: hints_of_kind[one.name] for one in dataclasses.fields(kind)}
             yield from nested_types(fields, inner)
@@ -171,7 +172,7 @@ def _sections(function: CommandFunction) -> tuple[dict[str, type], dict[str, typ
         for name, kind in kinds.items()
         if isinstance(kind, type) and dataclasses.is_dataclass(kind)
     }
-    flat = {name: kind for name, kind in sections.items() if _is_flat(kind)}
+    flat = {name: kind for name, kind in sections.items() if issubclass(kind, FlagGroup)}
     return flat, {name: kind for name, kind in sections.items() if name not in flat}
 
 
@@ -186,10 +187,6 @@ def positional(function: CommandFunction) -> list[str]:
     """Return the names of the positional arguments."""
     parameters = inspect.signature(function).parameters.values()
     return [one.name for one in parameters if one.kind is not one.KEYWORD_ONLY]
-
-
-def _is_flat(kind: type) -> bool:
-    return issubclass(kind, FlagGroup)
 
 
 def _without_none(kind: Any) -> Any:  # noqa: ANN401 - any annotation

@@ -46,12 +46,42 @@ def frame_progress_bar(description: str, delay_s: float = 2) -> Progress:
     return lambda frames: progress_bar(frames, description, delay_s=delay_s)
 
 
+def compile_functions() -> None:
+    """Compile or load the compiled functions of all modules that are imported, with a bar where it takes time."""
+    from perception.kernels.compiled import load_compiled
+
+    load_compiled(lambda all: progress_bar(all, "compiling", unit="function", delay_s=1))
+
+
+def resample_bar(resamples: Iterable[int]) -> Iterable[int]:
+    """Show the progress of a bootstrap, after a delay."""
+    return progress_bar(resamples, "bootstrap", unit="resample", delay_s=2)
+
+
+def search_bar(finished: Iterable[Step], done: int, parts: int) -> Iterable[Step]:
+    """Show the progress of a search, of which some parts were done before."""
+    shown: Iterable[Step] = _open(finished, "search", parts, "part", 0, done)
+    return shown
+
+
 def _open(
-    steps: Iterable[Any] | None, description: str, total: int | None, unit: str, delay_s: float
+    steps: Iterable[Any] | None,
+    description: str,
+    total: int | None,
+    unit: str,
+    delay_s: float,
+    initial: int = 0,
 ) -> "tqdm[Any]":
     every_s = _TERMINAL_S if sys.stderr.isatty() else _LOG_S
     bar = tqdm(
-        steps, description, total, unit=unit, file=sys.stderr, delay=delay_s, mininterval=every_s
+        steps,
+        description,
+        total,
+        initial=initial,
+        unit=unit,
+        file=sys.stderr,
+        delay=delay_s,
+        mininterval=every_s,
     )
     _OPEN.add(bar)
     return bar

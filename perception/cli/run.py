@@ -79,11 +79,11 @@ def run(
     """
     from data.faults.injection import Fault
     from data.open_drive import open_drive
+    from data.pipeline_results import pipeline_results
     from data.results.run_config import RunConfig
     from data.results.run_drive import run_drive
     from data.results.stopped_run import StoppedRun
-    from perception.cli.drive_results import compile_functions, drive_results
-    from perception.cli.progress import frame_progress_bar
+    from perception.cli.progress import compile_functions, frame_progress_bar, progress_bar
     from perception.detection.networks import enabled_modalities
 
     # The RGB detector and the one-object tracker read images that no video needs.
@@ -104,7 +104,7 @@ def run(
     stopped = StoppedRun.find(results.out, config) if results.resume else None
     folder = results.folder(config) if stopped is None else stopped.folder
     checkpoint = None if stopped is None else stopped.checkpoint
-    found = drive_results(
+    found = pipeline_results(
         opened,
         pipeline,
         limit=frames.frames,
@@ -112,6 +112,7 @@ def run(
         checkpoint=checkpoint,
         checkpoint_frames=checkpoint_frames,
         faults=faults,
+        progress=progress_bar,
     )
     progress = frame_progress_bar("report")
     compile_functions()

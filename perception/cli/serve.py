@@ -42,12 +42,10 @@ def serve(
         UsageError: There is no drive or one too many, or a port is not free.
     """
     from data.frames import further_camera_names
-    from data.live.serve import LiveCounts, serve_results
-    from data.live.server import ResultServer
-    from data.live.source import LiveSource, PacedDrive
+    from data.live.serve import ServerAddress, serve_live
+    from data.live.source import PacedDrive
     from data.live.udp import UdpAddress, UdpLidar
     from data.open_drive import open_drive
-    from perception.pipeline import Pipeline
     from perception.sensor import load_sensor
 
     if (drive is None) != (source == "udp"):
@@ -56,26 +54,13 @@ def serve(
         )
     if rate <= 0:
         raise UsageError("--rate", expected="a number above 0", found=f"{rate:g}")
-    live: LiveSource
-    cameras: tuple[str, ...] = ()
+    score = pipeline.detection.display_score
     if drive is None:
         print(f"waiting for packets at UDP port {udp_port}", flush=True)
-        live = UdpLidar(UdpAddress(udp_port), load_sensor(frames.sensor) if frames.sensor else None)
+        sensor = load_sensor(frames.sensor) if frames.sensor else None
+        lidar = UdpLidar(UdpAddress(udp_port), sensor)
+        serve_live(lidar, pipeline, ServerAddress(host, port, score))
     else:
         opened = open_drive(drive, sequence=frames.sequence, config=frames.reading)
-        cameras = further_camera_names(opened)
-        live = PacedDrive(opened, rate=rate, is_endless=loop)
-    counts = LiveCounts()
-    min_score = pipeline.detection.display_score
-    with (
-        ResultServer(live.name, host, port, min_score=min_score, cameras=cameras) as server,
-        Pipeline(live.sensor, pipeline) as stages,
-    ):
-        print(
-            f"{live.name}: connect a viewer of Foxglove's protocol to {server.address}", flush=True
-        )
-        try:
-            serve_results(live, stages, server, counts)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(counts.text()) from None
-    print(counts.text())
+        address = ServerAddress(host, port, score, further_camera_names(opened))
+        serve_live(PacedDrive(opened, rate=rate, is_endless=loop), pipeline, address)

@@ -1,15 +1,9 @@
 """`trifuse split`: which labelled frames train, validate and test networks."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from data.splits.parts import SplitBy
 from perception.cli.flags import require_drives
-from perception.errors import UsageError
-
-if TYPE_CHECKING:
-    from data.recorded_drive import RecordedDrive
 
 _SHARES = (60.0, 20.0, 20.0)
 
@@ -39,7 +33,7 @@ def split(
     """
     from data.open_drive import open_drives
     from data.splits.counts import COLUMNS, PartCounts
-    from data.splits.draw import draw_split
+    from data.splits.draw import draw_split, require_labels
     from data.splits.files import split_by_lists, write_split
     from perception.atomic_file import require_writable
     from perception.cli.progress import frame_progress_bar
@@ -48,7 +42,7 @@ def split(
     require_drives(roots)
     require_writable(out)
     drives = open_drives(roots, images=False)
-    _require_labels(drives)
+    require_labels(drives)
     if lists is None:
         made = draw_split(drives, shares, by=by, seed=seed)
     else:
@@ -61,14 +55,3 @@ def split(
     how = f"by {by}, seed {seed}" if lists is None else f"from {lists}"
     title = f"Split {made.fingerprint}, {how}"
     print(f"{Table(title, COLUMNS, counts, 'part').text()}\n\n{out}")
-
-
-def _require_labels(drives: "Sequence[RecordedDrive]") -> None:
-    for drive in drives:
-        if not drive.has_labels:
-            raise UsageError(
-                drive.root,
-                expected="labelled boxes in every drive",
-                found=f"none of {drive.name}",
-                advice="name drives with labels, such as KITTI's training folder",
-            )

@@ -5,7 +5,6 @@ from pathlib import Path
 from data.results.command_config import CommandConfig
 from data.synthetic.layout import CameraName, SynthLayout
 from data.synthetic.street_kind import StreetKind
-from perception.errors import UsageError
 
 
 def synth(
@@ -69,20 +68,10 @@ def synth(
         is_night=night,
         cameras=cameras,
     )
-    chosen = synth_config.part(*_part_words(part))
+    chosen = synth_config.named_part(part)
     if part is None:  # parts share the folder
         ResultsFolder.choose(out, config, overwrite=overwrite).prepare()
     with counting_bar("synth", chosen.frames) as bar:
         folders = write_drives(out, synth_config, bar.update, chosen)
     for folder in dict.fromkeys(folders):
         print(folder)
-
-
-def _part_words(part: str | None) -> tuple[int, int]:
-    """Return the number of a part and the number of parts, such as 3/8."""
-    if part is None:
-        return 1, 1
-    number, slash, count = part.partition("/")
-    if not (slash and number.isdecimal() and count.isdecimal()):
-        raise UsageError("--part", expected="a part such as 3/8", found=part)
-    return int(number), int(count)

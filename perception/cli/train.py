@@ -10,14 +10,28 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_type_hints
 
+from jsonargparse import ArgumentParser
+
 from data.results.command_config import read_config
+from perception.cli.help import help_formatter
 from perception.cli.parser import nested_types
-from perception.cli.trainings import FULL_NAMES, TRAININGS, EverydayFlags, help_text
 from perception.cli.words import read_words, usage_error
+from train.trainings import FULL_NAMES, TRAININGS, EverydayFlags
 
 if TYPE_CHECKING:
     from train.cli import Stage, TrainingCLI, TrainingKind
 
+_GROUPS = """\
+Groups of Lightning's command line, of which --help-all lists every flag:
+  --trainer.*             Lightning's Trainer: accelerator, devices, strategy, precision, gradient_clip_val, ...
+  --model.*               Network, its input and its loss.
+  --data.*                Drives, batches, augmentation and cache.
+  --optimizer CLASS       Optimizer of torch; with its parameters: --optimizer SGD --optimizer.lr 0.001
+  --lr_scheduler CLASS    WarmupCosine, StepDecay, DarknetSteps or a schedule of torch, with its parameters.
+  --early_stopping.*      Patience: epochs without a better one after which training stops.
+  --ema.*                 Decay of an exponential moving average of the weights.
+  --config FILE           YAML file with such groups, or the word default or thesis; several are read in turn.
+  --print-config          Print the effective configuration as YAML and exit."""
 _STAGES = ("fit", "validate", "test")
 _CHECKPOINT = ("resume", "ckpt_path")
 _GROUP_HELP = {"--trainer.help", "--model.help", "--data.help"}
@@ -91,3 +105,24 @@ def _types(kind: "TrainingKind") -> Iterator[tuple[str, Any]]:
         if FULL_NAMES.get(key, "optimizer.lr") in {*full, "optimizer.lr"}:
             yield key, hint
     yield from {"ckpt_path": str, **full}.items()
+
+
+def help_text(name: str, *, everything: bool = False) -> str:
+    """Return the help of a training: its short flags and the groups, or every flag, which needs torch and Lightning."""
+    training, prog = TRAININGS[name], f"trifuse train {name}"
+    if everything:
+        kind = training.load()
+        from train.cli import TrainingCLI
+
+        return TrainingCLI(kind).parser.format_help().rstrip()
+    types = dict(nested_types(get_type_hints(EverydayFlags)))
+    parser = ArgumentParser(
+        prog=prog,
+        usage=f"{prog} [fit|validate|test] DRIVES ... [flags]",
+        description=training.description,
+        epilog=f"{_GROUPS}\n\nExample: {training.example}",
+        formatter_class=help_formatter(types, ("drives",), ""),
+        add_help=False,
+    )
+    parser.add_class_arguments(EverydayFlags)
+    return parser.format_help().rstrip()

@@ -1,13 +1,10 @@
 """`trifuse train proposals`: the parameters of the proposals that reach most labelled objects (6.1.4)."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from perception.types import Method, OnBadFrame
 from train.proposal_search.grid import SearchGrid
-
-if TYPE_CHECKING:
-    from train.proposal_search.search import FinishedTasks
 
 _GRID = SearchGrid()
 _IOUS = (0.7, 0.5)
@@ -46,9 +43,9 @@ def train_proposals(
         out: Folder of the results.
     """
     from data.results.documents import usable_cores
-    from perception.cli.progress import frame_progress_bar
+    from perception.cli.progress import frame_progress_bar, search_bar
     from train.proposal_search.recall import compared_settings, measure_recall
-    from train.proposal_search.report import best_table, recall_table, write_report
+    from train.proposal_search.report import best_table, recall_table, summary, write_report
     from train.proposal_search.search import SearchConfig, search
     from train.proposal_search.survey import survey
 
@@ -56,25 +53,12 @@ def train_proposals(
     found = survey(drives, object_class, every=every, progress=frame_progress_bar("labels"))
     config = SearchConfig(found, grid, method, iou, on_bad_frame=on_bad_frame)
     try:
-        counts = search(config, out / "counts.jsonl", processes, _search_bar)
+        counts = search(config, out / "counts.jsonl", processes, search_bar)
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt("go on with the same command") from error
-    best = counts[0]
-    unread = f"; {best.unread} frames could not be read" if best.unread else ""
-    frames = f"{len(found.drives)} drives, {best.frames} frames"
-    print(f"{frames}, {best.objects} labels {object_class}{unread}")
-    print(f"\n{best_table(counts, iou).text()}\n", flush=True)
-    recalls = measure_recall(config, compared_settings(best.parameters, method), order, processes)
-    print(recall_table(recalls).text())
-    files = write_report(out, config, counts, recalls, order)
-    print("\n".join(["", *map(str, files)]))
-
-
-def _search_bar(finished: "FinishedTasks", done: int, parts: int) -> "FinishedTasks":
-    from perception.cli.progress import counting_bar
-
-    with counting_bar("search", parts, unit="part") as bar:
-        bar.update(done)
-        for part in finished:
-            yield part
-            bar.update()
+    print(f"{summary(found, counts[0])}\n\n{best_table(counts, iou).text()}\n", flush=True)
+    recalls = measure_recall(
+        config, compared_settings(counts[0].parameters, method), order, processes
+    )
+    print(recall_table(recalls).text(), "", sep="\n")
+    print(*write_report(out, config, counts, recalls, order), sep="\n")

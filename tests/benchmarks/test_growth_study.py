@@ -10,8 +10,7 @@ import pytest
 from benchmarks.measure import memory_mib, processor_clock
 from benchmarks.studies.growth import GrowthConfig, blocks_of, median_stages_ms
 from data.synthetic.drive import SyntheticDrive
-from perception.cli import study
-from perception.cli.main import COMMANDS
+from perception.cli.main import COMMANDS, SUMMARIES
 from perception.errors import UsageError
 from perception.evaluation.stage_times import ALL_STAGES
 from perception.geometry.grids import LocalArea
@@ -75,4 +74,4 @@ def test_memory_holds_started_processes():
 @pytest.mark.parametrize("name", ["growth", "ins-error", "tracker-parameters"])
 def test_a_study_is_the_function_of_its_name(name):
     assert COMMANDS[f"study {name}"].load().__name__ == name.replace("-", "_")
-    assert COMMANDS[f"study {name}"].summary == study.STUDIES[name]
+    assert COMMANDS[f"study {name}"].summary == SUMMARIES[f"study {name}"]

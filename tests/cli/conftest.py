@@ -7,10 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from data.detections import measured_detectors
+from data.detections import detected_drive, measured_detectors
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
-from perception.detection import networks
 from perception.evaluation.detection.detector_measure import FrameDetections
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_scan
@@ -52,8 +51,8 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
         model = SimpleNamespace(metadata=METADATA)
         network = SimpleNamespace(verifier=SimpleNamespace(model=model, class_names=("Car",)))
-        for module in (measured_detectors, networks):
+        for module in (measured_detectors, detected_drive):
             monkeypatch.setattr(module, "open_depthcn", lambda config, sensor: network)
-        monkeypatch.setattr(measured_detectors, "run_depthcn", run)
+            monkeypatch.setattr(module, "run_depthcn", run)
 
     return install

@@ -9,7 +9,7 @@ import yaml
 from perception.cli import train
 from perception.cli.main import COMMANDS, TrainingCommand, run_command_line
 from perception.cli.parser import call, flag_types, parse
-from perception.cli.trainings import TRAININGS
+from train.trainings import TRAININGS
 
 # Words that a command demands: of inputs, and of outputs, which are no part of a configuration.
 INPUTS = {

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import perception.datmo.stage
-import perception.pipeline.lidar_stages
+from data.derived import moving_methods
 from data.derived.moving_truth import moving_truth
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
@@ -148,9 +147,9 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
 ):
     folder = write_tracking(drive, tmp_path / "drive", 0, lambda: None)
     predictions = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
-    monkeypatch.setattr(perception.pipeline.lidar_stages, "LidarStages", LevelChain)
+    monkeypatch.setattr(moving_methods, "LidarStages", LevelChain)
     monkeypatch.setattr(
-        perception.datmo.stage,
+        moving_methods,
         "datmo_stage",
         lambda config, sensor, area: (
             Remembering(predictions) if config.method == "default" else None

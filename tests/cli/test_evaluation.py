@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from data import pipeline_results
 from data.derived.motion_labels import label_drive_motion
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from data.results.command_config import CommandConfig
 from data.results.documents import to_serializable
 from data.results.evaluated import EvaluationDocument
-from perception.cli import drive_results
-from perception.cli.evaluation import publish_report
 from perception.cli.flags import ReportFlags
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
@@ -217,7 +216,7 @@ def test_exact_truth_adds_figures_per_point(sequence_0000: KittiSequence):
 def test_the_command_prints_a_table_and_writes_the_same_as_json(
     kitti_root: Path, tmp_path: Path, monkeypatch, capsys, measure: str
 ):
-    monkeypatch.setattr(drive_results, "Pipeline", LevelPipeline)
+    monkeypatch.setattr(pipeline_results, "Pipeline", LevelPipeline)
     out = tmp_path / "made" / "figures.json"
     words = [measure, str(kitti_root / "tracking"), "--sequence", "0000", "--frames", "3"]
     assert main(["evaluate", *words, "--json", str(out)]) == 0
@@ -268,5 +267,5 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     document = EvaluationDocument("ground", {}, {"unwritable": object()}, None)
     with pytest.raises(TypeError):
         config = CommandConfig("evaluate ground", {})
-        publish_report("0000", GroundReport(), document, config, ReportFlags(json=path))
+        ReportFlags(json=path).publish("0000", GroundReport(), document, config)
     assert path.read_text() == "old"

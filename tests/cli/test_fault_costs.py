@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from data.faults.fault_runs import kinds_and_sizes
 from data.results.finished_runs import FinishedRuns
-from perception.cli.fault_costs import kinds_and_sizes
 from perception.errors import UsageError
 from perception.evaluation.fault_cost import FaultCost
 from tests.faults import fault

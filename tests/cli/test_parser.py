@@ -193,13 +193,21 @@ def test_files_that_cannot_be_used_are_named(tmp_path):
     with fault(UsageError, f"--config {file}", "a YAML file", "No such file"):
         called("a", "--config", str(file))
     file.write_text("framez: 3\n")
-    assert refused("a", "--config", str(file)) == ("--config", "a flag such as --frames", "framez")
+    keys = "keys that are flags of trifuse do, such as "
+    with fault(UsageError, f"--config {file}", f"{keys}frames", "framez"):
+        called("a", "--config", str(file))
     file.write_text("pipeline:\n  motion:\n    voxel_siz_m: 0.3\n")
-    assert refused("a", "--config", str(file)) == (
-        "--config",
-        "a flag such as --pipeline.motion.voxel-size-m",
-        "pipeline.motion.voxel_siz_m",
+    found = "pipeline.motion.voxel_siz_m"
+    with fault(UsageError, f"--config {file}", f"{keys}pipeline.motion.voxel_size_m", found):
+        called("a", "--config", str(file))
+    removed = "".join(f"    constant_{number}: 1\n" for number in range(5))
+    file.write_text(f"pipeline:\n  motion:\n{removed}frames: 3\n")
+    motion = "pipeline.motion.constant_"
+    advice = (
+        "remove these keys; a parameter of an older version may be a constant of the method now"
     )
+    with fault(UsageError, found=f"{motion}0, {motion}1, {motion}2 and 2 more", advice=advice):
+        called("a", "--config", str(file))
 
 
 def test_help_shows_values_switches_defaults_and_the_example():

@@ -9,7 +9,6 @@ from data.open_drive import open_drive, open_drives
 from data.splits.files import read_split, write_split
 from data.splits.frame_split import DriveParts, FrameSplit
 from data.splits.training_frames import ENTRY, TrainingFrames
-from perception.cli.evaluation import open_labelled_drive
 from perception.cli.flags import LabelledDriveFlags
 from perception.errors import UsageError
 from tests.car_frames import write_car_frames
@@ -113,4 +112,4 @@ def test_a_sequence_is_evaluated_whole(tmp_path: Path):
         write_split(file, FrameSplit((DriveParts(drive.root, drive.name, frames),)))
         with fault(UsageError, found=found):
             command("evaluate", "ground", root, "--split", file, "--part", "val")
-    assert len(open_labelled_drive(root, LabelledDriveFlags(split=file, part="train"))) == 2
+    assert len(LabelledDriveFlags(split=file, part="train").reader().open(root)) == 2

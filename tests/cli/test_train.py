@@ -140,6 +140,6 @@ def test_a_missing_package_is_named_with_its_extra(monkeypatch):
     def missing(name):
         raise ImportError("No module named 'torch'")
 
-    monkeypatch.setattr("perception.cli.trainings.importlib.import_module", missing)
+    monkeypatch.setattr("train.trainings.importlib.import_module", missing)
     with fault(MissingDependencyError, found="torch", advice="train"):
         command("train", "depthcn", "x")

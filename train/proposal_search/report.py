@@ -17,9 +17,17 @@ from perception.render.curve_plots import (
 )
 from train.proposal_search.counting import ProposalCount
 from train.proposal_search.search import SearchConfig
+from train.proposal_search.survey import Survey
 
 _SHOWN = 10
 _ORDERS: Mapping[ProposalOrder, str] = {"size": "most like a car", "points": "most points"}
+
+
+def summary(survey: Survey, best: ProposalCount) -> str:
+    """Return the drives, frames and labels of a search in one line."""
+    unread = f"; {best.unread} frames could not be read" if best.unread else ""
+    labels = f"{best.objects} labels {survey.of_class}"
+    return f"{len(survey.drives)} drives, {best.frames} frames, {labels}{unread}"
 
 
 def best_table(counts: Sequence[ProposalCount], ious: Sequence[float]) -> Table[ProposalCount]:

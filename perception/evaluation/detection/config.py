@@ -1,10 +1,11 @@
 """Settings and protocol of the detection metrics."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 from perception.errors import UsageError
+from perception.evaluation.detection.protocol import DIFFICULTIES
 
 RECALL_POINTS = (11, 40)
 PROTOCOL: Mapping[str, str] = {
@@ -78,6 +79,14 @@ class PrecisionConfig:
             raise UsageError("--recall-points", expected="11, 40 or 11,40", found=found)
         if self.bootstrap < 0:
             raise UsageError("--bootstrap", expected="0 or more", found=str(self.bootstrap))
+
+    def protocol(self, **values: object) -> dict[str, Any]:
+        """Return the protocol in words and values.
+
+        Args:
+            **values: Further values that the metrics depend on.
+        """
+        return {**PROTOCOL, "values": {"difficulties": DIFFICULTIES, **asdict(self), **values}}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 
-from perception.errors import PerceptionError
+from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.track import PredictedTrack, TargetObject
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
@@ -29,6 +29,18 @@ def named_trackers(
 ) -> TrackerMakers:
     """Return the trackers of these names, all with one configuration."""
     return {name: partial(trackers.single_object_tracker, name, sensor, config) for name in names}
+
+
+def require_trackers(names: Sequence[str]) -> tuple[str, ...]:
+    """Validate names of trackers; return all trackers where none is named.
+
+    Raises:
+        UsageError: A name is unknown, or occurs twice.
+    """
+    if {*names} <= {*trackers.TRACKERS} and len({*names}) == len(names):
+        return tuple(names) or trackers.TRACKERS
+    expected = f"some of {', '.join(trackers.TRACKERS)}, each once"
+    raise UsageError("--trackers", expected=expected, found=repr(",".join(names)))
 
 
 def track_objects(

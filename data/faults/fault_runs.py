@@ -1,5 +1,6 @@
-"""The pipeline over a drive once for each fault and size: `trifuse evaluate robustness --faults`."""
+"""The pipeline over a drive once for each fault and size."""
 
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,11 +8,9 @@ from pathlib import Path
 from data.faults.injection import Fault
 from data.faults.kinds import FAULT_KINDS
 from data.frames import frame_count
+from data.labelled_drives import LabelledDrives
 from data.results.evaluated import EvaluatedDrive, EvaluationDocument
 from data.results.finished_runs import FinishedRuns
-from perception.cli.drive_results import drive_results
-from perception.cli.evaluation import open_labelled_drive
-from perception.cli.flags import LabelledDriveFlags
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.evaluation.fault_cost import (
@@ -24,6 +23,8 @@ from perception.evaluation.fault_cost import (
 from perception.pipeline import PipelineConfig
 from perception.types import Drive
 
+log = logging.getLogger(__name__)
+
 _ALL = ("all",)
 
 
@@ -33,26 +34,15 @@ class FaultRuns:
 
     Attributes:
         drive: Drive with labels or exact truth.
-        flags: How many frames are read, and what a damaged one does.
+        reader: How its frames are read.
         detection: Detectors of the pipeline.
         seed: Seed of the faults.
     """
 
     drive: Drive
-    flags: LabelledDriveFlags
+    reader: LabelledDrives
     detection: DetectionConfig
     seed: int
-
-    @classmethod
-    def of(
-        cls, root: Path, flags: LabelledDriveFlags, detection: DetectionConfig, seed: int
-    ) -> "FaultRuns":
-        """Open the drive.
-
-        Raises:
-            DriveError: The path holds no drive with labels or exact truth.
-        """
-        return cls(open_labelled_drive(root, flags, images=True), flags, detection, seed)
 
     def measure(
         self, kinds: tuple[str, ...], values: Mapping[str, object], finished: Path | None
@@ -64,20 +54,20 @@ class FaultRuns:
             values: Configuration of the command; runs of another one are refused.
             finished: JSON file that keeps each finished run; None for none.
         """
-        count = frame_count(self.drive, self.flags.frames)
+        count = frame_count(self.drive, self.reader.frames)
         first, last = count // 3, count - 1
         runs = FinishedRuns.open(finished, values, FaultCost)
-        wanted: dict[str, Fault | None] = {CLEAN: None}
-        wanted |= {
+        cases: dict[str, Fault | None] = {CLEAN: None}
+        cases |= {
             f"{kind} {size:g}": Fault(kind, first, last, size, self.seed)
             for kind, size in kinds_and_sizes(kinds)
         }
-        for row, (name, fault) in enumerate(wanted.items()):
+        for row, (name, fault) in enumerate(cases.items()):
             if name not in runs.metrics:
-                print(f"{name}: run {row + 1} of {len(wanted)}", flush=True)
+                log.info("%s: run %d of %d", name, row + 1, len(cases))
                 runs.add(name, self._run(fault, first))
-        measured = FaultCostReport({name: runs.metrics[name] for name in wanted})
-        data = EvaluatedDrive.of(self.drive, self.flags.frames, count)
+        measured = FaultCostReport({name: runs.metrics[name] for name in cases})
+        data = EvaluatedDrive.of(self.drive, self.reader.frames, count)
         document = EvaluationDocument("robustness", data, PROTOCOL)
         return measured, document, f"{data}, faults from frame {first} on"
 
@@ -88,14 +78,8 @@ class FaultRuns:
         measure = FaultCostMeasure(
             kind, size, first, part, pipeline.area, self.detection.display_score
         )
-        results = drive_results(
-            self.drive,
-            pipeline,
-            limit=self.flags.frames,
-            on_bad_frame=self.flags.on_bad_frame,
-            faults=() if fault is None else (fault,),
-        )
-        for result in results:
+        faults = () if fault is None else (fault,)
+        for result in self.reader.results(self.drive, pipeline, faults):
             index = result.frame.index
             labels = self.drive.labels(index) if self.drive.has_labels else None
             measure.update(result, labels, self.drive.point_truth(index))

@@ -1,15 +1,11 @@
-"""The trainings by name, the short names of flags that are typed every day, and the help that lists them without torch."""
+"""The trainings by name, and the short names of flags that are typed every day; imports no torch."""
 
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, cast, get_type_hints
+from typing import TYPE_CHECKING, cast
 
-from jsonargparse import ArgumentParser
-
-from perception.cli.help import help_formatter
-from perception.cli.parser import nested_types
 from perception.detection.config import FusionVariant
 from perception.errors import optional_package
 from perception.types import Modality
@@ -33,17 +29,6 @@ FULL_NAMES = {
     "out": "trainer.default_root_dir",
     "seed": "seed_everything",
 }
-_GROUPS = """\
-Groups of Lightning's command line, of which --help-all lists every flag:
-  --trainer.*             Lightning's Trainer: accelerator, devices, strategy, precision, gradient_clip_val, ...
-  --model.*               Network, its input and its loss.
-  --data.*                Drives, batches, augmentation and cache.
-  --optimizer CLASS       Optimizer of torch; with its parameters: --optimizer SGD --optimizer.lr 0.001
-  --lr_scheduler CLASS    WarmupCosine, StepDecay, DarknetSteps or a schedule of torch, with its parameters.
-  --early_stopping.*      Patience: epochs without a better one after which training stops.
-  --ema.*                 Decay of an exponential moving average of the weights.
-  --config FILE           YAML file with such groups, or the word default or thesis; several are read in turn.
-  --print-config          Print the effective configuration as YAML and exit."""
 
 
 @dataclass(frozen=True)
@@ -154,24 +139,3 @@ TRAININGS: Mapping[str, Training] = {
         "trifuse train fusion synth/fusion --config thesis --out results/fusion",
     ),
 }
-
-
-def help_text(name: str, *, everything: bool = False) -> str:
-    """Return the help of a training: its short flags and the groups, or every flag, which needs torch and Lightning."""
-    training, prog = TRAININGS[name], f"trifuse train {name}"
-    if everything:
-        kind = training.load()
-        from train.cli import TrainingCLI
-
-        return TrainingCLI(kind).parser.format_help().rstrip()
-    types = dict(nested_types(get_type_hints(EverydayFlags)))
-    parser = ArgumentParser(
-        prog=prog,
-        usage=f"{prog} [fit|validate|test] DRIVES ... [flags]",
-        description=training.description,
-        epilog=f"{_GROUPS}\n\nExample: {training.example}",
-        formatter_class=help_formatter(types, ("drives",), ""),
-        add_help=False,
-    )
-    parser.add_class_arguments(EverydayFlags)
-    return parser.format_help().rstrip()

@@ -1,32 +1,34 @@
-"""The pipeline over the frames of a drive, with a progress bar."""
+"""The pipeline over the frames of a drive."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from typing import Any
 
 from data.faults.injection import Fault, inject
 from data.frames import frame_count, read_frames
 from data.results.checkpoint import Checkpoint
-from perception.cli.progress import progress_bar
-from perception.kernels.compiled import load_compiled
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, OnBadFrame, Result
 
-
-def compile_functions() -> None:
-    """Compile or load the compiled functions of all modules that are imported, with a bar where it takes time."""
-    load_compiled(
-        lambda functions: progress_bar(functions, "compiling", unit="function", delay_s=1)
-    )
+# Shows a progress bar over frames with a description and their number.
+FrameProgress = Callable[[Iterable[Any], str, int], Iterable[Any]]
 
 
-def drive_results(
+def no_progress(frames: Iterable[Any], description: str, count: int) -> Iterable[Any]:
+    """Return the frames: no bar is shown."""
+    del description, count
+    return frames
+
+
+def pipeline_results(  # noqa: PLR0913 - each is a flag of its own
     drive: Drive,
     config: PipelineConfig,
     *,
-    limit: int | None,
-    on_bad_frame: OnBadFrame,
+    limit: int | None = None,
+    on_bad_frame: OnBadFrame = "stop",
     checkpoint: Checkpoint | None = None,
     checkpoint_frames: int = 0,
     faults: Sequence[Fault] = (),
+    progress: FrameProgress = no_progress,
 ) -> Generator[Result, None, None]:
     """Yield the result of each frame; frames of no sequence, such as object frames, share no state.
 
@@ -38,6 +40,7 @@ def drive_results(
         checkpoint: Checkpoint of the same pipeline and drive to go on from; None to start with the first frame.
         checkpoint_frames: Number of frames between two results with a snapshot; 0 for none.
         faults: Faults of sensors that are injected.
+        progress: Progress bar over the results.
 
     Raises:
         PerceptionError: a frame cannot be read or used.
@@ -54,4 +57,4 @@ def drive_results(
         with pipeline.stream(
             frames, is_sequence=drive.is_sequence, snapshot_frames=checkpoint_frames
         ) as results:
-            yield from progress_bar(results, drive.name, frame_count(drive, limit) - first)
+            yield from progress(results, drive.name, frame_count(drive, limit) - first)
