@@ -16,7 +16,7 @@ from train.networks.depthcn import load_verifier
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     root = tmp_path_factory.mktemp("drive")
-    words = f"synth {root} --layout object --frames 6 --images false --seed 4".split()
+    words = f"synth {root} --layout object --frames 5 --images false --seed 4".split()
     assert main(words) == 0
     return root
 
@@ -26,10 +26,14 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
+# Most of these trainings draw nothing for TensorBoard.
+LOGGED = ("--trainer.logger", "true")
+
+
 def words_of(drive, cache, out, *more):
     words = (
         f"train depthcn {drive} --out {out} --data.cache {cache} --data.batch-size 32 "
-        "--trainer.accelerator cpu"
+        "--trainer.accelerator cpu --trainer.logger false"
     ).split()
     return [*words, *more]
 
@@ -40,7 +44,7 @@ def train(*arguments):
 
 def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     out = tmp_path / "out"
-    assert train(drive, cache, out, "--epochs", "1") == 0
+    assert train(drive, cache, out, "--epochs", "1", *LOGGED) == 0
     assert "validation" in capsys.readouterr().out
     words = f"train depthcn --config {out}/config.yaml --out {tmp_path / 'again'}".split()
     assert main(words) == 0
@@ -74,9 +78,9 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
 
 def test_a_full_disk_leaves_the_last_whole_epoch(drive, cache, small_disk):
     """There is room for three checkpoints of 2.6 MB and the events of an epoch."""
-    small_disk.resize("11m")
+    small_disk.resize("9m")
     out = small_disk.path / "out"
-    words = words_of(drive, cache, out, "--epochs", "3")
+    words = words_of(drive, cache, out, "--epochs", "3", *LOGGED)
     with fault(WriteError, where=str(out), found="No space left on device", advice="--resume last"):
         run_command_line(words)
     whole = read_checkpoint(out / "last.ckpt", "depthcn")["epoch"]
