@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from perception.calibration.offset import offset_SE3
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.detection.networks import open_detectors
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import project
+from perception.geometry.se3 import from_motion_vector
 from perception.health.miscalibration import corrected
 from perception.maps.densify import densify
 from perception.maps.projection import project_frame
@@ -30,7 +30,7 @@ def mutual_information(frames: Sequence[Frame], offset: Float64) -> float:
     """
     joint = np.zeros((_BINS, _BINS))
     for frame in frames:
-        turned = corrected(frame, offset_SE3(offset))
+        turned = corrected(frame, from_motion_vector(offset))
         assert turned.image is not None
         assert turned.calibration is not None
         grey = cv2.cvtColor(turned.image, cv2.COLOR_RGB2GRAY)
@@ -61,7 +61,7 @@ def detector_offsets_px(frames: Sequence[Frame], offset: Float64) -> Float64:
     )
     differences = [np.zeros((0, 2))]
     for frame in frames:
-        turned = corrected(frame, offset_SE3(offset))
+        turned = corrected(frame, from_motion_vector(offset))
         found = detector.detect(turned, densify(project_frame(turned))).scene.modality_detections
         image, depth = (
             found[name].boxes_px[found[name].scores > _MIN_SCORE] for name in ("rgb", "dm")

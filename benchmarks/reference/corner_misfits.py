@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.calibration.offset import offset_SE3
 from perception.calibration.surface_corners import CornerTracks
-from perception.geometry.se3 import inverse
+from perception.geometry.se3 import from_motion_vector, inverse
 from perception.types import Float64
 
 
@@ -23,7 +22,12 @@ def corner_misfits(
     """
     surfaces = tracks.corners.surfaces_cam(offset_SE3_cam)
     cam_SE3_velo = offset_SE3_cam @ tracks.corners.view.cam_SE3_velo
-    moved = offset_SE3(motion_error) @ cam_SE3_velo @ tracks.later_SE3_velo @ inverse(cam_SE3_velo)
+    moved = (
+        from_motion_vector(motion_error)
+        @ cam_SE3_velo
+        @ tracks.later_SE3_velo
+        @ inverse(cam_SE3_velo)
+    )
     distances_m = surfaces.distances_m + sweep * tracks.sweep_shifts_m
     surfaces = replace(surfaces, distances_m=distances_m)
     points = surfaces.points_m()

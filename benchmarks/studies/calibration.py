@@ -32,9 +32,9 @@ class _Watch:
     """Whether monitors notice one error, each from the frame on in which it begins."""
 
     def __init__(self, error: Float64) -> None:
-        from perception.calibration.offset import offset_SE3
+        from perception.geometry.se3 import from_motion_vector
 
-        self._error_SE3_cam = offset_SE3(error)
+        self._error_SE3_cam = from_motion_vector(error)
         self._monitor: MiscalibrationMonitor | None = None
         self._frames = self._within = self._starts = 0
         self._delays: list[int] = []
@@ -165,9 +165,8 @@ def _recalibrated(
     read: "CalibratedFrames", drive: "RecordedDrive", rng: np.random.Generator
 ) -> Iterator[tuple[str, tuple[float, float, float]]]:
     """Yield what is left of errors of several sizes, by edges, each the worst of some axes."""
-    from perception.calibration.offset import offset_SE3
     from perception.calibration.recalibration import recalibrate
-    from perception.geometry.se3 import inverse, rotation_angle_rad
+    from perception.geometry.se3 import from_motion_vector, inverse, rotation_angle_rad
 
     stated = read.calibration.cam_SE3_velo
     for angle_deg in _ROTATIONS_DEG:
@@ -176,7 +175,7 @@ def _recalibrated(
             axis, along = rng.standard_normal((2, 3))
             turn = np.radians(angle_deg) * axis / np.linalg.norm(axis)
             shift = (0.1 if angle_deg else 0.0) * along / np.linalg.norm(along)
-            off = offset_SE3(np.concatenate([turn, shift]))
+            off = from_motion_vector(np.concatenate([turn, shift]))
             wrong = [replace(one, cam_SE3_velo=off @ stated) for one in read.edges]
             tracks = [one.with_calibration(off @ stated) for one in read.tracks]
             start_s = time.process_time()

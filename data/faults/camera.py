@@ -7,7 +7,7 @@ import numpy as np
 
 from data.corruptions import darken
 from data.faults.moment import FaultMoment
-from perception.calibration.offset import offset_SE3
+from perception.geometry.se3 import from_motion_vector
 from perception.types import Float32, Float64, Frame, UInt8
 
 _GREY, _MUD = 200.0, np.array([70.0, 60.0, 45.0], np.float32)
@@ -109,5 +109,5 @@ def shifted(moment: FaultMoment, distance_m: float) -> Frame:
 def _changed(frame: Frame, offset: Float64) -> Frame:
     if frame.calibration is None:
         return frame
-    cam_SE3_velo = offset_SE3(offset) @ frame.calibration.cam_SE3_velo
+    cam_SE3_velo = from_motion_vector(offset) @ frame.calibration.cam_SE3_velo
     return replace(frame, calibration=replace(frame.calibration, cam_SE3_velo=cam_SE3_velo))

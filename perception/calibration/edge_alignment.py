@@ -1,14 +1,14 @@
 """How well the edges of scans lie on those of images, and the change of the calibration with which they lie best."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.image_edges import NEAREST_M
-from perception.calibration.offset import offset_SE3
 from perception.calibration.quasi_newton import minimize_loss
+from perception.geometry.se3 import from_motion_vector
 from perception.kernels.edge_sampling import add_map_sums
 from perception.types import Float64, Int
 
@@ -21,6 +21,7 @@ TRANSLATION_PRIOR = np.array([0.0, 0.0, 0.0, 0.002, 0.002, 0.002])
 # Steps up to which an offset is drawn back the more, the larger it is: 1 degree, 20 cm.
 _TAIL = np.array([2.0] * 3 + [4.0] * 3)
 _TOLERANCE = 2e-9
+_CONTRAST_RAD = np.radians(1.5)
 _PERCENT = 100.0
 # How curved a loss in per cent is over these offsets, in street scenes of KITTI: a shift to the right looks like a turn about
 # the axis down, and one down like one about the axis to the right.
@@ -65,7 +66,7 @@ class EdgeAlignment:
 
     def score(self, offset: Float64, smoothing_px: float) -> AlignmentScore:
         """Return how well the edges lie on each other with an offset."""
-        moved = offset_SE3(offset)
+        moved = from_motion_vector(offset)
         sums = np.zeros((self.frames, 7))
         for one, of_frame in zip(self._edges, sums, strict=True):
             one.add_sums(moved, smoothing_px, of_frame)
@@ -100,6 +101,16 @@ class EdgeAlignment:
             steps = minimize_loss(loss, steps, _INVERSE_CURVATURE, tolerance)
         return np.asarray(steps * STEP, np.float64)
 
+    def contrasts(self, offset: Float64, axes: Iterable[int], smoothing_px: float) -> Float64:
+        """Return which share of the score is lost where an offset is turned by 1.5 degrees about each of some axes."""
+        here = self.score(offset, smoothing_px).value
+        turns = _CONTRAST_RAD * np.eye(6)
+        turned = [
+            max(self.score(offset + by, smoothing_px).value for by in (-turns[axis], turns[axis]))
+            for axis in axes
+        ]
+        return 1 - np.array(turned) / here if here > 0 else np.zeros(len(turned))
+
     def covariance(self, offset: Float64, smoothing_px: float = SMOOTHINGS_PX[1]) -> Float64:
         """Return the (6, 6) covariance of the best offset, by how much the frames differ from each other.
 
@@ -117,14 +128,6 @@ class EdgeAlignment:
         curvature = (curvature + curvature.T) / 2 + np.diag(self.edges * TRANSLATION_PRIOR)
         back = np.linalg.pinv(curvature)
         return np.asarray(STEP[:, None] * (back @ (slopes.T @ slopes) @ back) * STEP)
-
-    def displacement_px(self, offset: Float64) -> float:
-        """Return how far an offset moves the edges in the maps, the root of the mean square in pixels."""
-        moved, squared = offset_SE3(offset), 0.0
-        for one in self._edges:
-            before, after = one.pixels(np.eye(4)), one.pixels(moved)
-            squared += float(np.nansum((after - before) ** 2))
-        return float(np.sqrt(squared / max(self.edges, 1)))
 
 
 def prior_loss(offset: Float64, prior: Float64) -> float:
@@ -144,11 +147,6 @@ class _MovingEdges:
 
     frame: FrameEdges
     points_cam: Float64
-
-    def pixels(self, moved_SE3_cam: Float64) -> Float64:
-        """Return (K, 2) places in the maps, NaN behind the camera."""
-        points = self.points_cam @ moved_SE3_cam[:3, :3].T + moved_SE3_cam[:3, 3]
-        return self.frame.image.pixels(points)
 
     def add_sums(self, moved_SE3_cam: Float64, smoothing_px: float, sums: Float64) -> None:
         """Add the image's edges at those of the scan, and their gradient, to (7,) sums."""

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.calibration.offset import OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.offset import OffsetEstimate
 from perception.calibration.surface_corners import CornerTracks
+from perception.geometry.se3 import from_motion_vector, motion_vector
 from perception.kernels.corner_sums import SHARED, add_corner_sums
 from perception.types import Float64
 
@@ -76,7 +77,7 @@ def motion_gain(tracks: Sequence[CornerTracks], offset: Float64) -> float:
     tried = (np.zeros(6), offset)
     kept = []
     for one in tracks:
-        both = [one.reassociated(offset_SE3(by)) for by in tried]
+        both = [one.reassociated(from_motion_vector(by)) for by in tried]
         is_known = np.logical_and(*(each.corners.is_known for each in both))
         kept.append([each[is_known] for each in both])
     without, with_offset = (
@@ -92,7 +93,7 @@ def _refined(
     offset, found = start, None
     for _ in range(_MAX_ASSOCIATIONS):
         if any(is_large(one.corners.offset - offset) for one in tracks):
-            tracks = [one.reassociated(offset_SE3(offset)) for one in tracks]
+            tracks = [one.reassociated(from_motion_vector(offset)) for one in tracks]
         elif found is not None:
             return found
         found = align_motion(tracks, offset, known)
@@ -116,14 +117,14 @@ def align_motion(
         start: (6,) offset to start from.
         known: What is known of the offset beside their motion.
     """
-    state = _State(offset_SE3(start), 0.0, np.zeros((len(tracks), 6)))
+    state = _State(from_motion_vector(start), 0.0, np.zeros((len(tracks), 6)))
     for scale in _SCALES:
         system = _System(state, known)
         for number, one in enumerate(tracks):
             system.add_tracks(number, one, scale)
         state = state.moved(system.step())
     deviations = np.sqrt(np.diag(np.linalg.inv(system.curvature))[:6])
-    estimate = OffsetEstimate(offset_of(state.offset_SE3_cam), deviations)
+    estimate = OffsetEstimate(motion_vector(state.offset_SE3_cam), deviations)
     return MotionAlignment(estimate, system.cost, tracks)
 
 
@@ -137,7 +138,7 @@ class _State:
 
     def moved(self, step: Float64) -> "_State":
         return _State(
-            offset_SE3(step[:6]) @ self.offset_SE3_cam,
+            from_motion_vector(step[:6]) @ self.offset_SE3_cam,
             self.sweep + float(step[6]),
             self.motion_errors + step[SHARED:].reshape(-1, 6),
         )
@@ -149,7 +150,7 @@ class _System:
     def __init__(self, state: _State, known: OffsetEstimate) -> None:
         """Begin with what is known beside the corners."""
         motions = len(state.motion_errors)
-        left = offset_of(state.offset_SE3_cam) - known.offset
+        left = motion_vector(state.offset_SE3_cam) - known.offset
         errors = np.array([*left, state.sweep, *state.motion_errors.ravel()])
         of_motions = np.tile(_MOTION_DEVIATIONS, motions)
         weights = 1 / np.square([*known.deviations, _SWEEP_DEVIATION, *of_motions])
@@ -163,7 +164,7 @@ class _System:
         self.cost += add_corner_sums(
             corners.planes_velo, corners.rays, tracks.later_px, tracks.deviations_px, tracks.sweep_shifts_m,
             state.offset_SE3_cam @ corners.view.cam_SE3_velo, tracks.later_SE3_velo,
-            offset_SE3(state.motion_errors[number]), corners.view.image_P_cam, corners.view.center_m,
+            from_motion_vector(state.motion_errors[number]), corners.view.image_P_cam, corners.view.center_m,
             state.sweep, scale, _MAX_INLIER, SHARED + 6 * number, self.curvature, self.slope,
         )  # fmt: skip
 

@@ -43,7 +43,6 @@ _TURNS = tuple(SweepTurn)
 # What is tried where edges do not fit: rotations by pitch and yaw together, and shifts to the right and down.
 _SEARCH_RAD = np.radians(np.arange(-6.0, 6.5, 1.5))
 _SEARCH_M = np.arange(-0.6, 0.7, 0.15)
-_CONTRAST_RAD = np.radians(1.5)
 _MIN_CONTRAST, _MIN_ROLL_CONTRAST = 0.06, 0.03
 # Alignments between two searches of a scene that tells nothing, such as a night: 0, 1, 3 and 7.
 _MAX_REST = 7
@@ -214,15 +213,11 @@ class OnlineEdges:
         self, alignment: EdgeAlignment, start: Float64, smoothings_px: Sequence[float]
     ) -> EdgeOffset:
         offset = alignment.align(start, smoothings_px, self._prior, _TOLERANCE)
-        here = alignment.score(offset, _NARROW_PX).value
         contrasts = np.ones(3)  # of axes that are held
-        for axis in np.flatnonzero(~self._held[:3]):
-            turned = [
-                alignment.score(offset + turn_rad * np.eye(6)[axis], _NARROW_PX).value
-                for turn_rad in (-_CONTRAST_RAD, _CONTRAST_RAD)
-            ]
-            contrasts[axis] = 1 - max(turned) / here if here > 0 else 0.0
-        return EdgeOffset(offset, contrasts, alignment.edges, here)
+        axes = np.flatnonzero(~self._held[:3])
+        contrasts[axes] = alignment.contrasts(offset, axes, _NARROW_PX)
+        score = alignment.score(offset, _NARROW_PX).value
+        return EdgeOffset(offset, contrasts, alignment.edges, score)
 
     def _far(self, alignment: EdgeAlignment) -> EdgeOffset:
         """Estimate an offset of any size, from the best of many rotations and shifts."""

@@ -11,9 +11,9 @@ import numpy as np
 
 from perception.calibration.motion_alignment import is_large, motion_gain, refine_by_motion
 from perception.calibration.observed_corners import MIN_TRAVEL_M, USUAL_TRAVEL_M, ObservedCorners
-from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_SE3
+from perception.calibration.offset import UNKNOWN, OffsetEstimate
 from perception.calibration.surface_corners import CornerTracks, SweepVelocity
-from perception.geometry.se3 import inverse
+from perception.geometry.se3 import from_motion_vector, inverse
 from perception.sensor import LidarModel
 from perception.types import Float64, Frame
 
@@ -73,7 +73,7 @@ class OnlineMotion:
             before_SE3_velo = inverse(world_SE3_before) @ world_SE3_velo
             sweep = SweepVelocity.between(before_SE3_velo, gap_s, self._period_s)
             self._observed = ObservedCorners.of(
-                frame, world_SE3_velo, sweep, offset_SE3(self._offset)
+                frame, world_SE3_velo, sweep, from_motion_vector(self._offset)
             )
 
     def _track(self, frame: Frame, world_SE3_velo: Float64, *, is_last: bool) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 from perception.calibration.edge_alignment import SMOOTHINGS_PX, EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.motion_alignment import refine_by_motion
-from perception.calibration.offset import OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.offset import OffsetEstimate
 from perception.calibration.surface_corners import CornerTracks
 from perception.errors import CalibrationError
+from perception.geometry.se3 import from_motion_vector, motion_vector
 from perception.sensor import LidarModel
 from perception.types import Float64
 
@@ -24,8 +25,7 @@ _MAX_DEVIATION_RAD = np.radians(0.15)
 _SHARE_OF_BEAM_STEP = 0.2
 # What edges are off by beside it, as the scenes of one drive are alike.
 _SCENES = np.array([*np.radians([0.08, 0.05, 0.08]), 0.015, 0.015, 0.02])
-# The score must fall by such a share of itself where the calibration is turned by so much.
-_MIN_CONTRAST, _CONTRAST_RAD = 0.12, np.radians(1.5)
+_MIN_CONTRAST = 0.12  # of the turns about the camera's first two axes
 
 
 @dataclass(frozen=True)
@@ -107,14 +107,14 @@ def recalibrate(
         refined = refine_by_motion(tracks, OffsetEstimate(best, deviations)).estimate
         best, covariance = refined.offset, np.diag(np.square(refined.deviations))
     score = alignment.score(best, SMOOTHINGS_PX[-1]).value
-    contrast = _contrast(alignment, best)
+    contrasts = alignment.contrasts(best, (0, 1), SMOOTHINGS_PX[-1])
     found = Recalibration(
-        offset_SE3(best) @ frames[0].cam_SE3_velo,
-        offset_of(offset_SE3(best)),
+        from_motion_vector(best) @ frames[0].cam_SE3_velo,
+        motion_vector(from_motion_vector(best)),
         covariance,
         alignment.score(np.zeros(6), SMOOTHINGS_PX[-1]).value,
         score,
-        contrast,
+        float(contrasts.min()),
         turn,
         len(frames),
         edges,
@@ -148,17 +148,6 @@ def _search(alignment: EdgeAlignment) -> list[Float64]:
 
 def _score(alignment: EdgeAlignment, offset: Float64) -> float:
     return alignment.score(offset, SMOOTHINGS_PX[-1]).value
-
-
-def _contrast(alignment: EdgeAlignment, offset: Float64) -> float:
-    """Return which share of the score is lost where the calibration is turned about the camera's first two axes."""
-    turned = [
-        _score(alignment, offset + sign * _CONTRAST_RAD * np.eye(6)[axis])
-        for axis in (0, 1)
-        for sign in (-1, 1)
-    ]
-    here = _score(alignment, offset)
-    return float(1 - max(turned) / here) if here > 0 else 0.0
 
 
 def _require_determined(found: Recalibration, source: str) -> None:

@@ -16,9 +16,8 @@ import cv2
 import numpy as np
 
 from perception.calibration.grey_image import GreyImage
-from perception.calibration.offset import offset_of
 from perception.geometry.camera import project
-from perception.geometry.se3 import inverse, rotation_vector
+from perception.geometry.se3 import inverse, motion_vector, rotation_vector
 from perception.kernels.window_planes import moments_of_view, planes_at_pixels
 from perception.maps.projection import rows_near_view
 from perception.types import Bool, Float32, Float64, Frame
@@ -145,7 +144,7 @@ class SurfaceCorners:
     @property
     def offset(self) -> Float64:
         """(6,) change of the calibration with which the planes were associated."""
-        return offset_of(self.offset_SE3_cam)
+        return motion_vector(self.offset_SE3_cam)
 
     def reassociated(self, offset_SE3_cam: Float64) -> Self:
         """Return the corners with the planes that a changed calibration shows there, NaN where there is none."""

@@ -45,10 +45,8 @@ class CellHistory:
             min_observations: Smallest number of observations of a cell that has a mean (k).
         """
         self.size = size
-        self._max_observations, self._min_observations = (
-            min(max_observations, scans),
-            min_observations,
-        )
+        self._max_observations = min(max_observations, scans)
+        self._min_observations = min_observations
         self._queue: deque[_Observed] = deque(maxlen=scans)
         self._low = np.zeros(2, np.int64)
         # Observations are numbered cell by cell; those from `first` to before `next` count.
@@ -85,11 +83,8 @@ class CellHistory:
             self._expire(self._queue.popleft())
         torus_m = np.roll(window_m, self._low % self.size, axis=(0, 1)).ravel()
         cells = np.flatnonzero(~np.isnan(torus_m))
-        values_m, order, first = (
-            torus_m.take(cells),
-            self._next.take(cells),
-            self._first.take(cells),
-        )
+        values_m, order = torus_m.take(cells), self._next.take(cells)
+        first = self._first.take(cells)
         slot = self._slot(cells, order)
         is_full = order - first == self._max_observations
         # A full ring gives up the value in whose place the new one goes.

@@ -11,9 +11,8 @@ from perception.kernels.neighbours import linked_clusters
 from perception.types import Float, Float64, Int
 
 _CELL_M = 0.15  # edge of a cell, whose points are always in one cluster
-_LATERAL_GAP_M = (
-    0.4  # more than between a pedestrian's legs, and less than between two pedestrians side by side
-)
+# Across the line of sight: more than between a pedestrian's legs, less than between two pedestrians side by side.
+_LATERAL_GAP_M = 0.4
 # Gap along the line of sight that is always bridged, as from a bonnet to a windscreen, and the largest, less than from
 # one car to the next; between them, that of two beams on the flattest surface that is bridged.
 _MIN_DEPTH_GAP_M, _MAX_DEPTH_GAP_M, _MIN_SURFACE_SLOPE = 0.6, 1.5, 1 / 3

@@ -62,6 +62,16 @@ def from_rotation_vector(vector: Float) -> Float64:
     )
 
 
+def motion_vector(dst_SE3_src: Float64) -> Float64:
+    """Return the (6,) rotation vector in rad and translation in metres of a transform."""
+    return np.concatenate([rotation_vector(dst_SE3_src[:3, :3]), dst_SE3_src[:3, 3]])
+
+
+def from_motion_vector(motion: Float) -> Float64:
+    """Return the transform of a (6,) rotation vector and translation."""
+    return from_rotation_translation(from_rotation_vector(motion[:3]), motion[3:])
+
+
 def cross_matrix(vector: Float) -> Float64:
     """Return the (3, 3) matrix that multiplies as the cross product with a vector does."""
     x, y, z = np.asarray(vector, np.float64).tolist()

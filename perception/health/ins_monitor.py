@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.se3 import (
-    from_rotation_translation,
-    from_rotation_vector,
+    from_motion_vector,
     inverse,
+    motion_vector,
     rotation_angle_rad,
-    rotation_vector,
 )
 from perception.types import INS, Float64, Frame, HealthFinding, HealthLevel
 
@@ -136,7 +135,8 @@ class InsMonitor:
         if first.ins is None or not (0 < gap_s < _MAX_GAP_S and last_gap_s > 0):
             return None
         # The scan of this frame is not registered yet: it goes on as fast as the last one.
-        last_SE3_next = _share_of(_motion(before.registered, last.registered), gap_s / last_gap_s)
+        step = motion_vector(_motion(before.registered, last.registered))
+        last_SE3_next = from_motion_vector(gap_s / last_gap_s * step)
         by_ins = _motion(first.ins, pose)
         by_scans = _motion(first.registered, last.registered) @ last_SE3_next
         off_m = float(np.linalg.norm(by_ins[:3, 3] - by_scans[:3, 3]))
@@ -156,12 +156,6 @@ def _error(fault: str, reason: str) -> HealthFinding:
 
 def _motion(before: Float64, after: Float64) -> Float64:
     return inverse(before) @ after
-
-
-def _share_of(motion: Float64, share: float) -> Float64:
-    """Return a motion over so many times its time, at constant velocity."""
-    turn = from_rotation_vector(share * rotation_vector(motion[:3, :3]))
-    return from_rotation_translation(turn, share * motion[:3, 3])
 
 
 def _length_m(motion: Float64) -> float:

@@ -13,14 +13,10 @@ from perception.types import LIDAR, Bool, Float32, Float64, Frame, HealthFinding
 
 _LEARNING_FRAMES = 5
 _NEWEST = 0.1
-_MIN_LEARNED = (
-    0.3  # share of the directions with a return, from which a beam or a sector is watched
-)
-_MIN_LEARNED_BEAM = 0.55  # other beams fall into rows now and then where the model's elevations are not the sensor's
-_MAX_LOST = 0.1  # of the learned share
-_MAX_LOST_BEAM = (
-    0.4  # other beams fall into its row where the model's elevations are not quite the sensor's
-)
+# Share of the directions with a return, from which a sector or a beam is watched, and share of it below which it is lost.
+# Other beams fall into the row of a beam now and then where the model's elevations are not quite the sensor's.
+_MIN_LEARNED, _MIN_LEARNED_BEAM = 0.3, 0.55
+_MAX_LOST, _MAX_LOST_BEAM = 0.1, 0.4
 _MIN_ALIVE = 0.7  # of the beams beside a lost one
 _BESIDE = 6  # beams to each side
 _LOST_FRAMES = 3

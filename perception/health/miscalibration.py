@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.calibration.offset import OffsetEstimate, offset_SE3
+from perception.calibration.offset import OffsetEstimate
 from perception.calibration.online import OnlineCalibration
+from perception.geometry.se3 import from_motion_vector
 from perception.sensor import LidarModel
 from perception.types import CALIBRATION, Float64, Frame, HealthFinding, HealthLevel
 
@@ -44,7 +45,7 @@ class MiscalibrationMonitor:
         """(4, 4) change of the calibration during an error: its cam_SE3_velo is multiplied by it from the left."""
         if self._found is None or not self._is_confirmed:
             return None
-        return offset_SE3(self._found.offset)
+        return from_motion_vector(self._found.offset)
 
     def update(self, frame: Frame, world_SE3_velo: Float64) -> Sequence[HealthFinding]:
         """Return a warning or an error while the calibration is off.

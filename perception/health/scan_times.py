@@ -11,12 +11,8 @@ _MIN_STEPS = 3
 _STEPS = 15  # of which the median is the usual one
 _MAX_PERIODS = 1.6  # to the next scan; one that is missing makes 2
 _JUMP_S, _JUMP_PERIODS = 1.0, 10.0  # no scan is so late
-OUT_OF_ORDER, TIME_JUMP, LATE, SAME_TIME = (
-    "scan out of order",
-    "time jump",
-    "scan late",
-    "scan of the same time",
-)
+OUT_OF_ORDER, SAME_TIME = "scan out of order", "scan of the same time"
+TIME_JUMP, LATE = "time jump", "scan late"
 
 
 class ScanTimeMonitor:

@@ -6,6 +6,15 @@ from perception.kernels.compiled import NUMBER, array_of, compiled, written
 from perception.types import Float64
 
 
+@compiled((NUMBER, NUMBER, NUMBER, written(np.float64)))
+def add_point(x: float, y: float, z: float, moments: Float64) -> None:
+    """Add a point to (10,) moments."""
+    moments[0] += 1
+    moments[1], moments[2], moments[3] = moments[1] + x, moments[2] + y, moments[3] + z
+    moments[4], moments[5], moments[6] = moments[4] + x * x, moments[5] + x * y, moments[6] + x * z
+    moments[7], moments[8], moments[9] = moments[7] + y * y, moments[8] + y * z, moments[9] + z * z
+
+
 @compiled((array_of(np.float64), written(np.float64, 2)))
 def write_covariance(moments: Float64, covariance: Float64) -> None:
     """Write the upper triangle of the (3, 3) covariance by (10,) moments."""

@@ -66,11 +66,8 @@ def pixels_of(
     for k in range(count):
         x[k], y[k], z[k] = points[k, 0], points[k, 1], points[k, 2]
     steps, ranges_m = np.empty(count, _F32), np.empty(count, _F32)
-    rows, next_rows, columns = (
-        np.empty(count, np.int32),
-        np.empty(count, np.int32),
-        np.empty(count, np.int32),
-    )
+    rows, next_rows = np.empty(count, np.int32), np.empty(count, np.int32)
+    columns = np.empty(count, np.int32)
     _directions(x, y, z, projection, steps, columns, ranges_m)
     is_in_view = (steps >= 0) & (steps <= last)
     for k in range(count):
@@ -87,11 +84,7 @@ def nearest_returns(
     nearest_m = np.full((rows, projection[3]), np.float32(np.inf))
     last = rows_of_slope.shape[1] - 1
     # Some hundred points at a time, which stay in the cache.
-    x, y, z = (
-        np.zeros(_BLOCK, np.float32),
-        np.zeros(_BLOCK, np.float32),
-        np.zeros(_BLOCK, np.float32),
-    )
+    x, y, z = np.zeros(_BLOCK, _F32), np.zeros(_BLOCK, _F32), np.zeros(_BLOCK, _F32)
     steps, ranges_m = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
     columns = np.empty(_BLOCK, np.int32)
     for start in range(0, len(points), _BLOCK):
@@ -188,41 +181,6 @@ def _is_passed(
 
 
 @compiled((_POINTS, _SLOPES, _PROJECTION, _BLOCKS, _IMAGE, _LINE, _F32, _F32))
-def are_free(
-    points: Float32,
-    rows_of_slope: Int,
-    projection: ProjectionNumbers,
-    blocks: Int,
-    framed_m: Float32,
-    elevations_rad: Float32,
-    level_0_from_m: float,
-    margin_m: float,
-) -> Bool:
-    """Return through which of (P, 3+) places all beams of the block around passed.
-
-    Args:
-        points: (P, 3+) places in the frame of the scan.
-        rows_of_slope: Rows of the projection.
-        projection: Numbers of the projection.
-        blocks: (levels, 2) rows and columns to either side of the block around a pixel; level l spans 2^l columns.
-        framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
-        elevations_rad: (rows,) elevation of each beam, highest first.
-        level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.
-        margin_m: Distance in metres by which a beam must go farther to have passed.
-    """
-    rows, next_rows, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)
-    is_free = np.zeros(len(points), np.bool_)
-    for k in range(len(points)):
-        if not is_in_view[k]:
-            continue
-        row, column, level = rows[k], columns[k], _level(ranges_m[k], level_0_from_m)
-        around, aside = blocks[level, 0], blocks[level, 1]
-        if _is_passed(framed_m, row, column, around, aside, ranges_m[k] + margin_m):
-            is_free[k] = _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
-    return is_free
-
-
-@compiled((_POINTS, _SLOPES, _PROJECTION, _BLOCKS, _IMAGE, _LINE, _F32, _F32))
 def visibility_of(
     points: Float32,
     rows_of_slope: Int,
@@ -239,7 +197,7 @@ def visibility_of(
         points: (P, 3+) places in the frame of the scan.
         rows_of_slope: Rows of the projection.
         projection: Numbers of the projection.
-        blocks: (levels, 2) rows and columns to either side of the block around a pixel.
+        blocks: (levels, 2) rows and columns to either side of the block around a pixel; level l spans 2^l columns.
         framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
         elevations_rad: (rows,) elevation of each beam, highest first.
         level_0_from_m: Range in metres from which on blocks of level 0 span the tolerance.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
-from perception.kernels.moments import flattest_direction, write_covariance
+from perception.kernels.moments import add_point, flattest_direction, write_covariance
 from perception.types import Float32, Float64, Int
 
 # The map has 512 cells a side, of which 16 at each border stay empty: what is looked for around a cell is in the map.
@@ -120,13 +120,8 @@ def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
     for number in range(len(points)):
         if voxel_of[number] < 0:
             continue
-        sums = moments[voxel_of[number]]
-        x, y = np.float64(points[number, 0]), np.float64(points[number, 1])
-        z = np.float64(points[number, 2])
-        sums[0] += 1
-        sums[1], sums[2], sums[3] = sums[1] + x, sums[2] + y, sums[3] + z
-        sums[4], sums[5], sums[6] = sums[4] + x * x, sums[5] + x * y, sums[6] + x * z
-        sums[7], sums[8], sums[9] = sums[7] + y * y, sums[8] + y * z, sums[9] + z * z
+        x, y, z = points[number, 0], points[number, 1], points[number, 2]
+        add_point(np.float64(x), np.float64(y), np.float64(z), moments[voxel_of[number]])
     return moments, table
 
 
@@ -419,16 +414,9 @@ def _add_matches(
         sz = T[2, 0] * nx + T[2, 1] * ny + T[2, 2] * nz
         # Both covariances together: I - (1 - flatness) n n^T each, by the two normals.
         share = 1 - _FLATNESS
-        a, b, c = (
-            2 - share * (sx * sx + tx * tx),
-            -share * (sx * sy + tx * ty),
-            -share * (sx * sz + tx * tz),
-        )
-        d, e, f = (
-            2 - share * (sy * sy + ty * ty),
-            -share * (sy * sz + ty * tz),
-            2 - share * (sz * sz + tz * tz),
-        )
+        a, b = 2 - share * (sx * sx + tx * tx), -share * (sx * sy + tx * ty)
+        c, d = -share * (sx * sz + tx * tz), 2 - share * (sy * sy + ty * ty)
+        e, f = -share * (sy * sz + ty * tz), 2 - share * (sz * sz + tz * tz)
         # Its inverse by the adjugate.
         A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
         D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
@@ -449,16 +437,12 @@ def _add_matches(
         for i in range(3):
             for j in range(3):
                 hessian[i, 3 + j] += jm[i, j]
-        hessian[3, 3], hessian[3, 4], hessian[3, 5] = (
-            hessian[3, 3] + A,
-            hessian[3, 4] + B,
-            hessian[3, 5] + C,
-        )
-        hessian[4, 4], hessian[4, 5], hessian[5, 5] = (
-            hessian[4, 4] + D,
-            hessian[4, 5] + E,
-            hessian[5, 5] + F,
-        )
+        hessian[3, 3] += A
+        hessian[3, 4] += B
+        hessian[3, 5] += C
+        hessian[4, 4] += D
+        hessian[4, 5] += E
+        hessian[5, 5] += F
         gradient[0] += py * mz - pz * my
         gradient[1] += pz * mx - px * mz
         gradient[2] += px * my - py * mx
@@ -557,11 +541,8 @@ def _leave_out_eighths(
         eighths[row] = _eighth(x, y)
         starts[eighths[row] + 1] += 1
     starts = np.cumsum(starts)
-    ordered, matches, ends = (
-        np.empty((len(source), 6)),
-        np.empty(len(source), np.int64),
-        starts[:-1].copy(),
-    )
+    ordered, matches = np.empty((len(source), 6)), np.empty(len(source), np.int64)
+    ends = starts[:-1].copy()
     for row in range(len(source)):
         place = ends[eighths[row]]
         for column in range(6):

@@ -3,16 +3,14 @@
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled
-from perception.kernels.moments import flattest_direction, write_covariance
+from perception.kernels.moments import add_point, flattest_direction, write_covariance
 from perception.types import Float32, Float64, Int
 
 _ROWS = array_of(np.float64, 2)
 # A surface seen at a slope is long and narrow in a window, but wider than the noise of its returns.
 _MIN_BREADTH, _MAX_THICKNESS = 1e-4, 0.2
-_MAX_FLATNESS_M, _MAX_FLATNESS_SHARE = (
-    0.03,
-    0.001,
-)  # standard deviation through it, and more by its distance
+# Standard deviation through a surface, and more by its distance.
+_MAX_FLATNESS_M, _MAX_FLATNESS_SHARE = 0.03, 0.001
 _MIN_GRAZING = 0.02  # sine of the least angle between a beam and the surface
 
 
@@ -48,17 +46,7 @@ def moments_of_view(
         row = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth_m / cell_px
         if not (column >= 0 and row >= 0 and column < columns and row < rows):
             continue
-        cell = moments[int(row), int(column)]
-        cell[0] += 1
-        cell[1] += x
-        cell[2] += y
-        cell[3] += z
-        cell[4] += x * x
-        cell[5] += x * y
-        cell[6] += x * z
-        cell[7] += y * y
-        cell[8] += y * z
-        cell[9] += z * z
+        add_point(x, y, z, moments[int(row), int(column)])
     return moments
 
 

@@ -106,14 +106,7 @@ def share_on_surfaces(
     target_SE3_source: Float64,
     max_distance_m: float,
 ) -> float:
-    """Return the share of the source's points that are on the surfaces of the target.
-
-    Args:
-        source: Points that are moved.
-        target: Points that stay.
-        target_SE3_source: (4, 4) transform from the source to the target.
-        max_distance_m: Largest distance of a point from the surface at the nearest point of the target in metres.
-    """
+    """Return the share of the source's points that are on the surfaces of the target; arguments as of `on_surfaces`."""
     away_m = _surface_distances_m(source, target, target_SE3_source, 1.0)
     return float(np.count_nonzero(away_m < max_distance_m) / max(len(away_m), 1))
 

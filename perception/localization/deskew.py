@@ -8,11 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.se3 import (
-    cross_matrix,
-    inverse,
-    rotation_vector,
-)
+from perception.geometry.se3 import cross_matrix, rotation_vector
 from perception.kernels.deskewing import move_by_time
 from perception.types import Float32, Float64, require_shape
 
@@ -52,22 +48,6 @@ class SweepMotion:
         times_s = np.linspace(*span_s, _STEPS + 1)
         turn, along = _twist(velo_SE3_later)
         return cls(span_s, _moved(turn, along, times_s / later_s))
-
-    @classmethod
-    def of_poses(cls, times_s: Float64, world_SE3_velo: Float64) -> "SweepMotion":
-        """Return the motion along (K, 4, 4) poses at (K,) ascending times, in seconds from a stamp that is among these."""
-        span_s = float(times_s[0]), float(times_s[-1])
-        # The last pose is that at the stamp.
-        at_s = np.append(np.linspace(*span_s, _STEPS + 1), np.clip(0.0, *span_s))
-        poses = np.tile(np.eye(4), (len(at_s), 1, 1))
-        # Takes half a second to import, which a drive without times of points does not need.
-        from scipy.spatial.transform import Rotation, Slerp
-
-        rotations = Slerp(times_s, Rotation.from_matrix(world_SE3_velo[:, :3, :3]))
-        poses[:, :3, :3] = rotations(at_s).as_matrix()
-        for axis in range(3):
-            poses[:, axis, 3] = np.interp(at_s, times_s, world_SE3_velo[:, axis, 3])
-        return cls(span_s, inverse(poses[-1]) @ poses[:-1])
 
 
 def deskew(points_velo: Float32, point_times_s: Float32, motion: SweepMotion) -> Float32:

@@ -16,12 +16,12 @@ import numpy as np
 
 from perception.errors import PoseError
 from perception.geometry.se3 import (
+    from_motion_vector,
     from_rotation_translation,
-    from_rotation_vector,
     inverse,
+    motion_vector,
     orthonormal,
     rotation_angle_rad,
-    rotation_vector,
 )
 from perception.localization.alignment import (
     Alignment,
@@ -74,9 +74,8 @@ class Localization:
 _REACH_M = 0.5  # largest distance of a match
 _MIN_INLIER_RATIO = 0.4  # of an accepted alignment, and how far it may correct its first guess
 _MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
-_SURFACE_M = (
-    0.1  # from the surfaces of the keyframe; where much moves, only points within it take part
-)
+# Where much moves, only points so near to the surfaces of the keyframe take part.
+_SURFACE_M = 0.1
 # Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
 # fewer, as along a fence, the INS tells more.
 _INS_PRIOR_SHARE = 0.006
@@ -86,9 +85,8 @@ _MAX_GAP_S = 1.0  # between two scans that are matched
 # from vehicles that creep along.
 _KEYFRAME_M, _KEYFRAME_RAD, _KEYFRAME_INLIER_RATIO = 5.0, float(np.radians(15)), 0.6
 _MIN_KEYFRAME_M = 1.0
-_MIN_MOVING_RATIO = (
-    0.1  # of a scan's points; from it on, later scans are not aligned with what moves
-)
+# Share of a scan's points that move, from which on later scans are not aligned with them.
+_MIN_MOVING_RATIO = 0.1
 
 # Points this near to the surfaces of the keyframe speak for a motion. Another motion is a correction where this share of
 # the scan's points more speak for it; the INS is believed where no more than that share fewer do.
@@ -517,8 +515,7 @@ def _velocity(earlier: _LocatedScan, now: Localization, stamp_s: float) -> Float
     if now.origin not in (PoseOrigin.REGISTERED, PoseOrigin.INS):
         return earlier.velocity
     step = inverse(earlier.localization.world_SE3_velo) @ now.world_SE3_velo
-    turn = rotation_vector(step[:3, :3])
-    return np.concatenate([turn, step[:3, 3]]) / (stamp_s - earlier.stamp_s)
+    return motion_vector(step) / (stamp_s - earlier.stamp_s)
 
 
 def _step(world_SE3_before: Float64 | None, world_SE3_now: Float64 | None) -> Float64 | None:
@@ -528,10 +525,7 @@ def _step(world_SE3_before: Float64 | None, world_SE3_now: Float64 | None) -> Fl
 
 
 def _extrapolate(velocity: Float64 | None, gap_s: float) -> Float64:
-    if velocity is None:
-        return np.eye(4)
-    turn = from_rotation_vector(velocity[:3] * gap_s)
-    return from_rotation_translation(turn, velocity[3:] * gap_s)
+    return np.eye(4) if velocity is None else from_motion_vector(velocity * gap_s)
 
 
 def _rounded(pose: Float64) -> Float64:

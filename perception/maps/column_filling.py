@@ -16,7 +16,8 @@ is linear in the rows of the image, so the road is filled as a plane. The LiDAR 
 the camera: a return between two nearer ones of its column, as the teeth of two combs, is left out.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import cast
 
 import numpy as np
 
@@ -49,17 +50,6 @@ class ColumnFillingConfig:
         """Columns from a return to the next of its beam, at most."""
         return max(1, self.max_gap_px // self.column_width_px)
 
-    @property
-    def numbers(self) -> FillingNumbers:
-        """The configuration as compiled functions take it."""
-        return (
-            self.column_width_px,
-            self.max_gap_px,
-            self.max_depth_ratio,
-            self.max_slope_per_m_px,
-            self.extension_ratio,
-        )
-
 
 _CONFIG = ColumnFillingConfig()
 
@@ -70,15 +60,14 @@ def fill_columns(sparse: SparseMaps, config: ColumnFillingConfig = _CONFIG) -> F
         return FilledMaps.empty(sparse.size_px)
     width, height = sparse.size_px
     pixels = np.ascontiguousarray(sparse.pixels.T, np.int32)
-    depths_m, bright = (
-        np.ascontiguousarray(sparse.depth_m),
-        np.ascontiguousarray(sparse.reflectance),
-    )
+    depths_m = np.ascontiguousarray(sparse.depth_m)
+    bright = np.ascontiguousarray(sparse.reflectance)
+    numbers = cast(FillingNumbers, astuple(config))
     top = int(pixels[1].min())
-    beams = fill_beams(pixels, depths_m, bright, width, height, top, config.numbers)
+    beams = fill_beams(pixels, depths_m, bright, width, height, top, numbers)
     begins = np.arange(0, width, config.column_width_px)
     first = np.minimum.reduceat(first_rows(sparse), begins).astype(np.int64)
-    depth_m, reflectance = fill_between_beams(beams, first, width, height, top, config.numbers)
+    depth_m, reflectance = fill_between_beams(beams, first, width, height, top, numbers)
     # Returns that the camera does not see are left out.
     at = depth_m.ravel()[sparse.flat_indices]
     seen = np.flatnonzero(sparse.depth_m <= config.max_depth_ratio * at)

@@ -3,26 +3,22 @@
 import cv2
 import numpy as np
 
-from perception.errors import UsageError
 from perception.types import Float32, UInt8
 
+# Depths that become 0 and 255.
+_NEAREST_M, _FARTHEST_M = 5.0, 80.0
+_SCALE = 255 * _FARTHEST_M / (_FARTHEST_M - _NEAREST_M)
 
-def encode_depth(depth_m: Float32, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> UInt8:
-    """Return depths as 0 at the nearest and 255 at the farthest, linear in inverse depth (6.2).
+
+def encode_depth(depth_m: Float32) -> UInt8:
+    """Return depths as 0 at 5 m and 255 at 80 m, linear in inverse depth (6.2).
 
     Rounded, not floored as printed: half the error. Depths outside the limits take the value of
     the limit, unknown depths (0) that of the nearest; the validity mask separates them.
     """
-    if not 0 < min_depth_m < max_depth_m:
-        raise UsageError(
-            "range of the depth map",
-            expected="0 < nearest < farthest",
-            found=f"{min_depth_m:g} and {max_depth_m:g} m",
-        )
-    scale = 255 * max_depth_m / (max_depth_m - min_depth_m)
-    inverse = np.clip(depth_m, np.float32(min_depth_m), np.float32(max_depth_m))
+    inverse = np.clip(depth_m, np.float32(_NEAREST_M), np.float32(_FARTHEST_M))
     np.reciprocal(inverse, out=inverse)
-    return _scaled_to_8_bits(inverse, -scale * min_depth_m, scale)
+    return _scaled_to_8_bits(inverse, -_SCALE * _NEAREST_M, _SCALE)
 
 
 def encode_reflectance(reflectance: Float32) -> UInt8:
@@ -38,7 +34,6 @@ def _scaled_to_8_bits(values: Float32, factor: float, offset: float = 0.0) -> UI
     return scaled.reshape(values.shape)  # OpenCV 4 makes a column of a line
 
 
-def decode_depth(encoded: UInt8, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> Float32:
+def decode_depth(encoded: UInt8) -> Float32:
     """Return the depths of the 8-bit values of `encode_depth`, to within its rounding."""
-    scale = 255 * max_depth_m / (max_depth_m - min_depth_m)
-    return np.asarray(scale * min_depth_m / (scale - encoded.astype(np.float32)), np.float32)
+    return np.asarray(_SCALE * _NEAREST_M / (_SCALE - encoded.astype(np.float32)), np.float32)

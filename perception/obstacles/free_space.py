@@ -114,7 +114,8 @@ class FreeSpaceMemory:
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
-        return self._scans[-1].image.is_free(points_velo, _MARGIN_M)
+        visibility = self._scans[-1].image.visibility(points_velo, _MARGIN_M)
+        return np.asarray(visibility.states == Visibility.FREE)
 
     def states(self, points_velo: Float32, age: int) -> UInt8:
         """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""

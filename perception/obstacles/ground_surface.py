@@ -30,9 +30,8 @@ from perception.types import Bool, Float32, Float64, Int
 
 # Measured on real drives.
 _MARGIN_M = 3.0  # reach of the surface beyond the local area
-_MAX_CELLS_ACROSS = (
-    60  # in a wider area nodes are farther apart: a fit costs the square of their number
-)
+# In a wider area nodes are farther apart: a fit costs the square of their number.
+_MAX_CELLS_ACROSS = 60
 _SAMPLE_M = 0.5  # edge of the cells in which points are averaged
 _FULL_COUNT = 5  # points from which on a cell's average has full weight
 _PLANE_ROUNDS = 12

@@ -13,6 +13,7 @@ from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
+from perception.obstacles.config import MotionConfig
 from perception.obstacles.motion_segmenter import MotionSegmenter
 from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, count_keys, is_among
 from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
@@ -133,32 +134,25 @@ def classify_columns(
     )
 
 
+_CONFIG = MotionConfig()
+
+
 class CounterSegmenter(MotionSegmenter[VoxelizedWindow]):
     """The thesis' static-moving segmentation of a window of scans."""
 
     def __init__(
-        self,
-        area: LocalArea,
-        voxel_size_m: float = 0.1,
-        min_ground_distance_m: float = 0.2,
-        static_threshold: int = 50,
-        moving_threshold: int = 5,
+        self, area: LocalArea, config: MotionConfig = _CONFIG, static_threshold: int = 50
     ) -> None:
-        """Make the segmenter with the values of the thesis (Table 7.1).
+        """Make the segmenter, by default with the values of the thesis (Table 7.1).
 
         Args:
             area: Local area in which obstacles are reported.
-            voxel_size_m: Edge of a voxel in metres (υ).
-            min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min).
+            config: Motion configuration.
             static_threshold: Smallest number of points of a static column (T_s), for a window of 7 scans of an
                 HDL-64E.
-            moving_threshold: Smallest number of points of a moving column (T_d).
         """
-        self._area = area
-        self._voxel_size_m = voxel_size_m
-        self._min_ground_distance_m = min_ground_distance_m
+        self._area, self._config = area, config
         self._static_threshold = static_threshold
-        self._moving_threshold = moving_threshold
 
     def voxelize(self, window: ScanWindow, ground: GroundModel) -> VoxelizedWindow:
         """Move every scan into the newest one's frame (5.1), take its ground away, and fill the voxels."""
@@ -167,9 +161,10 @@ class CounterSegmenter(MotionSegmenter[VoxelizedWindow]):
             se3.transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
             for scan in window
         ]
-        scans = [split_by_ground(p, ground, self._area, self._min_ground_distance_m) for p in moved]
+        distance_m = self._config.counters.min_ground_distance_m
+        scans = [split_by_ground(points, ground, self._area, distance_m) for points in moved]
         points = [scan.points_velo for scan in scans]
-        grid = VoxelGrid.covering(np.concatenate(points), self._voxel_size_m)
+        grid = VoxelGrid.covering(np.concatenate(points), self._config.voxel_size_m)
         return VoxelizedWindow(scans, grid, [grid.keys(scan) for scan in points])
 
     def segment(self, voxelized: VoxelizedWindow) -> Obstacles:
@@ -196,7 +191,9 @@ class CounterSegmenter(MotionSegmenter[VoxelizedWindow]):
             static,
             moving,
             log_ratio(moving, static),
-            classify_columns(static, moving, self._static_threshold, self._moving_threshold),
+            classify_columns(
+                static, moving, self._static_threshold, self._config.counters.moving_threshold
+            ),
         )
 
 

@@ -149,13 +149,7 @@ def motion_segmenter(
         area: Local area in which obstacles are reported.
     """
     if method == "thesis":
-        return CounterSegmenter(
-            area,
-            config.voxel_size_m,
-            config.counters.min_ground_distance_m,
-            static_threshold(config, sensor),
-            config.counters.moving_threshold,
-        )
+        return CounterSegmenter(area, config, static_threshold(config, sensor))
     return FreeSpaceSegmenter(sensor, area, config)
 
 

@@ -20,33 +20,30 @@ from perception.types import Bool, Float, Float64, Int
 
 _CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
 NEAR_MOVING_M = 0.5  # to voxels that moved in the scan before: 5 m/s at 10 Hz
-_GAP_RATIO = (
-    2.0  # on a surface that leans by 30 degrees, returns are twice as far apart as the beams
-)
+# Distance that is bridged, in those of two beams: on a surface that leans by 30 degrees, returns are twice as far apart.
+_GAP_RATIO = 2.0
 
 _MIN_VOXELS_NEAR_MOVING = 4  # that appeared, next to what moved in the scan before
 _EARLY_WEIGHT = 0.5  # of a voxel while the history is short: two leaves are no pedestrian
 _MIN_APPEARED_RATIO = 0.1  # of a cluster's voxels
-_MIN_OBSERVATIONS = (
-    40  # of its voxels that appeared, over the scans of the horizon, where a cluster begins to move
-)
+# Observations of its voxels that appeared, over the scans of the horizon, of a cluster that begins to move.
+_MIN_OBSERVATIONS = 40
 _CLEAR_AGE_S = 0.5  # after which a pedestrian at 1 m/s no longer overlaps his earlier place
 # Where the youngest queried scan, old enough to tell standing from walking, has hit nearly all of a cluster as well, it
 # is static again.
 _STOP_AGE_S, _STOPPED_RATIO = 0.3, 0.95
 
-# More scans with a return from a place that appeared before another beam passed are a fence or leaves. A cluster of
-# more voxels is too solid for a part of them.
+# A larger share of scans with a return from a place that appeared, before another beam passed, is of a fence or leaves. A
+# cluster of more voxels is too solid to be a part of these.
 _MAX_RETURNED_RATIO, _MAX_RETURNED_RATIO_NEAR_MOVING, _MIN_SOLID_VOXELS = 0.1, 0.2, 30
 
-# The departed object before a cluster is the cluster itself where its distance, extrapolated to now, is small: beside
-# 1 m, a quarter of that when it was observed last and what it falls short by where it speeds up.
+# The departed object before a cluster is the cluster itself where its distance, extrapolated to now, is at most 1 m, and
+# at most a quarter of what it was when it was observed last, beside what an acceleration of 2 m/s² makes of it.
 _DEPARTED_GAP_M, _DEPARTED_GAP_RATIO, _DEPARTED_ACCELERATION_M_S2 = 1.0, 0.25, 2.0
 
 _WHOLE_OBJECT_RATIO = 0.5  # of an object's voxels that move, from which on all of it moves
-_VEHICLE_LENGTH_M = (
-    2.0  # of the moving part of an object, from which on it is a vehicle, not a person
-)
+# Length of the moving part of an object from which on it is a vehicle, not a person.
+_VEHICLE_LENGTH_M = 2.0
 _PERSON_MARGIN_M = 0.3  # from the moving part of a person to the rest
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from perception.kernels.range_images import (
     ProjectionNumbers,
-    are_free,
     nearest_returns,
     pixels_of,
     single_beams,
@@ -146,19 +145,6 @@ class RangeImage:
             margin_m,
         )
         return PointVisibility(states, gaps_m)
-
-    def is_free(self, points_velo: Float32, margin_m: float) -> Bool:
-        """Return which (P, 3+) places are free, as `visibility` has it."""
-        projection = self._projection
-        return are_free(
-            _contiguous(points_velo),
-            *projection.numbers,
-            projection.blocks,
-            self._framed,
-            projection.elevations_rad,
-            projection.level_0_from_m,
-            margin_m,
-        )
 
     def returns(self, points_velo: Float32, margin_m: float) -> tuple[Bool, Bool]:
         """Return at which (P, 3+) places a beam ended, and beyond which one did, among the beams next to them.

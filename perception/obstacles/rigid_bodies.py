@@ -45,14 +45,12 @@ _MIN_GAIN_RATIO = 0.05  # by which more of them are explained than of a static b
 
 # A front or rear is at most 1.5 m long, and shows that it moved by 5 voxels and half of those that could show it.
 _END_M, _MIN_END_VOXELS, _MIN_END_RATIO = 1.5, 5, 0.5
-_MIN_MOVED_BEFORE_RATIO = (
-    0.5  # of a body that moved in the scan before, and goes on without an end that shows
-)
+# Share of a body that moved in the scan before, with which it goes on without an end that shows.
+_MIN_MOVED_BEFORE_RATIO = 0.5
 _MAX_TAKEN_RATIO = 0.3  # of the places of the rear of then at which the newest scan has returns
 _MIN_CAME_M = 0.35  # since a younger scan that tells whether a body at a steady speed has stopped
-_STOPPED_RATIO = (
-    2.0  # of voxels of the ends that this scan shows in their places to those on their way
-)
+# Ratio of the voxels of the ends that this scan shows in their places to those on their way.
+_STOPPED_RATIO = 2.0
 
 
 @dataclass(frozen=True)

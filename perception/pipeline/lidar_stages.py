@@ -6,12 +6,7 @@ import numpy as np
 
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import datmo_stage
-from perception.geometry.se3 import (
-    from_rotation_translation,
-    from_rotation_vector,
-    inverse,
-    rotation_vector,
-)
+from perception.geometry.se3 import from_motion_vector, inverse, motion_vector
 from perception.geometry.threads import limit_blas_threads
 from perception.health.monitors import ScanAndInsMonitors, is_clock_set, is_scan_usable
 from perception.health.scan_statistics import ScanMeter
@@ -187,8 +182,7 @@ class LidarStages(Restorable):
         stamp_s, self._last_ins = frame.stamp_s, frame.world_SE3_velo
         if self._last is not None and not result.is_reset:
             step = inverse(self._last.world_SE3_velo) @ result.world_SE3_velo
-            motion = np.concatenate([rotation_vector(step[:3, :3]), step[:3, 3]])
-            self._velocity = motion / max(stamp_s - self._last_s, _NEXT_S)
+            self._velocity = motion_vector(step) / max(stamp_s - self._last_s, _NEXT_S)
         self._last, self._last_s, self._now_s = _without_points(result), stamp_s, stamp_s
 
     def _predict(
@@ -221,8 +215,7 @@ class LidarStages(Restorable):
         is_in_order = frame.stamp_s == stamp_s
         if frame.world_SE3_velo is not None and self._last_ins is not None and is_in_order:
             return inverse(self._last_ins) @ frame.world_SE3_velo
-        turn, way_m = np.split(self._velocity * (stamp_s - self._last_s), 2)
-        return from_rotation_translation(from_rotation_vector(turn), way_m)
+        return from_motion_vector(self._velocity * (stamp_s - self._last_s))
 
     def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
         """Run the stages before moving objects, to compare methods of DATMO on the same scans.

@@ -7,9 +7,10 @@ import pytest
 
 from perception.calibration.edge_alignment import EdgeAlignment
 from perception.calibration.frame_edges import FrameEdges
-from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_SE3
+from perception.calibration.offset import UNKNOWN, OffsetEstimate
 from perception.calibration.online import OnlineCalibration
 from perception.calibration.online_edges import OnlineEdges
+from perception.geometry.se3 import from_motion_vector
 from perception.health.miscalibration import MiscalibrationMonitor, _UsualOffset, corrected
 from perception.sensor import HDL_64E
 from perception.snapshot import read_snapshot, write_snapshot
@@ -32,7 +33,7 @@ ERRORS = {
 
 
 def error_of(name):
-    return offset_SE3(np.array(ERRORS[name]) * [*[np.pi / 180] * 3, 1, 1, 1])
+    return from_motion_vector(np.array(ERRORS[name]) * [*[np.pi / 180] * 3, 1, 1, 1])
 
 
 def findings(monitor, frames, error=None, count=21, first=0):
@@ -94,7 +95,7 @@ def test_edges_and_their_alignment_are_work_of_two_frames(board_frames, monkeypa
 
 def test_a_shift_amid_a_drive_is_named_as_a_change(board_frames):
     """From the start it is within what scenes add to the estimates of different drives."""
-    shift = offset_SE3(np.array([0, 0, 0, 0.08, 0, 0]))
+    shift = from_motion_vector(np.array([0, 0, 0, 0.08, 0, 0]))
     assert not any(findings(MiscalibrationMonitor(HDL_64E), board_frames, shift, count=47))
     monitor = MiscalibrationMonitor(HDL_64E)
     assert not any(findings(monitor, board_frames, count=47))
@@ -112,7 +113,7 @@ def test_at_night_edges_in_the_dark_are_left_out_and_pitch_is_held(board_frames)
     assert lit.is_night
     assert 0 < len(lit.scan) < 0.65 * len(edges.scan)
     online = OnlineEdges(HDL_64E)
-    error = offset_SE3(np.array([0.01, 0, 0, 0, 0, 0]))
+    error = from_motion_vector(np.array([0.01, 0, 0, 0, 0, 0]))
     estimates = []
     for index in range(30):
         frame = replace(night[index % len(night)], index=index, stamp_s=0.1 * index)
@@ -132,7 +133,7 @@ def test_a_far_error_amid_a_drive_is_corrected_within_three_and_a_half_seconds(b
 
 def test_a_far_shift_is_no_rotation(board_frames):
     monitor = MiscalibrationMonitor(HDL_64E)
-    shift_SE3 = offset_SE3(np.array([0, 0, 0, 0.5, 0, 0]))
+    shift_SE3 = from_motion_vector(np.array([0, 0, 0, 0.5, 0, 0]))
     findings(monitor, board_frames, shift_SE3, count=30)
     np.testing.assert_allclose(monitor.correction @ shift_SE3, np.eye(4), atol=0.06)
 

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.reference.corner_misfits import corner_misfits
 from perception.calibration.motion_alignment import align_motion, refine_by_motion
-from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.offset import UNKNOWN, OffsetEstimate
 from perception.calibration.surface_corners import (
     CornerTracks,
     ScanView,
@@ -15,7 +15,7 @@ from perception.calibration.surface_corners import (
     SweepVelocity,
 )
 from perception.geometry.camera import project
-from perception.geometry.se3 import from_euler, inverse
+from perception.geometry.se3 import from_euler, from_motion_vector, inverse, motion_vector
 from perception.kernels.corner_sums import SHARED, UNKNOWNS, add_corner_sums
 from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, PLANES, SIZE_PX
 
@@ -32,7 +32,7 @@ def tracks(seed, error=None, motion_m=0.6, noise_px=0.0):
     rng = np.random.default_rng(seed)
     pixels = rng.uniform([5, 80], [615, 180], (150, 2))
     planes = PLANES[rng.integers(0, 3, 150)]
-    stated = inverse(offset_SE3(np.zeros(6) if error is None else error)) @ CAM_SE3_VELO
+    stated = inverse(from_motion_vector(np.zeros(6) if error is None else error)) @ CAM_SE3_VELO
     later = inverse(from_euler(0.01, -0.005, 0.02, np.array([motion_m, 0.02, 0.01])))
     sweep = SweepVelocity(np.array([0, 0, 0.2]), np.array([6.0, 0, 0]), 0.1)
     true = SurfaceCorners(VIEW, pixels, planes, np.eye(4))
@@ -54,17 +54,19 @@ def test_an_error_of_any_kind_is_found():
 
 
 def test_slopes_are_those_of_the_misfits():
-    one, offset = tracks(0, ERROR), offset_SE3(0.3 * ERROR)
+    one, offset = tracks(0, ERROR), from_motion_vector(0.3 * ERROR)
     left_px, slopes_px = corner_misfits(one, offset, 0.2, np.zeros(6))
     for axis in range(UNKNOWNS):
         step = 1e-6 * np.eye(UNKNOWNS)[axis]
-        ahead_px, _ = corner_misfits(one, offset_SE3(step[:6]) @ offset, 0.2 + step[6], step[7:])
+        ahead_px, _ = corner_misfits(
+            one, from_motion_vector(step[:6]) @ offset, 0.2 + step[6], step[7:]
+        )
         expected = (ahead_px - left_px) / 1e-6
         np.testing.assert_allclose(expected, slopes_px[:, :, axis], rtol=1e-3, atol=0.05)
 
 
 def test_sums_are_those_of_the_misfits():
-    one, offset = tracks(0, ERROR, noise_px=1.0), offset_SE3(0.3 * ERROR)
+    one, offset = tracks(0, ERROR, noise_px=1.0), from_motion_vector(0.3 * ERROR)
     one.corners.planes_velo[3] = np.nan
     motion_error = np.array([1e-3, -2e-3, 1e-3, 0.01, 0.02, -0.01])
     left_px, slopes_px = corner_misfits(one, offset, 0.2, motion_error)
@@ -79,7 +81,7 @@ def test_sums_are_those_of_the_misfits():
     curvature, slope = np.zeros((UNKNOWNS + 6, UNKNOWNS + 6)), np.zeros(UNKNOWNS + 6)
     cost = add_corner_sums(
         one.corners.planes_velo, one.corners.rays, one.later_px, deviations_px, one.sweep_shifts_m,
-        cam_SE3_velo, one.later_SE3_velo, offset_SE3(motion_error), IMAGE_P_CAM, one.corners.view.center_m,
+        cam_SE3_velo, one.later_SE3_velo, from_motion_vector(motion_error), IMAGE_P_CAM, one.corners.view.center_m,
         0.2, 3.0, 3.0, UNKNOWNS, curvature, slope,
     )  # fmt: skip
     inliers = np.mean(misfits[known] < 3)
@@ -145,7 +147,7 @@ def test_an_estimate_is_refined_by_motion_and_never_surer_than_scenes_allow():
     frames = []
     for seed in range(4):
         one = tracks(seed, ERROR)
-        corners = replace(one.corners, offset_SE3_cam=offset_SE3(ERROR))
+        corners = replace(one.corners, offset_SE3_cam=from_motion_vector(ERROR))
         frames.append(replace(one, corners=corners))
     by_edges = OffsetEstimate(ERROR + np.array([0.002, 0, -0.002, 0.01, 0, 0.01]), np.full(6, 0.01))
     found = refine_by_motion(frames, by_edges).estimate
@@ -154,4 +156,4 @@ def test_an_estimate_is_refined_by_motion_and_never_surer_than_scenes_allow():
 
 
 def test_an_offset_and_its_transform_are_one():
-    np.testing.assert_allclose(offset_of(offset_SE3(ERROR)), ERROR, atol=1e-12)
+    np.testing.assert_allclose(motion_vector(from_motion_vector(ERROR)), ERROR, atol=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.calibration.grey_image import GreyImage
-from perception.calibration.offset import UNKNOWN, OffsetEstimate, offset_of, offset_SE3
+from perception.calibration.offset import UNKNOWN, OffsetEstimate
 from perception.calibration.online import OnlineCalibration
 from perception.calibration.online_edges import OnlineEdges
 from perception.calibration.online_motion import OnlineMotion
@@ -17,7 +17,7 @@ from perception.calibration.surface_corners import (
     SweepVelocity,
 )
 from perception.geometry.camera import project
-from perception.geometry.se3 import inverse
+from perception.geometry.se3 import from_motion_vector, inverse, motion_vector
 from perception.health.miscalibration import corrected
 from perception.sensor import HDL_64E
 from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, TRUE, drive
@@ -78,11 +78,11 @@ def test_corners_are_tracked_to_where_the_motion_brings_them(street):
 def test_an_error_is_found_without_edges(street, error):
     """This street tells pitch to 0.3 and roll to 0.45 degrees and height to 5 cm, whatever the calibration that it comes with."""
     error = np.array(error) * [*[np.pi / 180] * 3, 1, 1, 1]
-    found = motion_of(street, offset_SE3(error)).refined(NO_EDGES)
+    found = motion_of(street, from_motion_vector(error)).refined(NO_EDGES)
     assert found.is_determined
     told = [0, 2, 4]
     assert (found.deviations[told] < [np.radians(0.3), np.radians(0.45), 0.05]).all()
-    left = offset_of(offset_SE3(found.offset) @ offset_SE3(error))
+    left = motion_vector(from_motion_vector(found.offset) @ from_motion_vector(error))
     assert (np.abs(left) < 3 * found.deviations).all()
 
 
@@ -103,7 +103,7 @@ def test_edges_hold_what_they_know_better(street):
 def test_motion_tells_whether_a_claimed_offset_is_true(street, axis, true_deg):
     """Edges that fit beside their own, as those of a shadow or a rail, claim an offset of 2 degrees."""
     claim = np.radians(2.0) * np.eye(6)[axis]
-    error = offset_SE3(-np.radians(true_deg) * np.eye(6)[axis])
+    error = from_motion_vector(-np.radians(true_deg) * np.eye(6)[axis])
     gain = motion_of(street, error).gain(claim)
     assert gain > 20 if true_deg else gain < -20
 

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from perception.calibration.frame_edges import FrameEdges
-from perception.calibration.offset import offset_SE3
 from perception.calibration.recalibration import recalibrate
 from perception.errors import CalibrationError
-from perception.geometry.se3 import inverse, rotation_angle_rad
+from perception.geometry.se3 import from_motion_vector, inverse, rotation_angle_rad
 from perception.sensor import HDL_64E, VLP_16
 from tests.board_scenes import CAM_SE3_VELO
 
 
 def edges_with(frames, rotation_deg, translation_m):
     """Return the edges of frames whose calibration is off."""
-    off = offset_SE3(np.concatenate([np.radians(rotation_deg), translation_m]))
+    off = from_motion_vector(np.concatenate([np.radians(rotation_deg), translation_m]))
     return [
         FrameEdges.of(
             replace(

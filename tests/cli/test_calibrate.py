@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from data.kitti.calibration import read_benchmark_calibration
-from perception.calibration.offset import offset_SE3
 from perception.cli.main import main
 from perception.errors import UsageError
-from perception.geometry.se3 import inverse, rotation_angle_rad
+from perception.geometry.se3 import from_motion_vector, inverse, rotation_angle_rad
 from tests.faults import command, fault
 
 
@@ -26,7 +25,7 @@ def street(tmp_path_factory):
 def test_a_rotated_calibration_is_found(street, tmp_path, capsys):
     files = sorted((street / "training" / "calib").glob("*.txt"))
     true = read_benchmark_calibration(files[0]).camera.cam_SE3_velo
-    off = offset_SE3(np.radians([0.6, -0.8, 0.5, 0, 0, 0])) @ true
+    off = from_motion_vector(np.radians([0.6, -0.8, 0.5, 0, 0, 0])) @ true
     row = "Tr_velo_to_cam: " + " ".join(f"{value:.12e}" for value in off[:3].ravel())
     for file in files:
         lines = [

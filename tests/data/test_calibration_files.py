@@ -9,11 +9,11 @@ import yaml
 
 from data.calibration_files import read_calibrated_frames, write_calibration
 from data.open_drive import open_drive
-from perception.calibration.offset import offset_SE3
 from perception.cli.main import main
 from perception.errors import CalibrationError
+from perception.geometry.se3 import from_motion_vector
 
-MOVED = offset_SE3(np.array([0.01, -0.02, 0.005, 0.03, -0.02, 0.01]))
+MOVED = from_motion_vector(np.array([0.01, -0.02, 0.005, 0.03, -0.02, 0.01]))
 
 
 @pytest.fixture(scope="module")

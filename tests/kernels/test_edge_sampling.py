@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.calibration.offset import offset_SE3
+from perception.geometry.se3 import from_motion_vector
 from perception.kernels.edge_sampling import add_map_sums, sample_map
 from perception.types import Float32, Float64
 
@@ -43,7 +43,7 @@ def test_sums_are_those_of_numpy():
     is_first = rng.random(300) < 0.4
     # Some points beside the map, some behind the camera.
     points = rng.uniform([-8, -6, -2], [8, 6, 15], (300, 3))
-    moved = offset_SE3(np.array([0.02, -0.1, 0.3, 0.1, 0.2, -0.3]))
+    moved = from_motion_vector(np.array([0.02, -0.1, 0.3, 0.1, 0.2, -0.3]))
     sums = np.ones(7)
     add_map_sums(maps, is_first, MAP_P_CAM, points, moved, MIN_DEPTH_M, sums)
     reference = sum(
@@ -62,7 +62,7 @@ def test_the_slopes_are_those_of_the_sums():
         found = np.zeros(7)
         is_first = np.ones(len(points), bool)
         add_map_sums(
-            edges[None], is_first, MAP_P_CAM, points, offset_SE3(offset), MIN_DEPTH_M, found
+            edges[None], is_first, MAP_P_CAM, points, from_motion_vector(offset), MIN_DEPTH_M, found
         )
         return found
 

@@ -56,17 +56,6 @@ def test_motion_from_the_past_is_that_from_the_future(
     assert np.abs(deskew(measured, times_s, motion) - points).max() < 3e-4
 
 
-def test_motion_along_poses_is_undone_to_a_millimetre(
-    sweep: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> None:
-    points, measured, times_s = sweep
-    at_s = np.linspace(-0.06, 0.06, 13)  # an INS of 100 Hz
-    start = from_euler(0.01, 0.02, 2.0, np.array([100.0, -40.0, 3.0]))
-    poses = np.stack([start @ exact_pose(time_s) for time_s in at_s])
-    motion = SweepMotion.of_poses(at_s, poses)
-    assert np.abs(deskew(measured, times_s, motion) - points).max() < 1e-3
-
-
 def test_points_without_a_return_and_a_standing_vehicle_stay() -> None:
     points = np.array([[0, 0, 0, 0], [5, 1, 0, 0.5]], np.float32)
     motion = SweepMotion.steady(exact_pose(0.1), 0.1, (0.0, 0.1))

@@ -1,9 +1,7 @@
 """Maps as 8-bit pictures."""
 
 import numpy as np
-import pytest
 
-from perception.errors import UsageError
 from perception.maps.encoding import encode_depth, encode_reflectance
 
 
@@ -19,14 +17,6 @@ def test_depth_beyond_the_limits_takes_the_limits_value():
     assert encode_depth(np.array([[0, 1, 4.9, 81, 500]], np.float32)).tolist() == [
         [0, 0, 0, 255, 255]
     ]
-    assert encode_depth(np.array([[10, 20]], np.float32), 10, 20).tolist() == [[0, 255]]
-
-
-def test_limits_that_cannot_be_are_refused():
-    for min_depth_m, max_depth_m in ((0, 80), (80, 5), (5, 5)):
-        with pytest.raises(UsageError) as error:
-            encode_depth(np.ones((1, 1), np.float32), min_depth_m, max_depth_m)
-        assert error.value.found == f"{min_depth_m} and {max_depth_m} m"
 
 
 def test_reflectance_is_scaled_and_rounded():

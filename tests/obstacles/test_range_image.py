@@ -84,7 +84,7 @@ def test_what_stands_between_two_beams_of_a_coarse_sensor_is_not_seen_through():
     post = np.array([[12.0, 0.0, z] for z in np.arange(-1.7, 0.3, 0.42)], np.float32)
     image = RangeImage(np.vstack([points, post]), SphericalProjection(VLP_16, tolerance_m=0.1))
     between = np.array([[12.0, 0.0, z] for z in np.arange(-1.2, 0.1, 0.05)], np.float32)
-    assert not image.is_free(between, MARGIN_M).any()
+    assert not (image.visibility(between, MARGIN_M).states == Visibility.FREE).any()
 
 
 @pytest.mark.parametrize("sensor", [VLP_16, SENSORS["VLP-32C"]], ids=lambda sensor: sensor.name)
@@ -100,15 +100,6 @@ def test_what_is_beside_beams_without_a_return_is_not_seen_through(sensor):
     places = 20 * np.stack([np.cos(elevations), 0 * elevations, np.sin(elevations)], axis=1)
     visibility = image.visibility(places.astype(np.float32), MARGIN_M)
     assert visibility.states.tolist() == [Visibility.FREE, Visibility.UNKNOWN]
-
-
-def test_is_free_is_what_visibility_calls_free():
-    rng = np.random.default_rng(2)
-    image = RangeImage(rng.normal(0, 8, (20000, 3)).astype(np.float32), PROJECTION)
-    places = rng.normal(0, 8, (4000, 3)).astype(np.float32)
-    free = image.visibility(places, MARGIN_M).states == Visibility.FREE
-    assert free.any()
-    assert (image.is_free(places, MARGIN_M) == free).all()
 
 
 def is_bounded(target, place, returned, reach_rad):
@@ -141,11 +132,10 @@ def test_the_nearest_return_of_a_block_is_the_one_a_loop_finds():
         expected = np.isfinite(nearest) and nearest > target.ranges_m[place] + MARGIN_M
         returned = np.unique(at.rows[at.is_in_view & is_beside])
         expected &= is_bounded(target, place, returned, columns * PROJECTION.column_step_rad)
-        seen = image.is_free(places[place : place + 1], MARGIN_M)[0]
-        assert seen == (expected and target.is_in_view[place])
+        states = image.visibility(places[place : place + 1], MARGIN_M).states
+        assert (states[0] == Visibility.FREE) == (expected and target.is_in_view[place])
 
 
 def test_no_points_give_no_visibility():
     image = RangeImage(sphere(20.0), PROJECTION)
     assert len(image.visibility(np.zeros((0, 3), np.float32), MARGIN_M).states) == 0
-    assert len(image.is_free(np.zeros((0, 3), np.float32), MARGIN_M)) == 0

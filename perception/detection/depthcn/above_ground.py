@@ -6,7 +6,6 @@ obstacles with few returns. It drops points that are higher than a vehicle, such
 would connect all vehicles parked under it.
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -76,9 +75,13 @@ def find_above_ground(
         method: Method of the ground removal.
     """
     image_P_velo = calibration.image_P_velo
-    in_area = _AREA_FILTERS[method](points_velo, image_P_velo, size_px)
+    if method == "thesis":
+        in_area = _ahead(points_velo)
+    else:
+        in_area = _near_in_view(points_velo, image_P_velo, size_px)
     points = points_velo.take(in_area, axis=0)
-    removal = _GROUND_REMOVALS[method](points, cell_m, min_variance_m2)
+    remove = _in_cells_of_high_variance if method == "thesis" else _above_lowest
+    removal = remove(points, cell_m, min_variance_m2)
     points = points.take(removal.rows, axis=0)[:, :3]
     exact_px, depths_m = project(image_P_velo, points)
     ground_points = np.column_stack([points[:, :2], removal.ground_m])
@@ -105,7 +108,7 @@ def _near_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[in
     return np.asarray(rows[np.maximum(np.abs(x), np.abs(y)) <= _FARTHEST_M])
 
 
-def _ahead(points_velo: Float32, _: Float64, __: tuple[int, int]) -> Int:
+def _ahead(points_velo: Float32) -> Int:
     x, y = points_velo[:, 0], points_velo[:, 1]
     is_ahead = (x >= _THESIS_NEAREST_M) & (x <= _FARTHEST_M) & (np.abs(y) <= _FARTHEST_M)
     return np.flatnonzero(is_ahead)
@@ -141,13 +144,3 @@ def _is_typical(points: Float32) -> Bool:
     log_density = -((offsets / deviations) ** 2).sum(axis=1) / 2
     log_density -= np.log((2 * np.pi) ** 1.5 * deviations.prod())
     return np.asarray(log_density > np.log(_MIN_DENSITY))
-
-
-_AREA_FILTERS: Mapping[Method, Callable[[Float32, Float64, tuple[int, int]], Int]] = {
-    "default": _near_in_view,
-    "thesis": _ahead,
-}
-_GROUND_REMOVALS: Mapping[Method, Callable[[Float32, float, float], _GroundRemoval]] = {
-    "default": _above_lowest,
-    "thesis": _in_cells_of_high_variance,
-}
