@@ -60,16 +60,19 @@ class EdgeAlignment:
             turn: Direction in which the LiDAR turns.
         """
         self.frames = len(frames)
-        self._edges = [_MovingEdges(frame, frame.points_cam(turn)) for frame in frames]
-        self._counts = np.array([len(one.points_cam) for one in self._edges])
+        self._frames, self._turn = tuple(frames), turn
+        self._counts = np.array([len(one.scan) for one in frames])
         self.edges = int(self._counts.sum())
 
     def score(self, offset: Float64, smoothing_px: float) -> AlignmentScore:
         """Return how well the edges lie on each other with an offset."""
-        moved = from_motion_vector(offset)
+        moved_SE3_cam = from_motion_vector(offset)
         sums = np.zeros((self.frames, 7))
-        for one, of_frame in zip(self._edges, sums, strict=True):
-            one.add_sums(moved, smoothing_px, of_frame)
+        for one, of_frame in zip(self._frames, sums, strict=True):
+            add_map_sums(
+                one.image.smoothed(smoothing_px), one.scan.is_upright, one.image.map_P_cam,
+                one.points_cam(self._turn), moved_SE3_cam, NEAREST_M, of_frame,
+            )  # fmt: skip
         mean = sums.sum(axis=0) / max(self.edges, 1)
         return AlignmentScore(float(mean[0]), mean[1:], sums[:, 0], sums[:, 1:], self._counts)
 
@@ -134,24 +137,3 @@ def prior_loss(offset: Float64, prior: Float64) -> float:
     """Return the score that a (6,) offset must gain by a (6,) prior of `EdgeAlignment.align`."""
     beyond = np.square(offset / STEP / _TAIL)
     return float(prior @ (np.square(_TAIL) * np.log1p(beyond))) / 2
-
-
-@dataclass(frozen=True)
-class _MovingEdges:
-    """Edges of one frame.
-
-    Attributes:
-        frame: Edges of scan and image.
-        points_cam: (K, 3) edges of the scan, as the LiDAR turns.
-    """
-
-    frame: FrameEdges
-    points_cam: Float64
-
-    def add_sums(self, moved_SE3_cam: Float64, smoothing_px: float, sums: Float64) -> None:
-        """Add the image's edges at those of the scan, and their gradient, to (7,) sums."""
-        image = self.frame.image
-        add_map_sums(
-            image.smoothed(smoothing_px), self.frame.scan.is_upright, image.map_P_cam,
-            self.points_cam, moved_SE3_cam, NEAREST_M, sums,
-        )  # fmt: skip

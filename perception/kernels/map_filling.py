@@ -221,25 +221,17 @@ def _nearest_known(is_known: Bool, column: int) -> int:
 def fill_between_beams(
     beams: Float32, first_rows: Int, width: int, height: int, top: int, config: FillingNumbers
 ) -> tuple[Float32, Float32]:
-    """Fill along the columns, between the beams.
+    """Fill along the columns, between the (columns, rows, 2) values of `fill_beams`, whose other arguments these are.
 
-    Args:
-        beams: (columns, rows, 2) values where a beam passes, from `fill_beams`.
-        first_rows: (columns,) first row of the image to be filled in each column.
-        width: Width of the image.
-        height: Height of the image.
-        top: Row of the image in which the columns begin.
-        config: Numbers of the configuration.
+    Each column is filled from its first row in the image on, of (columns,) ones.
 
     Returns:
         (H, W) depth in metres and (H, W) reflectance, 0 where nothing is filled.
     """
     column_width, max_gap_px, max_depth_ratio, max_slope, _ = config
     columns, rows, _ = beams.shape
-    depth_m, reflectance = (
-        np.zeros((height, width), np.float32),
-        np.zeros((height, width), np.float32),
-    )
+    depth_m = np.zeros((height, width), np.float32)
+    reflectance = np.zeros((height, width), np.float32)
     is_known = np.zeros(columns, np.bool_)
     for column in range(columns):
         for row in range(rows):

@@ -236,13 +236,7 @@ def single_beams(
 ) -> tuple[Bool, Bool]:
     """Return at which places one of the beams around ended, and beyond which one did.
 
-    Args:
-        points: (P, 3+) places in the frame of the scan.
-        rows_of_slope: Rows of the projection.
-        projection: Numbers of the projection.
-        framed_m: (rows + 2, columns + 2) nearest return in each pixel, with a frame of one pixel.
-        is_moving: Pixels of the same image whose return is of what moved: it does not count as an end.
-        margin_m: Distance in metres of a passing beam beyond, and of an ending one from a place.
+    Arguments are as of `visibility_of`; a return of what moved, in pixels that `is_moving` marks, does not count as an end.
     """
     ended, passed = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
     rows, _, columns, ranges_m, is_in_view = pixels_of(points, rows_of_slope, projection)

@@ -346,15 +346,7 @@ def _match(
 ) -> None:
     """Find the nearest point of the target for every `stride`-th point of the source, -1 where none is within reach.
 
-    Args:
-        target: (M, 6) points and normals of the target.
-        table: Table of its voxels.
-        edge_m: Edge of its voxels in metres.
-        source: (N, 6) points and normals of the source.
-        stride: Step from one point of the source to the next.
-        target_SE3_source: (4, 4) pose of the source.
-        reach_m: Largest distance of a match in metres.
-        matches: (N,) rows of the target that are written.
+    Rows of the target are written to (N,) matches; the other arguments are as of `_add_matches` and `align_surfaces`.
     """
     for row in range(0, len(source), stride):
         x, y, z = _moved_point(source, row, target_SE3_source)
@@ -650,13 +642,7 @@ def distances_to_surfaces(
 ) -> Float64:
     """Return the (N,) distance of each point of the source from the surface at the nearest point of the target.
 
-    Args:
-        target: (M, 6) points and normals of the target.
-        table: Table of its voxels.
-        edge_m: Edge of its voxels in metres.
-        source: (N, 6) points and normals of the source.
-        target_SE3_source: (4, 4) pose of the source.
-        reach_m: Distance in metres within which the nearest point is; infinite where there is none. At a point without a surface the distance is 0.
+    It is infinite where none is within reach, and 0 at a point without a surface. Arguments are as of `align_surfaces`.
     """
     nearest, away_m = np.empty(len(source), np.int64), np.full(len(source), np.inf)
     _match(target, table, edge_m, source, 1, target_SE3_source, reach_m, nearest)

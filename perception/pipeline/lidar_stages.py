@@ -72,11 +72,13 @@ class LidarResult:
 
     def of_frame(self, frame: Frame) -> Result:
         """Return it as the result of a frame without detectors."""
-        timings_s = {span.stage: span.stop_s - span.start_s for span in self.spans}
-        result = Result(frame, self.world_SE3_velo, self.ground, self.obstacles, self.tracks)
-        return replace(
-            result,
-            timings_s=timings_s,
+        return Result(
+            frame,
+            self.world_SE3_velo,
+            self.ground,
+            self.obstacles,
+            self.tracks,
+            timings_s={span.stage: span.stop_s - span.start_s for span in self.spans},
             spans=self.spans,
             pose_covariance=self.pose_covariance,
             health=self.health,
