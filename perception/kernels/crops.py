@@ -8,15 +8,7 @@ from perception.types import Float32, Float64, Int, UInt8
 _BYTE, _SINGLE = np.uint8, np.float32
 
 
-@compiled(
-    (
-        array_of(_SINGLE, 2),
-        array_of(_SINGLE),
-        array_of(_SINGLE),
-        _SINGLE,
-        written(_BYTE, 2),
-    )
-)
+@compiled((array_of(_SINGLE, 2), array_of(_SINGLE), array_of(_SINGLE), _SINGLE, written(_BYTE, 2)))
 def encode_heights(
     depth_m: Float32,
     row_slopes: Float32,

@@ -140,16 +140,7 @@ def robust_plane(points: Float64, level_m: float, rounds: int) -> Float64:
     return np.array([p, q, r])
 
 
-@compiled(
-    (
-        _POINTS_64,
-        _VALUES,
-        _VALUES,
-        (NUMBER, NUMBER),
-        _GRID,
-        written(np.float64, 2),
-    )
-)
+@compiled((_POINTS_64, _VALUES, _VALUES, (NUMBER, NUMBER), _GRID, written(np.float64, 2)))
 def add_normal_equations(
     points: Float64,
     weights: Float64,

@@ -10,6 +10,7 @@ from perception.types import Bool, Float, Float32, Int, UInt8
 _VALUES, _VECTORS = array_of(np.float32), array_of(np.float32, 2)
 _CORNERS = array_of(np.float32, 3)
 _ROWS, _INDICES = array_of(np.int32), array_of(np.int64)
+_OUT = written(np.float32, 2)
 _HALF, _ONE, _TWO = np.float32(0.5), np.float32(1), np.float32(2)
 
 
@@ -36,18 +37,7 @@ def pass_sphere(
         is_near[i] = (squared < squared_radius) & (along > -radius)
 
 
-@compiled(
-    (
-        written(np.float32, 2),
-        written(np.float32, 2),
-        _INDICES,
-        _VECTORS,
-        _VECTORS,
-        _VALUES,
-        _VALUES,
-        _VALUES,
-    )
-)
+@compiled((_OUT, _OUT, _INDICES, _VECTORS, _VECTORS, _VALUES, _VALUES, _VALUES))
 def follow_object(
     origins_object: Float32,
     directions_world: Float32,
@@ -78,18 +68,7 @@ def follow_object(
             directions_world[k, axis] = directions[i, axis]
 
 
-@compiled(
-    (
-        written(np.float32, 2),
-        _INDICES,
-        _ROWS,
-        array_of(np.bool_),
-        _VECTORS,
-        _CORNERS,
-        _VALUES,
-        _VALUES,
-    )
-)
+@compiled((_OUT, _INDICES, _ROWS, array_of(np.bool_), _VECTORS, _CORNERS, _VALUES, _VALUES))
 def surface_normals(
     normals: Float32,
     seen: Int,
@@ -131,7 +110,7 @@ def surface_normals(
             normals[k, axis] /= length
 
 
-@compiled((written(np.float32, 2), written(np.float32, 2), _INDICES, _VECTORS, _VECTORS, _VALUES))
+@compiled((_OUT, _OUT, _INDICES, _VECTORS, _VECTORS, _VALUES))
 def place_surfaces(
     points_m: Float32,
     normals: Float32,
@@ -161,7 +140,7 @@ def place_surfaces(
             normals[k, axis] *= turn
 
 
-@compiled((written(np.float32, 2), _INDICES, _VECTORS, _VECTORS, _VALUES))
+@compiled((_OUT, _INDICES, _VECTORS, _VECTORS, _VALUES))
 def mirror_rays(
     mirrored: Float32, indices: Int, directions: Float32, normals: Float32, cosine: Float32
 ) -> None:
@@ -180,7 +159,7 @@ def mirror_rays(
             mirrored[k, axis] = directions[k, axis] - across
 
 
-@compiled((written(np.float32, 2), _INDICES, _ROWS, _CORNERS, _VALUES, _VALUES))
+@compiled((_OUT, _INDICES, _ROWS, _CORNERS, _VALUES, _VALUES))
 def texture_coordinates(
     places: Float32, indices: Int, rows: Int, texture_m: Float32, u: Float32, v: Float32
 ) -> None:
@@ -238,7 +217,7 @@ def look_up_between(values: Float32, image: Float32, x: Float, y: Float) -> None
         values[i] = below * first_v + above * v
 
 
-@compiled((written(np.float32, 2), _VECTORS, _VALUES, _VALUES, _VALUES, _VALUES))
+@compiled((_OUT, _VECTORS, _VALUES, _VALUES, _VALUES, _VALUES))
 def scatter_light(
     light: Float32,
     colors: Float32,
@@ -263,7 +242,7 @@ def scatter_light(
             light[k, channel] = colors[k, channel] * falling
 
 
-@compiled((written(np.float32, 2), _INDICES, _VALUES, _VECTORS, _VALUES, _VALUES))
+@compiled((_OUT, _INDICES, _VALUES, _VECTORS, _VALUES, _VALUES))
 def add_gloss(
     light: Float32,
     indices: Int,
@@ -288,7 +267,7 @@ def add_gloss(
             light[indices[k], channel] += strength[k] * (mirrored[k, channel] + sun)
 
 
-@compiled((written(np.float32, 2), _VALUES, _VALUES))
+@compiled((_OUT, _VALUES, _VALUES))
 def add_haze(light: Float32, haze: Float32, haze_rgb: Float32) -> None:
     """Mix the light of haze into that of surfaces.
 

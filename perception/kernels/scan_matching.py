@@ -354,15 +354,7 @@ def _match(
 
 
 @compiled(
-    (
-        _ROWS,
-        _ROWS,
-        WHOLE,
-        _ROWS,
-        array_of(np.int64),
-        written(np.float64, 2),
-        written(np.float64),
-    )
+    (_ROWS, _ROWS, WHOLE, _ROWS, array_of(np.int64), written(np.float64, 2), written(np.float64))
 )
 def _add_matches(
     target: Float64,
@@ -457,9 +449,7 @@ def _motion_between(pose: Float64, other: Float64) -> Float64:
     return between
 
 
-@compiled(
-    (_ROWS, _ROWS, NUMBER, written(np.float64, 2), written(np.float64)),
-)
+@compiled((_ROWS, _ROWS, NUMBER, written(np.float64, 2), written(np.float64)))
 def _add_prior(
     pose: Float64, initial_guess: Float64, information: float, hessian: Float64, gradient: Float64
 ) -> None:
@@ -554,19 +544,7 @@ def _leave_out_eighths(
     return True
 
 
-@compiled(
-    (
-        _ROWS,
-        _TABLE,
-        NUMBER,
-        _ROWS,
-        _ROWS,
-        NUMBER,
-        (NUMBER, NUMBER),
-        WHOLE,
-        NUMBER,
-    )
-)
+@compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER))
 def align_surfaces(
     target: Float64,
     table: VoxelTable,
