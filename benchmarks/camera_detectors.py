@@ -45,7 +45,10 @@ def compare_camera_detectors(prepared: PreparedDrive) -> Comparison:
     contenders.append(_whole_image("ONNX Runtime", ours, ours.model, prepared))
     add_peer(contenders, partial(_with_openvino, ours, prepared))
     for name, (file, size) in PUBLIC_NETWORKS.items():
-        add_peer(contenders, partial(_public, name, file, size, prepared))
+        add_peer(
+            contenders,
+            lambda: _contender(name, public_network(file, size), prepared),  # noqa: B023 - called at once
+        )
     title = f"camera detectors on {len(prepared.frames)} frames, two threads"
     return compare(title, contenders, len(prepared.frames), *_precision_columns(prepared))
 
@@ -69,10 +72,6 @@ def public_network(file: str, size: InputSize | None) -> ModalityDetector:
             advice="set PUBLIC_NETWORKS to the folder of public networks",
         )
     return ModalityDetector(DescribedFile(path, DetectorDescription(input_size=size)))
-
-
-def _public(name: str, file: str, size: InputSize | None, prepared: PreparedDrive) -> Contender:
-    return _contender(name, public_network(file, size), prepared)
 
 
 def _contender(name: str, detector: ModalityDetector, prepared: PreparedDrive) -> Contender:

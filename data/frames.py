@@ -60,18 +60,13 @@ def read_frames(
     has_begun = has_invalid_points = False
     for frame in frames:
         if not has_begun:
-            for sentence in _drive_notes(drive, frame):
+            anomalies = (one.example for one in beam_anomalies(frame, drive.sensor))
+            for sentence in (*drive.notes, *anomalies):
                 log.warning("%s", sentence)
         if frame.invalid_points and not has_invalid_points:
             log.warning("%s", describe_invalid_points(frame))
         has_begun, has_invalid_points = True, has_invalid_points or frame.invalid_points > 0
         yield frame
-
-
-def _drive_notes(drive: Drive, frame: Frame) -> Iterator[str]:
-    """Yield what is not used as it is, and that the beams are those of another sensor."""
-    yield from drive.notes
-    yield from (anomaly.example for anomaly in beam_anomalies(frame, drive.sensor))
 
 
 def _read_ahead(drive: Drive, on_bad_frame: OnBadFrame, indices: range) -> Iterator[Frame]:

@@ -203,7 +203,12 @@ def growth(*, config: GrowthConfig, out: Path = RESULTS / "growth.png") -> None:
 def _by_sensor(config: GrowthConfig) -> tuple[dict[str, FrameCost], dict[str, FrameCost]]:
     """Return the costs by the number of beams, and by the number of points of 64 beams."""
     beams = {f"{number} beams": _with_beams(number) for number in _BEAMS}
-    steps = {f"64 beams, step x {ratio:g}": _with_step(ratio) for ratio in _STEP_RATIOS}
+    steps = {
+        f"64 beams, step x {ratio:g}": replace(
+            HDL_64E, name=f"step x {ratio:g}", azimuth_step_rad=ratio * HDL_64E.azimuth_step_rad
+        )
+        for ratio in _STEP_RATIOS
+    }
     costs = {}
     for name, sensor in {**beams, "64 beams": HDL_64E, **steps}.items():
         frames = _frames(config, sensor)
@@ -232,12 +237,6 @@ def _with_beams(number: int) -> LidarModel:
     high, low = HDL_64E.elevations_rad[[0, -1]]
     elevations_rad = np.linspace(high, low, number)
     return replace(HDL_64E, name=f"{number} beams", elevations_rad=elevations_rad)
-
-
-def _with_step(ratio: float) -> LidarModel:
-    """Return an HDL-64E of other steps between firings."""
-    step_rad = ratio * HDL_64E.azimuth_step_rad
-    return replace(HDL_64E, name=f"step x {ratio:g}", azimuth_step_rad=step_rad)
 
 
 def _sorted(costs: Mapping[str, FrameCost], names: Sequence[str]) -> dict[str, FrameCost]:

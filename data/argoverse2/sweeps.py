@@ -60,9 +60,12 @@ def measure_sensor(sweep: Sweep, height_m: float) -> LidarModel:
     elevations_rad, lasers = np.arctan2(z, across_m)[is_far], sweep.lasers[is_far]
     numbers, counts = np.unique(lasers, return_counts=True)
     beams = [np.median(elevations_rad[lasers == one]) for one in numbers[counts >= _MIN_RETURNS]]
+    falling_rad = np.sort(np.array(beams, np.float64))[::-1]
+    # Some beams of the two LiDARs have the same elevation.
+    is_distinct = np.diff(falling_rad, prepend=np.inf) < -_SAME_BEAM_RAD
     return LidarModel(
         name="two VLP-32C",
-        elevations_rad=_distinct(np.sort(np.array(beams, np.float64))[::-1]),
+        elevations_rad=falling_rad[is_distinct],
         azimuth_step_rad=np.radians(0.2),
         rate_hz=10.0,
         height_m=height_m,
@@ -70,8 +73,3 @@ def measure_sensor(sweep: Sweep, height_m: float) -> LidarModel:
         max_range_m=200.0,
         range_noise_m=0.03,
     )
-
-
-def _distinct(falling_rad: Float64) -> Float64:
-    """Return elevations without those that another beam has as well."""
-    return np.asarray(falling_rad[np.diff(falling_rad, prepend=np.inf) < -_SAME_BEAM_RAD])

@@ -30,7 +30,8 @@ def read_lens(message: Any, image_topic: str, source: str) -> Lens:  # noqa: ANN
     """
     # ROS 1 names the matrices by capital letters.
     matrix, coefficients, turn, projection = (
-        np.asarray(_field(message, name), np.float64) for name in "kdrp"
+        np.asarray(getattr(message, name if hasattr(message, name) else name.upper()), np.float64)
+        for name in "kdrp"
     )
     if not matrix.any():
         raise CalibrationError(
@@ -50,10 +51,4 @@ def read_lens(message: Any, image_topic: str, source: str) -> Lens:  # noqa: ANN
         rectification=turn.reshape(3, 3) if turn.any() else None,
         target_matrix=target if target.any() else None,
         source=source,
-    )
-
-
-def _field(message: Any, name: str) -> Any:  # noqa: ANN401
-    return (
-        getattr(message, name, None) if hasattr(message, name) else getattr(message, name.upper())
     )

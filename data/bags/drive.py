@@ -91,15 +91,12 @@ class BagDrive(RecordedDrive):
 
     def stamp_s(self, index: int) -> float:
         """Return the time of a scan since the bag's first."""
-        return self._since_first_s(int(self.stamps_ns[self.frames[index]]))
+        return (int(self.stamps_ns[self.frames[index]]) - self.origin_ns) / 1e9
 
     @property
     def origin_ns(self) -> int:
         """Stamp of the bag's first scan."""
         return int(self.stamps_ns[0])
-
-    def _since_first_s(self, stamp_ns: int) -> float:
-        return (stamp_ns - self.origin_ns) / 1e9
 
     def world_SE3_velo(self, index: int) -> Float64 | None:
         """Return the (4, 4) pose at the stamp of a scan, or None where no pose was recorded around it."""

@@ -1,6 +1,5 @@
 """Image and CompressedImage: (H, W, 3) RGB of any usual encoding."""
 
-from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -44,13 +43,9 @@ def read_image_message(message: Any, source: str) -> UInt8:  # noqa: ANN401 - se
     Raises:
         ImageError: The encoding is unknown, or the bytes are not those of an image.
     """
-    read: Callable[[Any, str], UInt8] = (
-        _uncompressed if hasattr(message, "encoding") else _compressed
-    )
-    return read(message, source)
-
-
-def _uncompressed(message: Any, source: str) -> UInt8:  # noqa: ANN401
+    if not hasattr(message, "encoding"):
+        data = np.asarray(message.data, np.uint8).tobytes()
+        return decode_image(data, source, stated_format=message.format)
     asked = message.encoding.lower()
     name = _DEEP.get(asked, asked)
     if name not in _COLOUR:
@@ -74,8 +69,3 @@ def _uncompressed(message: Any, source: str) -> UInt8:  # noqa: ANN401
     if conversion is None:
         return pixels
     return np.asarray(cv2.cvtColor(pixels, conversion))
-
-
-def _compressed(message: Any, source: str) -> UInt8:  # noqa: ANN401
-    data = np.asarray(message.data, np.uint8).tobytes()
-    return decode_image(data, source, stated_format=message.format)

@@ -14,19 +14,16 @@ _METADATA = "metadata.yaml"  # of ROS 2; other recorders have files of this name
 
 def bags_in(path: Path) -> tuple[str, ...] | None:
     """Return the names of the bags in a folder; none where the path is a bag; None where there is none."""
-    if (path.suffix in _SUFFIXES and path.is_file()) or _is_ros2_folder(path):
+    if _is_bag(path):
         return ()
     if not path.is_dir():
         return None
-    names = [
-        one.name
-        for one in sorted(path.iterdir())
-        if (one.suffix in _SUFFIXES and one.is_file()) or _is_ros2_folder(one)
-    ]
-    return tuple(names) or None
+    return tuple(one.name for one in sorted(path.iterdir()) if _is_bag(one)) or None
 
 
-def _is_ros2_folder(path: Path) -> bool:
+def _is_bag(path: Path) -> bool:
+    if path.suffix in _SUFFIXES and path.is_file():
+        return True
     return (path / _METADATA).is_file() and any(one.suffix in _SUFFIXES for one in path.iterdir())
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -99,7 +98,7 @@ class _Opening:
             self.notes.append(
                 f"{self.bag.path}: {repeated} scans are left out, as their stamps are those of others"
             )
-        frames = [self._frame_of(stream) for stream in streams]
+        frames = [str(stream.read(0).header.frame_id) for stream in streams]
         lidar_SE3_velo = self._lidar_SE3_velo(frames[0])
         lidars = self._lidars(streams, frames, inverse(lidar_SE3_velo))
         stamps_ns = stamps_ns[order]
@@ -127,9 +126,6 @@ class _Opening:
         if not len(times):
             raise DriveError(self.bag.path, expected=f"messages of {topic}", found="none")
         return MessageStream(self.bag, topic, times)
-
-    def _frame_of(self, stream: MessageStream) -> str:
-        return str(stream.read(0).header.frame_id)
 
     def _rows(self, stamps_ns: Int, stream: MessageStream) -> Int:
         """Return the message that is nearest to each scan, as far as half the slower period."""
@@ -194,7 +190,7 @@ class _Opening:
                     expected="a topic camera_info beside it",
                     found="none",
                 )
-            message = self._first(info)
+            message = self.bag.decode(next(self.bag.messages((info,))))
             lens = read_lens(message, topic, f"{self.bag.path} {info}")
             cam_SE3_lidar = self.tree.require(
                 message.header.frame_id, lidar, f"to use the images of {topic}"
@@ -214,9 +210,6 @@ class _Opening:
             source=f"{self.bag.path} {info}",
         )
         return BagImages(stream, lens, rows), calibration
-
-    def _first(self, topic: str) -> Any:  # noqa: ANN401 - see Bag.decode
-        return self.bag.decode(next(self.bag.messages((topic,))))
 
     def _poses(self, lidar: str) -> tuple[PoseSource | None, Float64]:
         """Return the poses, and the transform from the LiDAR to their frame; None where they cannot be used."""

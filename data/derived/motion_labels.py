@@ -23,7 +23,7 @@ from perception.evaluation.objects import MotionState
 from perception.evaluation.obstacle_measure import ObstacleMeasure
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.grids import LocalArea
-from perception.types import Bool, Drive, Float64, Int, Labels
+from perception.types import Drive, Float64, Int, Labels
 
 _TIME_SLACK_S = 1e-3  # stamps a frame apart differ by rounding
 
@@ -251,13 +251,8 @@ def _with_hysteresis(speeds_m_s: Float64, spans_s: Float64, limits: MotionLabelC
         is_static = (speeds_m_s < limits.stop_m_s) & (
             spans_s >= limits.min_duration_s - _TIME_SLACK_S
         )
-    moves = _runs_with_seed(continues, starts)
+    runs, _ = ndimage.label(continues)
+    moves = continues & np.isin(runs, np.unique(runs[starts]))
     return np.select(
         [moves, is_static], [MotionState.MOVING, MotionState.STATIC], MotionState.UNKNOWN
     )
-
-
-def _runs_with_seed(runs: Bool, seeds: Bool) -> Bool:
-    """Keep the contiguous runs of True that contain a seed."""
-    numbers, _ = ndimage.label(runs)
-    return runs & np.isin(numbers, np.unique(numbers[seeds]))

@@ -25,7 +25,7 @@ from perception.evaluation.multi_object.track_assignment import (
     points_above_bottom,
 )
 from perception.evaluation.objects import LabelledObjects, LabelledView
-from perception.types import Bool, Drive, Float64, Frame, Int
+from perception.types import Drive, Float64, Frame
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class MovingTruth:
             objects=LabelledObjects(boxes, self.motion.of(frame.index, ids), ids),
             # Row vectors: times the world's axes in the LiDAR frame.
             velocities_m_s=velocities_world @ posed.world_SE3_velo[:2, :2],
-            moves_in_drive=self._ever_moves(ids),
+            moves_in_drive=np.isin(ids, self._moving_tracks),
             points=points_above_bottom(boxes, frame.points_velo, clearance_m),
             view=_labelled_view(frame, labels.dont_care_px) if self.view == "camera" else None,
         )
@@ -75,9 +75,6 @@ class MovingTruth:
             for labels in frames
             for track_id, kind in zip(labels.track_ids.tolist(), labels.types, strict=True)
         }
-
-    def _ever_moves(self, track_ids: Int) -> Bool:
-        return np.isin(track_ids, self._moving_tracks)
 
     @cached_property
     def _moving_tracks(self) -> list[int]:

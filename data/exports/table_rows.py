@@ -22,9 +22,10 @@ def table_rows(result: Result, min_vehicle_score: float) -> dict[str, Rows]:
         result: Result of the frame.
         min_vehicle_score: Score from which a vehicle is listed.
     """
+    tracks = result.tracks
     tables = {
         "poses": _pose_rows(result),
-        "tracks": _track_rows(result),
+        "tracks": {**_object_rows(result, tracks), "is_observed": tracks.is_observed},
         "timings": _timing_rows(result),
     }
     if result.vehicles is not None:
@@ -73,11 +74,6 @@ def _pose_rows(result: Result) -> Rows:
     deviations = np.sqrt(np.diagonal(result.pose_covariance))
     values = (*world_SE3_velo[:3, 3], w, x, y, z, *deviations)
     return {name: np.array([value]) for name, value in zip(names, values, strict=True)}
-
-
-def _track_rows(result: Result) -> Rows:
-    tracks = result.tracks
-    return {**_object_rows(result, tracks), "is_observed": tracks.is_observed}
 
 
 def _vehicle_rows(result: Result, min_score: float) -> Rows:

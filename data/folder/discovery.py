@@ -28,12 +28,10 @@ def cloud_files(folder: Path) -> FrameFiles:
     if not files:
         return FrameFiles(folder, ())
     usual = max(sorted(set(suffixes)), key=suffixes.count)
-    return FrameFiles.within(folder, (usual,)) if usual != ".csv" else _without_tables(folder)
-
-
-def _without_tables(folder: Path) -> FrameFiles:
-    found = FrameFiles.within(folder, (".csv",))
-    return FrameFiles(folder, tuple(path for path in found.paths if _is_cloud(path)))
+    found = FrameFiles.within(folder, (usual,))
+    if usual == ".csv":
+        return FrameFiles(folder, tuple(path for path in found.paths if _is_cloud(path)))
+    return found
 
 
 def _is_cloud(path: Path) -> bool:

@@ -9,33 +9,9 @@ from data.layouts import Layout, OpenConfig
 from data.recorded_drive import RecordedDrive
 
 
-def _raw_sequences(path: Path) -> tuple[str, ...] | None:
-    return () if is_raw_drive(path) else None
-
-
-def _open_raw(path: Path, _: str | None, config: OpenConfig) -> RecordedDrive:
-    return open_raw(path, config)
-
-
-def _date_sequences(path: Path) -> tuple[str, ...] | None:
-    return tuple(raw_drives_in(path)) or None
-
-
-def _open_date(path: Path, sequence: str | None, config: OpenConfig) -> RecordedDrive:
-    return open_raw(path / (sequence or ""), config)
-
-
 def _parts(path: Path) -> tuple[Path, ...]:
     """Return the folders that may hold a benchmark's data: the folder itself, training, then testing."""
     return path, path / "training", path / "testing"
-
-
-def _object_sequences(path: Path) -> tuple[str, ...] | None:
-    return () if any(map(is_object_folder, _parts(path))) else None
-
-
-def _open_object(path: Path, _: str | None, config: OpenConfig) -> RecordedDrive:
-    return open_objects(next(filter(is_object_folder, _parts(path))), config)
 
 
 def _tracking_sequences(path: Path) -> tuple[str, ...] | None:
@@ -49,12 +25,23 @@ def _open_tracking(path: Path, sequence: str | None, config: OpenConfig) -> Reco
 
 
 KITTI_RAW = Layout(
-    "KITTI raw", "a KITTI raw drive (velodyne_points/data)", _raw_sequences, _open_raw
+    "KITTI raw",
+    "a KITTI raw drive (velodyne_points/data)",
+    lambda path: () if is_raw_drive(path) else None,
+    lambda path, _, config: open_raw(path, config),
 )
 KITTI_OBJECT = Layout(
-    "KITTI object", "object frames (velodyne/NNNNNN.bin)", _object_sequences, _open_object
+    "KITTI object",
+    "object frames (velodyne/NNNNNN.bin)",
+    lambda path: () if any(map(is_object_folder, _parts(path))) else None,
+    lambda path, _, config: open_objects(next(filter(is_object_folder, _parts(path))), config),
 )
 KITTI_TRACKING = Layout(
     "KITTI tracking", "tracking sequences (velodyne/SSSS)", _tracking_sequences, _open_tracking
 )
-KITTI_DATE = Layout("KITTI raw date", "a folder of raw drives", _date_sequences, _open_date)
+KITTI_DATE = Layout(
+    "KITTI raw date",
+    "a folder of raw drives",
+    lambda path: tuple(raw_drives_in(path)) or None,
+    lambda path, sequence, config: open_raw(path / (sequence or ""), config),
+)

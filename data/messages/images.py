@@ -75,7 +75,11 @@ def annotations(stamp_s: float, detections: Detections) -> Any:  # noqa: ANN401 
     for box_px, score, name in rows:
         rgb = color("foxglove_msgs/Color", class_color(str(name)))
         clear = color("foxglove_msgs/Color", (0, 0, 0), opacity=0.0)
-        corners = [_point(*box_px[list(columns)]) for columns in ((0, 1), (2, 1), (2, 3), (0, 3))]
+        x1, y1, x2, y2 = map(float, box_px)
+        corners = [
+            message("foxglove_msgs/Point2", x=x, y=y)
+            for x, y in ((x1, y1), (x2, y1), (x2, y2), (x1, y2))
+        ]
         boxes.append(
             message(
                 "foxglove_msgs/PointsAnnotation",
@@ -100,7 +104,3 @@ def annotations(stamp_s: float, detections: Detections) -> Any:  # noqa: ANN401 
             )
         )
     return message("foxglove_msgs/ImageAnnotations", circles=[], points=boxes, texts=texts)
-
-
-def _point(x: float, y: float) -> Any:  # noqa: ANN401 - a message
-    return message("foxglove_msgs/Point2", x=float(x), y=float(y))

@@ -1,7 +1,6 @@
 """A scene of nuScenes as a drive: every scan of its LiDAR, key frames and sweeps between them."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -83,11 +82,6 @@ class NuScenesScene(RecordedDrive):
         """Whether the class of every point of a key frame is known."""
         return bool(self.boxes.tables.point_labels)
 
-    @cached_property
-    def _origin_m(self) -> Float64:
-        """(3,) Position of the world's origin in the map, so that positions keep their precision."""
-        return self.boxes.tables.data[LIDAR][0].world_SE3_ego[:3, 3]
-
     def source(self, index: int) -> str:
         """Return the file of a scan."""
         return str(self.scans[index].path)
@@ -114,7 +108,8 @@ class NuScenesScene(RecordedDrive):
     def world_SE3_velo(self, index: int) -> Float64:
         """Return the (4, 4) pose of the LiDAR."""
         pose = self._map_SE3_velo(index)
-        pose[:3, 3] -= self._origin_m
+        # From the first scan on, so that positions keep their precision.
+        pose[:3, 3] -= self.boxes.tables.data[LIDAR][0].world_SE3_ego[:3, 3]
         return pose
 
     def _map_SE3_velo(self, index: int) -> Float64:
@@ -187,7 +182,7 @@ def open_scene(path: Path, name: str | None, config: OpenConfig) -> NuScenesScen
         DriveError: A table is missing or damaged, or the scene has no scan.
         CalibrationError: A sensor has no calibration.
     """
-    folder = _folder_of(path, name)
+    folder = next(one for one in _table_folders(path) if name in _scenes_in(one))
     assert name is not None
     camera = config.camera or DEFAULT_CAMERA
     tables = SceneTables.read(folder, name, camera)
@@ -252,11 +247,6 @@ def _table_folders(path: Path) -> list[Path]:
 
 def _scenes_in(folder: Path) -> list[str]:
     return [str(one["name"]) for one in read_records(folder / _SCENES, ("name",))]
-
-
-def _folder_of(path: Path, scene: str | None) -> Path:
-    """Return the folder of tables that has a scene."""
-    return next(folder for folder in _table_folders(path) if scene in _scenes_in(folder))
 
 
 def scenes_at(path: Path) -> tuple[str, ...] | None:

@@ -69,12 +69,10 @@ def _varying(rows: Sequence[Row]) -> list[str]:
     """Return the names of the numbers that differ between drives; times of single stages come last."""
     names = dict.fromkeys(name for row in rows for name in row if name not in _OWN)
     varying = [name for name in names if len({row.get(name) for row in rows} - {None}) > 1]
-    of_stages = [name for name in varying if _is_of_stage(name)]
+    of_stages = [
+        name for name in varying if name.startswith("stages_ms.") and ".end to end." not in name
+    ]
     return ["seconds", *(name for name in varying if name not in of_stages), *of_stages]
-
-
-def _is_of_stage(name: str) -> bool:
-    return name.startswith("stages_ms.") and ".end to end." not in name
 
 
 def _figure(name: str, rows: Sequence[Row], plots: Plots) -> str:

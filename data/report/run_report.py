@@ -93,7 +93,7 @@ def summary_tiles(run: RunData) -> list[Tile]:
     if (error_m := run.ground_error_m) is not None:
         tiles.append(Tile("Ground error", number_text(100 * error_m, ".1f", "cm"), "mDE at labels"))
     tiles += [
-        Tile(f"F1 {name}", number_text(_f1(counts), ".3f"), "points, exact truth")
+        Tile(f"F1 {name}", number_text(counts.get("f1"), ".3f"), "points, exact truth")
         for name, counts in (run.summary.get("points_against_truth") or {}).items()
     ]
     return tiles
@@ -319,9 +319,3 @@ def _health_markup(run: RunData, plots: Plots) -> str:
     rows = [[stage, str(count)] for stage, count in skipped.items()]
     table = table_markup("Skipped stages", ["stage", "frames"], rows) if rows else ""
     return tiles_markup(tiles) + table + _faults_markup(run, plots)
-
-
-def _f1(counts: Mapping[str, Any]) -> float | None:
-    """Return the F1 of the confusion of a kind of points in `summary.json`."""
-    value = counts.get("f1")
-    return None if value is None else float(value)

@@ -79,7 +79,11 @@ def read_counting_sheet(path: Path) -> list[CountedImage]:
 def _parse(where: str, row: dict[str, str]) -> CountedImage:
     """Return one row, whose counts are all filled in or all empty."""
     texts = [(row[name] or "").strip() for name in _COLUMNS]
-    counts = ObstacleCounts(*(int(text) for text in texts)) if all(map(_is_count, texts)) else None
+    counts = (
+        ObstacleCounts(*(int(text) for text in texts))
+        if all(text.isascii() and text.isdigit() for text in texts)
+        else None
+    )
     if any(texts) and (counts is None or not _is_possible(counts)):
         raise LabelError(
             where,
@@ -88,10 +92,6 @@ def _parse(where: str, row: dict[str, str]) -> CountedImage:
             advice="correct the row, or leave all of its counts empty",
         )
     return CountedImage(row["sequence"], row["frame"], row["image"], counts)
-
-
-def _is_count(text: str) -> bool:
-    return text.isascii() and text.isdigit()
 
 
 def _is_possible(counts: ObstacleCounts) -> bool:

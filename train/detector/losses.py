@@ -75,11 +75,13 @@ def detection_loss(
             labels, head.anchors_px, PredictionGrid(rows, columns, head.stride_px)
         )
         corners = box_corners(head.decode_boxes(raw))
+        class_logits = _at(raw, targets)[:, CLASSES]
+        class_term = functional.cross_entropy(class_logits, targets.classes, reduction="sum")
         terms = (
             config.box_weight * _box_term(raw, corners, targets, config),
             config.object_weight * _object_term(raw, corners, targets, config),
             config.no_object_weight * _no_object_term(raw, corners, labels, targets, config),
-            config.class_weight * _class_term(raw, targets),
+            config.class_weight * class_term,
             _prior_term(raw, targets, config, images_seen),
         )
         of_one = [term / len(raw) for term in terms]
@@ -118,10 +120,6 @@ def _no_object_term(
     logits = raw[:, :, OBJECTNESS]
     errors = objectness_error(logits, torch.zeros_like(logits), config)
     return errors.masked_fill(is_free, 0).sum()
-
-
-def _class_term(raw: Tensor, targets: GridTargets) -> Tensor:
-    return functional.cross_entropy(_at(raw, targets)[:, CLASSES], targets.classes, reduction="sum")
 
 
 def _prior_term(

@@ -75,7 +75,8 @@ def run_search_task(part: SearchTask) -> list[ProposalCount]:
         PerceptionError: a frame cannot be read, or has no camera.
     """
     drive = part.frames.open()
-    sums = [_nothing(parameters, part) for parameters in part.parameters]
+    none = (0,) * len(part.overlaps)
+    sums = [ProposalCount(parameters, 0, 0, 0, none, 0) for parameters in part.parameters]
     for index in part.frames.frames:
         frame = read_or_skip(drive, index, part.on_bad_frame)
         if frame is None:
@@ -113,7 +114,3 @@ def _count_frame(frame: Frame, labels: Labels, part: SearchTask) -> Iterator[Pro
         found = fit_boxes(above_ground, labels_of_points)
         reached = count_recalled(objects_px, found.boxes_px, part.overlaps)
         yield ProposalCount(parameters, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
-
-
-def _nothing(parameters: ProposalConfig, part: SearchTask) -> ProposalCount:
-    return ProposalCount(parameters, 0, 0, 0, (0,) * len(part.overlaps), 0)

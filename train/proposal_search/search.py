@@ -123,8 +123,4 @@ def search(
             expected=f"{config.survey.of_class} labels in those that can be read",
             found=f"none, as {sums[0].unread} frames cannot be read",
         )
-    return sorted(sums, key=_worth)
-
-
-def _worth(count: ProposalCount) -> tuple[int, int]:
-    return -count.reached[0], count.proposals
+    return sorted(sums, key=lambda one: (-one.reached[0], one.proposals))

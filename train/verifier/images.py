@@ -98,7 +98,8 @@ class VerifierImages(Callback):
             **{name: known[name] for name in names},
         )
         wrong = scored[scored.losses > np.log(2)]
-        self._mistakes = _worst(wrong if self._mistakes is None else self._mistakes + wrong)
+        mistakes = wrong if self._mistakes is None else self._mistakes + wrong
+        self._mistakes = mistakes[mistakes.losses.argsort(descending=True, stable=True)[:_COUNT]]
         if self._vehicles is None or len(self._vehicles.logits) < _COUNT:
             vehicles = scored[scored.is_vehicle.bool()]
             self._vehicles = vehicles if self._vehicles is None else self._vehicles + vehicles
@@ -153,11 +154,6 @@ def _grid(tiles: Sequence[UInt8]) -> UInt8:
         top, left = row * (height + 2), column * (width + 2)
         image[top : top + height, left : left + width] = tile
     return image
-
-
-def _worst(scored: ScoredCrops) -> ScoredCrops:
-    order = scored.losses.argsort(descending=True, stable=True)
-    return scored[order[:_COUNT]]
 
 
 def _show(trainer: Trainer, name: str, image: UInt8) -> None:
