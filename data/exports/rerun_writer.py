@@ -10,26 +10,33 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from shutil import which
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
-from data.exports.rerun_entities import CAMERA, camera_path
+from data.exports.rerun_entities import (
+    CAMERA,
+    camera_entities,
+    camera_path,
+    object_entities,
+    point_entities,
+    pose_entities,
+    series_entities,
+)
 from data.results.result_writer import ResultWriter
 from perception.atomic_file import part_of, writing
 from perception.errors import UsageError, WriteError
 from perception.render.scene import SelectedObject
 from perception.types import MAP_MODALITIES, Float64, Result
 
-if TYPE_CHECKING:
-    import rerun as rr
-
 # Memory of the viewer, which drops the oldest frames beyond it.
 _VIEWER_MEMORY = "2GiB"
 _VIEWER_PORT = 9876
 _VIEWER_HOST = "127.0.0.1"  # Rerun's own default is every interface, without a password
 _VIEWER_START_S = 10.0
+_PATH_S = 4.0  # of the vehicle, in the scene
 
 
 class RerunWriter(ResultWriter):
@@ -48,8 +55,6 @@ class RerunWriter(ResultWriter):
             UsageError: There is no viewer.
             WriteError: The file cannot be written.
         """
-        import rerun as rr
-
         self._path, self._display_score = path, display_score
         self._origin: tuple[Float64, float] | None = None
         self._recording = rr.RecordingStream("trifuse", recording_id=uuid.uuid4())
@@ -64,14 +69,6 @@ class RerunWriter(ResultWriter):
 
     def add(self, result: Result, selected: SelectedObject | None) -> None:
         """Log the entities of one frame."""
-        from data.exports.rerun_entities import (
-            camera_entities,
-            object_entities,
-            point_entities,
-            pose_entities,
-            series_entities,
-        )
-
         if self._origin is None:
             self._origin = (result.world_SE3_velo[:3, 3].copy(), result.frame.stamp_s)
             self._log_static(result)
@@ -107,10 +104,6 @@ class RerunWriter(ResultWriter):
 
     def _log_static(self, result: Result) -> None:
         """Log what holds for the whole drive, and the layout of the viewer."""
-        import rerun as rr
-
-        from data.exports.rerun_writer import blueprint_of
-
         self._recording.send_blueprint(blueprint_of(result))
         self._recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         origin_m = rr.AnyValues(origin_m=np.asarray(result.world_SE3_velo[:3, 3]))
@@ -173,10 +166,8 @@ def _is_listening() -> bool:
     return True
 
 
-def _file_sink(path: Path) -> "rr.FileSink":
+def _file_sink(path: Path) -> rr.FileSink:
     """Return the sink of a partial file; make its folder."""
-    import rerun as rr
-
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         part_of(path).touch()
@@ -194,9 +185,6 @@ def _is_whole(path: Path) -> bool:
         except (RuntimeError, ValueError, OSError):
             return False
     return True
-
-
-_PATH_S = 4.0
 
 
 def blueprint_of(result: Result) -> rrb.Blueprint:

@@ -20,7 +20,7 @@ from data.kitti.sensor_files import (
     SCAN_SUFFIXES,
     FrameFiles,
     list_folder,
-    no_scans,
+    scans_in,
 )
 from data.layouts import OpenConfig
 from perception.errors import CalibrationError
@@ -89,9 +89,7 @@ def open_objects(folder: Path, config: OpenConfig) -> ObjectFrames:
     Raises:
         DriveError: The folder holds no scan.
     """
-    scans = FrameFiles.within(folder / "velodyne", SCAN_SUFFIXES)
-    if not len(scans):
-        raise no_scans(scans.folder)
+    scans = scans_in(folder / "velodyne")
     image_files = FrameFiles.within(folder / config.camera_among(("image_2",)), IMAGE_SUFFIXES)
     point_labels = FrameFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
     label_folder = folder / "label_2"

@@ -21,12 +21,11 @@ from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
-    SCAN_SUFFIXES,
     SKIP_ADVICE,
     FrameFiles,
     join_notes,
     list_folder,
-    no_scans,
+    scans_in,
 )
 from data.kitti.sequence import CameraFiles, InsSource, KittiSequence, ScanClock
 from data.kitti.timestamps import (
@@ -60,9 +59,7 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
         DriveError: The drive holds no scan.
         CalibrationError: A calibration file cannot be used, or the INS has no calibration.
     """
-    scans = FrameFiles.within(folder / "velodyne_points" / "data", SCAN_SUFFIXES)
-    if not len(scans):
-        raise no_scans(scans.folder)
+    scans = scans_in(folder / "velodyne_points" / "data")
     sensor = config.lidar_model(folder)
     images = config.camera_among(_CAMERAS)
     number = images.removeprefix("image_")

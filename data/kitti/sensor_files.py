@@ -174,6 +174,18 @@ def no_scans(folder: Path, expected: str = "scans named 000000.bin") -> DriveErr
     return DriveError(folder, expected=expected, found=describe_folder(folder), advice=advice)
 
 
+def scans_in(folder: Path) -> FrameFiles:
+    """List the scans of a folder.
+
+    Raises:
+        DriveError: There is none.
+    """
+    scans = FrameFiles.within(folder, SCAN_SUFFIXES)
+    if not len(scans):
+        raise no_scans(folder)
+    return scans
+
+
 def _natural_key(path: Path) -> list[int | str]:
     """Return text and numbers in turn, so that 2 comes before 10."""
     return [int(part) if part.isdecimal() else part for part in re.split(r"([0-9]+)", path.stem)]

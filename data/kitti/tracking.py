@@ -17,11 +17,10 @@ from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,
-    SCAN_SUFFIXES,
     SKIP_ADVICE,
     FrameFiles,
     list_folder,
-    no_scans,
+    scans_in,
 )
 from data.kitti.sequence import CameraFiles, InsSource, KittiSequence, ScanClock
 from data.layouts import OpenConfig
@@ -40,9 +39,7 @@ def open_tracking(folder: Path, sequence: str, config: OpenConfig) -> KittiSeque
         DriveError: The sequence has no scan.
         CalibrationError: The calibration file cannot be used, or the INS has no calibration.
     """
-    scans = FrameFiles.within(folder / "velodyne" / sequence, SCAN_SUFFIXES)
-    if not len(scans):
-        raise no_scans(scans.folder)
+    scans = scans_in(folder / "velodyne" / sequence)
     sensor = config.lidar_model(folder)
     calibration_file = folder / "calib" / f"{sequence}.txt"
     calibration = DriveCalibration(None, None)

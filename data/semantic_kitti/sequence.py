@@ -25,7 +25,7 @@ from data.kitti.sensor_files import (
     FrameFiles,
     join_notes,
     list_folder,
-    no_scans,
+    scans_in,
 )
 from data.kitti.sequence import CameraFiles, ScanClock
 from data.layouts import Layout, OpenConfig
@@ -105,9 +105,7 @@ def open_semantic_kitti(path: Path, name: str | None, config: OpenConfig) -> Sem
     """
     root = path if name is None else _sequence_folders(path)[name]
     sensor = config.lidar_model(root)
-    scans = FrameFiles.within(root / "velodyne", SCAN_SUFFIXES)
-    if not len(scans):
-        raise no_scans(scans.folder)
+    scans = scans_in(root / "velodyne")
     calibration = _read_calibration(root / _CALIBRATION)
     image_files = FrameFiles.within(root / config.camera_among(("image_2",)), IMAGE_SUFFIXES)
     joined = join_images(scans, image_files, scans.unix_times, image_files.unix_times)
