@@ -16,6 +16,7 @@ import cv2
 import pytest
 from filelock import FileLock
 
+from data.synthetic.collection import SynthConfig, write_drives
 from tests.car_frames import write_car_frames_with_a_gap
 from tests.full_disk import SmallDisk
 
@@ -110,6 +111,21 @@ def make_once(
         return folder
 
     return make
+
+
+@pytest.fixture(scope="session")
+def street(make_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Return a synthetic raw drive of four frames with images."""
+    folder = make_once("street", lambda folder: write_drives(folder, SynthConfig(frames=4)))
+    (drive,) = folder.glob("*/*_sync")
+    return drive
+
+
+@pytest.fixture(scope="session")
+def tracking_street(make_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
+    """Return the same street as a sequence in KITTI's tracking layout, without images."""
+    config = SynthConfig(layout="tracking", frames=4, images=False)
+    return make_once("tracking_street", lambda folder: write_drives(folder, config))
 
 
 @pytest.fixture(scope="session")

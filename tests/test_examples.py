@@ -1,7 +1,6 @@
 """The examples of the documents are run."""
 
 import importlib.util
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -11,7 +10,6 @@ import pytest
 from data.messages.definitions import encoded, message, typestore
 from data.messages.geometry import header
 from data.open_drive import open_drive
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.detection.onnx_model import shipped_model
 from perception.sensor import HDL_64E
 
@@ -23,13 +21,6 @@ def load(name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-@pytest.fixture(scope="module")
-def drive(make_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
-    folder = make_once("street", lambda folder: write_drives(folder, SynthConfig(frames=4)))
-    (path,) = folder.glob("*/*_sync")
-    return path
 
 
 def cloud_message(points: np.ndarray, stamp_s: float) -> bytes:
@@ -64,8 +55,8 @@ def test_they_are_short():
     assert max(lines.values()) <= 40
 
 
-def test_one_frame(drive, capsys):
-    scan = next(iter(sorted(drive.glob("velodyne_points/data/*.bin"))))
+def test_one_frame(street, capsys):
+    scan = next(iter(sorted(street.glob("velodyne_points/data/*.bin"))))
     load("one_frame").main(str(scan))
     printed = capsys.readouterr().out.splitlines()
     counts = {line.split(":")[0]: int(line.split()[1]) for line in printed[:4]}
@@ -74,8 +65,8 @@ def test_one_frame(drive, capsys):
     assert float(printed[4].split()[4]) == pytest.approx(1.73, abs=0.15)
 
 
-def test_robot_stream(drive, capsys):
-    opened = open_drive(drive, images=False)
+def test_robot_stream(street, capsys):
+    opened = open_drive(street, images=False)
     load("robot_stream").drive_by(opened, opened.sensor)
     printed = capsys.readouterr().out.splitlines()
     dropped = int(printed[-1].split()[-3])
@@ -83,8 +74,8 @@ def test_robot_stream(drive, capsys):
     assert all("m free, moving at" in line for line in printed)
 
 
-def test_own_detector(drive, capsys):
-    load("own_detector").main(shipped_model("rgb_yolox"), drive)
+def test_own_detector(street, capsys):
+    load("own_detector").main(shipped_model("rgb_yolox"), street)
     printed = capsys.readouterr().out.splitlines()
     names = [line for line in printed if not line.startswith(" ")]
     assert names == ["000000", "000001", "000002", "000003"]
@@ -97,8 +88,8 @@ def test_own_detector(drive, capsys):
             assert float(distance) > 0 or distance == "nan"
 
 
-def test_ros2_node(drive):
-    node, store, opened = load("ros2_node"), typestore(), open_drive(drive, images=False)
+def test_ros2_node(street):
+    node, store, opened = load("ros2_node"), typestore(), open_drive(street, images=False)
     perception = node.Perception(HDL_64E)
     kinds = ("sensor_msgs/msg/PointCloud2", "visualization_msgs/msg/MarkerArray",
              "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage")  # fmt: skip
@@ -117,8 +108,8 @@ def test_ros2_node(drive):
     assert len(node.OUTPUTS) == len(found)
 
 
-def test_a_cloud_keeps_its_points(drive):
-    frame = open_drive(drive, images=False)[0]
+def test_a_cloud_keeps_its_points(street):
+    frame = open_drive(street, images=False)[0]
     read = load("ros2_node").frame_of(0, cloud_message(frame.points_velo, frame.stamp_s))
     assert (read.points_velo[:, :3] == frame.points_velo[:, :3]).all()
     assert read.points_velo[:, 3] == pytest.approx(frame.points_velo[:, 3], abs=0.002)

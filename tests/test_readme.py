@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.detection.onnx_model import shipped_model
 
@@ -97,10 +96,9 @@ def test_commands_on_kitti_run(kitti):
             run(words)
 
 
-def test_python_takes_scans(place, capsys):
+def test_python_takes_scans(street, place, capsys):
     scans, _ = blocks("python")
-    (drive,) = write_drives(place / "drive", SynthConfig(frames=4, images=False))
-    (place / "scans").symlink_to(drive / "velodyne_points/data")
+    (place / "scans").symlink_to(street / "velodyne_points/data")
     exec(compile(scans, "README.md", "exec"), {})
     printed = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in printed if line[0].isdigit()] == ["0", "1", "2", "3"]

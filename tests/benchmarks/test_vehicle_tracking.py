@@ -5,7 +5,6 @@ import json
 import numpy as np
 
 from benchmarks.reference.image_tracker import ReferenceImageTracker
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.types import Detections
 
@@ -46,9 +45,7 @@ def test_a_track_is_forgotten():
     assert tracker.update(detections(_BOX_PX, scores=(0.9,))).tolist() == [1]
 
 
-def test_the_benchmark_measures_both_on_the_same_detections(make_once, tmp_path, monkeypatch):
-    config = SynthConfig(frames=4)
-    (street,) = make_once("street", lambda folder: write_drives(folder, config)).glob("*/*_sync")
+def test_the_benchmark_measures_both_on_the_same_detections(street, tmp_path, monkeypatch):
     monkeypatch.delenv("PUBLIC_NETWORKS", raising=False)
     out = tmp_path / "bench.json"
     words = ["--drive", str(street), "--part", "vehicle-tracking", "--frames", "3"]

@@ -1,4 +1,4 @@
-"""Drives of the commands, and a detector whose detections are known: it reads them from the labels."""
+"""A detector whose detections are known: it reads them from the labels."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,21 +9,12 @@ import pytest
 
 from data.detections import detected_drive, measured_detectors
 from data.open_drive import open_drive
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.evaluation.detection.detector_measure import FrameDetections
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Frame
 
 METADATA = {"method": "labels", "training_data": "nothing at all"}
-
-
-@pytest.fixture(scope="session")
-def street(make_once: Callable[[str, Callable[[Path], object]], Path]) -> Path:
-    """Return a synthetic raw drive of four frames with images."""
-    folder = make_once("street", lambda folder: write_drives(folder, SynthConfig(frames=4)))
-    (drive,) = folder.glob("*/*_sync")
-    return drive
 
 
 @pytest.fixture

@@ -11,20 +11,12 @@ import pytest
 import yaml
 
 from data.kitti.detection_rows import read_detection_set
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.errors import DriveError, ModelError, ScanError, UsageError
 from tests.car_frames import SIZE_PX
 from tests.faults import command, fault
 
-FRAMES = 3
-
-
-@pytest.fixture(scope="module")
-def street(tmp_path_factory) -> Path:
-    root = tmp_path_factory.mktemp("street")
-    write_drives(root, SynthConfig(layout="tracking", frames=FRAMES, images=False))
-    return root
+FRAMES = 4  # of the street
 
 
 def detect(drive: Path, out: Path, *words: str) -> int:
@@ -78,10 +70,12 @@ def test_configuration_and_summary_say_what_was_done(car_frames, label_reader, t
     assert summary["stages_ms"]["all stages"]["p50"] == 3.0
 
 
-def test_a_sequence_without_images_becomes_a_video_of_depths(street, label_reader, tmp_path):
-    label_reader(street, "0000")
+def test_a_sequence_without_images_becomes_a_video_of_depths(
+    tracking_street, label_reader, tmp_path
+):
+    label_reader(tracking_street, "0000")
     out = tmp_path / "out"
-    assert detect(street, out, "--sequence", "0") == 0
+    assert detect(tracking_street, out, "--sequence", "0") == 0
     with av.open(str(out / "video.mp4")) as container:
         assert sum(1 for _ in container.decode(video=0)) == FRAMES
     preview = cv2.imread(str(out / "preview.jpg"))
@@ -91,10 +85,10 @@ def test_a_sequence_without_images_becomes_a_video_of_depths(street, label_reade
     assert len(list((out / "data").iterdir())) == FRAMES
 
 
-def test_an_interrupted_run_keeps_what_was_done(street, label_reader, tmp_path, capsys):
-    label_reader(street, "0000", stop_at=2)
+def test_an_interrupted_run_keeps_what_was_done(tracking_street, label_reader, tmp_path, capsys):
+    label_reader(tracking_street, "0000", stop_at=2)
     out = tmp_path / "out"
-    assert detect(street, out) == 130
+    assert detect(tracking_street, out) == 130
     assert capsys.readouterr().err.count("stopped; what is complete is kept") == 1
     assert sorted(path.name for path in (out / "data").iterdir()) == ["000000.txt", "000001.txt"]
     assert json.loads((out / "summary.json").read_text())["frames"] == 2
@@ -121,10 +115,10 @@ def test_a_drive_of_which_no_frame_can_be_read(car_frames, label_reader, tmp_pat
     assert "no frame could be read" in capsys.readouterr().out
 
 
-def test_without_a_camera_vehicles_have_3d_boxes_all_the_same(street, tmp_path):
+def test_without_a_camera_vehicles_have_3d_boxes_all_the_same(tracking_street, tmp_path):
     blind = tmp_path / "blind" / "training"
-    shutil.copytree(street / "training" / "velodyne", blind / "velodyne")
-    for drive, name in ((street, "seen"), (blind.parent, "unseen")):
+    shutil.copytree(tracking_street / "training" / "velodyne", blind / "velodyne")
+    for drive, name in ((tracking_street, "seen"), (blind.parent, "unseen")):
         assert detect(drive, tmp_path / name, "--sequence", "0", "--no-video") == 0
     seen, unseen = (_located_rows(tmp_path / name) for name in ("seen", "unseen"))
     assert len(unseen) > 0
@@ -148,14 +142,16 @@ def _located_rows(out: Path) -> np.ndarray:
         (("--depthcn.model", "nowhere.onnx"), ModelError, "a model file", "nowhere.onnx"),
     ],
 )
-def test_no_file_is_written_before_an_error(street, tmp_path, words, kind, expected, found):
+def test_no_file_is_written_before_an_error(
+    tracking_street, tmp_path, words, kind, expected, found
+):
     with fault(kind, expected=expected, found=found):
-        command("detect", street, "--out", tmp_path / "out", *words)
+        command("detect", tracking_street, "--out", tmp_path / "out", *words)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_file_without_a_network_is_an_error(street, tmp_path):
+def test_a_file_without_a_network_is_an_error(tracking_street, tmp_path):
     model = tmp_path / "broken.onnx"
     model.write_bytes(b"\x08\x07 not a network")
     with fault(ModelError, where="broken.onnx", expected="a complete ONNX model"):
-        command("detect", street, "--out", tmp_path / "out", "--depthcn.model", model)
+        command("detect", tracking_street, "--out", tmp_path / "out", "--depthcn.model", model)

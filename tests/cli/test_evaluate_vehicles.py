@@ -4,28 +4,19 @@ import json
 import shutil
 from pathlib import Path
 
-import pytest
-
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.errors import DriveError
 from tests.faults import command, fault
-
-
-@pytest.fixture(scope="module")
-def street(tmp_path_factory) -> Path:
-    """Write a short sequence in KITTI's tracking layout."""
-    root = tmp_path_factory.mktemp("street")
-    write_drives(root, SynthConfig(layout="tracking", frames=4, images=False))
-    return root
 
 
 def evaluate(root: Path, *words: object) -> None:
     command("evaluate", "vehicles", root, "--detector", "labels", *words)
 
 
-def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_path, capsys):
+def test_labels_as_they_are_give_every_car_its_place_and_no_switch(
+    tracking_street, tmp_path, capsys
+):
     out = tmp_path / "vehicles.json"
-    evaluate(street, "--noise.sides", 0, "--noise.missing", 0, "--json", out)
+    evaluate(tracking_street, "--noise.sides", 0, "--noise.missing", 0, "--json", out)
     printed = capsys.readouterr().out
     assert "4 of 4 frames, HDL-64E, detector labels, scores from 0.5" in printed
     document = json.loads(out.read_text())
@@ -45,17 +36,17 @@ def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_p
     assert results["ids"]["same_id"] <= results["ids"]["colocated"]
 
 
-def test_the_same_seed_gives_the_same_and_frames_can_be_limited(street, tmp_path):
+def test_the_same_seed_gives_the_same_and_frames_can_be_limited(tracking_street, tmp_path):
     documents = []
     for name in ("one", "other"):
         out = tmp_path / f"{name}.json"
-        evaluate(street, "--noise.seed", 3, "--frames", 2, "--json", out)
+        evaluate(tracking_street, "--noise.seed", 3, "--frames", 2, "--json", out)
         documents.append(json.loads(out.read_text())["results"])
     assert documents[0] == documents[1]
 
 
-def test_a_drive_without_track_labels_is_an_error(tmp_path):
-    write_drives(tmp_path, SynthConfig(layout="tracking", frames=1, images=False))
+def test_a_drive_without_track_labels_is_an_error(tracking_street, tmp_path):
+    shutil.copytree(tracking_street, tmp_path, dirs_exist_ok=True)
     shutil.rmtree(tmp_path / "training" / "label_02")
     with fault(DriveError, expected="labelled boxes that have track ids", found="no boxes"):
         evaluate(tmp_path)

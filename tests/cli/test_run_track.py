@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from data.open_drive import open_drive
 from data.results.objects import TrajectoryRecord
 from data.results.run_config import RunConfig
 from data.results.run_drive import TRACKING_STAGE, track_selected
-from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.errors import UsageError
 from perception.geometry.grids import EgoVehicle
@@ -26,13 +24,7 @@ from perception.types import BoxDeviations, Boxes3D, Result, Tracks, Vehicles
 from tests.faults import command, fault
 from tests.vehicle_scenes import cars, detected
 
-FRAMES = 6
-
-
-@pytest.fixture(scope="module")
-def street(tmp_path_factory) -> Path:
-    (folder,) = write_drives(tmp_path_factory.mktemp("street"), SynthConfig(frames=FRAMES))
-    return folder
+FRAMES = 4  # of the street
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,16 @@ def drives(tmp_path_factory):
     """One synthetic frame in each layout of KITTI."""
     root = tmp_path_factory.mktemp("drives")
     for layout in ("raw", "tracking", "object"):
-        words = ["synth", str(root / layout), "--frames", "1", "--layout", layout]
+        words = [
+            "synth",
+            str(root / layout),
+            "--frames",
+            "1",
+            "--sensor",
+            "VLP-16",
+            "--layout",
+            layout,
+        ]
         assert main(words) == 0
     raw = next((root / "raw").glob("*/*_sync"))
     return {"raw": raw, "tracking": root / "tracking", "object": root / "object"}
