@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.calibration_measures import mutual_information
 from perception.types import Frame
 from tests.board_scenes import TRUE, Boards
+from tests.reference.calibration_measures import mutual_information
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.reference.corner_misfits import corner_misfits
 from perception.calibration.motion_alignment import align_motion, refine_by_motion
 from perception.calibration.offset import UNKNOWN, OffsetEstimate
 from perception.calibration.surface_corners import (
@@ -17,6 +16,7 @@ from perception.calibration.surface_corners import (
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler, from_motion_vector, inverse, motion_vector
 from perception.kernels.corner_sums import SHARED, UNKNOWNS, add_corner_sums
+from tests.reference.corner_misfits import corner_misfits
 from tests.textured_scenes import CAM_SE3_VELO, IMAGE_P_CAM, PLANES, SIZE_PX
 
 NOTHING = OffsetEstimate(np.zeros(6), UNKNOWN)

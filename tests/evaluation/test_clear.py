@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from benchmarks.reference import tracking_metrics as naive
 from perception.evaluation.multi_object.clear import Clear, clear
+from tests.reference import tracking_metrics as naive
 
 
 def test_a_perfect_tracker(frame_of):

@@ -5,10 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from benchmarks.reference import tracking_metrics as naive
 from perception.errors import PerceptionError
 from perception.evaluation.multi_object.hota import ALPHAS, Hota, hota
 from tests.faults import fault
+from tests.reference import tracking_metrics as naive
 
 
 def assert_same(a: Hota, b: Hota) -> None:

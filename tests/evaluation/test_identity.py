@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.reference import tracking_metrics as naive
 from perception.evaluation.multi_object.mot_metrics import Identity, identity
+from tests.reference import tracking_metrics as naive
 
 
 def test_a_perfect_tracker(frame_of):

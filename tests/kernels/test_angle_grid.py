@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.scan_edges import edges_by_shifts, ranges_by_angle
 from perception.kernels.angle_grid import (
     AT_LEFT,
     AT_RIGHT,
@@ -11,6 +10,7 @@ from perception.kernels.angle_grid import (
     edges_of_grid,
     nearest_by_angle,
 )
+from tests.reference.scan_edges import edges_by_shifts, ranges_by_angle
 
 ELEVATIONS_RAD = np.radians(np.linspace(2, -24, 20))
 COLUMN_RAD = np.radians(0.5)

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from benchmarks.maps import fill_by_morphology, fill_nearest_by_chamfer
-from benchmarks.reference.maps import (
-    fill_columns_by_loop,
-    fill_natural_by_discs,
-    fill_nearest_by_search,
-)
 from perception.maps.column_filling import ColumnFillingConfig, fill_columns
 from perception.maps.densify import FILL_METHODS, densify
 from perception.maps.distance_filling import fill_natural, fill_nearest
 from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps
 from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex
+from tests.reference.maps import (
+    fill_columns_by_loop,
+    fill_natural_by_discs,
+    fill_nearest_by_search,
+)
 
 
 def sparse_of(returns, size_px):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.reference.maps import project_by_loop
 from perception.errors import PerceptionError
 from perception.maps.densify import densify
 from perception.maps.projection import (
@@ -16,6 +15,7 @@ from perception.maps.projection import (
     project_scan,
 )
 from perception.types import Calibration, Frame
+from tests.reference.maps import project_by_loop
 
 # x forward of the LiDAR is z of the camera; 10 px of focal length, principal point (8, 4), and an
 # offset as KITTI's P2 has one.

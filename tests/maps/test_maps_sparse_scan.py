@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.maps import held_out_errors
-from benchmarks.reference.maps import fill_columns_by_loop
 from data.synthetic.drive import SyntheticDrive
 from perception.maps.column_filling import ColumnFillingConfig, fill_columns
 from perception.maps.densify import densify
 from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps, project_frame
 from perception.sensor import VLP_16
+from tests.reference.maps import fill_columns_by_loop
 
 
 @pytest.fixture(scope="module")

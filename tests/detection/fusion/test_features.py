@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.fusion import reference_features
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.tri_boxes import tri_boxes
 from tests.detection.fusion.scenes import clumped_scene, detections
+from tests.reference.fusion import reference_features
 
 
 def named(scene, rows, variant="default"):

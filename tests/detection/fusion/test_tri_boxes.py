@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.fusion import reference_tri_boxes
 from perception.detection.config import TRI_BOX_CONFIGS, TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.tri_boxes import tri_boxes
 from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
+from tests.reference.fusion import reference_tri_boxes
 
 CONFIGS_TO_TRY = [
     TriBoxConfig(),

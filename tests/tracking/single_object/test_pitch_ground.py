@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.pitch import reference_density, reference_mode_rad
 from perception.tracking.single_object.config import PitchGroundConfig
 from perception.tracking.single_object.pitch_ground import (
     PitchedPlane,
@@ -11,6 +10,7 @@ from perception.tracking.single_object.pitch_ground import (
     dominant_angle,
     elevation_angles,
 )
+from tests.reference.pitch import reference_density, reference_mode_rad
 
 HEIGHT_M = 1.73
 ANYWHERE = (-0.2, 0.2)
