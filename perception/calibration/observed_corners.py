@@ -39,11 +39,7 @@ class ObservedCorners:
 
     @classmethod
     def of(
-        cls,
-        frame: Frame,
-        world_SE3_velo: Float64,
-        sweep: SweepVelocity,
-        offset_SE3_cam: Float64,
+        cls, frame: Frame, world_SE3_velo: Float64, sweep: SweepVelocity, offset_SE3_cam: Float64
     ) -> Self:
         """Find the corners of a frame with an image and a calibration.
 

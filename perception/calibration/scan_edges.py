@@ -16,13 +16,7 @@ from typing import Annotated
 
 import numpy as np
 
-from perception.kernels.angle_grid import (
-    AT_LEFT,
-    AT_RIGHT,
-    AT_TOP,
-    edges_of_grid,
-    nearest_by_angle,
-)
+from perception.kernels.angle_grid import AT_LEFT, AT_RIGHT, AT_TOP, edges_of_grid, nearest_by_angle
 from perception.maps.projection import rows_near_view
 from perception.sensor import LidarModel
 from perception.types import ArrayTable, Bool, Calibration, Float32, Float64, Int

@@ -30,9 +30,7 @@ def cluster_moving_points(points_velo: Float, elevation_step_rad: float) -> Int:
     cell_of, places_m = _cells(points_velo)
     ranges_m = np.hypot(*places_m.T)
     depth_gaps_m = np.clip(
-        ranges_m * elevation_step_rad / _MIN_SURFACE_SLOPE,
-        _MIN_DEPTH_GAP_M,
-        _MAX_DEPTH_GAP_M,
+        ranges_m * elevation_step_rad / _MIN_SURFACE_SLOPE, _MIN_DEPTH_GAP_M, _MAX_DEPTH_GAP_M
     )
     order = np.argsort(places_m[:, 0])
     cluster_of_cell = linked_clusters(places_m, depth_gaps_m, _LATERAL_GAP_M, order)

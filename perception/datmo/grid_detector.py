@@ -49,10 +49,7 @@ class MotionGrids:
 
 
 def moving_in_area(
-    elevation: ElevationGrid,
-    background_m: Float32,
-    config: MotionGridConfig,
-    radius_cells: int,
+    elevation: ElevationGrid, background_m: Float32, config: MotionGridConfig, radius_cells: int
 ) -> Float32:
     """Return M over the area of reported objects; the map is larger."""
     part = CellGrid.covering(config.work_area, config.cell_m).part(config.area)

@@ -51,9 +51,5 @@ def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
     """
     depthcn = config.depthcn
     return DepthCn(
-        depthcn.model or "default",
-        sensor,
-        proposals=depthcn.proposals,
-        nms=config.nms,
-        threads=1,
+        depthcn.model or "default", sensor, proposals=depthcn.proposals, nms=config.nms, threads=1
     )

@@ -146,9 +146,7 @@ class OnnxModel:
         except Exception as error:  # ONNX Runtime's errors have no base of their own
             shapes = ", ".join(f"{name} {array.shape}" for name, array in inputs.items())
             raise ModelError(
-                self.name,
-                expected=f"to run on {shapes}",
-                found=_first_line(error),
+                self.name, expected=f"to run on {shapes}", found=_first_line(error)
             ) from error
         outputs = dict(zip(self.output_shapes, arrays, strict=True))
         for name, array in outputs.items():
@@ -200,15 +198,11 @@ class OnnxModel:
         )
         if not fits:
             raise ModelError(
-                self.name,
-                expected=f"inputs {_listed(contract.inputs)}",
-                found=_listed(self.inputs),
+                self.name, expected=f"inputs {_listed(contract.inputs)}", found=_listed(self.inputs)
             )
         if missing := [name for name in contract.outputs if name not in self.output_shapes]:
             raise ModelError(
-                self.name,
-                expected=f"an output {missing[0]}",
-                found=", ".join(self.output_shapes),
+                self.name, expected=f"an output {missing[0]}", found=", ".join(self.output_shapes)
             )
 
     def _blank_inputs(self, rows: int) -> dict[str, Array]:

@@ -10,12 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.se3 import (
-    from_motion_vector,
-    inverse,
-    motion_vector,
-    rotation_angle_rad,
-)
+from perception.geometry.se3 import from_motion_vector, inverse, motion_vector, rotation_angle_rad
 from perception.types import INS, Float64, Frame, HealthFinding, HealthLevel
 
 _WINDOW = 10  # frames over which drift adds up

@@ -10,11 +10,7 @@ _BYTE, _SINGLE = np.uint8, np.float32
 
 @compiled((array_of(_SINGLE, 2), array_of(_SINGLE), array_of(_SINGLE), _SINGLE, written(_BYTE, 2)))
 def encode_heights(
-    depth_m: Float32,
-    row_slopes: Float32,
-    column_slopes: Float32,
-    offset: float,
-    heights: UInt8,
+    depth_m: Float32, row_slopes: Float32, column_slopes: Float32, offset: float, heights: UInt8
 ) -> None:
     """Fill a map with the heights of its pixels as 8-bit numbers from 1 to 255.
 

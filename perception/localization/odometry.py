@@ -482,13 +482,7 @@ class LidarOdometry:
         self, target: PreprocessedPoints, source: PreprocessedPoints, guess: _Guess
     ) -> Alignment | None:
         """Align from a guess, and return the alignment where it is accepted."""
-        found = align(
-            target,
-            source,
-            guess.motion,
-            _REACH_M,
-            prior_share=guess.prior_share,
-        )
+        found = align(target, source, guess.motion, _REACH_M, prior_share=guess.prior_share)
         correction = inverse(guess.motion) @ found.target_SE3_source
         is_accepted = (
             found.is_converged

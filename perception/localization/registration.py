@@ -99,11 +99,7 @@ def register_window(window: ScanWindow, config: WindowIcpConfig | None = None) -
         if scan is not newest:
             source = preprocess_points(scan.points_velo, config.voxel_size_m)
             found = align(
-                target,
-                source,
-                newest_SE3_world @ pose,
-                config.max_correspondence_m,
-                "ICP",
+                target, source, newest_SE3_world @ pose, config.max_correspondence_m, "ICP"
             )
             if found.is_converged:
                 pose = newest.world_SE3_velo @ np.round(found.target_SE3_source, 10)

@@ -112,12 +112,7 @@ class GroundSurfaceEstimator:
     def _lowest(self, points: Float32, cells: Int) -> HeightSamples:
         """Return the lowest point of each small cell, where its height can be that of the ground."""
         lowest = lowest_of_cells(
-            points,
-            cells,
-            self._samples.size,
-            -self._height_m,
-            _MAX_STEP_M,
-            _MAX_SLOPE,
+            points, cells, self._samples.size, -self._height_m, _MAX_STEP_M, _MAX_SLOPE
         )
         return HeightSamples(lowest, np.ones(len(lowest)))
 

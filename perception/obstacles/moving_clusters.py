@@ -208,12 +208,7 @@ def _cluster_appeared(
     return columns.join(chosen, static == 0, gap_rad)
 
 
-def _complete(
-    centers_m: Float,
-    columns: _VoxelColumns,
-    moves: Bool,
-    was_always_hit: Bool,
-) -> Bool:
+def _complete(centers_m: Float, columns: _VoxelColumns, moves: Bool, was_always_hit: Bool) -> Bool:
     """Extend motion to the whole object where much of it moves: the side of a slow car fills the place it filled before.
 
     What moves and is short is a person, who reaches little farther: the bush that he passes lies beyond, and the post

@@ -10,12 +10,7 @@ from importlib.resources.abc import Traversable
 
 import numpy as np
 
-from perception.detection.config import (
-    DEFAULT_NMS,
-    PROPOSAL_CONFIGS,
-    NmsConfig,
-    ProposalOverrides,
-)
+from perception.detection.config import DEFAULT_NMS, PROPOSAL_CONFIGS, NmsConfig, ProposalOverrides
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals, propose
 from perception.detection.depthcn.verifier import Verifier, VerifierPrediction

@@ -17,11 +17,7 @@ from functools import partial
 from typing import Generic, NamedTuple, TypeVar
 
 from perception.detection.detectors.image_region import detection_region, first_observed_row
-from perception.detection.detectors.modalities import (
-    camera_image,
-    fill_maps,
-    map_image,
-)
+from perception.detection.detectors.modalities import camera_image, fill_maps, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.network_input import PixelRectangle
 from perception.detection.fusion.detected_scene import DetectedScene

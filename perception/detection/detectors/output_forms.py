@@ -19,11 +19,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from perception.detection.detectors.class_columns import (
-    COCO_CLASSES,
-    COCO_NUMBERS,
-    ClassColumns,
-)
+from perception.detection.detectors.class_columns import COCO_CLASSES, COCO_NUMBERS, ClassColumns
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_input import Alignment, Resize
 from perception.detection.onnx_model import Array
@@ -206,9 +202,6 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
     ),
     "yolox": OutputForm(_decode_yolox, _columns_after(5), InputFormat(color_order="BGR"), _COCO),
     "yolo": OutputForm(
-        _decode_yolo,
-        _columns_after(5),
-        InputFormat(scale=_UNIT_SCALE, alignment="center"),
-        _COCO,
+        _decode_yolo, _columns_after(5), InputFormat(scale=_UNIT_SCALE, alignment="center"), _COCO
     ),
 }

@@ -65,10 +65,7 @@ def top_k_boxes(boxes_px: Float, scores: Float, nms: NmsConfig = DEFAULT_NMS) ->
 
 
 def suppressed_detections(
-    boxes: ScoredBoxes,
-    class_names: Sequence[str],
-    size: InputSize,
-    nms: NmsConfig = DEFAULT_NMS,
+    boxes: ScoredBoxes, class_names: Sequence[str], size: InputSize, nms: NmsConfig = DEFAULT_NMS
 ) -> Detections:
     """Return the objects of one image, best first.
 

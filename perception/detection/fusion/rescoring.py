@@ -38,14 +38,7 @@ from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
-from perception.types import (
-    MODALITIES,
-    Bool,
-    Detections,
-    Float64,
-    FusedDetections,
-    Int,
-)
+from perception.types import MODALITIES, Bool, Detections, Float64, FusedDetections, Int
 
 KIND = "fusion"
 CONTRACT = ModelContract(
@@ -276,7 +269,5 @@ def _calibrations(model: OnnxModel) -> FusionCalibration:
         return FusionCalibration.parse(stated)
     except (ValueError, UsageError) as error:
         raise ModelError(
-            model.name,
-            expected="calibration of three numbers a curve",
-            found=stated,
+            model.name, expected="calibration of three numbers a curve", found=stated
         ) from error
