@@ -114,19 +114,19 @@ class EdgeAlignment:
         ]
         return 1 - np.array(turned) / here if here > 0 else np.zeros(len(turned))
 
-    def covariance(self, offset: Float64, smoothing_px: float = SMOOTHINGS_PX[1]) -> Float64:
+    def covariance(self, offset: Float64) -> Float64:
         """Return the (6, 6) covariance of the best offset, by how much the frames differ from each other.
 
         That of an M-estimator, H^-1 (sum of g g^T over frames) H^-1, with the slope g of each frame's score and the
         curvature H of their sum; frames in a row see the same objects, and so are not as independent as it takes them.
         """
-        slopes = self.score(offset, smoothing_px).frame_gradients * STEP
+        slopes = self.score(offset, SMOOTHINGS_PX[1]).frame_gradients * STEP
         curvature = np.empty((6, 6))
         for axis in range(6):
             step = np.zeros(6)
             step[axis] = 0.5 * STEP[axis]
-            ahead = self.score(offset + step, smoothing_px).frame_gradients.sum(axis=0)
-            behind = self.score(offset - step, smoothing_px).frame_gradients.sum(axis=0)
+            ahead = self.score(offset + step, SMOOTHINGS_PX[1]).frame_gradients.sum(axis=0)
+            behind = self.score(offset - step, SMOOTHINGS_PX[1]).frame_gradients.sum(axis=0)
             curvature[axis] = (behind - ahead) * STEP
         curvature = (curvature + curvature.T) / 2 + np.diag(self.edges * TRANSLATION_PRIOR)
         back = np.linalg.pinv(curvature)

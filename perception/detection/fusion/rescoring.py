@@ -66,23 +66,6 @@ class RescoredBoxes:
     is_fused: Bool
 
 
-@dataclass(frozen=True)
-class _JointBoxes:
-    """K boxes of which suppression keeps some.
-
-    Attributes:
-        detections: (K) boxes with the scores of the fusion.
-        source_indices: (K, 3) rows of the combined boxes in the detections of each modality, -1 for none.
-        columns: (K,) index in `MODALITIES` of the dominant modality.
-        is_fused: (K,) mask of the boxes that the network has rescored.
-    """
-
-    detections: Detections
-    source_indices: Int
-    columns: Int
-    is_fused: Bool
-
-
 _NO_OVERRIDES = TriBoxOverrides()
 
 
@@ -156,35 +139,31 @@ class Fusion:
         return RescoredBoxes(detections, rows, best, is_fused)
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
-        """Return the boxes that suppression keeps, with the combination of each."""
-        boxes = (self._blended if self.variant == "default" else self._separate)(scene, rescored)
-        kept = suppress(boxes.detections, self.max_iou)
-        detections, columns = boxes.detections[kept], boxes.columns[kept]
+        """Return the boxes that suppression keeps, with the combination of each.
+
+        The thesis' variants keep the boxes of all modalities, each with its best combination; the default one box for
+        each combination, with the score of the box that counts most in it.
+        """
+        boxes, is_fused, columns = rescored.detections, rescored.is_fused, scene.merged.columns
+        rows = rescored.tri_boxes
+        if self.variant == "default":
+            columns = box_weights(scene, rows).argmax(axis=1)
+            main = scene.merged.places(rows)[np.arange(len(rows)), columns]
+            boxes = replace(boxes[main], boxes_px=blended_boxes_px(scene, rows))
+            is_fused = is_fused[main]
+        else:
+            rows = rows[rescored.best]
+        kept = suppress(boxes, self.max_iou)
+        detections, columns = boxes[kept], columns[kept]
         types, sets = detections.types, scene.set_names(detections.types)
         of_sets = np.char.add(np.char.add(sets, ":"), types.astype(np.str_))
-        names = np.where(boxes.is_fused[kept], of_sets, np.array(MODALITIES)[columns])
+        names = np.where(is_fused[kept], of_sets, np.array(MODALITIES)[columns])
         scores = self.calibrations.probabilities(detections.scores, names)
         # Curves differ between classes and modalities, and may change the order.
         order = np.argsort(-scores, kind="stable")
         found = replace(detections, scores=scores)[order]
-        source_indices = boxes.source_indices[kept[order]]
         existence = existence_of(found.scores, sets[order], found.types)
-        return FusedDetections(found, source_indices, columns[order], existence)
-
-    @staticmethod
-    def _separate(scene: DetectedScene, rescored: RescoredBoxes) -> _JointBoxes:
-        """Return the boxes of all modalities, each with its best combination."""
-        rows = rescored.tri_boxes[rescored.best]
-        return _JointBoxes(rescored.detections, rows, scene.merged.columns, rescored.is_fused)
-
-    @staticmethod
-    def _blended(scene: DetectedScene, rescored: RescoredBoxes) -> _JointBoxes:
-        """Return one box for each combination, with the score of the box that counts most in it."""
-        rows = rescored.tri_boxes
-        columns = box_weights(scene, rows).argmax(axis=1)
-        main = scene.merged.places(rows)[np.arange(len(rows)), columns]
-        detections = replace(rescored.detections[main], boxes_px=blended_boxes_px(scene, rows))
-        return _JointBoxes(detections, rows, columns, rescored.is_fused[main])
+        return FusedDetections(found, rows[kept[order]], columns[order], existence)
 
     def is_fused(self, scene: DetectedScene, types: NDArray[np.str_]) -> Bool:
         """Return the (M,) mask of the classes that the network rescores in a scene."""
