@@ -107,7 +107,7 @@ def commands(experiments: ThesisExperiments, out: Path) -> dict[str, list[str]]:
     depthcn = f"--detector depthcn --detection.depthcn.model {out / 'depthcn.onnx'}"
     lines["test of DepthCN"] = f"{on_test} {depthcn} --json {out / 'depthcn.json'}"
     fusions = f"--fusions {out / 'scores/fusion.onnx'}"
-    own = f"--detection.fusion.model {out / 'features/fusion.onnx'}"
+    own = f"--detection.fusion-model {out / 'features/fusion.onnx'}"
     lines["test of the fusion"] = f"{on_test} {models} {own} {fusions} --json {out / 'fusion.json'}"
     return {name: shlex.split(line) for name, line in lines.items()}
 

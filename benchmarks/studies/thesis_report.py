@@ -13,7 +13,7 @@ from benchmarks.studies.report import formatted_table, publish
 from data.detections.measured_detectors import run_depthcn
 from data.splits.files import read_split
 from perception.atomic_file import write_atomically, write_jpeg
-from perception.detection.config import DepthCnConfig, DetectionConfig, FusionConfig
+from perception.detection.config import DepthCnConfig, DetectionConfig
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.networks import open_depthcn, open_detectors, open_fusion
@@ -162,7 +162,7 @@ def draw_frames(out: Path) -> None:
         dm_model=out / "dm.onnx",
         rm_model=out / "rm.onnx",
         depthcn=DepthCnConfig(model=out / "depthcn.onnx"),
-        fusion=FusionConfig(model=out / "features/fusion.onnx"),
+        fusion_model=out / "features/fusion.onnx",
     )
     for figure, images in (("7.10", _depthcn_images), ("7.16", _fused_images)):
         write_jpeg(out / f"figure-{figure}.jpg", _sheet(list(images(drive, config))))

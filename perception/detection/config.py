@@ -179,19 +179,6 @@ def tri_box_config(variant: FusionVariant, max_partners: int | None = None) -> T
 
 
 @dataclass(frozen=True)
-class FusionConfig:
-    """Fusion of the image, depth map and reflectance map detections (6.2.4).
-
-    Attributes:
-        model: ONNX file of another network than the one of this package.
-        tri_boxes: Combinations of boxes in place of those that the network was trained with.
-    """
-
-    model: Path | None = None
-    tri_boxes: TriBoxOverrides = field(default_factory=TriBoxOverrides)
-
-
-@dataclass(frozen=True)
 class DetectionConfig:
     """Vehicle detectors that run on each frame with a camera.
 
@@ -201,8 +188,9 @@ class DetectionConfig:
         rgb_model: ONNX file of another image detector than the one of this package.
         dm_model: ONNX file of another depth map detector.
         rm_model: ONNX file of another reflectance map detector.
+        fusion_model: ONNX file of another fusion network of the modalities (6.2.4).
         depthcn: DepthCN, the LiDAR detector.
-        fusion: Fusion of the modalities.
+        tri_boxes: Combinations of boxes in place of those that the fusion was trained with.
         nms: Score threshold and suppression of every detector and of the fusion.
         display_score: Score from which a detection is drawn, and counted as a vehicle in summaries, 0 to 1.
     """
@@ -211,8 +199,9 @@ class DetectionConfig:
     rgb_model: Path | None = None
     dm_model: Path | None = None
     rm_model: Path | None = None
+    fusion_model: Path | None = None
     depthcn: DepthCnConfig = field(default_factory=DepthCnConfig)
-    fusion: FusionConfig = field(default_factory=FusionConfig)
+    tri_boxes: TriBoxOverrides = field(default_factory=TriBoxOverrides)
     nms: NmsConfig = field(default_factory=NmsConfig)
     display_score: float = 0.5
 

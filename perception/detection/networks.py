@@ -39,8 +39,9 @@ def open_fusion(config: DetectionConfig) -> Fusion:
     Raises:
         ModelError: there is no such file, or it holds no fusion network.
     """
-    fusion = config.fusion
-    return Fusion(fusion.model or "default", max_iou=config.nms.max_iou, tri_boxes=fusion.tri_boxes)
+    return Fusion(
+        config.fusion_model or "default", max_iou=config.nms.max_iou, tri_boxes=config.tri_boxes
+    )
 
 
 def open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:

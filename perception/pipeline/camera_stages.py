@@ -280,6 +280,6 @@ def _make_maps(frame: Frame) -> DenseMaps:
 def _open_detectors(config: DetectionConfig) -> MultimodalDetector | None:
     """Open the detectors and their fusion; without its network, non-maximum suppression over all modalities."""
     detectors = open_detectors(config)
-    has_fusion = config.fusion.model or shipped_model("fusion_default").is_file()
+    has_fusion = config.fusion_model or shipped_model("fusion_default").is_file()
     fusion = open_fusion(config) if has_fusion else NmsFusion(config.nms.max_iou)
     return MultimodalDetector(detectors, fusion) if detectors else None

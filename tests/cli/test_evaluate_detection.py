@@ -419,7 +419,7 @@ def test_networks_of_files_detect_in_each_frame_once(
         MultimodalDetector, "detect", lambda *given: calls.append(given) or detect(*given)
     )
     words = [f"--detection.{name}-model={network_files[name]}" for name in MODALITIES]
-    words += [f"--detection.fusion.model={network_files['default']}"]
+    words += [f"--detection.fusion-model={network_files['default']}"]
     words += ["--fusions", network_files["scores"]]
     words += ["--cache", tmp_path / "cache", "--iou", "0.5"]
     assert evaluate(car_frames, *words) == 0
