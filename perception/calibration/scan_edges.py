@@ -29,10 +29,8 @@ _LIMITS = _MAX_RANGE_M, _FAR_RATIO, _FAR_M, _SAME_RATIO, _SAME_M
 _MARGIN_SHARE = 0.1  # of the image's size, by which edges beyond its borders are kept
 _NEAREST_M = 1.0
 _KINDS = np.array([AT_LEFT, AT_RIGHT, AT_TOP], np.uint8)
-_SIDEWAYS, _UPWARDS = (
-    np.array([-1.0, 1.0, 0.0]),
-    np.array([0.0, 0.0, 1.0]),
-)  # where the next beam is
+# Where the next beam is.
+_SIDEWAYS, _UPWARDS = np.array([-1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)

@@ -39,9 +39,8 @@ def detection_region(calibration: Calibration | None, size_px: tuple[int, int]) 
         _, row, depth = ray_P_velo @ ray
         rows.append(row / depth if depth > 0 else math.nan)
     top, bottom = rows
-    if (
-        not top < bottom or bottom <= 0 or top >= height
-    ):  # a camera that looks up or down, or is upside down
+    # A camera that looks up or down, or is upside down.
+    if not top < bottom or bottom <= 0 or top >= height:
         return whole
     return PixelRectangle(0, max(0, math.floor(top)), width, min(height, math.ceil(bottom)))
 

@@ -23,11 +23,9 @@ SHIPPED_DETECTORS: Mapping[Modality, str] = {
     "rm": "rm_compact",
 }
 
-# Filling of a detector's maps: a method, or the returns alone (Table B.2).
-
 
 def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:
-    """Return the dense depth and reflectance maps by a filling."""
+    """Return the dense depth and reflectance maps by a filling: a method, or the returns alone (Table B.2)."""
     if filling == "sparse":
         return dense_maps(sparse, _leave_sparse)
     return densify(sparse, filling)

@@ -32,9 +32,8 @@ def matched_boxes(scene: DetectedScene, min_iou: float) -> Int:
     """
     merged = scene.merged
     overlap = np.where(merged.is_same_class & (merged.iou > min_iou), merged.iou, 0.0)
-    overlap = np.vstack(
-        [overlap, np.zeros(len(merged.detections))]
-    )  # the last row is of missing boxes
+    # The last row is of missing boxes.
+    overlap = np.vstack([overlap, np.zeros(len(merged.detections))])
     places = np.full((0, len(MODALITIES)), -1)
     for column in range(len(MODALITIES)):
         boxes = np.flatnonzero(merged.columns == column)
