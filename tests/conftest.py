@@ -23,7 +23,9 @@ from tests.full_disk import SmallDisk
 cv2.setNumThreads(1)
 gc.disable()  # while the tests are imported: it would take a third of the time
 
-_SHARED = Path(__file__).parents[2] / "shared" / "kitti"
+_ROOT = Path(__file__).parents[1]
+_KERNELS = _ROOT / "perception" / "kernels"
+_SHARED = _ROOT.parent / "shared" / "kitti"
 _TRAINING = ("tests/train/", "tests/cli/test_train")
 # Modules whose fixtures run whole commands.
 _SLOW = (
@@ -53,8 +55,24 @@ _LONGEST = (
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let processes take the files in our order, not those with most tests first."""
+    """Let processes take the files in our order, not those with most tests first; compile for them in a fresh clone."""
     config.option.loadscopereorder = False
+    starts_others = getattr(config.option, "numprocesses", 0) and not hasattr(config, "workerinput")
+    if starts_others and not any(_KERNELS.glob("__pycache__/*.nbc")):
+        _compile_kernels()
+
+
+def _compile_kernels() -> None:
+    """Compile all functions by two processes, from both ends: each loads what the other has compiled."""
+    modules = ", ".join(f"perception.kernels.{path.stem}" for path in _KERNELS.glob("[!_]*.py"))
+    for process in [
+        subprocess.Popen([sys.executable, "-c", code], cwd=_ROOT)
+        for code in (
+            f"import {modules}; perception.kernels.compiled.load_compiled({order})"
+            for order in ("iter", "reversed")
+        )
+    ]:
+        process.wait()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
