@@ -20,10 +20,10 @@ def adopt(
     lidar_to_camera: tuple[float, ...] = (),
     body_to_lidar: tuple[float, ...] = (),
 ) -> None:
-    """Describe a folder of scans of any format: look at it, print what was seen, write its drive.yaml.
+    """Inspect a folder of scans of any format, print the findings and write its drive.yaml.
 
-    What cannot be seen is asked on a terminal; without one it is a question in a comment of drive.yaml.
-    Of several cameras, the numbers of the first ones stand one camera after another, in the order in which they are printed.
+    What cannot be determined is asked on a terminal, or written as a question into drive.yaml.
+    With several cameras, give the numbers of one camera after another, in the order in which they are printed.
 
     Example: trifuse adopt my_drive --intrinsics 721.5,721.5,609.6,172.9 --lidar-to-camera 0,-0.08,-0.27,90,-90,0
 

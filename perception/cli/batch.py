@@ -32,7 +32,7 @@ def batch(
             of each that is no URL.
         out: Folder of the results of all drives.
         cluster: Workers.
-        chunk_frames: Number of frames of a task, for maps and detect, whose frames do not depend on each other; else whole
+        chunk_frames: Number of frames of a task, for maps and detect, whose frames do not depend on each other; by default whole
             drives.
     """  # Its flags alone: `run_batch` knows the command, which no flag names.
 

@@ -16,7 +16,7 @@ def demo(
 ) -> None:
     """Write a short synthetic drive and run every stage on it; needs no data.
 
-    Leaves a video, the result files and a summary, in place of those of an earlier demo.
+    Writes a video, the result files and a summary, and replaces those of an earlier demo.
 
     Example: trifuse demo --sensor VLP-16
 
@@ -25,7 +25,7 @@ def demo(
         frames: Number of frames, ten a second.
         sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one.
         seed: Seed of the street.
-        stages: Print the time of each stage, too.
+        stages: Also print the time of each stage.
     """
     from data.open_drive import open_drive
     from data.pipeline_results import pipeline_results

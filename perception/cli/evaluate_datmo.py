@@ -39,7 +39,7 @@ def evaluate_datmo(
 
     Args:
         root: Drive with poses and labelled boxes that have tracks.
-        set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
+        set: Set of sequences: table-3.1, the 8 of the thesis, as far as ROOT holds them; one drive by default.
         methods: Methods that are compared; all of them get the segmented scans of one pipeline.
         pipeline: Configuration of the pipeline up to the segmented scan.
         protocol: Protocol of the evaluation; `view: all` takes labels of everything around:

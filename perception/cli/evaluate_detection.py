@@ -48,10 +48,10 @@ def evaluate_detection(
     Args:
         drives: Object folder, tracking folder or synthetic drive; one or several.
         detector: Detector: fusion, depthcn, rgb, dm, rm, or a file of any, ONNX or YAML; several with commas.
-        classes: Classes to measure, several with commas; else all of the network, of the fusion those of KITTI's
-            benchmark.
+        classes: Classes to measure, several with commas; by default all of the network, for the fusion those of
+            KITTI's benchmark.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.
-        cache: Folder for the detections of the modalities before fusion; else the user's cache folder.
+        cache: Folder for the detections of the modalities before fusion; by default the user's cache folder.
         plot: PNG file for the precision-recall curves.
         reliability_plot: PNG file for the share of correct detections over their scores, of the fusion.
         worst_frames: Folder for images of the frames with most errors, of the first detector.

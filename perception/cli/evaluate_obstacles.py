@@ -55,7 +55,7 @@ def evaluate_obstacles(
 
     Args:
         root: Drive of any layout with labelled boxes or classes of points.
-        set: Set of sequences: table-3.1, the 8 of the thesis, of which all that ROOT holds are evaluated; else one drive.
+        set: Set of sequences: table-3.1, the 8 of the thesis, as far as ROOT holds them; one drive by default.
         pipeline: Pipeline configuration.
         protocol: Protocol of the evaluation.
     """

@@ -36,8 +36,8 @@ def evaluate_otd(
     Args:
         root: KITTI's tracking data, or a synthetic drive.
         set: Set of objects: table-3.2 (8 sequences), 3d-otd (Table A.1, 50), both, or every labelled track of 15 frames.
-        trackers: Names of the trackers, such as default,h-fus,3d-kf; else all of them, which takes long.
-        track_id: Track id of the only object; else all.
+        trackers: Names of the trackers, such as default,h-fus,3d-kf; all of them by default, which takes long.
+        track_id: Track id of the only object; all by default.
         plots: Folder for the plots of Figs A.1 to A.3 and of one-pass evaluation.
         tracker: Configuration of the trackers (Table 7.5).
         pipeline: Configuration of the pipeline up to the ground.

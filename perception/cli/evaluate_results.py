@@ -18,7 +18,7 @@ class ResultPrecisionFlags(PrecisionFlags):
     """Metric of detections.
 
     Attributes:
-        iou: IoU that a detection must exceed to match an object, several with commas; else KITTI's own, 0.7 for
+        iou: IoU that a detection must exceed to match an object, several with commas; by default KITTI's, 0.7 for
             Car and 0.5 for Pedestrian and Cyclist.
         recall_points: Number of recall points over which precision is averaged: 11, 40 or 11,40.
         bootstrap: Number of bootstrap resamples of the frames for 95 % intervals; 0 for none.
@@ -55,10 +55,10 @@ def evaluate_results(
         results: Folder of the result files.
         labels: Folder of the label files, or the root of KITTI's object or tracking data.
         kind: Kind of the results; auto decides by the names of the files.
-        classes: Classes to measure, several with commas; else Car, Pedestrian and Cyclist, of tracks car and
+        classes: Classes to measure, several with commas; by default Car, Pedestrian and Cyclist, of tracks car and
             pedestrian; of detections, with --iou any other.
-        frame_list: File of frame numbers, one a row, of detections; else all frames with labels.
-        seqmap: File of sequence names and numbers of frames, of tracks; else all sequences with results.
+        frame_list: File of frame numbers, one per row, of detections; by default all frames with labels.
+        seqmap: File of sequence names and numbers of frames, of tracks; by default all sequences with results.
         published: Table of the thesis whose published detectors are printed beside the detected cars: table-7.9
             (DepthCN) or table-7.11 (fusion).
         plot: PNG file for the precision-recall curves of detections.

@@ -31,7 +31,7 @@ def evaluate_vehicles(
     Args:
         root: Drive of any layout with a camera and labelled boxes that have track ids.
         detector: Detectors of the pipeline, DepthCN, or noisy labels, which show the error of location and tracking.
-        display_score: Existence of a vehicle from which on it counts, 0 to 1.
+        display_score: Minimum existence probability of a vehicle that counts, 0 to 1.
         noise: Noise of the labels with `--detector labels`.
         pipeline: Pipeline configuration.
     """

@@ -34,11 +34,11 @@ def export(
         out: ONNX file; the report has the same name and ends in .json.
         data: Drive for calibration, comparison and average precision.
         sequence: Sequence of a tracking folder.
-        split: Split file of `trifuse split`, of which one part of the drive is taken; else all frames.
-        part: Part of the split: train, val or test; val where none is named.
+        split: Split file of `trifuse split`, of which one part of the drive is taken; all frames by default.
+        part: Part of the split: train, val or test; val by default.
         frames: Maximum number of frames, spread evenly over the drive.
         int8: Make an 8-bit model too; the one that is not chosen becomes NAME.int8.onnx or NAME.fp32.onnx.
-        size: Input size of a detector as HEIGHTxWIDTH in multiples of 32, such as 352x1216; else that of the training.
+        size: Input size of a detector as HEIGHTxWIDTH in multiples of 32, such as 352x1216; by default that of the training.
     """
     from data.open_drive import open_drive
     from data.splits.files import select_part

@@ -26,12 +26,12 @@ class SourceFlags(FlagGroup):
 
     Attributes:
         sequence: Sequence of a tracking folder, such as 0000; all of them where a command takes several.
-        sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one; else what
-            the drive states, else HDL-64E.
-        camera: Camera of the drive, or topic of a bag, several with commas, the main one first; else the forward one.
-        lidar: LiDAR of the drive, or topic of a bag, several with commas; else the first or all of them.
+        sensor: LiDAR model, such as HDL-64E, VLP-16 or OS1-64, or a .yaml or .json file that describes one; by
+            default that of the drive, or HDL-64E.
+        camera: Camera of the drive or topic of a bag, several with commas, the main one first; by default the forward one.
+        lidar: LiDAR of the drive or topic of a bag, several with commas; by default the first or all of them.
         deskew: Move the points of a sweep to the time of the scan, where their times are known.
-        reflectance_scale: Full scale of the reflectance, such as 255; else found from some scans.
+        reflectance_scale: Full scale of the reflectance, such as 255; estimated from some scans by default.
         columns: Columns of the scans of a folder in order, where the files do not name them: x,y,z,intensity,ring,t; _
             for others.
     """
@@ -62,8 +62,8 @@ class DriveFlags(SourceFlags):
     """Frames of the drive.
 
     Attributes:
-        frames: Number of frames from the start of the drive; else all.
-        on_bad_frame: Stop at a damaged frame and keep what was done, or skip the frame and report it.
+        frames: Number of frames from the start of the drive; all by default.
+        on_bad_frame: Stop at a damaged frame and keep the results so far, or skip the frame with a warning.
     """
 
     frames: int | None = None
@@ -79,7 +79,7 @@ class PartOfDriveFlags(DriveFlags):
     """Frames of the drive.
 
     Attributes:
-        start: Number of frames at the start of the drive that are left out; --frames counts from there.
+        start: Number of frames to skip at the start of the drive; --frames counts from there.
     """
 
     start: int = 0
@@ -95,8 +95,8 @@ class LabelledDriveFlags(DriveFlags):
     """Frames of the drive.
 
     Attributes:
-        split: Split file of `trifuse split`, of which one part is evaluated; else all frames.
-        part: Part of the split: train, val or test; test where none is named.
+        split: Split file of `trifuse split`, of which one part is evaluated; all frames by default.
+        part: Part of the split: train, val or test; test by default.
     """
 
     split: Path | None = None
@@ -122,7 +122,7 @@ class ResultsFlags(FlagGroup):
     """Results.
 
     Attributes:
-        out: Folder for the results; else results/<time>, with results/latest pointing to it.
+        out: Folder for the results; by default results/<time>, to which results/latest points.
         overwrite: Replace the results of an earlier run of this command in that folder; other files stay.
     """
 
@@ -146,7 +146,7 @@ class ReportFlags(FlagGroup):
 
     Attributes:
         json: JSON file for the metrics, with protocol, data and configuration.
-        html: HTML file for the same with figures, which needs no network; else beside the JSON file, under its name.
+        html: HTML file for the same with figures, which needs no network; by default beside the JSON file, under its name.
         report: Write the HTML file beside the JSON file, where plotly is installed.
     """
 

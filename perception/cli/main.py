@@ -149,7 +149,7 @@ class BatchCommand(Command):
 SUMMARIES: Mapping[str, str] = {
     "demo": "make a short synthetic drive and run every stage on it; needs no data",
     "run": "run the pipeline on a drive; write results, a video and a summary",
-    "serve": "run the pipeline live, on a LiDAR or a drive; show results in Foxglove or the like",
+    "serve": "run the pipeline live, on a LiDAR or a drive; show results in Foxglove and similar viewers",
     "track": "track one object: trajectory, speed, box and a video",
     "detect": "detect vehicles by DepthCN; write KITTI result files",
     "maps": "write dense depth and reflectance maps as the camera sees them",
@@ -157,7 +157,7 @@ SUMMARIES: Mapping[str, str] = {
     "split": "split labelled frames into training, validation and test",
     "shards": "write labelled frames as tar files from which trainings stream, here or in an object store",
     "report": "write the HTML report of results, or compare two runs",
-    "adopt": "describe a folder of scans of any format by looking at it",
+    "adopt": "inspect a folder of scans of any format and write its drive.yaml",
     "calibrate": "find the calibration of LiDAR and camera by the edges of both",
     "check": "read a drive; report what is missing, damaged or implausible",
     "evaluate": "measure a stage against labels or exact truth",

@@ -13,7 +13,7 @@ def report(results: Path, other: Path | None = None, *, html: Path | None = None
     Args:
         results: Folder of `trifuse run` or of a training, or the JSON report of an evaluation or benchmark.
         other: Folder of a second run, shown beside the first; leave it out for the report of one.
-        html: HTML file; else report.html in the folder, comparison.html in that of the second run, or the name of the
+        html: HTML file; by default report.html in the folder, comparison.html in that of the second run, or the name of the
             JSON report with .html.
     """
     from data.report.page import require_plotly

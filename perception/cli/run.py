@@ -25,7 +25,7 @@ class RunResultsFlags(ResultsFlags):
     """Results.
 
     Attributes:
-        resume: Go on with the run of the same configuration in that folder, else in results/latest, that was stopped.
+        resume: Resume the stopped run of the same configuration in that folder, by default in results/latest.
     """
 
     resume: bool = False
@@ -65,15 +65,15 @@ def run(
 
     Args:
         drive: Folder or file of a drive in any layout.
-        checkpoint_frames: Frames from one checkpoint to the next, from which --resume goes on; 0 for none.
+        checkpoint_frames: Number of frames between two checkpoints, from which --resume continues; 0 for none.
         video: Draw the video.
-        video_views: Draw the boxes of each modality's detector in the video, too.
+        video_views: Also draw the boxes of each modality's detector in the video.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
         tracker: Name of the one-object tracker; ms-i, cbwh and opencv-* work in the image alone.
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl; 0 for all.
         fault: Faults of sensors to inject, as KIND:FIRST-LAST or KIND:FIRST-LAST:SIZE, such as camera-dark:50-80.
         fault_seed: Seed of the injected faults.
-        stages: Print the time of each stage, too; it is in summary.json in any case.
+        stages: Also print the time of each stage, which summary.json always holds.
         tracker_config: Parameters of the one-object trackers.
         pipeline: Pipeline configuration.
     """

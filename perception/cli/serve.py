@@ -22,9 +22,9 @@ def serve(
     udp_port: int = 2368,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
-    """Run the pipeline on a live LiDAR, or on a drive as if it were live; show the results in Foxglove or the like.
+    """Run the pipeline on a live LiDAR, or on a drive as if it were live; show the results in Foxglove and similar viewers.
 
-    Frames that come while the pipeline is busy are dropped, so that nothing lags. Ctrl-C ends it.
+    Frames that arrive while the pipeline is busy are dropped. Ctrl-C ends it.
 
     Example: trifuse serve 2011_09_26/2011_09_26_drive_0005_sync --loop
 
@@ -34,7 +34,7 @@ def serve(
         port: Port to which viewers connect.
         host: Address of the network interface; 0.0.0.0 lets viewers of other computers connect.
         rate: Speed of the drive, 0.5 for half as fast.
-        loop: Begin again at the end of the drive.
+        loop: Restart at the end of the drive.
         udp_port: Port at which packets of the LiDAR arrive.
         pipeline: Pipeline configuration.
 

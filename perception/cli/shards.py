@@ -34,16 +34,16 @@ def shards(
         roots: Labelled drives of any layout; of a folder of several, all are taken.
         out: Folder or URL of the shards.
         modality: Camera image, rgb; or depth map, dm, or reflectance map, rm, which are written both.
-        size: Height and width of the input, as of the training.
-        filling: Method by which maps are made dense, as of the training.
-        jpeg_quality: Quality of the JPEG compression of the input, as of the training.
-        fit: Letterbox, which keeps the aspect of images, or stretch, as of the training.
-        split: File of `trifuse split`, of which part train is written; else all frames.
+        size: Height and width of the input, as in the training.
+        filling: Method by which maps are made dense, as in the training.
+        jpeg_quality: Quality of the JPEG compression of the input, as in the training.
+        fit: Letterbox, which keeps the aspect of images, or stretch, as in the training.
+        split: File of `trifuse split`, of which part train is written; all frames by default.
         samples: Samples of a shard.
         seed: Seed of the order of the samples.
-        workers: Number of processes; else one a core.
+        workers: Number of processes; one per core by default.
         overwrite: Replace the shards that are there.
-        on_bad_frame: Stop at a damaged frame, or leave it out with a warning.
+        on_bad_frame: Stop at a damaged frame, or skip it with a warning.
     """
     from data.open_drive import open_drives
     from data.remote_folder import RemoteFolder

@@ -43,11 +43,11 @@ def synth(
         ins_noise_m: Standard deviation of the INS position along each axis, in metres.
         ins_noise_deg: Standard deviation of the INS roll, pitch and yaw, in degrees.
         images: Write the images of the colour camera.
-        speed: Desired speed of the ego vehicle in metres per second; else that of the street.
-        street: Kind of street; else a busy street, and from the second drive on any kind but a jam.
-        night: Let it be night, with the lamps of vehicles and a faint sky.
+        speed: Desired speed of the ego vehicle in metres per second; by default that of the street.
+        street: Kind of street; by default a busy street first, then any kind except a jam.
+        night: Render a night with the lamps of vehicles and a faint sky.
         cameras: Cameras of the vehicle, the main one first: front, front_left, front_right, left, right, rear.
-        part: Part to write beside what is there, such as 3/8, the third of eight; so jobs of a cluster share the work.
+        part: Part to write, such as 3/8, the third of eight, so that jobs of a cluster share the work.
     """
     from data.results.folder import ResultsFolder
     from data.synthetic.collection import SynthConfig, write_drives

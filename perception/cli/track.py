@@ -35,7 +35,7 @@ def track(
         track_id: Track id of a labelled object, which is tracked from its first label on and compared with its labels.
         box: Box of the object as x,y,z,length,width,height,yaw in metres and radians; x y z is the centre of the
             bottom face in the LiDAR frame of the start frame.
-        start_frame: Start frame; else the first frame of the object or of the drive. --frames counts from there.
+        start_frame: Start frame; by default the first frame of the object or of the drive. --frames counts from there.
         tracker: Name of the tracker; ms-i, cbwh and opencv-* work in the image alone.
         video: Draw the video.
         plots: Draw what the tracker does in the frame in the middle: preview.jpg and, of the thesis' trackers, the

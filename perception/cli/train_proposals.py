@@ -38,7 +38,7 @@ def train_proposals(
         iou: IoU thresholds; the recall at the first is maximized.
         order: Order of the proposals in the curves: size, most like a car's first; or points, most points first.
         every: Stride of the frames of each drive.
-        workers: Number of processes; else one for each core.
+        workers: Number of processes; one per core by default.
         on_bad_frame: Stop at a damaged frame, or skip it with a warning.
         out: Folder of the results.
     """

@@ -14,7 +14,7 @@ _REMAINS = 0.9
 
 
 class TimeBudget:
-    """Decides which stages a frame goes without so as to be in time, by the times of earlier frames."""
+    """Decides which stages a frame skips to be in time, by the times of earlier frames."""
 
     def __init__(self, budget_s: float | None) -> None:
         """Start without earlier frames.
@@ -43,7 +43,7 @@ class TimeBudget:
 
     @contextmanager
     def measured(self, skipped: Sequence[str], clock: StageClock) -> Iterator[None]:
-        """Measure the rest of a frame that goes without some stages, waiting for others included."""
+        """Measure the rest of a frame that skips some stages, waiting for others included."""
         name, start_s = _name(skipped), clock.elapsed_s
         yield
         taken_s = clock.elapsed_s - start_s

@@ -72,7 +72,7 @@ class CameraStages(Restorable):
             detection: Detection configuration.
             vehicles: Configuration of location and tracking.
             budget_ms: Time from the arrival of a frame to its result in milliseconds; None without a limit.
-            budget_skips: Stages that a late frame goes without, the first of them first.
+            budget_skips: Stages that a late frame skips, the first of them first.
 
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.

@@ -27,9 +27,9 @@ class PipelineConfig:
         detection: Detection of vehicles in frames with a camera.
         vehicles: Location of detected vehicles in the scan, and their tracks.
         budget_ms: Time from the arrival of a frame to its result in milliseconds, for live use: a frame that would
-            be later goes without some stages. None to run every stage.
-        budget_skips: Stages that a late frame goes without, as many as it takes, the first of them first; one of the
-            detectors always runs.
+            be late skips some stages. None runs every stage.
+        budget_skips: Stages that a late frame skips, in this order and as few as necessary; one of the detectors
+            always runs.
         area: Area around the vehicle in which ground, obstacles and moving objects are found.
         ego_vehicle: Outline of the vehicle itself; its returns are left out of every stage.
         seed: Seed of RANSAC.

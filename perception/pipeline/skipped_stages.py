@@ -1,4 +1,4 @@
-"""Stages that a late frame goes without: DepthCN, which nothing else needs, and detectors, of which one remains."""
+"""Stages that a late frame skips: DepthCN, which nothing else needs, and detectors, of which one remains."""
 
 from collections.abc import Collection, Iterable, Sequence
 from typing import Literal
