@@ -17,11 +17,6 @@ class OnlineCalibration:
     """Estimates how far the calibration is off."""
 
     def __init__(self, sensor: LidarModel) -> None:
-        """Begin a drive.
-
-        Args:
-            sensor: LiDAR model of the scans.
-        """
         self._edges, self._motion = OnlineEdges(sensor), OnlineMotion(sensor)
         self._by_edges: OffsetEstimate | None = None
 

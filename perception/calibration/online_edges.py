@@ -98,11 +98,6 @@ class OnlineEdges:
     """Estimates how far the calibration is off by edges, from every sixth frame."""
 
     def __init__(self, sensor: LidarModel) -> None:
-        """Begin a drive.
-
-        Args:
-            sensor: LiDAR model of the scans.
-        """
         self._sensor = sensor
         self._is_sparse = sensor.elevation_step_rad > _MAX_BEAM_STEP_RAD
         self._frames: deque[FrameEdges] = deque(maxlen=_FRAMES)
@@ -121,12 +116,7 @@ class OnlineEdges:
         return OffsetEstimate(found.offset, np.where(self._held, UNKNOWN, deviations), counts)
 
     def update(self, frame: Frame, world_SE3_velo: Float64) -> OffsetEstimate | None:
-        """Take in a frame; return the estimate where there is a new one.
-
-        Args:
-            frame: Frame as it came from the sensors; one without image or calibration tells nothing.
-            world_SE3_velo: (4, 4) pose of the LiDAR.
-        """
+        """Take in a frame as of `OnlineCalibration`; return the estimate where there is a new one."""
         before, self._pose = self._pose, (frame.stamp_s, world_SE3_velo)
         self._count += 1
         phase = self._count % _EVERY

@@ -28,11 +28,6 @@ class OnlineMotion:
     """Collects what the images of a moving camera tell of the calibration."""
 
     def __init__(self, sensor: LidarModel) -> None:
-        """Begin a drive.
-
-        Args:
-            sensor: LiDAR model of the scans.
-        """
         self._period_s = 1 / sensor.rate_hz
         self._tracks: deque[tuple[float, CornerTracks]] = deque(maxlen=_FRAMES)
         self._observed: ObservedCorners | None = None
@@ -46,12 +41,7 @@ class OnlineMotion:
         return not self._tracks
 
     def update(self, frame: Frame, world_SE3_velo: Float64) -> None:
-        """Take in a frame.
-
-        Args:
-            frame: Frame as it came from the sensors; one without image or calibration tells nothing.
-            world_SE3_velo: (4, 4) pose of the LiDAR.
-        """
+        """Take in a frame as of `OnlineCalibration`."""
         before, self._pose = self._pose, (frame.stamp_s, world_SE3_velo)
         self._count += 1
         is_turn = self._count % _EVERY == _FIRST

@@ -63,12 +63,6 @@ class MotionGridDetector:
     """Finds moving objects by comparing each scan with a short-term map, scan after scan."""
 
     def __init__(self, sensor: LidarModel, config: MotionGridConfig = THESIS) -> None:
-        """Start without a scan.
-
-        Args:
-            sensor: LiDAR model of the scans.
-            config: Configuration: `THESIS`, `AUTHOR`, or other values.
-        """
         self._config = config
         self._plane = LevelPlane(-sensor.height_m)
         # Over a longer gap, every stored scan would have left the queue.

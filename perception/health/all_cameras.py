@@ -10,7 +10,6 @@ class AllCameraMonitors:
     """The monitors of each camera."""
 
     def __init__(self) -> None:
-        """Start without a frame."""
         self._cameras: dict[str, CameraMonitors] = {}
 
     def update(self, frame: Frame) -> Health:

@@ -55,7 +55,6 @@ class InsMonitor:
     """Compares poses of the INS with registered ones: `update` before registration, `register` after it."""
 
     def __init__(self) -> None:
-        """Start without a pose."""
         self._past: deque[_Moment] = deque(maxlen=_WINDOW + 1)
         self._has_seen = self._has_jumped = False
         self._frozen_from: _Moment | None = None

@@ -31,11 +31,6 @@ class LidarMonitors:
     """All monitors of the contents of scans; `ScanTimeMonitor` is that of their times."""
 
     def __init__(self, meter: ScanMeter) -> None:
-        """Start without a scan.
-
-        Args:
-            meter: Meter of the scans of the LiDAR.
-        """
         self._meter = meter
         self._repeated = _RepeatedScan()
         self._share = _Learned()

@@ -30,11 +30,6 @@ class MiscalibrationMonitor:
     """Compares edges and motion of scans and images over two seconds."""
 
     def __init__(self, sensor: LidarModel) -> None:
-        """Begin a drive.
-
-        Args:
-            sensor: LiDAR model of the scans.
-        """
         self._online = OnlineCalibration(sensor)
         self._usual = _UsualOffset()
         self._found: OffsetEstimate | None = None
@@ -79,7 +74,6 @@ class _UsualOffset:
     """What estimates without a fault have been in this drive: the calibration's own error, and what scenes add."""
 
     def __init__(self) -> None:
-        """Begin a drive."""
         self._count, self._weights = 0, np.zeros(6)
         self._mean, self._squares = np.zeros(6), np.zeros(6)
         self._newest: OffsetEstimate | None = None

@@ -11,11 +11,6 @@ class ScanAndInsMonitors:
     """The monitors of LiDAR and INS, before registration and after it."""
 
     def __init__(self, meter: ScanMeter) -> None:
-        """Start without a frame.
-
-        Args:
-            meter: Meter of the scans of the LiDAR.
-        """
         self._times, self._scans = ScanTimeMonitor(), LidarMonitors(meter)
         self._ins = InsMonitor()
         self._is_comparable = True

@@ -45,7 +45,6 @@ class ScanMeter:
     """Measures the scans of one LiDAR."""
 
     def __init__(self, sensor: LidarModel) -> None:
-        """Lay out the directions."""
         # Range images have two firings a column.
         wide = replace(sensor, azimuth_step_rad=np.pi / COLUMNS)
         self._projection = SphericalProjection(wide, tolerance_m=1.0)

@@ -19,7 +19,6 @@ class ScanTimeMonitor:
     """Compares the stamp of each scan with that before, by the usual step of the drive."""
 
     def __init__(self) -> None:
-        """Start without a scan."""
         self._last_s: float | None = None
         self._rejected_s: float | None = None
         self._rejected = 0

@@ -9,7 +9,6 @@ class FrameRegistration:
     """Registers the frames of a drive, one after another, as the pipeline does."""
 
     def __init__(self) -> None:
-        """Begin a drive."""
         self._odometry, self._ego = LidarOdometry(), EgoVehicle()
 
     def update(self, frame: Frame) -> Float64:

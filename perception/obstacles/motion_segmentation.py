@@ -51,13 +51,6 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
     def __init__(
         self, sensor: LidarModel, area: LocalArea, config: MotionConfig | None = None
     ) -> None:
-        """Start without a scan.
-
-        Args:
-            sensor: LiDAR model of the scans.
-            area: Local area in which obstacles are reported.
-            config: Motion configuration.
-        """
         config = config or MotionConfig()
         self._area, self._config = area, config
         self._beam_step_rad = sensor.elevation_step_rad

@@ -112,13 +112,7 @@ class OccupiedPlaces:
 
 
 def moving_bodies(occupied: OccupiedPlaces, memory: FreeSpaceMemory, age_s: float) -> Bool:
-    """Return which of V occupied voxels belong to bodies that move along one of their axes.
-
-    Args:
-        occupied: Occupied voxels of the newest scan.
-        memory: Earlier scans.
-        age_s: Age of the oldest queried scan in seconds.
-    """
+    """Return which of V occupied voxels belong to bodies that move along one of their axes."""
     moves = np.zeros(len(occupied.moves), bool)
     bodies = _bodies(occupied)
     farthest_m = min(_MAX_DISTANCE_M, _MAX_SPEED_M_S * age_s)
@@ -154,10 +148,7 @@ class _Search:
     def moves(self, body: _Body, moved_m: Float32, states: UInt8) -> bool:
         """Return whether a body moves, by the oldest scan or, where that is hidden from it, by a younger one.
 
-        Args:
-            body: Body.
-            moved_m: (D * S, 3) its samples, moved back by each distance.
-            states: (D * S,) their visibility in the oldest scan.
+        Its samples, moved back by each distance, are at (D * S, 3) places, of (D * S,) visibility in the oldest scan.
         """
         ages, seen = self.memory.queried_ages(), states.reshape(len(self.distances_m), -1)
         while not self._moves_since(body, ages, seen):

@@ -94,12 +94,6 @@ class LidarStages(Restorable):
     )
 
     def __init__(self, sensor: LidarModel, config: PipelineConfig) -> None:
-        """Make the stages.
-
-        Args:
-            sensor: LiDAR model of the scans.
-            config: Pipeline configuration.
-        """
         self._sensor, self._config = sensor, config
         self._meter = ScanMeter(sensor)
         self.reset()
@@ -126,12 +120,7 @@ class LidarStages(Restorable):
         self._datmo = datmo_stage(config.datmo, sensor, config.area)
 
     def check(self, frame: Frame, clock: StageClock) -> Health:
-        """Return the health of LiDAR and INS in a frame, by which its scan is used or not.
-
-        Args:
-            frame: Frame of the drive.
-            clock: Clock of the stages.
-        """
+        """Return the health of LiDAR and INS in a frame, by which its scan is used or not."""
         return clock.run("scan health", self._monitors.update, frame)
 
     def step(
