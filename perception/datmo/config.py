@@ -24,18 +24,19 @@ _WORK_AREA = LocalArea(ahead_m=40.0, behind_m=20.0, side_m=12.0)
 
 @dataclass(frozen=True)
 class MotionGridOverrides:
-    """Grid detector of the thesis (5.2): its parameters, where no value is given those of the method.
+    """Grid detector of the thesis (5.2): its parameters; None for the value of the thesis or of the author, as the method is.
 
     Attributes:
         cell_m: Edge of a cell in metres (υ, Table 7.4).
         height_reference: Surface that heights are measured from: a level plane below the LiDAR, or the estimated ground.
         ground_variance_m2: Largest variance of heights in m² of a ground cell (T_σ, Table 7.4).
-        ground_height_m: Largest height in metres of a ground cell (T_μ, Table 7.4).
-        scans: Number of elevation grids in the queue of the short-term map (n, Table 7.4).
-        max_observations: Largest number of observations of a cell that are averaged, the latest (m, Table 7.4).
-        min_observations: Smallest number of observations of a cell that has a value (k, Table 7.4).
-        alpha: Share of its height by which a cell may differ from the map (α, Table 7.4).
-        radius_cells: Radius in cells in which the map is searched for a similar height (ε, Table 7.4).
+        ground_height_m: Largest height in metres of a ground cell (T_μ, Table 7.4: 0.3; author: 0.8).
+        scans: Number of elevation grids in the queue of the short-term map (n, Table 7.4: 50; author: 90).
+        max_observations: Largest number of observations of a cell that are averaged, the latest (m, Table 7.4: 30;
+            author: 60).
+        min_observations: Smallest number of observations of a cell that has a value (k, Table 7.4: 3; author: 5).
+        alpha: Share of its height by which a cell may differ from the map (α, Table 7.4: 0.2; author: 0.3).
+        radius_cells: Radius in cells in which the map is searched for a similar height (ε, Table 7.4: 5; author: 10).
         min_area_m2: Smallest area of an object in m².
         max_area_m2: Largest area of an object in m².
         area: Area of reported objects and tracks in the LiDAR frame (5.2.2: 10 m behind, 30 m ahead, 10 m to each side).
@@ -128,8 +129,8 @@ class DatmoConfig:
         method: Detector and tracker: `default`, those of the `thesis` (5.2) with the values of its Table 7.4 or with
             those of the `author`'s code, or `none`.
         box_tracker: Tracker of the default method.
-        grids: Detector of the methods `thesis` and `author`; what is not given, as each has it.
-        point_tracker: Tracker of these methods.
+        grids: Detector of the methods `thesis` and `author`.
+        point_tracker: Tracker of the methods `thesis` and `author`.
     """
 
     method: DatmoMethod = "default"
