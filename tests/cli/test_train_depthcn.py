@@ -42,6 +42,12 @@ def train(*arguments):
     return main(words_of(*arguments))
 
 
+@pytest.fixture
+def small_previews(monkeypatch):
+    monkeypatch.setattr("train.verifier.training._SHOWN_SAMPLES", 2)
+
+
+@pytest.mark.usefixtures("small_previews")
 def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     out = tmp_path / "out"
     assert train(drive, cache, out, "--epochs", "1", *LOGGED) == 0
@@ -123,6 +129,7 @@ def test_what_cannot_work_is_refused(drive, cache, tmp_path, flags, refusal):
         command(*words_of(drive, cache, tmp_path, *flags.split()))
 
 
+@pytest.mark.usefixtures("small_previews")
 def test_the_study_of_augmentation_stands_beside_the_thesis(drive, cache, tmp_path, capsys):
     picture = tmp_path / "augmentation.png"
     words = f"study augmentation {drive} --method default --epochs 1 --batch-size 32".split()
