@@ -15,9 +15,9 @@ from tests.faults import command, fault
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory):
-    """Eight frames of two streets."""
+    """Five frames of a street."""
     root = tmp_path_factory.mktemp("street")
-    words = ["--layout", "object", "--frames", "8", "--street", "housing", "--seed", "5"]
+    words = ["--layout", "object", "--frames", "5", "--street", "housing", "--seed", "5"]
     assert main(["synth", str(root), *words]) == 0
     return root
 
