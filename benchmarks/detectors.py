@@ -35,6 +35,13 @@ ModelFiles = Mapping[Precision, Path]
 _SHOWN = 8
 # Number of boxes at the score threshold, as after training on a busy road.
 _LIKELY = 100
+COMPACT, THESIS = InputSize(192, 640), InputSize(416, 416)
+Open = Callable[[Path, int], Network]
+_LIBRARIES: Mapping[str, Open] = {
+    "ONNX Runtime": lambda file, threads: ModalityDetector(file, threads).model,
+    "OpenVINO": openvino_network,
+}
+_FORMS: tuple[Precision, ...] = ("int8", "fp32")
 
 
 def write_detector(
@@ -89,15 +96,6 @@ def _limit_confident_boxes(detector: YoloDetector, images: torch.Tensor) -> None
         assert bias is not None  # every head has one
         of_anchors = bias.view(len(head.anchors_px), -1)
         of_anchors[:, OBJECTNESS] += float(np.log(0.01 / 0.99)) - threshold
-
-
-COMPACT, THESIS = InputSize(192, 640), InputSize(416, 416)
-Open = Callable[[Path, int], Network]
-_LIBRARIES: Mapping[str, Open] = {
-    "ONNX Runtime": lambda file, threads: ModalityDetector(file, threads).model,
-    "OpenVINO": openvino_network,
-}
-_FORMS: tuple[Precision, ...] = ("int8", "fp32")
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ from perception.types import Bool, Float, Float32, Float64, GroundModel, Method,
 ClassifyGround = Callable[[Float32], Bool]
 
 _HEIGHT_ON_KITTI_M = 1.73
+# A junction; the figures of all contenders are those of the common area.
+_JUNCTION = LocalArea(ahead_m=40.0, behind_m=40.0, side_m=40.0)
 
 
 class LocalPlanes:
@@ -127,10 +129,6 @@ class RansacPlane:
         scale = np.linalg.norm(coefficients[:3]) * np.sign(coefficients[2])
         plane = np.array([coefficients]) / scale
         return PiecewisePlanes(np.zeros(0), plane, plane, np.full((1, 2), np.nan), np.ones(1, bool))
-
-
-# A junction; the figures of all contenders are those of the common area.
-_JUNCTION = LocalArea(ahead_m=40.0, behind_m=40.0, side_m=40.0)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ from perception.maps.projection import SparseMaps, project_frame
 from perception.types import ArrayTable, Bool, Float32, Float64, UInt8
 
 _FAR_M = 100.0
+_LEFT_OUT = 0.1
+_RELATIVE, _ABSOLUTE_M = 0.05, 0.5
 
 
 def fill_by_morphology(sparse: SparseMaps) -> FilledMaps:
@@ -66,9 +68,6 @@ def _dilated(values: Float32) -> Float32:
 def _with_holes_dilated(dense: MatLike, edge_px: int) -> MatLike:
     return np.where(dense > 0, dense, cv2.dilate(dense, np.ones((edge_px, edge_px), np.uint8)))
 
-
-_LEFT_OUT = 0.1
-_RELATIVE, _ABSOLUTE_M = 0.05, 0.5
 
 _CONTENDERS: Mapping[str, Fill] = {
     "Trifuse": FILL_METHODS["default"],

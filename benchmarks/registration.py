@@ -17,6 +17,8 @@ from perception.types import Float32, Float64
 
 # (target points, source points, first guess of target_SE3_source) to target_SE3_source.
 Register = Callable[[Float32, Float32, Float64], Float64]
+# Scans from the first to the last pose of which the error is measured: a second.
+_SPAN = 10
 
 
 def one_call_small_gicp() -> Register:
@@ -85,10 +87,6 @@ def open3d_point_to_plane(voxel_size_m: float = 0.5, reach_m: float = 1.0) -> Re
         return np.asarray(found.transformation)
 
     return register
-
-
-# Scans from the first to the last pose of which the error is measured: a second.
-_SPAN = 10
 
 
 def compare_registration(prepared: PreparedDrive) -> Comparison:

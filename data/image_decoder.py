@@ -29,6 +29,10 @@ _set_log_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLe
 _set_log_level(0)  # silent
 
 _JPEG_START, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
+# 8 bits, red, green and blue, deflated, the five filters, not interlaced.
+_PLAIN = (8, 2, 0, 0, 0)
+# Others, such as of orientation and animation, may change what is seen.
+_HARMLESS = {b"gAMA", b"cHRM", b"sRGB", b"sBIT", b"pHYs", b"tEXt", b"tIME", b"bKGD"}
 
 
 def decode_image(
@@ -101,12 +105,6 @@ def _by_opencv(data: bytes) -> UInt8 | None:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         return None if decoded is None else np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB))
     return None
-
-
-# 8 bits, red, green and blue, deflated, the five filters, not interlaced.
-_PLAIN = (8, 2, 0, 0, 0)
-# Others, such as of orientation and animation, may change what is seen.
-_HARMLESS = {b"gAMA", b"cHRM", b"sRGB", b"sBIT", b"pHYs", b"tEXt", b"tIME", b"bKGD"}
 
 
 def decode_rgb_png(data: bytes) -> UInt8 | None:

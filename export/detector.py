@@ -39,6 +39,7 @@ _NOISE_ROWS = (1, 2, 3)
 _BLOCK_PX = 8  # divides every size; noise of single pixels looks the same to a network everywhere
 _CALIBRATION_FRAMES = 32
 _COMPARED_FRAMES = 8
+Precision = dict[str, dict[str, float]]
 
 
 class DecodedDetector(nn.Module):
@@ -184,9 +185,6 @@ def _open(data: bytes, file: Path) -> ModalityDetector:
     """Open a file on one thread, as it runs beside other detectors."""
     write_atomically(file, data)
     return ModalityDetector(file, threads=1)
-
-
-Precision = dict[str, dict[str, float]]
 
 
 def measure_variants(

@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 
 WARM_UP = 8  # frames that fill the window of scans
 _BLOCKS = 20  # of a long run
+_SHORT_DRIVE = 60  # frames of the drive that the long run plays back and forth
+_BEAMS = (16, 32, 128)  # beside the 64 of an HDL-64E
+_STEP_RATIOS = (4.0, 2.0, 0.5)  # azimuth steps relative to those of an HDL-64E
+# Today's area, and squares up to that of a junction.
+_AREAS = (PipelineConfig().area, *(LocalArea(half, half, half) for half in (20.0, 30.0, 40.0)))
 
 
 @dataclass(frozen=True)
@@ -122,13 +127,6 @@ def _cpu_s(pipeline: "Pipeline", frame: Frame) -> float:
     start_s = time.process_time()
     pipeline.step(frame)
     return time.process_time() - start_s
-
-
-_SHORT_DRIVE = 60  # frames of the drive that the long run plays back and forth
-_BEAMS = (16, 32, 128)  # beside the 64 of an HDL-64E
-_STEP_RATIOS = (4.0, 2.0, 0.5)  # azimuth steps relative to those of an HDL-64E
-# Today's area, and squares up to that of a junction.
-_AREAS = (PipelineConfig().area, *(LocalArea(half, half, half) for half in (20.0, 30.0, 40.0)))
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,10 @@ PUBLISHED_FRAMES_PER_S = 0.3
 """Speed of the thesis' implementation in MATLAB with the values of Table 7.1: m = 6, υ = 10 cm."""
 
 Times = Mapping[str, float]
+_SPECS = dict.fromkeys(
+    ("published [%]", "thesis [%]", "default [%]", "thesis [ms]", "default [ms]"), ".1f"
+)
+_PREVIOUS_SCANS = 6  # m of Table 7.1
 
 
 def chain_config(method: Method, previous_scans: int, voxel_size_m: float = 0.1) -> PipelineConfig:
@@ -79,12 +83,6 @@ def mean_times_s(times: Sequence[Times]) -> dict[str, float]:
 def frames_per_s(times: Sequence[Times]) -> float:
     """Return the frames per second that the stages allow, one after another."""
     return float(1 / np.mean([sum(frame.values()) for frame in times]))
-
-
-_SPECS = dict.fromkeys(
-    ("published [%]", "thesis [%]", "default [%]", "thesis [ms]", "default [ms]"), ".1f"
-)
-_PREVIOUS_SCANS = 6  # m of Table 7.1
 
 
 def stages(

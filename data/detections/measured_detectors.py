@@ -39,6 +39,9 @@ from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import MODALITIES, Drive, Frame, GroundModel, Progress, UInt8
 
+_THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
+Detect = Callable[[Frame], Any]
+
 
 @dataclass(frozen=True)
 class SceneLocator:
@@ -71,10 +74,6 @@ class SceneLocator:
         method = config.method_of(config.ground)
         estimator = ground_estimator(config.ground, method, self.sensor, config.area, config.seed)
         return estimator.update(window)
-
-
-_THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
-Detect = Callable[[Frame], Any]
 
 
 @dataclass(frozen=True)

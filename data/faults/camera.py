@@ -14,6 +14,7 @@ _GREY, _MUD = 200.0, np.array([70.0, 60.0, 45.0], np.float32)
 _MUD_COVER = 0.75  # of the light, at the middle of a spot
 _MUD_BLUR_SHARE = 0.01  # of the width of the image
 _NOISE = 1.5  # grey levels
+_PITCH, _YAW, _RIGHT = 0, 1, 3
 
 
 def dark(moment: FaultMoment, stops: float) -> Frame:
@@ -86,9 +87,6 @@ def _with_noise(image: Float32, moment: FaultMoment, share: Float32 | float = 1.
     """Return grey levels with the noise of the sensor, which no lens takes away."""
     noise = moment.passing.standard_normal(image.shape, np.float32) * np.float32(_NOISE)
     return np.asarray(np.clip(np.rint(image + share * noise), 0, 255), np.uint8)
-
-
-_PITCH, _YAW, _RIGHT = 0, 1, 3
 
 
 def turned_aside(moment: FaultMoment, yaw_deg: float) -> Frame:

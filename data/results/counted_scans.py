@@ -25,6 +25,7 @@ from perception.types import Drive, Int
 
 _COLUMNS = tuple(field.name for field in fields(ObstacleCounts))
 _HEADER = ("sequence", "frame", "image", *_COLUMNS)
+SHEET = "counting_sheet.csv"
 
 
 @dataclass(frozen=True)
@@ -100,9 +101,6 @@ def _is_possible(counts: ObstacleCounts) -> bool:
         and counts.missed_obstacles <= counts.obstacles
         and counts.missed_moving <= counts.moving
     )
-
-
-SHEET = "counting_sheet.csv"
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,12 @@ _LOSS, _RANDOM_WEIGHTS = DetectionLossConfig(), InitialWeights()
 _NO_DISTILLATION = DistillationConfig()
 
 Batch = dict[str, Tensor]  # images, boxes_px, classes, is_ignored, numbers
+# From raw predictions, labels, head, weights of the terms and the number of images seen before.
+HeadLoss = Callable[[Any, BatchLabels, Any, DetectionLossConfig, int], DetectionLoss]
+_LOSSES: Mapping[type[DetectionHead[Any]], HeadLoss] = {
+    YoloHead: detection_loss,
+    YoloxHead: anchor_free_loss,
+}
 
 
 class DetectorTraining(LightningModule):
@@ -260,14 +266,6 @@ class DetectorTraining(LightningModule):
 
 def _labels(batch: Batch) -> BatchLabels:
     return BatchLabels(batch["boxes_px"], batch["classes"], batch["is_ignored"])
-
-
-# From raw predictions, labels, head, weights of the terms and the number of images seen before.
-HeadLoss = Callable[[Any, BatchLabels, Any, DetectionLossConfig, int], DetectionLoss]
-_LOSSES: Mapping[type[DetectionHead[Any]], HeadLoss] = {
-    YoloHead: detection_loss,
-    YoloxHead: anchor_free_loss,
-}
 
 
 def head_loss(head: DetectionHead[Any]) -> HeadLoss:

@@ -21,6 +21,7 @@ _MIN_SHARE = 0.5  # of an object's points within the label
 _MAX_SHARE = 0.1  # of a negative's: a wall that a car touches, but not half a car
 _MIN_IOU, _MAX_IOU = 0.5, 0.3  # the same for 2D boxes
 _MAX_UNLABELLED = 0.5  # of a proposal's box within a DontCare region
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,6 @@ def _match(
     unlabelled = intersection_over_area_px(scene.boxes_px, scene.dont_care_px)
     in_region = unlabelled.max(axis=1, initial=0.0) > _MAX_UNLABELLED
     return ProposalMatches(labels, np.asarray((near_either | in_region) & ~is_object))
-
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
