@@ -56,14 +56,7 @@ class BestEpoch(Checkpoint):
         self._best: dict[str, float] = {}
         self._epochs_without_better = 0
 
-    def on_train_batch_end(
-        self,
-        trainer: Trainer,
-        pl_module: LightningModule,
-        outputs: object,
-        batch: object,
-        batch_idx: int,
-    ) -> None:
+    def on_train_batch_end(self, trainer: Trainer, *_: object, **__: object) -> None:
         """Stop after the last step as after an early one: with a validation."""
         if 0 < trainer.max_steps <= trainer.global_step:
             trainer.should_stop = True
@@ -90,9 +83,7 @@ class BestEpoch(Checkpoint):
             if self._best:
                 log_hyperparameters(logger, dict(pl_module.hparams), self._best)
 
-    def on_exception(
-        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
-    ) -> None:
+    def on_exception(self, trainer: Trainer, pl_module: LightningModule, *_: object) -> None:
         """Log them of what was trained until then."""
         self.on_train_end(trainer, pl_module)
 

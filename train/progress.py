@@ -50,14 +50,7 @@ class TrainingBar(ProgressBar):
             disable=not self._is_enabled,
         )
 
-    def on_train_batch_end(
-        self,
-        trainer: Trainer,
-        pl_module: LightningModule,
-        outputs: object,
-        batch: object,
-        batch_idx: int,
-    ) -> None:
+    def on_train_batch_end(self, trainer: Trainer, *_: object, **__: object) -> None:
         """Advance by a batch."""
         self._bar.update()
 
@@ -76,9 +69,7 @@ class TrainingBar(ProgressBar):
         if self._is_enabled and len(words) > 1:
             self._bar.write("   ".join(words), file=self._bar.fp)
 
-    def on_exception(
-        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
-    ) -> None:
+    def on_exception(self, *_: object) -> None:
         """Close the bar."""
         self._close()
 

@@ -1,16 +1,14 @@
 """Accuracy of DepthCN's network without and with augmentation of its training data (Table 7.8)."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from benchmarks.studies.detector_variants import trained
 from benchmarks.studies.report import RESULTS, formatted_table, publish
-from perception.cli.progress import frame_progress_bar
 from perception.evaluation.report import Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
-from train.trainings import TRAININGS
 
 # Accuracy on the training and on the validation set in percent.
 THESIS_PERCENT = {"without": (92.83, 86.69), "with": (96.45, 91.93)}
@@ -52,36 +50,27 @@ def augmentation(
         "trainer.max_epochs": epochs,
         "seed_everything": seed,
     }
-    trained = {
-        name: _trained(
-            {**arguments, "data.augment": name == "with"}, out.with_suffix("") / name, method
+    done = {
+        name: trained(
+            "depthcn",
+            {**arguments, "data.augment": name == "with"},
+            out.with_suffix("") / name,
+            method,
         )
         for name in THESIS_PERCENT
     }
-    _plot(out, method, trained)
+    _plot(out, method, done)
     publish(
         out,
         "Table 7.8",
-        {"accuracy": _table(method, trained)},
+        {"accuracy": _table(method, done)},
         {"training": {"config": method, **arguments}},
-        trained=trained,
+        trained=done,
     )
 
 
-def _trained(arguments: Mapping[str, object], folder: Path, method: Method) -> Mapping[str, Any]:
-    """Train, resume, or read what is done."""
-    metrics = folder / "metrics.json"
-    if not metrics.exists():
-        kind = TRAININGS["depthcn"].load()
-        from train.cli import fit
-
-        fit(kind, arguments, folder, frame_progress_bar("proposals"), method)
-    done: Mapping[str, Any] = json.loads(metrics.read_text())
-    return done
-
-
-def _table(method: Method, trained: Mapping[str, Any]) -> Table[Any]:
-    parts = next(iter(trained.values()))["parts"]
+def _table(method: Method, done: Mapping[str, Any]) -> Table[Any]:
+    parts = next(iter(done.values()))["parts"]
     title = (
         f"Accuracy in %, {method} network: {parts['training']['crops']} training and "
         f"{parts['validation']['crops']} validation crops"
@@ -96,17 +85,17 @@ def _table(method: Method, trained: Mapping[str, Any]) -> Table[Any]:
             100 * one["parts"]["validation"]["balanced_accuracy"],
             *THESIS_PERCENT[name],
         )
-        for name, one in trained.items()
+        for name, one in done.items()
     }
     specs = {"best epoch": "d", **dict.fromkeys((*percents, *published), ".2f")}
     return formatted_table(title, "", specs, rows)
 
 
-def _plot(plot_path: Path, method: Method, trained: Mapping[str, Any]) -> None:
+def _plot(plot_path: Path, method: Method, done: Mapping[str, Any]) -> None:
     from train.events import read_scalars
 
     curves = []
-    for name, one in trained.items():
+    for name, one in done.items():
         found = read_scalars(Path(one["checkpoint"]).parent, _LOGGED)
         for part, values in zip(("training", "validation"), found.values(), strict=True):
             curves.append(

@@ -161,19 +161,33 @@ def study_variants(
     drives = (*flags.validation, *others)
     folders = {name: out / name.replace(" ", "-").replace("/", "-") for name in variants}
     return {
-        name: _measured(_trained(variants[name], folder), flags, drives, folder)
+        name: _measured(
+            trained("detector", variants[name].arguments, folder, variants[name].config),
+            flags,
+            drives,
+            folder,
+        )
         for name, folder in folders.items()
     }
 
 
-def _trained(variant: DetectorVariant, folder: Path) -> Mapping[str, Any]:
-    """Train, resume, or read what is done."""
+def trained(
+    kind: str, arguments: Mapping[str, object], folder: Path, config: str
+) -> Mapping[str, Any]:
+    """Train, resume, or read what is done; return the metrics.
+
+    Args:
+        kind: Kind of training: detector or depthcn.
+        arguments: Flags by full name, and their values.
+        folder: Folder of the training.
+        config: Configuration that they change: default or thesis.
+    """
     metrics = folder / "metrics.json"
     if not metrics.exists():
-        kind = TRAININGS["detector"].load()
+        training = TRAININGS[kind].load()
         from train.cli import fit
 
-        fit(kind, variant.arguments, folder, frame_progress_bar("images"), variant.config)
+        fit(training, arguments, folder, frame_progress_bar(kind), config)
     done: Mapping[str, Any] = _read(metrics)
     return done
 

@@ -4,10 +4,10 @@ A vehicle that came to a halt within the last second has been a mover, and is no
 vehicles are counted apart from those on what has not moved.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from itertools import pairwise, product
+from operator import add
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
-from perception.evaluation.report import Table
+from perception.evaluation.report import SummedMetrics, Table
 from perception.geometry.grids import LocalArea
 from perception.pipeline import PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
@@ -57,33 +57,22 @@ class FalseMoversConfig(FlagGroup):
 
 
 @dataclass(frozen=True)
-class MoverCounts:
+class MoverCounts(SummedMetrics):
     """Movers of any number of scans.
 
     Attributes:
         scans: Number of scans.
-        false_m: (K,) distances of the false moving clusters on what has not moved within the last second.
+        false_m: Distances in metres of the false moving clusters on what has not moved within the last second.
         halted: Number of false moving clusters on what has come to a halt within it.
         movers: Number of objects that move, each counted once a scan.
         missed: Number of these that were not found to move.
     """
 
     scans: int
-    false_m: Float64
+    false_m: tuple[float, ...]
     halted: int
     movers: int
     missed: int
-
-    @classmethod
-    def total(cls, parts: "Sequence[MoverCounts]") -> "MoverCounts":
-        """Return the counts of several drives together."""
-        return cls(
-            sum(one.scans for one in parts),
-            np.concatenate([one.false_m for one in parts]),
-            sum(one.halted for one in parts),
-            sum(one.movers for one in parts),
-            sum(one.missed for one in parts),
-        )
 
     @property
     def false_a_scan(self) -> float:
@@ -121,7 +110,7 @@ def false_movers(
     done = run_parts(measure, cases, config.workers or usable_cores())
     of_case = dict(progress_bar(done, "drives", len(cases), unit="drive"))
     by_speed = {
-        speed: MoverCounts.total([of_case[speed, seed] for seed in streets.seeds])
+        speed: reduce(add, (of_case[speed, seed] for seed in streets.seeds))
         for speed in config.speeds_m_s
     }
     title = f"False movers at fences, hedges and rows of trees, {model.name}, {streets.title}"
@@ -182,15 +171,15 @@ def _measure(
             moved = [one for one, last_s in moved_s.items() if stamp_s - last_s <= _HALTED_S]
             has_moved = moving.is_moving | np.isin(moving.instances, moved)
             found_m = false_clusters_m(moving.points_m, has_moved)
-            false_m.append(np.linalg.norm(found_m, axis=1))
+            false_m += np.linalg.norm(found_m, axis=1).tolist()
             halted += count_false(moving.points_m, moving.is_moving) - len(found_m)
-    return MoverCounts(frames, np.concatenate(false_m), halted, movers, missed)
+    return MoverCounts(frames, tuple(false_m), halted, movers, missed)
 
 
 def _table(title: str, by_speed: dict[float, MoverCounts]) -> Table[MoverCounts]:
     bands = [f"{low:g} to {high:g} m" for low, high in pairwise(_BANDS_M)]
     rows = {f"{speed:g} m/s": one for speed, one in by_speed.items()}
-    rows["all"] = MoverCounts.total(list(by_speed.values()))
+    rows["all"] = reduce(add, by_speed.values())
     specs = {"scans": "d", "false a scan": ".3f", **dict.fromkeys(bands, ".3f"), "halted": ".3f"}
     return formatted_table(
         title,

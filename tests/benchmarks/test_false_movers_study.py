@@ -26,8 +26,8 @@ def test_false_clusters_have_a_place():
 
 
 def test_counts_of_drives_are_added():
-    one = MoverCounts(10, np.array([4.0, 12.0]), 2, 20, 3)
-    both = MoverCounts.total([one, MoverCounts(30, np.array([15.0, 50.0]), 6, 5, 1)])
+    one = MoverCounts(10, (4.0, 12.0), 2, 20, 3)
+    both = one + MoverCounts(30, (15.0, 50.0), 6, 5, 1)
     assert (both.scans, both.movers, both.missed) == (40, 25, 4)
     assert (both.false_a_scan, both.halted_a_scan) == pytest.approx((0.1, 0.2))
     np.testing.assert_allclose(both.false_by_distance(), [0.025, 0, 0.05, 0, 0])
