@@ -16,6 +16,7 @@ from lightning.pytorch.utilities.data import extract_batch_size
 from torch.nn.utils import get_total_norm
 from torch.optim import Optimizer
 
+from data.report.training_report import read_all_scalars
 from data.splits.training_frames import ENTRY
 from perception.atomic_file import write_error
 from perception.types import Float64
@@ -119,14 +120,6 @@ def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
 
     Of a step that was logged twice, as by a training that was killed and resumed, the later one counts.
     """
-    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-
-    events = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
-    known = events.Tags()["scalars"]
-    found = {}
-    for name in names:
-        by_step = (
-            {event.step: event.value for event in events.Scalars(name)} if name in known else {}
-        )
-        found[name] = np.array([by_step[step] for step in sorted(by_step)], np.float64)
-    return found
+    logged = read_all_scalars(folder)
+    by_step = {name: sorted(logged.get(name, {}).items()) for name in names}
+    return {name: np.array([one for _, one in rows]) for name, rows in by_step.items()}

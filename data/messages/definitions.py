@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from perception.errors import optional_package
 
 if TYPE_CHECKING:
@@ -145,10 +147,32 @@ def message(kind: str, **fields: Any) -> Any:  # noqa: ANN401 - classes that ros
 
     Args:
         kind: Package and name, such as `sensor_msgs/PointCloud2`.
-        fields: Values of all fields.
+        fields: Values of fields; others are 0, false or empty.
     """
-    package, name = kind.split("/")
-    return typestore().types[f"{package}/msg/{name}"](**fields)
+    full = kind.replace("/", "/msg/")
+    return typestore().types[full](**{**_empty_fields(full), **fields})
+
+
+@cache
+def _empty_fields(kind: str) -> dict[str, Any]:
+    """Return all fields of a message by its full name, each of them empty."""
+    _, definitions = typestore().fielddefs[kind]
+    return {name: _empty(one) for name, one in definitions}
+
+
+def _empty(definition: Any) -> Any:  # noqa: ANN401 - a field of a message, and its value
+    """Return 0, false or nothing for the definition of a field."""
+    from rosbags.interfaces import Nodetype
+
+    node, detail = definition
+    if node == Nodetype.NAME:
+        return message(detail.replace("/msg/", "/"))
+    if node == Nodetype.BASE:
+        return {"string": "", "bool": False}.get(detail[0], 0)
+    (inner, kind), count = detail
+    if inner == Nodetype.NAME or kind[0] == "string":
+        return []
+    return np.zeros(count if node == Nodetype.ARRAY else 0, kind[0])
 
 
 def encoded(value: Any) -> bytes:  # noqa: ANN401 - see `message`

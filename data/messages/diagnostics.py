@@ -25,7 +25,6 @@ def diagnostics(result: Result) -> Any:  # noqa: ANN401 - a message
         level=_WARN if result.skipped or result.frame.invalid_points else _OK,
         name="trifuse: pipeline",
         message=f"left out: {', '.join(result.skipped)}" if result.skipped else "all stages ran",
-        hardware_id="",
         values=[
             message("diagnostic_msgs/KeyValue", key=key, value=value)
             for key, value in values.items()
@@ -46,8 +45,6 @@ def _part_statuses(health: Health) -> list[Any]:
             level=int(health.level_of(part)),
             name=f"trifuse: {part}",
             message="; ".join(str(one) for one in health.findings if one.part == part) or "OK",
-            hardware_id="",
-            values=[],
         )
         for part in dict.fromkeys((*SENSOR_PARTS, *health.levels))
     ]

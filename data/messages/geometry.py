@@ -55,13 +55,8 @@ def quaternion(rotation: Float64) -> Any:  # noqa: ANN401 - a message
 def yaw_quaternion(yaw_rad: float) -> Any:  # noqa: ANN401 - a message
     """Return a rotation about z."""
     half_rad = float(yaw_rad) / 2
-    return message(
-        "geometry_msgs/Quaternion",
-        x=0.0,
-        y=0.0,
-        z=float(np.sin(half_rad)),
-        w=float(np.cos(half_rad)),
-    )
+    z, w = float(np.sin(half_rad)), float(np.cos(half_rad))
+    return message("geometry_msgs/Quaternion", z=z, w=w)
 
 
 def upright_pose(position_m: Float, yaw_rad: float = 0.0) -> Any:  # noqa: ANN401 - a message

@@ -55,16 +55,6 @@ def camera_info(
         k=intrinsics.ravel(),
         r=np.eye(3).ravel(),
         p=np.column_stack([intrinsics, np.zeros(3)]).ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=message(
-            "sensor_msgs/RegionOfInterest",
-            x_offset=0,
-            y_offset=0,
-            height=0,
-            width=0,
-            do_rectify=False,
-        ),
     )
 
 
@@ -87,7 +77,6 @@ def annotations(stamp_s: float, detections: Detections) -> Any:  # noqa: ANN401 
                 type=_LINE_LOOP,
                 points=corners,
                 outline_color=rgb,
-                outline_colors=[],
                 fill_color=clear,
                 thickness=2.0,
             )
@@ -103,4 +92,4 @@ def annotations(stamp_s: float, detections: Detections) -> Any:  # noqa: ANN401 
                 background_color=clear,
             )
         )
-    return message("foxglove_msgs/ImageAnnotations", circles=[], points=boxes, texts=texts)
+    return message("foxglove_msgs/ImageAnnotations", points=boxes, texts=texts)

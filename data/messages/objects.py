@@ -103,9 +103,7 @@ def detection_array(stamp_s: float, tracks: Tracks) -> Any:  # noqa: ANN401 - a 
 
 def scene(stamp_s: float, tracks: Tracks) -> Any:  # noqa: ANN401 - a message
     """Return the objects as Foxglove draws them, in place of those of the frame before."""
-    everything = message(
-        "foxglove_msgs/SceneEntityDeletion", timestamp=time(stamp_s), type=_ALL, id=""
-    )
+    everything = message("foxglove_msgs/SceneEntityDeletion", timestamp=time(stamp_s), type=_ALL)
     entities = [_entity(stamp_s, row, one) for row, one in enumerate(_Object.of(tracks))]
     return message("foxglove_msgs/SceneUpdate", deletions=[everything], entities=entities)
 
@@ -181,7 +179,6 @@ def _entity(stamp_s: float, row: int, one: _Object) -> Any:  # noqa: ANN401 - a 
         pose=upright_pose(one.label_m),
         billboard=True,
         font_size=_TEXT_M,
-        scale_invariant=False,
         color=color("foxglove_msgs/Color", one.rgb),
         text=one.label,
     )
@@ -190,7 +187,6 @@ def _entity(stamp_s: float, row: int, one: _Object) -> Any:  # noqa: ANN401 - a 
         timestamp=time(stamp_s),
         frame_id=LIDAR,
         id=str(one.id) if one.id >= 0 else f"row {row}",
-        lifetime=message("builtin_interfaces/Duration", sec=0, nanosec=0),
         frame_locked=True,
         metadata=[
             message("foxglove_msgs/KeyValuePair", key=key, value=str(value))
@@ -198,12 +194,7 @@ def _entity(stamp_s: float, row: int, one: _Object) -> Any:  # noqa: ANN401 - a 
         ],
         arrows=[arrow] if one.speed_m_s > 0 else [],
         cubes=[cube],
-        spheres=[],
-        cylinders=[],
-        lines=[],
-        triangles=[],
         texts=[text],
-        models=[],
     )
 
 
@@ -221,27 +212,9 @@ def _marker(
         "ns": namespace,
         "id": number,
         "type": _CUBE,
-        "action": 0,
         "pose": upright_pose(np.zeros(3)),
         "scale": vector(np.ones(3)),
         "color": color("std_msgs/ColorRGBA", rgb, opacity),
-        "lifetime": message("builtin_interfaces/Duration", sec=0, nanosec=0),
-        "frame_locked": False,
-        "points": [],
-        "colors": [],
-        "texture_resource": "",
-        "texture": message(
-            "sensor_msgs/CompressedImage",
-            header=header(stamp_s, LIDAR),
-            format="",
-            data=np.zeros(0, np.uint8),
-        ),
-        "uv_coordinates": [],
-        "text": "",
-        "mesh_resource": "",
-        "mesh_file": message(
-            "visualization_msgs/MeshFile", filename="", data=np.zeros(0, np.uint8)
-        ),
-        "mesh_use_embedded_materials": False,
+        "texture": message("sensor_msgs/CompressedImage", header=header(stamp_s, LIDAR)),
     }
     return message("visualization_msgs/Marker", **{**defaults, **fields})

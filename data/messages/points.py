@@ -52,7 +52,6 @@ def point_cloud(result: Result) -> Any:  # noqa: ANN401 - a message
         height=1,
         width=len(rows),
         fields=fields,
-        is_bigendian=False,
         point_step=_POINT.itemsize,
         row_step=rows.nbytes,
         data=rows.view(np.uint8),
