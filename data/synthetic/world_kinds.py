@@ -18,15 +18,9 @@ from data.synthetic.world_config import WorldConfig
 # What draws of a street begin with: trees of fewer leaves, as there are many of them.
 _TOWN = TownConfig(houses=0.0, leaves=1000)
 _BARE = TownConfig(
-    houses=0.0,
-    greenery=0.0,
-    furniture=0.0,
-    parking=0.0,
-    borders=0.0,
-    lamps=0.0,
-    backdrop=0.0,
+    houses=0.0, greenery=0.0, furniture=0.0, parking=0.0, borders=0.0, lamps=0.0, backdrop=0.0,
     gardens=0.0,
-)
+)  # fmt: skip
 _ANGLE_PARKED = 0.35  # share of streets with parking lanes where vehicles stand at an angle
 Amounts = TypeVar("Amounts", TownConfig, ClutterConfig)
 
@@ -48,37 +42,16 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
     )
     road, angle_rad = _angle_parked(rng, road)
     town = _drawn(
-        rng,
-        _TOWN,
-        houses=(0.1, 0.95),
-        greenery=(0.05, 0.55),
-        furniture=(0.05, 0.6),
-        parking=(0.2, 0.9),
-        borders=(0.3, 1.0),
-        lamps=(0.1, 0.8),
-        backdrop=(0.1, 0.8),
-        low_crowns=(0.1, 0.8),
-        ground_reflectance=(0.75, 1.25),
-    )
+        rng, _TOWN, houses=(0.1, 0.95), greenery=(0.05, 0.55), furniture=(0.05, 0.6),
+        parking=(0.2, 0.9), borders=(0.3, 1.0), lamps=(0.1, 0.8), backdrop=(0.1, 0.8),
+        low_crowns=(0.1, 0.8), ground_reflectance=(0.75, 1.25),
+    )  # fmt: skip
     town = replace(town, parking_rad=angle_rad)
     clutter = _drawn(
-        rng,
-        ClutterConfig(),
-        bushes=(0, 7),
-        grass=(0, 20),
-        conifers=(0, 2),
-        railings=(0, 0.2),
-        boxes=(1, 6),
-        shelters=(0, 0.6),
-        poles=(0, 1.2),
-        parking_lots=(0, 1.5),
-        trimmed=(0, 3),
-        structures=(0, 0.4),
-        bicycles=(0, 2),
-        motorcycles=(0, 0.8),
-        bays=(0, 2),
-        islands=(0, 0.4),
-    )
+        rng, ClutterConfig(), bushes=(0, 7), grass=(0, 20), conifers=(0, 2), railings=(0, 0.2),
+        boxes=(1, 6), shelters=(0, 0.6), poles=(0, 1.2), parking_lots=(0, 1.5), trimmed=(0, 3),
+        structures=(0, 0.4), bicycles=(0, 2), motorcycles=(0, 0.8), bays=(0, 2), islands=(0, 0.4),
+    )  # fmt: skip
     config = _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.12)
     return replace(config, trams=float(rng.choice([0.0, 0.0, 0.1])))
 
@@ -114,33 +87,15 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
         pavement_m=_between(rng, 0.8, 3.0),
     )
     town = _drawn(
-        rng,
-        _TOWN,
-        greenery=(0.05, 0.5),
-        furniture=(0.05, 0.4),
-        borders=(0.0, 0.4),
-        lamps=(0.0, 1.0),
-        backdrop=(0.1, 0.8),
-        low_crowns=(0.1, 0.8),
+        rng, _TOWN, greenery=(0.05, 0.5), furniture=(0.05, 0.4), borders=(0.0, 0.4),
+        lamps=(0.0, 1.0), backdrop=(0.1, 0.8), low_crowns=(0.1, 0.8),
         ground_reflectance=(0.7, 1.25),
-    )
+    )  # fmt: skip
     clutter = _drawn(
-        rng,
-        ClutterConfig(),
-        bushes=(3, 14),
-        grass=(10, 40),
-        conifers=(0, 4),
-        rails=(0.04, 0.32),
-        railings=(0, 0.25),
-        boxes=(0, 2),
-        poles=(0, 0.8),
-        delineators=(0, 3),
-        trimmed=(0, 2),
-        structures=(0, 0.3),
-        enclosures=(0, 0.6),
-        islands=(0, 0.6),
-        bays=(0, 0.8),
-    )
+        rng, ClutterConfig(), bushes=(3, 14), grass=(10, 40), conifers=(0, 4), rails=(0.04, 0.32),
+        railings=(0, 0.25), boxes=(0, 2), poles=(0, 0.8), delineators=(0, 3), trimmed=(0, 2),
+        structures=(0, 0.3), enclosures=(0, 0.6), islands=(0, 0.6), bays=(0, 0.8),
+    )  # fmt: skip
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
         _peopled(rng, config, heavy=0.25),
@@ -164,38 +119,16 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         pavement_m=_between(rng, 2.5, 6.0),
     )
     town = _drawn(
-        rng,
-        _TOWN,
-        houses=(0.0, 0.35),
-        greenery=(0.05, 0.5),
-        furniture=(0.1, 0.7),
-        parking=(0.3, 0.95),
-        borders=(0.0, 0.5),
-        lamps=(0.1, 0.8),
-        backdrop=(0.1, 0.8),
-        low_crowns=(0.1, 0.8),
-        ground_reflectance=(0.7, 1.25),
-    )
+        rng, _TOWN, houses=(0.0, 0.35), greenery=(0.05, 0.5), furniture=(0.1, 0.7),
+        parking=(0.3, 0.95), borders=(0.0, 0.5), lamps=(0.1, 0.8), backdrop=(0.1, 0.8),
+        low_crowns=(0.1, 0.8), ground_reflectance=(0.7, 1.25),
+    )  # fmt: skip
     clutter = _drawn(
-        rng,
-        ClutterConfig(),
-        bushes=(2, 12),
-        grass=(0, 25),
-        conifers=(0, 2),
-        rails=(0, 0.05),
-        railings=(0, 0.3),
-        boxes=(1, 5),
-        shelters=(0.2, 1.2),
-        poles=(1.5, 5),
-        islands=(1, 5),
-        parking_lots=(0.5, 4),
-        trimmed=(0, 4),
-        structures=(0, 1),
-        enclosures=(0, 0.4),
-        bicycles=(0, 1.5),
-        motorcycles=(0, 0.5),
-        bays=(0, 2),
-    )
+        rng, ClutterConfig(), bushes=(2, 12), grass=(0, 25), conifers=(0, 2), rails=(0, 0.05),
+        railings=(0, 0.3), boxes=(1, 5), shelters=(0.2, 1.2), poles=(1.5, 5), islands=(1, 5),
+        parking_lots=(0.5, 4), trimmed=(0, 4), structures=(0, 1), enclosures=(0, 0.4),
+        bicycles=(0, 1.5), motorcycles=(0, 0.5), bays=(0, 2),
+    )  # fmt: skip
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
         _peopled(rng, config, heavy=0.15),
@@ -215,15 +148,10 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
         pavement_m=_between(rng, 0.6, 1.6),
     )
     town = _drawn(
-        rng,
-        replace(_TOWN, lamps=0.0),
-        greenery=(0.0, 0.5),
-        furniture=(0.0, 0.2),
-        borders=(0.0, 0.3),
-        backdrop=(0.0, 0.8),
-        low_crowns=(0.1, 0.8),
+        rng, replace(_TOWN, lamps=0.0), greenery=(0.0, 0.5), furniture=(0.0, 0.2),
+        borders=(0.0, 0.3), backdrop=(0.0, 0.8), low_crowns=(0.1, 0.8),
         ground_reflectance=(0.75, 1.25),
-    )
+    )  # fmt: skip
     clutter = _drawn(rng, ClutterConfig(), bushes=(3, 15), grass=(10, 50), conifers=(0, 6))
     clutter = replace(clutter, rails=float(rng.choice([0.0, 0.1, 0.25])))
     clutter = _drawn(rng, clutter, boxes=(0, 0.5), delineators=(0, 4), trimmed=(0, 1.5))
@@ -244,13 +172,9 @@ def industrial_street(rng: np.random.Generator) -> WorldConfig:
     road = replace(config.road, parking_m=float(rng.choice([0.0, 2.3])), pavement_m=2.0)
     town = _drawn(rng, config.town, houses=(0.0, 0.3), greenery=(0.0, 0.3), parking=(0.5, 1.0))
     clutter = _drawn(
-        rng,
-        replace(config.clutter, islands=0.0, shelters=0.0),
-        structures=(0.8, 3),
-        enclosures=(0.5, 2),
-        parking_lots=(2, 5),
-        poles=(0, 1),
-    )
+        rng, replace(config.clutter, islands=0.0, shelters=0.0), structures=(0.8, 3),
+        enclosures=(0.5, 2), parking_lots=(2, 5), poles=(0, 1),
+    )  # fmt: skip
     return replace(
         config, road=road, town=town, clutter=clutter, trams=0.0, heavy=_between(rng, 0.2, 0.5),
         vans=_between(rng, 0.2, 0.5),
