@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from perception.errors import ScanError
+from perception.pipeline.pipeline import frames_in_flight
 from perception.pipeline.stream import ResultStream
 from perception.types import Frame
 
@@ -198,3 +199,9 @@ def test_closing_waits_for_running_frames_and_ends_the_reader():
     assert closed == ["source"]
     assert list(stream) == []
     assert "source" not in {thread.name for thread in threading.enumerate()}
+
+
+@pytest.mark.parametrize(("cores", "in_flight"), [(1, 1), (2, 1), (3, 1), (4, 2), (64, 2)])
+def test_a_frame_has_two_cores_to_itself(cores, in_flight, monkeypatch):
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(cores)))
+    assert frames_in_flight() == in_flight
