@@ -14,8 +14,8 @@ from lightning.pytorch import Callback, LightningModule, Trainer
 from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
-from data.results.documents import usable_cores
 from perception.errors import UsageError
+from perception.geometry.threads import usable_cores
 
 
 class SeedEachStep(Callback):

@@ -14,13 +14,13 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
 from data.batch.parts import run_parts
-from data.results.documents import usable_cores
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.report import SummedMetrics, Table
 from perception.geometry.grids import LocalArea
+from perception.geometry.threads import usable_cores
 from perception.pipeline import PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import LidarModel, load_sensor

@@ -14,7 +14,6 @@ import numpy as np
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
 from benchmarks.studies.tracking_metrics import PROTOCOL
 from data.batch.parts import run_parts
-from data.results.documents import usable_cores
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
@@ -22,7 +21,7 @@ from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion
 from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import SummedMetrics
-from perception.geometry.threads import limit_blas_threads
+from perception.geometry.threads import limit_blas_threads, usable_cores
 from perception.pipeline import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.render.bar_plots import plot_groups

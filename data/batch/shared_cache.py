@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from data.batch.parts import run_parts
-from data.results.documents import usable_cores
+from perception.geometry.threads import usable_cores
 from perception.types import Progress
 
 _CHUNK = 16  # frames that a process takes at a time

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import math
-import os
 import platform
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 import yaml
 
 from perception.atomic_file import write_atomically
+from perception.geometry.threads import usable_cores
 
 _LEAVES = frozenset((float, int, str, bool, type(None)))
 
@@ -48,13 +48,6 @@ def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks any configuratio
 def describe_machine() -> str:
     """Return the processor, the number of usable cores, and the version of Python."""
     return f"{_processor()}, {usable_cores()} cores, Python {platform.python_version()}"
-
-
-def usable_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def yaml_text(document: object) -> str:

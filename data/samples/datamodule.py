@@ -11,13 +11,13 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from data.array_store import ArrayStore
 from data.batch.shared_cache import fill_together
-from data.results.documents import usable_cores
 from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import DistributedBatchSampler, EpochSampler, SampleIndex
 from data.samples.labelled_parts import LabelledParts, first_frames, open_parts
 from data.splits.training_frames import ENTRY, TrainingFrames
 from perception.errors import UsageError
+from perception.geometry.threads import usable_cores
 from perception.types import Drive, Progress
 
 _MAX_WORKERS = 8

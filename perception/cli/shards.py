@@ -47,12 +47,12 @@ def shards(
     """
     from data.open_drive import open_drives
     from data.remote_folder import RemoteFolder
-    from data.results.documents import usable_cores
     from data.samples.images.input_images import ImageConfig
     from data.samples.shards.writer import ShardSource, write_shards
     from data.splits.files import select_part
     from perception.cli.progress import frame_progress_bar
     from perception.detection.detectors.input_size import InputSize
+    from perception.geometry.threads import usable_cores
 
     require_drives(roots)
     require_positive("--samples", samples)

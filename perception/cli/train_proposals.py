@@ -42,8 +42,8 @@ def train_proposals(
         on_bad_frame: Stop at a damaged frame, or skip it with a warning.
         out: Folder of the results.
     """
-    from data.results.documents import usable_cores
     from perception.cli.progress import frame_progress_bar, search_bar
+    from perception.geometry.threads import usable_cores
     from train.proposal_search.recall import compared_settings, measure_recall
     from train.proposal_search.report import best_table, recall_table, summary, write_report
     from train.proposal_search.search import SearchConfig, search

@@ -19,6 +19,13 @@ def set_passive_openmp_wait() -> None:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def limit_opencv_threads() -> None:
     """Limit OpenCV to one thread, for stages that run side by side.
 

@@ -9,14 +9,13 @@ Each worker is a thread, which takes one frame after another; a stage waits for 
 Compiled functions, NumPy, OpenCV and the networks release Python's lock, so that both threads run at once.
 """
 
-import os
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Self
 
-from perception.geometry.threads import find_blas, limit_opencv_threads
+from perception.geometry.threads import find_blas, limit_opencv_threads, usable_cores
 from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
@@ -174,5 +173,4 @@ def frames_in_flight() -> int:
 
     Measured on two cores: with two frames, as many a second, each in 1.4 times the time of one.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return 2 if (cores or 1) > 3 else 1
+    return 2 if usable_cores() > 3 else 1
