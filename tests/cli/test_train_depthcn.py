@@ -84,7 +84,7 @@ def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
 
 def test_a_full_disk_leaves_the_last_whole_epoch(drive, cache, small_disk):
     """There is room for three checkpoints of 2.6 MB and the events of an epoch."""
-    small_disk.resize("9m")
+    small_disk.resize("8500k")
     out = small_disk.path / "out"
     words = words_of(drive, cache, out, "--epochs", "3", *LOGGED)
     with fault(WriteError, where=str(out), found="No space left on device", advice="--resume last"):
