@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from perception.geometry.boxes import corners
 from perception.geometry.camera import NEAREST_M, project
 from perception.render import palette
 from perception.render.birds_eye import view_of_area
@@ -93,9 +94,9 @@ def _draw_ground(canvas: UInt8, image_P_velo: Float64, surface: GroundMesh) -> N
     layer = canvas.copy()
     for i in range(len(grid) - 1):
         for j in range(grid.shape[1] - 1):
-            corners = grid[[i, i, i + 1, i + 1], [j, j + 1, j + 1, j]]
-            if (depth_m[i : i + 2, j : j + 2] > NEAREST_M).all() and (np.abs(corners) < 1e4).all():
-                corners_px = np.rint(corners).astype(np.int32)
+            cell = grid[[i, i, i + 1, i + 1], [j, j + 1, j + 1, j]]
+            if (depth_m[i : i + 2, j : j + 2] > NEAREST_M).all() and (np.abs(cell) < 1e4).all():
+                corners_px = np.rint(cell).astype(np.int32)
                 cv2.fillConvexPoly(layer, corners_px, palette.GROUND)
                 cv2.polylines(layer, [corners_px], True, palette.GROUND_MESH, 1)
     cv2.addWeighted(layer, 0.4, canvas, 0.6, 0, dst=canvas)
@@ -116,12 +117,7 @@ def _draw_boxes(canvas: UInt8, image_P_velo: Float64, scene: Scene) -> None:
     """Draw the edges of the 3D boxes, and their ids."""
     objects = scene.objects
     for row in np.flatnonzero(objects.has_box).tolist():
-        corners = _corners_m(
-            objects.boxes.bottom_m[row],
-            objects.boxes.size_m[row],
-            float(objects.boxes.yaw_rad[row]),
-        )
-        pixels, depth_m = project(image_P_velo, corners)
+        pixels, depth_m = project(image_P_velo, corners(objects.boxes[row : row + 1])[0])
         if not ((depth_m > NEAREST_M).all() and (np.abs(pixels) < 1e4).all()):
             continue
         at = np.rint(pixels).astype(int).tolist()
@@ -132,13 +128,3 @@ def _draw_boxes(canvas: UInt8, image_P_velo: Float64, scene: Scene) -> None:
         cv2.putText(
             canvas, text, at[4], cv2.FONT_HERSHEY_SIMPLEX, 0.4, palette.TEXT, 1, cv2.LINE_AA
         )
-
-
-def _corners_m(bottom_m: Float64, size_m: Float64, yaw_rad: float) -> Float64:
-    """Return the (8, 3) corners of a box, those of the bottom first."""
-    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2 * size_m[:2]
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    xy = signs @ np.array([[cos, sin], [-sin, cos]])
-    bottom = np.column_stack([xy, np.zeros(4)]) + bottom_m
-    height_m = np.array([0, 0, size_m[2]])
-    return np.concatenate([bottom, bottom + height_m])

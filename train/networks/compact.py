@@ -13,6 +13,7 @@ keeps cars parked side by side apart. Only plain 3x3 convolutions, ReLU and sums
 from collections.abc import Sequence
 
 from torch import Tensor, nn
+from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
 
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolo_head import YoloHead
@@ -24,23 +25,14 @@ KITTI_CAR_ANCHORS_PX = ((19.1, 13.4), (37.6, 22.6), (66.8, 36.0), (102.2, 63.1),
 _FIRST_SCORE = 0.02
 
 
-class ReluUnit(nn.Sequential):
-    """Convolution 3x3, batch norm, ReLU."""
-
-    def __init__(self, channels_in: int, channels_out: int, stride: int = 1) -> None:
-        super().__init__(
-            nn.Conv2d(channels_in, channels_out, 3, stride, padding=1, bias=False),
-            nn.BatchNorm2d(channels_out),
-            nn.ReLU(),
-        )
-
-
 class Residual(nn.Module):
     """Two units and a way around them."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.body = nn.Sequential(ReluUnit(channels, channels), ReluUnit(channels, channels))
+        self.body = nn.Sequential(
+            Conv2dNormActivation(channels, channels), Conv2dNormActivation(channels, channels)
+        )
 
     def forward(self, maps: Tensor) -> Tensor:
         """Return maps of the same shape."""
@@ -60,17 +52,17 @@ class CompactTrunk(nn.Module):
         super().__init__()
         half, quarter, eighth, sixteenth, coarse = widths
         self.eighth = nn.Sequential(
-            ReluUnit(channels, half, 2),
-            ReluUnit(half, quarter, 2),
-            ReluUnit(quarter, eighth, 2),
+            Conv2dNormActivation(channels, half, stride=2),
+            Conv2dNormActivation(half, quarter, stride=2),
+            Conv2dNormActivation(quarter, eighth, stride=2),
             *(Residual(eighth) for _ in range(residuals[0])),
         )
         self.sixteenth = _half(eighth, sixteenth, residuals[1])
         self.coarse = _half(sixteenth, coarse, residuals[2])
         self.lift_coarse = _lift(coarse, sixteenth)
-        self.join_sixteenth = ReluUnit(sixteenth, sixteenth)
+        self.join_sixteenth = Conv2dNormActivation(sixteenth, sixteenth)
         self.lift_sixteenth = _lift(sixteenth, eighth)
-        self.join_eighth = ReluUnit(eighth, eighth)
+        self.join_eighth = Conv2dNormActivation(eighth, eighth)
         self.out_channels = eighth
 
     def forward(self, images: Tensor) -> Tensor:
@@ -111,7 +103,7 @@ class CompactDetector(YoloDetector):
 def _half(channels_in: int, channels_out: int, residuals: int) -> nn.Sequential:
     """Return what brings a map to half its size."""
     rest = [Residual(channels_out) for _ in range(residuals)]
-    return nn.Sequential(ReluUnit(channels_in, channels_out, 2), *rest)
+    return nn.Sequential(Conv2dNormActivation(channels_in, channels_out, stride=2), *rest)
 
 
 def _lift(channels_in: int, channels_out: int) -> nn.Sequential:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import torch
 from torch import Tensor, nn
+from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
 
 from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.verifier import CONTRACT, KIND
@@ -118,12 +119,12 @@ class DefaultVerifier(VehicleVerifier):
         self.around = RelativeDepthEncoding()
         blocks, before = [], len(CHANNELS)
         for filters, stride in self._WHOLE:
-            blocks.append(_block(before, filters, stride))
+            blocks.append(Conv2dNormActivation(before, filters, stride=stride))
             before = filters
         for filters, stride in self._SEPARABLE:
             blocks += [
-                _block(before, before, stride, groups=before),
-                _block(before, filters, size=1),
+                Conv2dNormActivation(before, before, stride=stride, groups=before),
+                Conv2dNormActivation(before, filters, 1),
             ]
             before = filters
         self.features = nn.Sequential(*blocks, nn.Flatten())
@@ -176,16 +177,6 @@ class RelativeDepthEncoding(nn.Module):
         factors = torch.stack((factor, even, even), dim=1)[..., None, None]
         offsets = torch.stack((-factor * mean, even * 0 - 1, even * 0 - 1), dim=1)[..., None, None]
         return (crops.float() * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
-
-
-def _block(
-    before: int, filters: int, stride: int = 1, size: int = 3, groups: int = 1
-) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(before, filters, size, stride, size // 2, groups=groups, bias=False),
-        nn.BatchNorm2d(filters),
-        nn.ReLU(),
-    )
 
 
 @dataclass(frozen=True)

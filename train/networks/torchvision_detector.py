@@ -20,10 +20,11 @@ from torchvision.models.feature_extraction import (  # type: ignore[import-untyp
     create_feature_extractor,
     get_graph_node_names,
 )
+from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
 
 from perception.errors import ModelError
 from train.checkpoints import load_tensors
-from train.networks.compact import KITTI_CAR_ANCHORS_PX, ReluUnit
+from train.networks.compact import KITTI_CAR_ANCHORS_PX
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolo_head import YoloHead
 
@@ -49,11 +50,10 @@ class TorchvisionTrunk(nn.Module):
             found = self.maps.eval()(torch.zeros(1, 3, _PROBE_PX, _PROBE_PX)).values()
         self.maps.train()
         self.sides = nn.ModuleList(
-            nn.Sequential(nn.Conv2d(maps.shape[1], _WIDTH, 1, bias=False), nn.BatchNorm2d(_WIDTH))
-            for maps in found
+            Conv2dNormActivation(maps.shape[1], _WIDTH, 1, activation_layer=None) for maps in found
         )
         self.lift = nn.Upsample(scale_factor=2, mode="nearest")
-        self.join = ReluUnit(_WIDTH, _WIDTH)
+        self.join = Conv2dNormActivation(_WIDTH, _WIDTH)
         self.register_buffer("mean", torch.tensor(_MEAN)[:, None, None], persistent=False)
         self.register_buffer("deviation", torch.tensor(_DEVIATION)[:, None, None], persistent=False)
 
