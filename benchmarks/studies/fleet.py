@@ -7,8 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -188,7 +188,7 @@ def _batch(
         while process.poll() is None:
             time.sleep(_POLL_S)
             done = len(_records(out))
-            with _gone_is_fine():
+            with suppress(psutil.NoSuchProcess):
                 memory_mib.append(scheduler.memory_info().rss / _MIB)
                 if killer is not None:
                     killer.kill_next(scheduler, done)
@@ -200,14 +200,6 @@ def _batch(
         break
     ended_s = sorted(path.stat().st_mtime - start_s for path in _records(out))
     return FleetRun(time.time() - start_s, ended_s, _content(out), memory_mib)
-
-
-@contextmanager
-def _gone_is_fine() -> Iterator[None]:
-    try:
-        yield
-    except psutil.NoSuchProcess:
-        return
 
 
 class _Killer:

@@ -75,7 +75,10 @@ class Player:
                 "frame": one.frame,
                 "time_s": round(one.time_s, 4),
                 "objects": one.objects,
-                "images": [_data_uri(image) for image in self.images.images[one.row]],
+                "images": [
+                    f"data:image/jpeg;base64,{b64encode(image).decode()}"
+                    for image in self.images.images[one.row]
+                ],
             }
             for one in self.played
         ]
@@ -117,7 +120,3 @@ def _controls_markup(count: int) -> str:
         f'<input type="range" min="0" max="{max(count - 1, 0)}" value="0" aria-label="Frame">'
         f'<select aria-label="Speed">{speeds}</select><output></output>'
     )
-
-
-def _data_uri(image: bytes) -> str:
-    return f"data:image/jpeg;base64,{b64encode(image).decode()}"

@@ -133,7 +133,10 @@ def _assign_image(
     scores = (
         flat[candidates, OBJECTNESS, None].sigmoid() * flat[candidates, CLASSES].sigmoid()
     ).sqrt()
-    entropy = -(scores[:, classes].T.clamp(min=1e-6)).log() - _others(scores, classes)
+    # Logarithms of the probability that a cell sees no class but the label's.
+    of_none = (1 - scores).clamp(min=1e-6).log()
+    of_others = of_none.sum(dim=1) - of_none[:, classes].T
+    entropy = -(scores[:, classes].T.clamp(min=1e-6)).log() - of_others
     cost = entropy - _OVERLAP_WEIGHT * (iou + 1e-8).log() + _UNLIKE * ~is_near
     iou = iou * is_near
     counts = iou.topk(min(_MOST_CELLS, len(candidates)), dim=1).values.sum(dim=1).int().clamp(min=1)
@@ -145,12 +148,6 @@ def _assign_image(
     return Assignment(
         torch.full_like(kept, number), candidates[kept], rows[best[kept]], iou[best[kept], kept]
     )
-
-
-def _others(scores: Tensor, classes: Tensor) -> Tensor:
-    """Return (L, K) logarithms of the probability that a cell sees no class but the label's."""
-    of_none = (1 - scores).clamp(min=1e-6).log()
-    return of_none.sum(dim=1) - of_none[:, classes].T
 
 
 def _is_near(targets_px: Tensor, centers_px: Tensor, strides_px: Tensor) -> Tensor:

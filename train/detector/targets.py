@@ -93,6 +93,7 @@ def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: PredictionGrid
 
     kept = anchor >= 0
     scales = sizes_px[kept] / anchors_px[anchor[kept]]
+    is_labelled = (labels.boxes_px != 0).any(dim=-1)  # padding is all zero
     return GridTargets(
         image=image[kept],
         anchor=anchor[kept],
@@ -102,7 +103,7 @@ def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: PredictionGrid
         offsets=torch.cat([in_cells[kept].frac(), scales.log()], dim=1),
         classes=labels.classes[image, label][kept],
         area_shares=sizes_px[kept].prod(dim=1) / extent_px.prod(),
-        unassigned=_count_labels(labels) - int(kept.sum()),
+        unassigned=int((is_labelled & ~labels.is_ignored).sum()) - int(kept.sum()),
     )
 
 
@@ -143,8 +144,3 @@ def _best_of_each(group: Tensor, value: Tensor) -> Tensor:
     is_first = torch.ones_like(ordered, dtype=torch.bool)
     is_first[1:] = ordered[1:] != ordered[:-1]
     return order[is_first]
-
-
-def _count_labels(labels: BatchLabels) -> int:
-    """Count the labels that want an answer; padding is all zero."""
-    return int(((labels.boxes_px != 0).any(dim=-1) & ~labels.is_ignored).sum())

@@ -13,6 +13,8 @@ from data.samples.labelled_classes import require_classes
 from perception.errors import DriveError, UsageError
 from perception.types import Bool, Drive, Labels, Progress
 
+_open = lru_cache(maxsize=16)(open_drive)
+
 
 @dataclass(frozen=True)
 class FrameSet:
@@ -30,7 +32,7 @@ class FrameSet:
 
     def open(self) -> Drive:
         """Open the drive with its images, from which some drives know the image size."""
-        return _open(self.path, self.sequence)
+        return _open(self.path, sequence=self.sequence)
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,3 @@ def _count_types(drive: Drive, frames: Iterable[int]) -> Mapping[str, int]:
     return Counter(
         str(name).lower() for index in frames for name in drive.labels(index).types.tolist()
     )
-
-
-@lru_cache(maxsize=16)
-def _open(path: Path, sequence: str | None) -> Drive:
-    return open_drive(path, sequence=sequence)

@@ -76,12 +76,12 @@ def report(
     else:
         name = "validation" if stage == "validate" else "test"
         parts, metrics = {name: getattr(data, name)}, {name: module.metrics}
-    rows = {name: _counts(samples) | metrics[name] for name, samples in parts.items()}
+    rows = {
+        name: {"crops": len(samples), "vehicles": int(samples.crops.is_vehicle.sum())}
+        | metrics[name]
+        for name, samples in parts.items()
+    }
     return VerifierResult(checkpoint, method, epoch, rows)
-
-
-def _counts(samples: CropDataset) -> MetricValues:
-    return dict(zip(_COUNTS, (len(samples), int(samples.crops.is_vehicle.sum())), strict=True))
 
 
 def _column(name: str) -> Column[MetricValues]:

@@ -1,23 +1,10 @@
 """Settings of DepthCN's training data (6.1.4): crops of proposals, jittered labels, and their augmentation."""
 
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal, get_args
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
 
 from data.samples.config import AugmentationConfig, SampleDataConfig
 from perception.errors import UsageError
-
-Operation = Literal[
-    "scale",
-    "depth",
-    "flip",
-    "jitter",
-    "aspect",
-    "occlusion",
-    "rotation_rad",
-    "row_shift_px",
-    "reflectance",
-]
-OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 
 
 @dataclass(frozen=True)
@@ -53,6 +40,9 @@ class CropAugmentationConfig(AugmentationConfig):
     rotation_rad: float = 0.035
     row_shift_px: float = 1.0
     reflectance: float = 0.9
+
+
+OPERATIONS = tuple(one.name for one in fields(CropAugmentationConfig))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Settings of the image detectors' training data: split, batches, and augmentation."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from data.samples.config import AugmentationConfig, SampleDataConfig
 from perception.types import Method
@@ -146,17 +146,6 @@ class ImageAugmentationConfig:
     maps: MapAugmentationConfig = field(default_factory=MapAugmentationConfig)
     photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
     darknet: DarknetAugmentationConfig = field(default_factory=DarknetAugmentationConfig)
-
-    @classmethod
-    def none(cls, method: Method = "default") -> Self:
-        """Return the configuration of a method that changes nothing."""
-        return cls(
-            method,
-            GeometricConfig.none(),
-            MapAugmentationConfig.none(),
-            PhotometricConfig.none(),
-            DarknetAugmentationConfig.none(),
-        )
 
 
 @dataclass(frozen=True)

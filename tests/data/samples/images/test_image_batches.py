@@ -21,6 +21,8 @@ from data.samples.images.config import (
     GeometricConfig,
     ImageAugmentationConfig,
     ImageDataConfig,
+    MapAugmentationConfig,
+    PhotometricConfig,
 )
 from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset, collate
@@ -118,7 +120,11 @@ def test_without_augmentation_samples_are_unchanged(
     make_images: Callable[..., LabelledImages], modality: Modality
 ):
     frames = make_images(modality)
-    none = ImageAugmentationConfig.none()
+    none = ImageAugmentationConfig(
+        geometric=GeometricConfig.none(),
+        maps=MapAugmentationConfig.none(),
+        photometric=PhotometricConfig.none(),
+    )
     rng = np.random.default_rng(0)
     image, labels = augment(frames.image(0), frames.targets(0), frames.config, none, rng)
     np.testing.assert_array_equal(image, frames.image(0))
