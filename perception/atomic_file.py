@@ -66,7 +66,8 @@ def require_writable(path: Path) -> None:
 def atomic_file(path: Path) -> Iterator[Path]:
     """Yield the path of a partial file, which takes the place of the whole one at the end; make its folder.
 
-    Where something goes wrong, the partial file is removed and an older file stays.
+    Where something goes wrong, the partial file is removed and an older file stays. Processes may write the same file at the
+    same time: each has a partial file, and the last whole one stays.
 
     Args:
         path: Path of the whole file; the partial one has the same suffix.
@@ -74,7 +75,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     Raises:
         WriteError: The file cannot be written.
     """
-    part = part_of(path)
+    part = part_of(path, str(os.getpid()))
     with writing(path):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,9 +87,9 @@ def atomic_file(path: Path) -> Iterator[Path]:
             raise
 
 
-def part_of(path: Path) -> Path:
-    """Return the path of the partial file of a file, or of a pattern of files."""
-    return path.with_name(f".{path.stem}.part{path.suffix}")
+def part_of(path: Path, process: str = "") -> Path:
+    """Return the path of the partial file of a file, or of a pattern of files; of one process, or of all ("*")."""
+    return path.with_name(f".{path.stem}.part{process}{path.suffix}")
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -32,6 +32,18 @@ def test_a_full_disk_leaves_the_older_file_and_no_part(tmp_path, write):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_processes_may_write_the_same_file_at_the_same_time(tmp_path, monkeypatch):
+    path = tmp_path / "folder" / "sensor.json"
+    with atomic_file(path) as one:
+        one.write_text("{")
+        monkeypatch.setattr("os.getpid", lambda: 1)
+        write_atomically(path, b"{}")  # another process is faster
+        assert path.read_text() == "{}"
+        one.write_text('{"beams": 64}')
+    assert path.read_text() == '{"beams": 64}'
+    assert list(path.parent.iterdir()) == [path]
+
+
 def test_a_full_disk_ends_a_video_with_its_name(tmp_path):
     path = tmp_path / "video.mp4"
     with (

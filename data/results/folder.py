@@ -187,7 +187,7 @@ def _require_replaceable(path: Path, command: str, *, overwrite: bool) -> None:
 def _results_in(path: Path, command: str) -> list[Path]:
     """Return the files of a command in a folder, whole ones and parts, `config.yaml` last."""
     patterns = list(RESULT_FILES[command])
-    patterns += [str(part_of(Path(pattern))) for pattern in patterns]
+    patterns += [str(part_of(Path(pattern), "*")) for pattern in patterns]
     patterns += ["tables/.*.part.arrows"] * (command in ("run", "demo"))
     found = {one for pattern in patterns for one in path.glob(pattern) if not one.is_dir()}
     return [*sorted(found), *path.glob(CONFIG)]
