@@ -18,7 +18,7 @@ _ALIASES = {
     "ring": ("ring", "laser_number", "laser_id", "laser", "channel", "line", "beam"),
     "t": (
         "t", "time", "timestamp", "timestamps", "stamp", "offset_time", "time_offset", "offset",
-        "point_time", "gps_time",
+        "point_time", "gps_time", "gpstime",
     ),
 }  # fmt: skip
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -39,12 +39,14 @@ class Cloud:
         intensity: (N,) intensity or reflectance on the file's own scale, or None without it.
         ring: (N,) number of the beam, or None without it.
         times_s: (N,) time of each point in seconds, from an epoch or from the start of the scan, or None.
+        viewpoint: (4, 4) pose of the sensor that the file states, or None for the identity.
     """
 
     xyz: Float32
     intensity: Float32 | None = None
     ring: Int | None = None
     times_s: Float64 | None = None
+    viewpoint: Float64 | None = None
 
     def __len__(self) -> int:
         """Return N."""

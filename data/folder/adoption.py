@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from data.folder.config import FILE_NAME, CameraConfig, FolderConfig
+from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, Viewpoint
 from data.folder.description import description_text
 from data.folder.observation import FolderObservation
 from data.folder.stated_cameras import StatedCamera, camera_names, stated_extrinsics
@@ -39,6 +39,7 @@ class StatedConfig:
         axes: Directions of x, y and z of the files.
         rate_hz: Scans per second.
         reflectance_scale: Value of a reflectance of 1.
+        viewpoint: What is done with the VIEWPOINT of PCD files.
         cameras: What is stated of the first cameras.
         body_to_lidar: Transform from the body of the poses to the LiDAR as 12 or 16 numbers of a matrix, 7 of translation and quaternion,
             or 6 of translation and angles.
@@ -49,6 +50,7 @@ class StatedConfig:
     axes: tuple[str, ...] = ()
     rate_hz: float | None = None
     reflectance_scale: float | None = None
+    viewpoint: Viewpoint | None = None
     cameras: tuple[StatedCamera, ...] = ()
     body_to_lidar: tuple[float, ...] = ()
 
@@ -149,7 +151,7 @@ def adopted_config(observed: FolderObservation, stated: StatedConfig) -> FolderC
     lidar = observed.config.lidar
     changes: dict[str, Any] = {
         name: value
-        for name in ("height_m", "rate_hz", "reflectance_scale", "axes", "sensor")
+        for name in ("height_m", "rate_hz", "reflectance_scale", "axes", "sensor", "viewpoint")
         if (value := getattr(stated, name))
     }
     if stated.sensor is not None:

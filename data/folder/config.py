@@ -15,6 +15,7 @@ from perception.geometry.se3 import from_rotation_translation
 from perception.types import Float64
 
 FILE_NAME = "drive.yaml"
+Viewpoint = Literal["ignored", "applied", "undone"]
 Direction = Literal["forward", "backward", "left", "right", "up", "down"]
 _VECTORS = {
     "forward": (1, 0, 0), "backward": (-1, 0, 0), "left": (0, 1, 0), "right": (0, -1, 0),
@@ -98,6 +99,7 @@ class LidarConfig:
         timestamps: File of a time a scan; else the times in the names of the scans, else a steady rate.
         time_offset_s: Seconds that are added to the times of the scans.
         point_labels: Folder of SemanticKITTI's .label files, one a scan.
+        viewpoint: VIEWPOINT of PCD files: ignored, applied to the points, or undone where these are in the world's frame.
     """
 
     scans: str | None = None
@@ -114,6 +116,7 @@ class LidarConfig:
     timestamps: str | None = None
     time_offset_s: float = 0.0
     point_labels: str | None = None
+    viewpoint: Viewpoint | None = None
 
     def __post_init__(self) -> None:
         """Validate columns, axes, scale and tilt."""

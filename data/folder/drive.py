@@ -10,6 +10,7 @@ import numpy as np
 from data.clouds.cloud import Cloud
 from data.clouds.read_cloud import read_cloud
 from data.file_drive import FileDrive
+from data.folder.config import Viewpoint
 from data.folder.pose_track import PoseTrack
 from data.kitti.labels import empty_labels, require_tracking_labels
 from data.per_frame import FrameTuple
@@ -28,6 +29,7 @@ class FolderDrive(FileDrive):
         columns: Names of the columns of the scans, or None for those of the files.
         velo_SE3_lidar: (4, 4) turn from the axes of the files to x forward, y left, z up on a level road.
         reflectance_scale: Value in the files of a reflectance of 1.
+        viewpoint: Whether points are moved by the VIEWPOINT of their file, by its inverse, or not.
         stamps_ns: (F,) times of the scans in nanoseconds.
         origin_ns: Time from which seconds are counted.
         rows: Place of each frame among all scans of the folder.
@@ -39,6 +41,7 @@ class FolderDrive(FileDrive):
     columns: tuple[str, ...] | None = None
     velo_SE3_lidar: Float64
     reflectance_scale: float = 1.0
+    viewpoint: Viewpoint = "ignored"
     stamps_ns: FrameTuple[int]
     origin_ns: int = 0
     rows: FrameTuple[int]
@@ -65,8 +68,12 @@ class FolderDrive(FileDrive):
             points[:, 3] = cloud.intensity
         elif cloud.intensity is not None:
             np.clip(cloud.intensity / np.float32(self.reflectance_scale), 0, 1, out=points[:, 3])
-        is_turned = not np.array_equal(self.velo_SE3_lidar, np.eye(4))
-        return transform_points(self.velo_SE3_lidar, points) if is_turned else points
+        velo_SE3_file = self.velo_SE3_lidar
+        if cloud.viewpoint is not None and self.viewpoint != "ignored":
+            pose = cloud.viewpoint if self.viewpoint == "applied" else inverse(cloud.viewpoint)
+            velo_SE3_file = velo_SE3_file @ pose
+        is_moved = not np.array_equal(velo_SE3_file, np.eye(4))
+        return transform_points(velo_SE3_file, points) if is_moved else points
 
     def point_times_s(self, index: int) -> Float32 | None:
         """Read the times of the points from the frame's stamp; None where they are not those of one turn."""

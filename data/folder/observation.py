@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from data.clouds.cloud import COLUMNS, Cloud
+from data.clouds.cloud import COLUMNS, Cloud, require_column_names
 from data.clouds.lidar_estimate import LidarEstimate, estimate_lidar
 from data.clouds.mounting_estimate import MountingEstimate, estimate_mounting, upward_axis
+from data.clouds.pcd import read_viewpoint
 from data.clouds.read_cloud import read_cloud
 from data.clouds.rows_file import DEFAULT_COLUMNS, columns_in_rows
 from data.folder.config import FolderConfig, LidarConfig, PosesConfig
@@ -82,9 +84,12 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
         columns: Names of the columns of the scans, where they cannot be read off the files.
 
     Raises:
+        PerceptionError: The columns are not those of a scan.
         DriveError: There is no scan.
         ScanError: No scan can be read.
     """
+    if columns is not None:
+        require_column_names(columns, "--columns")
     folder = find_scans(root)
     if folder is None:
         raise DriveError(root, expected="scans of a LiDAR", found=describe_folder(root))
@@ -101,6 +106,8 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
         Observation("scans", f"{len(files)} {files.paths[0].suffix} files", "sure", folder.name, "scans"),
         columns_seen, *_sensor_observations(lidar), *_mounting_observations(mounting), scale_seen, times_seen, rate_seen,
     ]  # fmt: skip
+    if (viewpoint := viewpoint_observation(files)) is not None:
+        found.append(viewpoint)
     config = LidarConfig(
         scans=_relative(folder, root),
         columns=None if names is None else tuple(names),
@@ -112,6 +119,7 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
         reflectance_scale=scale,
         timestamps=None if stamps_file is None else _relative(stamps_file, root),
         point_labels=_point_labels(root, folder),
+        viewpoint=None if viewpoint is None else "ignored",
     )
     poses = find_poses(root)
     if poses is not None:
@@ -228,6 +236,21 @@ def _with_sensor(config: LidarConfig, lidar: LidarEstimate | None) -> LidarConfi
         if step_rad is None
         else round(float(np.degrees(step_rad)), 4),
     )
+
+
+def viewpoint_observation(files: FrameFiles) -> Observation | None:
+    """Return what is to be said of scans with a pose of the sensor; None where the scans that are looked at have none."""
+    some = [files.paths[index] for index in sample_indices(len(files), _SAMPLES)]
+    stated = [(path.name, pose) for path in some if (pose := read_viewpoint(path)) is not None]
+    if not stated:
+        return None
+    name, pose = stated[0]
+    turn_deg = np.degrees(Rotation.from_matrix(pose[:3, :3]).magnitude())
+    reason = (
+        f"{name} states a pose of {np.linalg.norm(pose[:3, 3]):.2f} m and {turn_deg:.1f} degrees; "
+        "trifuse adopt --viewpoint applied moves points by it, --viewpoint undone by its inverse"
+    )
+    return Observation("VIEWPOINT", "ignored", "guess", reason, "viewpoint")
 
 
 def _sensor_observations(lidar: LidarEstimate | None) -> list[Observation]:

@@ -9,7 +9,7 @@ from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
 from data.folder.drive import FolderDrive, velo_to_body
-from data.folder.observation import observe_folder
+from data.folder.observation import observe_folder, viewpoint_observation
 from data.folder.pose_track import PoseTrack, read_pose_track
 from data.folder.stamps import read_stamps, stamps_in_names
 from data.folder.typed_document import read_document
@@ -41,6 +41,8 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     files = _scan_files(root, described.lidar)
     sensor = _sensor(root, described.lidar, config.sensor)
     stamps_ns = _stamps_ns(root, described.lidar, files, sensor)
+    seen = None if described.lidar.viewpoint else viewpoint_observation(files)
+    notes += () if seen is None else (f"{root}: {seen.what} {seen.value}: {seen.reason}",)
     velo_SE3_lidar = described.lidar.velo_SE3_lidar()
     calibration = images = None
     cameras = described.named_cameras
@@ -72,6 +74,7 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
         columns=described.lidar.columns,
         velo_SE3_lidar=velo_SE3_lidar,
         reflectance_scale=config.reflectance_scale or described.lidar.reflectance_scale,
+        viewpoint=described.lidar.viewpoint or "ignored",
         stamps_ns=FrameTuple(stamps_ns.tolist()),
         origin_ns=int(stamps_ns[0]),
         rows=FrameTuple(range(len(files))),

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Literal
 
 
 def adopt(
@@ -14,6 +15,7 @@ def adopt(
     axes: tuple[str, ...] = (),
     rate: float | None = None,
     reflectance_scale: float | None = None,
+    viewpoint: Literal["ignored", "applied", "undone"] | None = None,
     intrinsics: tuple[float, ...] = (),
     distortion: tuple[float, ...] = (),
     fisheye: bool = False,
@@ -36,6 +38,7 @@ def adopt(
         axes: Directions in which x, y and z of the files point, such as right,forward,up.
         rate: Scans per second.
         reflectance_scale: Value in the files of a reflectance of 1, such as 255.
+        viewpoint: VIEWPOINT of PCD files: ignored, applied to the points, or undone where they are in the world's frame.
         intrinsics: Focal lengths and principal point of the camera in pixels, fx,fy,cx,cy.
         distortion: Distortion coefficients of the camera as OpenCV has them; none for rectified images.
         fisheye: The coefficients are those of OpenCV's fisheye model.
@@ -44,7 +47,6 @@ def adopt(
         body_to_lidar: Transform from the body of the poses (IMU, camera) to the LiDAR in the same forms; none where
             poses are of the LiDAR.
     """
-    from data.clouds.cloud import require_column_names
     from data.folder.adoption import (
         StatedConfig,
         ask,
@@ -59,14 +61,13 @@ def adopt(
     if (layout := other_layout_of(folder)) is not None:
         print(f"{folder}: {layout}, which needs no drive.yaml")
         return
-    if columns:
-        require_column_names(columns, "--columns")
     stated = StatedConfig(
         sensor,
         height,
         axes,
         rate,
         reflectance_scale,
+        viewpoint,
         split_cameras(intrinsics, distortion, lidar_to_camera, is_fisheye=fisheye),
         body_to_lidar,
     )

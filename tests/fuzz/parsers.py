@@ -200,6 +200,9 @@ def _pcds() -> Sequence[bytes]:
         header + b"ascii\n" + text.encode(),
         header + b"binary\n" + rows.tobytes(),
         header + b"binary_compressed\n" + sizes + squeezed,
+        header.replace(b"0 0 0 1 0 0 0", b"1 2 3 0.5 0.5 0.5 0.5") + b"binary\n" + rows.tobytes(),
+        header.replace(b"T 1 1 1 1", b"T 1 1 1 0") + b"binary\n" + rows[:, :3].tobytes(),
+        b"COLUMNS x y z intensity\nPOINTS %d\nDATA ascii\n" % _POINTS + text.encode(),
     ]
 
 

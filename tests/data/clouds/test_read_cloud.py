@@ -10,11 +10,13 @@ import pytest
 
 from data.clouds.cloud import require_column_names, seconds_of
 from data.clouds.file_bytes import MAX_SCAN_BYTES
+from data.clouds.pcd import read_viewpoint
 from data.clouds.read_cloud import read_cloud
 from data.clouds.rows_file import columns_in_rows
 from perception.errors import PerceptionError, ScanError
 from tests.faults import fault
 
+_REPORTED = Path(__file__).parents[4] / "shared" / "bug_reports"
 N = 50
 NAMES = ("x", "y", "z", "intensity", "ring", "t")
 TYPES = (np.float32, np.float32, np.float32, np.float32, np.uint16, np.uint32)
@@ -134,6 +136,83 @@ def test_a_pcd_field_of_several_numbers_is_stepped_over(tmp_path):
     np.testing.assert_array_equal(read_cloud(tmp_path / "a.pcd").xyz[:, 2], [1, 2, 3])
 
 
+def compressed(array):
+    """Return columns one behind the other, stored as they are."""
+    columns = b"".join(array[name].tobytes() for name in array.dtype.names)
+    return np.array([len(columns)] * 2, "u4").tobytes() + columns
+
+
+PCD_DATA = {
+    "ascii": text_rows,
+    "binary": lambda a: a.tobytes(),
+    "binary_compressed": compressed,
+}
+
+
+@pytest.mark.parametrize("data", PCD_DATA)
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"])
+def test_pcd_fields_are_of_any_type_in_any_order(kind, data, tmp_path):
+    array = np.zeros(3, [("t", "u8"), ("z", kind), ("rgb", "f4"), ("x", kind), ("y", kind)])
+    array["x"], array["y"], array["z"] = [1, 2, 3], [4, 5, 6], [7, 8, 127]
+    array["t"] = 1_700_000_000_000_000_000 + np.array([0, 50_000_000, 100_000_000])
+    (tmp_path / "a.pcd").write_bytes(pcd_header(array, data) + PCD_DATA[data](array))
+    cloud = read_cloud(tmp_path / "a.pcd")
+    np.testing.assert_array_equal(cloud.xyz, [[1, 4, 7], [2, 5, 8], [3, 6, 127]])
+    np.testing.assert_allclose(np.diff(cloud.times_s), 0.05, atol=1e-6)
+
+
+@pytest.mark.parametrize("data", PCD_DATA)
+def test_a_pcd_field_of_count_0_takes_no_bytes(data, tmp_path):
+    array = np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("intensity", "f4")])
+    array["z"], array["intensity"] = [1, 2, 3], [4, 5, 6]
+    fields = {
+        "FIELDS": "_ x y z _ intensity",
+        "SIZE": "8 4 4 4 1 4",
+        "TYPE": "U F F F U F",
+        "COUNT": "0 1 1 1 0 1",
+    }
+    header = pcd_header(array, data, **fields)
+    (tmp_path / "a.pcd").write_bytes(header + PCD_DATA[data](array))
+    cloud = read_cloud(tmp_path / "a.pcd")
+    np.testing.assert_array_equal(cloud.xyz[:, 2], [1, 2, 3])
+    np.testing.assert_array_equal(cloud.intensity, [4, 5, 6])
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "COLUMNS x y z\nPOINTS 2\nDATA ascii\n",
+        "# made by hand\r\nFIELDS x y z\r\nWIDTH 2\r\nHEIGHT 1\r\nDATA ascii\r\n",
+        "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 0\nHEIGHT 0\nPOINTS 2\nDATA ASCII\n",
+        "VERSION .7\nFIELDS x y z\nWIDTH 1\nHEIGHT 2\nVIEWPOINT 0 0 0 0 0 0 0\nDATA ascii\n",
+    ],
+)
+def test_a_pcd_header_may_lack_what_follows_from_the_rest(header, tmp_path):
+    (tmp_path / "a.pcd").write_bytes(header.encode() + b"1 2 3\n4 5 6\n")
+    cloud = read_cloud(tmp_path / "a.pcd")
+    np.testing.assert_array_equal(cloud.xyz, [[1, 2, 3], [4, 5, 6]])
+    assert cloud.viewpoint is None
+
+
+def test_the_viewpoint_of_a_pcd_is_translation_and_quaternion_w_first(tmp_path):
+    half = np.sqrt(0.5)
+    header = pcd_header(POINT, "binary", VIEWPOINT=f"1 2 3 {half} {half} 0 0")
+    (tmp_path / "a.pcd").write_bytes(header + POINT.tobytes())
+    about_x = [[1, 0, 0, 1], [0, 0, -1, 2], [0, 1, 0, 3], [0, 0, 0, 1]]
+    np.testing.assert_allclose(read_cloud(tmp_path / "a.pcd").viewpoint, about_x, atol=1e-12)
+    np.testing.assert_allclose(read_viewpoint(tmp_path / "a.pcd"), about_x, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["count_0", "compressed_stored_plain", "viewpoint"])
+def test_pcd_files_that_others_stumbled_over(name):
+    if not _REPORTED.is_dir():
+        pytest.skip("the inputs of bug reports are not here")
+    expected = np.loadtxt(_REPORTED / "expected_xyz.csv", delimiter=",", skiprows=1)
+    cloud = read_cloud(_REPORTED / f"{name}.pcd")
+    np.testing.assert_allclose(cloud.xyz, expected, atol=1e-6)
+    assert (cloud.viewpoint is not None) == (name == "viewpoint")
+
+
 @pytest.mark.parametrize("count", [3, 4, 5, 6])
 def test_the_columns_of_a_bin_file_are_found(count, tmp_path):
     angle = np.linspace(0, 6, 600)
@@ -208,6 +287,9 @@ MALFORMED = {
     "sizes.pcd": (pcd_header(POINT, "binary", SIZE="4 4"), "a SIZE, a TYPE", "argument"),
     "kind.pcd": (pcd_header(POINT, "binary", TYPE="F F F Q U U"), "a SIZE, a TYPE", "'Q'"),
     "count.pcd": (pcd_header(POINT, "binary", POINTS=7), "WIDTH times HEIGHT", "POINTS 7"),
+    "minus.pcd": (pcd_header(POINT, "binary", COUNT="1 1 1 1 1 -1"), "a COUNT", "COUNT -1"),
+    "pointless.pcd": (b"FIELDS x y z\nWIDTH 3\nDATA ascii\n", "a PCD header", "nor POINTS"),
+    "viewpoint.pcd": (pcd_header(POINT, "binary", VIEWPOINT="0 0 0 1"), "a PCD header", "VIEWPOINT 0 0 0 1"),
     "form.pcd": (pcd_header(POINT, "zipped"), "ascii, binary, binary_compressed", "zipped"),
     "cut.pcd": (pcd_header(POINT, "binary") + b"abc", "50 points of 22 bytes", "3 bytes"),
     "less.pcd": (pcd_header(POINT, "binary_compressed") + b"abc", "50 points", "0 bytes"),

@@ -71,6 +71,50 @@ def test_columns_are_named_without_a_drive_yaml(write_folder):
     )
 
 
+def write_pcd(path, scan, viewpoint="0 0 0 1 0 0 0", fields="x y z intensity"):
+    count = len(fields.split())
+    rows = np.ascontiguousarray(scan[:, :count], np.float32)
+    header = f"FIELDS {fields}\nWIDTH {len(rows)}\nHEIGHT 1\nVIEWPOINT {viewpoint}\nDATA binary\n"
+    path.write_bytes(header.encode() + rows.tobytes())
+
+
+@pytest.mark.parametrize(
+    ("stated", "moved"),
+    [
+        ("", lambda xyz: xyz),
+        (", viewpoint: ignored", lambda xyz: xyz),
+        (", viewpoint: applied", lambda xyz: np.column_stack([1 - xyz[:, 1], 2 + xyz[:, 0], 3 + xyz[:, 2]])),
+        (", viewpoint: undone", lambda xyz: np.column_stack([xyz[:, 1] - 2, 1 - xyz[:, 0], xyz[:, 2] - 3])),
+    ],
+)  # fmt: skip
+def test_a_viewpoint_is_used_as_stated_and_else_said(stated, moved, tmp_path):
+    (tmp_path / "lidar").mkdir()
+    scan = road_scan(0, columns=90)
+    half = np.sqrt(0.5)
+    write_pcd(tmp_path / "lidar" / "000000.pcd", scan)
+    write_pcd(tmp_path / "lidar" / "000001.pcd", scan, f"1 2 3 {half} 0 0 {half}")
+    (tmp_path / "drive.yaml").write_text(LIDAR.replace("}", f"{stated}}}"))
+    drive = open_drive(tmp_path)
+    np.testing.assert_array_equal(drive[0].points_velo, scan)
+    np.testing.assert_allclose(drive[1].points_velo[:, :3], moved(scan[:, :3]), atol=1e-5)
+    assert [("3.74 m and 90.0 degrees" in note) for note in drive.notes] == (
+        [] if stated else [True]
+    )
+
+
+def test_scans_of_one_folder_may_have_other_fields(tmp_path):
+    (tmp_path / "lidar").mkdir()
+    scan = road_scan(0, columns=90)
+    write_pcd(tmp_path / "lidar" / "000000.pcd", scan, fields="x y z")
+    write_pcd(tmp_path / "lidar" / "000001.pcd", scan)
+    write_pcd(tmp_path / "lidar" / "000002.pcd", scan[:, [3, 2, 1, 0]], fields="intensity z y x")
+    (tmp_path / "drive.yaml").write_text(LIDAR)
+    frames = list(open_drive(tmp_path))
+    np.testing.assert_array_equal(frames[0].points_velo, scan * [1, 1, 1, 0])
+    np.testing.assert_array_equal(frames[1].points_velo, scan)
+    np.testing.assert_array_equal(frames[2].points_velo, scan)
+
+
 def test_columns_are_those_of_a_scan():
     with fault(PerceptionError, where="--columns", expected="x, y, z", found="x, y"):
         OpenConfig(columns=("x", "y"))
