@@ -113,7 +113,7 @@ class FrameSource:
     def __init__(self, drive: Drive) -> None:
         """Read the frames that are kept."""
         self._kept: Sequence[Frame] = [drive[index] for index in range(min(len(drive), _KEPT))]
-        self._turn_s = 1 / drive.sensor.rate_hz
+        self._period_s = 1 / drive.sensor.rate_hz
 
     def take(self, frames: int) -> Iterator[Frame]:
         """Yield a number of frames."""
@@ -121,7 +121,7 @@ class FrameSource:
         for number in range(frames):
             phase = number % (2 * last) if last else 0
             index = phase if phase <= last else 2 * last - phase
-            yield replace(self._kept[index], index=number, stamp_s=number * self._turn_s)
+            yield replace(self._kept[index], index=number, stamp_s=number * self._period_s)
 
 
 def _at_rate(frames: Iterable[Frame], rate_hz: float) -> Iterator[Frame]:

@@ -4,12 +4,16 @@ import logging
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
+
 from data.beam_pattern import beam_anomalies
 from data.plausibility import describe_invalid_points
 from data.recorded_drive import RecordedDrive
 from perception.errors import PerceptionError
 from perception.types import Drive, Frame, OnBadFrame
 
+_STAMPS = 100  # that tell the period of the frames
+_JITTER = 0.1  # of the period of a LiDAR, as a share
 log = logging.getLogger(__name__)
 
 
@@ -33,6 +37,23 @@ def further_camera_names(drive: Drive) -> tuple[str, ...]:
     if not isinstance(drive, RecordedDrive):
         return ()
     return tuple(one.name for one in drive.further_cameras.cameras)
+
+
+def frame_period_s(drive: Drive) -> float:
+    """Return the usual time from one frame to the next in seconds, that of a LiDAR revolution where it is near it.
+
+    Frames are fewer than revolutions where a drive has only its key frames.
+    """
+    revolution_s = 1 / drive.sensor.rate_hz
+    if not isinstance(drive, RecordedDrive) or not drive.is_sequence or len(drive) < 2:
+        return revolution_s
+    try:
+        stamps_s = [drive.stamp_s(index) for index in range(min(len(drive), _STAMPS))]
+    except PerceptionError:
+        return revolution_s  # said where the frame is read
+    period_s = float(np.median(np.diff(stamps_s)))
+    is_near = abs(period_s / revolution_s - 1) < _JITTER or not 0 < period_s < np.inf
+    return revolution_s if is_near else period_s
 
 
 def clock_origin_ns(drive: Drive) -> int:

@@ -129,7 +129,7 @@ class FilmedScene:
         self._stages = LidarStages(drive.sensor, PipelineConfig.for_motion("none"))
         self._detector = MotionGridDetector(drive.sensor, config)
         self._datmo = Datmo(self._detector, PointTracker(preset), uses_ins_poses=True)
-        self._composition = Composition(area=config.area, turn_s=1 / drive.sensor.rate_hz)
+        self._composition = Composition(area=config.area, period_s=1 / drive.sensor.rate_hz)
         self._history = SceneHistory()
         # Labels of a recorded drive are of what the camera sees.
         protocol = DatmoProtocol() if drive.point_truth(0) is None else PROTOCOL

@@ -208,6 +208,18 @@ def open_scene(path: Path, name: str | None, config: OpenConfig) -> NuScenesScen
         images=_images(tables, camera) if config.images else None,
         ego_SE3_velo=velo,
         boxes=SceneBoxes(tables),
+        notes=_notes(tables),
+    )
+
+
+def _notes(tables: SceneTables) -> tuple[str, ...]:
+    boxes = [one for ones in tables.annotations.values() for one in ones]
+    unknown = sum(not one.category for one in boxes)
+    if not unknown:
+        return ()
+    sentence = "boxes have no category, and are of no class that is measured"
+    return (
+        f"{tables.folder}: {unknown} of {len(boxes)} {sentence}; instance.json and category.json tell it",
     )
 
 

@@ -118,13 +118,13 @@ class SceneTables:
 
         Raises:
             DriveError: A table is missing or damaged, or has no such scene.
-            UsageError: There is no such camera.
+            UsageError: There is no such camera among others.
         """
         tables = _Tables(folder)
         samples = tables.samples(scene)
         channels = tables.channels()
-        if camera not in channels.values():
-            cameras = sorted({name for name in channels.values() if name.startswith("CAM")})
+        cameras = sorted({name for name in channels.values() if name.startswith("CAM")})
+        if cameras and camera not in cameras:  # a cut to the LiDAR has none
             raise UsageError(
                 f"--camera {camera}", expected=f"one of {', '.join(cameras)}", found=camera
             )
@@ -167,6 +167,9 @@ class _Tables:
 
     def read(self, name: str, fields: Sequence[str], is_required: Any = None) -> list[Record]:  # noqa: ANN401 - a condition or None
         return read_records(self.folder / f"{name}.json", fields, is_required)
+
+    def has(self, name: str) -> bool:
+        return (self.folder / f"{name}.json").is_file()
 
     def samples(self, scene: str) -> dict[str, int]:
         """Return the times of the samples of a scene."""
@@ -241,7 +244,7 @@ class _Tables:
     def annotations(self, samples: Mapping[str, int]) -> dict[str, list[Annotation]]:
         """Return the boxes of some samples; none where there is no table of them."""
         found: dict[str, list[Annotation]] = {}
-        if not (self.folder / "sample_annotation.json").is_file():
+        if not self.has("sample_annotation"):
             return found
         records = self.read(
             "sample_annotation", _BOX_FIELDS, lambda one: one["sample_token"] in samples
@@ -252,9 +255,8 @@ class _Tables:
         )
         names = {one["token"]: one["name"] for one in self.read("category", ("token", "name"))}
         category_of = {one["token"]: names.get(one["category_token"], "") for one in rows}
-        attributes = {
-            one["token"]: one["name"] for one in self.read("attribute", ("token", "name"))
-        }
+        rows = self.read("attribute", ("token", "name")) if self.has("attribute") else []
+        attributes = {one["token"]: one["name"] for one in rows}
         for one in records:
             pose = self.transform("sample_annotation", one)
             width_m, length_m, height_m = self.numbers("sample_annotation", one, "size", 3)
@@ -271,7 +273,7 @@ class _Tables:
 
     def point_labels(self, scans: set[str]) -> dict[str, Path]:
         """Return the files of point labels; none where there is no table of them."""
-        if not (self.folder / "lidarseg.json").is_file():
+        if not self.has("lidarseg"):
             return {}
         fields = ("sample_data_token", "filename")
         records = self.read("lidarseg", fields, lambda one: one["sample_data_token"] in scans)

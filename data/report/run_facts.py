@@ -22,7 +22,7 @@ class RunFacts:
     """Content of `report.json`.
 
     Attributes:
-        period_s: Time of one revolution of the LiDAR, the time budget of a frame.
+        period_s: Time from one scan to the next in seconds, the time budget of a frame.
         machine: Processor, number of cores and version of Python.
         versions: Version of each program and package.
         panels: Panels of an image of the video by name.
@@ -40,14 +40,14 @@ class RunFacts:
     precision: list[PrecisionPanel] = field(default_factory=list)
 
     @classmethod
-    def of_run(cls, rate_hz: float, panels: dict[str, PanelArea]) -> Self:
+    def of_run(cls, period_s: float, panels: dict[str, PanelArea]) -> Self:
         """Return what is known at the first frame.
 
         Args:
-            rate_hz: Scans per second.
+            period_s: Time from one scan to the next in seconds.
             panels: Panels of an image of the video by name.
         """
-        return cls(1 / rate_hz, describe_machine(), versions(), panels)
+        return cls(period_s, describe_machine(), versions(), panels)
 
     @classmethod
     def read(cls, folder: Path) -> Self:

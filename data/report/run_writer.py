@@ -4,6 +4,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+from data.frames import frame_period_s
 from data.report.frame_images import MAX_FRAMES, write_panels
 from data.report.label_errors import LabelErrors
 from data.report.run_facts import RunFacts
@@ -60,7 +61,9 @@ class RunReportWriter(Restorable, ResultWriter):
         """Add one frame."""
         if self._facts is None:
             panels = self._composition.main_panels(result)
-            self._facts = RunFacts.of_run(self._drive.sensor.rate_hz, {} if self._draws else panels)
+            self._facts = RunFacts.of_run(
+                frame_period_s(self._drive), {} if self._draws else panels
+            )
         for stage in result.skipped:
             self._skipped[stage] = self._skipped.get(stage, 0) + 1
         if self._has_labels:

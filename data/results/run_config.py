@@ -20,7 +20,8 @@ class RunConfig:
         track: Id of the track or vehicle that a one-object tracker takes over, or None.
         tracker: Name of the one-object tracker.
         tracker_config: Parameters of the one-object trackers.
-        min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl, 0 to 1.
+        min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl, 0 to 1; 0 for curves of precision and recall,
+            with hundreds of rows a frame.
         exports: Exports beside the result files.
     """
 

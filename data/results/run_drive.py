@@ -5,6 +5,7 @@ import time
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import replace
 
+from data.frames import frame_period_s
 from data.results.checkpoint import Checkpoint, Checkpoints
 from data.results.documents import write_json
 from data.results.folder import ResultsFolder, started
@@ -53,7 +54,7 @@ def run_drive(
     drawing = ProcessWriter("video") if config.video else None
     steps = started(track_selected(results, handover))
     out = folder.prepare()
-    period_s, pipeline = 1 / drive.sensor.rate_hz, config.pipeline
+    period_s, pipeline = frame_period_s(drive), config.pipeline
     score = pipeline.detection.display_score
     summary = RunSummary(drive.name, out, pipeline.area, score, period_s)
     if checkpoint is not None:

@@ -31,7 +31,7 @@ class RunVideo(Restorable, ResultWriter):
         """
         self._out, self._composition = out, composition
         self._middle, self._count = frames // 2, 0
-        self._video = VideoWriter(out / "video.mp4", 1 / composition.turn_s)
+        self._video = VideoWriter(out / "video.mp4", 1 / composition.period_s)
         self._video_snapshot = b""
         self._canvas: UInt8 | None = None
         self._history = SceneHistory() if is_sequence else SceneHistory(duration_s=0.0)

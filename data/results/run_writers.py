@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
-from data.frames import clock_origin_ns, frame_count, further_camera_names
+from data.frames import clock_origin_ns, frame_count, frame_period_s, further_camera_names
 from data.report.page import can_write_report
 from data.results.process_writer import ProcessWriter
 from data.results.result_writer import ResultWriter
@@ -82,7 +82,7 @@ def run_writers(
     """
     composition = Composition(
         area=config.pipeline.area,
-        turn_s=1 / drive.sensor.rate_hz,
+        period_s=frame_period_s(drive),
         display_score=config.pipeline.detection.display_score,
         detector_views=config.video_views,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from data.derived.track_start import TrackStart
-from data.frames import frame_count, read_frames
+from data.frames import frame_count, frame_period_s, read_frames
 from data.kitti.tracking_rows import format_result_rows
 from data.results.documents import write_json
 from data.results.folder import ResultsFolder, started
@@ -90,7 +90,7 @@ def track_object(
     Raises:
         PerceptionError: The tracker cannot start, or a frame cannot be used; the results before it stay.
     """
-    calibration, rate_hz = drive.calibration, drive.sensor.rate_hz
+    calibration, rate_hz = drive.calibration, 1 / frame_period_s(drive)
     tracker = single_object_tracker(config.tracker, drive.sensor, config.tracker_config)
     count = _last_frame(drive, start, config) - start.frame
     scenes = started(tracked_scenes(drive, start, tracker, config, progress))

@@ -25,7 +25,7 @@ class RunSummary:
         out: Folder of the results.
         area: Local area of the pipeline.
         display_score: Score from which a vehicle is counted.
-        period_s: Time of one LiDAR revolution in seconds.
+        period_s: Time from one scan to the next in seconds.
         times: Times of the stages.
         points: Number of points by `PointState`, over all frames.
         track_ids: Ids of all tracks so far.

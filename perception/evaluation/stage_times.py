@@ -131,7 +131,7 @@ class StageTimes:
             period_s: Time from one scan to the next in seconds.
         """
         rows, period_ms = self.table("").rows, 1e3 * period_s
-        whole, rate = rows[END_TO_END], f"the LiDAR at {1 / period_s:g} Hz"
+        whole, rate = rows[END_TO_END], f"scans at {1 / period_s:.3g} Hz"
         line = f"pipeline: {whole.p50_ms:.0f} ms/frame at the median, {whole.p99_ms:.0f} ms at p99"
         if whole.p99_ms <= period_ms:
             return f"{line}: keeps up with {rate}"

@@ -149,24 +149,24 @@ def plot_shares(path: Path, title: str, bars: Mapping[str, Mapping[str, float]])
     save_figure(figure, path)
 
 
-def plot_timeline(path: Path, title: str, spans: Sequence[StageSpan], turn_s: float) -> None:
+def plot_timeline(path: Path, title: str, spans: Sequence[StageSpan], period_s: float) -> None:
     """Draw the stages of one frame over time, a row for each worker (as in thesis Fig. 7.17).
 
     Args:
         path: Path of the PNG.
         title: Title of the figure.
         spans: Stages of the frame, in seconds since the first one began.
-        turn_s: Time of one LiDAR revolution in seconds, marked by a line.
+        period_s: Time from one scan to the next in seconds, marked by a line.
     """
     workers = list(dict.fromkeys(span.worker for span in spans))
     figure = new_figure(9.0, 1.4 + _ROW_IN * len(workers), title)
     axes = figure.add_subplot()
     axes.set_yticks(range(len(workers)), [_worker_name(worker) for worker in workers])
-    last_s = max(turn_s, *(span.stop_s for span in spans))
+    last_s = max(period_s, *(span.stop_s for span in spans))
     axes.set(xlim=(0, 1.04e3 * last_s), xlabel="time since the first stage began [ms]")
     axes.set_ylim(len(workers) - 0.5, -0.5)
-    axes.axvline(1e3 * turn_s, color=rgb(palette.STATIC), linestyle="--", linewidth=1)
-    axes.text(1e3 * turn_s, len(workers) - 0.52, " LiDAR revolution", fontsize=8, va="bottom")
+    axes.axvline(1e3 * period_s, color=rgb(palette.STATIC), linestyle="--", linewidth=1)
+    axes.text(1e3 * period_s, len(workers) - 0.52, " next scan", fontsize=8, va="bottom")
     bars = []
     for number, span in enumerate(spans):
         row, width_ms = workers.index(span.worker), 1e3 * (span.stop_s - span.start_s)

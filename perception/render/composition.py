@@ -66,14 +66,14 @@ class Composition:
     Attributes:
         size_px: (width, height) of an image; video needs even numbers.
         area: Local area of the obstacle stages.
-        turn_s: Time of one LiDAR revolution in seconds, the time budget of a frame.
+        period_s: Time from one scan to the next in seconds, the time budget of a frame.
         display_score: Score from which a detection is drawn.
         detector_views: Whether the boxes of each modality's detector are drawn on the camera image.
     """
 
     size_px: tuple[int, int] = (1600, 900)
     area: LocalArea = field(default_factory=LocalArea)
-    turn_s: float = 0.1
+    period_s: float = 0.1
     display_score: float = DetectionConfig.display_score
     detector_views: bool = False
 
@@ -105,7 +105,7 @@ class Composition:
         text_px = self.style.text_px - 1
         largest_px = (round(_MAP_SHARE * width), inset_height_px(height - body_px, text_px))
         insets = map_insets(scene, largest_px, self.display_score)
-        draw_strip(canvas[body_px:], scene, self._legend(scene), insets, self.turn_s, text_px)
+        draw_strip(canvas[body_px:], scene, self._legend(scene), insets, self.period_s, text_px)
         draw_health(canvas, scene.result.health, self.style.text_px)
         return canvas
 

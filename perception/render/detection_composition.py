@@ -58,16 +58,16 @@ class DetectionComposition:
         panel_px: (width, height) of the panel of the camera and of that of the depth map, even numbers.
         columns: Number of panels side by side.
         has_camera: Whether there is a panel for the camera's image.
-        turn_s: Time of one LiDAR revolution in seconds, the time budget of a frame.
+        period_s: Time from one scan to the next in seconds, the time budget of a frame.
     """
 
     panel_px: tuple[int, int]
     columns: int
     has_camera: bool
-    turn_s: float = 0.1
+    period_s: float = 0.1
 
     @classmethod
-    def of(cls, first: DetectionScene, turn_s: float) -> Self:
+    def of(cls, first: DetectionScene, period_s: float) -> Self:
         """Return the layout for scenes like the first: wide images one above the other, others side by side."""
         height, width = first.depth.shape[:2]
         aspect, has_camera = width / height, first.image is not None
@@ -75,7 +75,7 @@ class DetectionComposition:
         fitting_px = min(_MAX_WIDTH_PX / columns, _MAX_PANEL_PX * aspect)
         panel_px = max(fitting_px, _MIN_WIDTH_PX / columns)
         even = (2 * round(panel_px / 2), 2 * round(fitting_px / aspect / 2))
-        return cls(even, columns, has_camera, turn_s)
+        return cls(even, columns, has_camera, period_s)
 
     def draw(self, scene: DetectionScene) -> UInt8:
         """Return the (height, width, 3) image of one frame."""
@@ -109,7 +109,7 @@ class DetectionComposition:
         height, width = canvas.shape[:2]
         draw_legend(canvas, _LEGEND, _TEXT_PX)
         start, stop = (round(share * width) for share in _BAR_SHARES)
-        draw_stage_bar(canvas[:, start:stop], scene.timings_s, self.turn_s, _TEXT_PX)
+        draw_stage_bar(canvas[:, start:stop], scene.timings_s, self.period_s, _TEXT_PX)
         counts = f"{len(scene.detections)} of {len(scene.proposals_px)} proposals"
         for row, text in enumerate((f"frame {scene.number}", counts)):
             baseline = (width - _TEXT_PX, (0.40 + 0.36 * row) * height)

@@ -1,4 +1,4 @@
-"""The strip below the views of a frame: legend, maps, times of the stages beside one LiDAR revolution, and clock."""
+"""The strip below the views of a frame: legend, maps, times of the stages beside the period of the scans, and clock."""
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -24,7 +24,7 @@ def draw_strip(
     scene: Scene,
     legend: Sequence[Sequence[LegendEntry]],
     insets: Mapping[str, UInt8],
-    turn_s: float,
+    period_s: float,
     text_px: int,
 ) -> None:
     """Fill the canvas with legend, insets, stage times and clock, from left to right.
@@ -34,7 +34,7 @@ def draw_strip(
         scene: Content of the image.
         legend: Rows of legend entries.
         insets: Small images by title, at most as high as the canvas.
-        turn_s: Time of one LiDAR revolution in seconds, the time budget of a frame.
+        period_s: Time from one scan to the next in seconds, the time budget of a frame.
         text_px: Height of capitals.
     """
     height, width = canvas.shape[:2]
@@ -50,9 +50,9 @@ def draw_strip(
     clock_px = _CLOCK_TEXTS * text_px
     bars = canvas[:, column + 2 * text_px : width - clock_px - text_px]
     if spans := relative_to_start(scene.result.spans):
-        draw_worker_bars(bars, spans, turn_s, text_px)
+        draw_worker_bars(bars, spans, period_s, text_px)
     else:
-        draw_stage_bar(bars, scene.result.timings_s, turn_s, text_px)
+        draw_stage_bar(bars, scene.result.timings_s, period_s, text_px)
     lines = _clock_lines(scene)
     rows_px = _row_edges_px(height, len(lines), text_px)
     for number, ((top, bottom), text) in enumerate(zip(pairwise(rows_px), lines, strict=True)):
@@ -103,7 +103,7 @@ def _clock_lines(scene: Scene) -> list[str]:
 
 
 def draw_stage_bar(
-    canvas: UInt8, timings_s: Mapping[str, float], turn_s: float, text_px: int
+    canvas: UInt8, timings_s: Mapping[str, float], period_s: float, text_px: int
 ) -> None:
     """Draw stages that ran one after another as one bar; arguments as of `draw_worker_bars`."""
     stops_s = np.cumsum([0.0, *timings_s.values()]).tolist()
@@ -111,20 +111,20 @@ def draw_stage_bar(
         StageSpan(name, "", start_s, stop_s)
         for name, start_s, stop_s in zip(timings_s, stops_s[:-1], stops_s[1:], strict=True)
     ]
-    draw_worker_bars(canvas, spans, turn_s, text_px)
+    draw_worker_bars(canvas, spans, period_s, text_px)
 
 
 def draw_worker_bars(
-    canvas: UInt8, spans: Sequence[StageSpan], turn_s: float, text_px: int
+    canvas: UInt8, spans: Sequence[StageSpan], period_s: float, text_px: int
 ) -> None:
     """Fill the canvas with a bar for each worker and, below them, the name and time in ms of each stage.
 
-    The full length of the bars is one LiDAR revolution, or the whole time where that is longer.
+    The full length of the bars is the period of the scans, or the whole time where that is longer.
 
     Args:
         canvas: (H, W, 3) canvas.
         spans: Stages of the frame, in seconds since the first one began.
-        turn_s: Time of one LiDAR revolution in seconds.
+        period_s: Time from one scan to the next in seconds.
         text_px: Height of capitals.
     """
     height, width = canvas.shape[:2]
@@ -132,16 +132,16 @@ def draw_worker_bars(
     canvas[top:bottom] = palette.PANEL
     workers = list(dict.fromkeys(span.worker for span in spans))
     edges_px = np.rint(np.linspace(top, bottom, len(workers) + 1)).astype(int)
-    full_s = max(turn_s, *(span.stop_s for span in spans)) if spans else turn_s
+    full_s = max(period_s, *(span.stop_s for span in spans)) if spans else period_s
     for number, span in enumerate(spans):
         row = workers.index(span.worker)
         left, right = (round(width * at_s / full_s) for at_s in (span.start_s, span.stop_s))
         canvas[edges_px[row] : edges_px[row + 1], left:right] = _color(number)
     # A frame in time has the mark at the end of the bars, a late one within them.
-    turn_px = round(turn_s / full_s * width)
+    turn_px = round(period_s / full_s * width)
     color = palette.STATIC if turn_px < width else palette.FAINT_TEXT
     canvas[round(0.08 * height) : round(0.46 * height), turn_px - 2 : turn_px] = color
-    text = f"{turn_s * 1e3:.0f} ms: one LiDAR revolution"
+    text = f"{period_s * 1e3:.0f} ms: one next scan"
     taken_px = text_width_px(text, text_px) + _gap_px(text_px)
     at = (width - 2, _write_stages(canvas, spans, taken_px, text_px))
     draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)

@@ -80,18 +80,18 @@ def collected_of(*frames_ms, depthcn_ms=0.0):
         (
             (60, 60, 80),
             20,
-            "60 ms/frame at the median, 80 ms at p99: keeps up with the LiDAR at 10 Hz",
+            "60 ms/frame at the median, 80 ms at p99: keeps up with scans at 10 Hz",
         ),
         (
             (90, 110, 110, 110),
             40,
-            "110 ms/frame at the median, 110 ms at p99: too slow for the LiDAR at 10 Hz in 75 % of the frames; "
+            "110 ms/frame at the median, 110 ms at p99: too slow for scans at 10 Hz in 75 % of the frames; "
             "--pipeline.detection.depthcn.no-enabled would keep up, and leaves out DepthCN",
         ),
         (
             (300, 300),
             10,
-            "300 ms/frame at the median, 300 ms at p99: too slow for the LiDAR at 10 Hz in 100 % of the frames; "
+            "300 ms/frame at the median, 300 ms at p99: too slow for scans at 10 Hz in 100 % of the frames; "
             "no flag makes this machine keep up",
         ),
     ],

@@ -16,7 +16,7 @@ def test_a_timeline_is_an_image_with_a_row_for_each_worker(tmp_path):
         StageSpan("detectors", "vehicles", 0.01, 0.012),
     ]
     for count in (1, 3):
-        plot_timeline(tmp_path / f"{count}.png", "a frame", spans[:count], turn_s=0.1)
+        plot_timeline(tmp_path / f"{count}.png", "a frame", spans[:count], period_s=0.1)
     one, two = (cv2.imread(str(tmp_path / f"{count}.png")) for count in (1, 3))
     assert two.shape[0] > one.shape[0]
     assert two.shape[1] == one.shape[1]
@@ -31,7 +31,7 @@ def test_words_stay_within_their_bar_or_stand_above_it_apart(tmp_path, monkeypat
         StageSpan("ground", "obstacles", 0.103, 0.105),
         StageSpan("rgb detector", "detectors_0", 0.103, 0.105),
     ]
-    plot_timeline(tmp_path / "none.png", "a frame", spans, turn_s=0.1)
+    plot_timeline(tmp_path / "none.png", "a frame", spans, period_s=0.1)
     (axes,) = drawn[0].axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["obstacles", "detectors"]
     bars = [bar.get_window_extent() for bar in axes.patches]

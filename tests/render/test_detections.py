@@ -70,7 +70,7 @@ def test_camera_and_depth_stand_one_over_the_other():
     proposals_px = np.array([[200.0, 30, 240, 70]])
     image = np.full((100, 300, 3), 120, np.uint8)
     scene = scene_of(image, proposals_px=proposals_px, found=found)
-    layout = DetectionComposition.of(scene, turn_s=0.1)
+    layout = DetectionComposition.of(scene, period_s=0.1)
     picture = layout.draw(scene)
     width, height = layout.panel_px
     assert picture.shape == (2 * height + 4 + 64, width, 3)
@@ -89,7 +89,7 @@ def test_camera_and_depth_stand_one_over_the_other():
 def test_panels_have_the_aspect_of_the_camera(size_px, panel_px, columns):
     image = np.zeros((size_px[1], size_px[0], 3), np.uint8)
     scene = DetectionScene(7, image, image, np.zeros((0, 4)), Detections.empty(), {})
-    layout = DetectionComposition.of(scene, turn_s=0.1)
+    layout = DetectionComposition.of(scene, period_s=0.1)
     assert (layout.panel_px, layout.columns) == (panel_px, columns)
     assert layout.draw(scene).shape[1] == columns * panel_px[0]
 
@@ -97,6 +97,6 @@ def test_panels_have_the_aspect_of_the_camera(size_px, panel_px, columns):
 @pytest.mark.parametrize("size", [(90, 310), (200, 200), (375, 1242)])
 def test_a_frame_of_another_size_fits_the_first_ones_layout(size):
     scene = scene_of(None, proposals_px=np.zeros((0, 4)), found=Detections.empty())
-    layout = DetectionComposition.of(scene, turn_s=0.1)
+    layout = DetectionComposition.of(scene, period_s=0.1)
     other = replace(scene, depth=np.zeros((*size, 3), np.uint8))
     assert layout.draw(other).shape == layout.draw(scene).shape

@@ -16,7 +16,7 @@ def canvas():
 
 
 def test_a_stage_is_as_long_as_its_share_of_a_turn(canvas):
-    draw_stage_bar(canvas, {"registration": 0.020, "ground": 0.010}, turn_s=0.1, text_px=9)
+    draw_stage_bar(canvas, {"registration": 0.020, "ground": 0.010}, period_s=0.1, text_px=9)
     bar = canvas[BAR_ROW]
     assert (bar[:200] == STAGES[0]).all()
     assert (bar[200:300] == STAGES[1]).all()
@@ -25,7 +25,7 @@ def test_a_stage_is_as_long_as_its_share_of_a_turn(canvas):
 
 
 def test_a_late_frame_shows_where_the_turn_ended(canvas):
-    draw_stage_bar(canvas, {"registration": 0.120, "ground": 0.080}, turn_s=0.1, text_px=9)
+    draw_stage_bar(canvas, {"registration": 0.120, "ground": 0.080}, period_s=0.1, text_px=9)
     bar = canvas[BAR_ROW]
     assert (bar[498:500] == STATIC).all()
     assert (bar[500:600] == STAGES[0]).all()
@@ -33,7 +33,7 @@ def test_a_late_frame_shows_where_the_turn_ended(canvas):
 
 
 def test_more_stages_than_colours_are_drawn(canvas):
-    draw_stage_bar(canvas, {f"stage {n}": 0.005 for n in range(12)}, turn_s=0.1, text_px=9)
+    draw_stage_bar(canvas, {f"stage {n}": 0.005 for n in range(12)}, period_s=0.1, text_px=9)
     assert (canvas[BAR_ROW, 550:600] == STAGES[11 % len(STAGES)]).all()
 
 
@@ -42,7 +42,7 @@ def test_each_worker_has_a_bar_of_its_own(canvas):
         StageSpan("registration", "above", 0.010, 0.030),
         StageSpan("maps", "below", 0.020, 0.050),
     ]
-    draw_worker_bars(canvas, spans, turn_s=0.1, text_px=9)
+    draw_worker_bars(canvas, spans, period_s=0.1, text_px=9)
     above, below = canvas[13], canvas[20]
     assert (above[100:300] == STAGES[0]).all()
     assert (below[200:500] == STAGES[1]).all()
@@ -51,7 +51,7 @@ def test_each_worker_has_a_bar_of_its_own(canvas):
 
 
 def test_no_stage_is_an_empty_bar(canvas):
-    draw_worker_bars(canvas, [], turn_s=0.1, text_px=9)
+    draw_worker_bars(canvas, [], period_s=0.1, text_px=9)
     assert (canvas[BAR_ROW, :998] == PANEL).all()
 
 
@@ -66,7 +66,7 @@ def test_names_of_stages_neither_overlap_nor_run_out(canvas, width, monkeypatch)
 
     monkeypatch.setattr("perception.render.strip.draw_text", draw_text)
     spans = [StageSpan(f"stage {n}", "", 0.01 * n, 0.01 * n + 0.005) for n in range(11)]
-    draw_worker_bars(canvas[:, :width], spans, turn_s=0.1, text_px=9)
+    draw_worker_bars(canvas[:, :width], spans, period_s=0.1, text_px=9)
     lines = sorted({baseline for baseline, _, _ in written})
     assert len(lines) == (1 if width == 1000 else 2)
     assert (len(written) == 12) == (width >= 500)

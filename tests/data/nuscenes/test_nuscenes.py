@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from data.frames import frame_period_s
 from data.layouts import OpenConfig
 from data.nuscenes import json_tables
 from data.nuscenes.categories import LIDARSEG_NAMES, category
@@ -98,6 +99,33 @@ def test_images_that_are_missing(root):
 def test_another_camera(root):
     with fault(UsageError, "--camera CAM_BACK", "one of CAM_FRONT", "CAM_BACK"):
         open_it(root, camera="CAM_BACK")
+
+
+def test_a_cut_to_the_lidar_has_no_camera(root):
+    for table in ("sensor", "calibrated_sensor", "sample_data"):
+        path = root / f"v1.0-mini/{table}.json"
+        kept = [one for one in json.loads(path.read_text()) if "-cam" not in json.dumps(one)]
+        path.write_text(json.dumps(kept))
+    drive = open_it(root)
+    assert (len(drive), drive.has_images, drive.calibration) == (3, False, None)
+    assert drive.labels(0).types.tolist() == ["Car"]
+
+
+def test_tables_that_a_cut_leaves_out(root):
+    (root / "v1.0-mini/attribute.json").unlink()
+    drive = open_it(root)
+    assert (drive.labels_around(0).types.tolist(), drive.notes) == (["Car"], ())
+    (root / "v1.0-mini/instance.json").write_text("[]")
+    drive = open_it(root)
+    assert drive.labels_around(0).types.tolist() == ["Misc"]
+    assert "2 of 2 boxes have no category" in drive.notes[0]
+
+
+def test_the_period_is_that_of_the_frames_and_not_of_the_lidar(root):
+    drive = open_it(root)
+    assert (1 / drive.sensor.rate_hz, frame_period_s(drive)) == (0.05, 0.1)
+    assert frame_period_s(drive.select([0, 2])) == 0.2
+    assert frame_period_s(drive.select([0])) == 0.05
 
 
 def test_a_scene_without_scans(root):
