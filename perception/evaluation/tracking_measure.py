@@ -1,7 +1,7 @@
 """Metrics of tracking result files by KITTI's 2D protocol, over the sequences of a benchmark."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from perception.evaluation.multi_object import kitti_protocol
@@ -22,6 +22,9 @@ PROTOCOL = {
     "values": {"threshold": MIN_IOU, "alphas": ALPHAS},
 }
 _COMBINED = "COMBINED"
+_NO_OBJECTS = (
+    "The labels hold no object of this class that the protocol counts: its ratios state nothing."
+)
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,15 @@ class TrackingReport(Report):
         return sum(self.by_class[class_name].values(), MotMetrics())
 
     def tables(self) -> list[Table[Any]]:
-        """Return a table for each class."""
+        """Return a table for each class, with a note where the labels hold none of it."""
         rule = f"KITTI 2D boxes, CLEAR and identity at IoU {MIN_IOU:g}; ratios in percent"
-        return [
-            mot_table(f"{name}: {rule}", {**by_sequence, _COMBINED: self.combined(name)})
-            for name, by_sequence in self.by_class.items()
-        ]
+        tables = []
+        for name, by_sequence in self.by_class.items():
+            combined = self.combined(name)
+            table = mot_table(f"{name}: {rule}", {**by_sequence, _COMBINED: combined})
+            has_objects = combined.clear.true_positives + combined.clear.false_negatives > 0
+            tables.append(table if has_objects else replace(table, notes=[_NO_OBJECTS]))
+        return tables
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics by sequence and COMBINED, then by class."""

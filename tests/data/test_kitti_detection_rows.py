@@ -126,7 +126,7 @@ def test_files_that_are_not_there(folders, tmp_path: Path):
     with fault(DriveError, found="no such file"):
         read_detection_set(results, tmp_path / "empty")
     write(tmp_path / "others", {100: FOUND})
-    with fault(DriveError, expected="results of the 3 frames", found="1 results of other"):
+    with fault(DriveError, expected="results of the 3 frames", found="1 result files of other"):
         read_detection_set(tmp_path / "others", labels)
 
 
