@@ -74,9 +74,9 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - any document
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise LabelError(
-            path, expected=_EXPECTED, found=f"no JSON ({error})", advice="write the file anew"
-        ) from error
+        advice = "name the folder of results that are texts"
+        found = f"no JSON ({error})"
+        raise LabelError(path, expected=_EXPECTED, found=found, advice=advice) from error
 
 
 def _kind_of_texts(folder: Path) -> ResultKind:

@@ -188,6 +188,10 @@ def _text_files(folder: Path, inner: Sequence[str]) -> _TextFiles:
     texts = [path for path in sorted(list_folder(within)) if path.suffix == ".txt"]
     named = [path for path in texts if path.stem.isdecimal() and len(path.stem) <= _MAX_DIGITS]
     paths = {int(path.stem): path for path in named}
+    if len(paths) < len(named):
+        twice = next(one for one in named if paths[int(one.stem)] != one)
+        found = f"{twice.name} and {paths[int(twice.stem)].name}"
+        raise DriveError(within, expected="one text of each frame", found=found)
     if not paths:
         found = "no such file" if within.is_dir() else "no folder"
         raise DriveError(within, expected="texts named 000000.txt", found=found)

@@ -106,9 +106,7 @@ def test_images_counted_from_one_are_scored_as_they_stand(labels, tmp_path, caps
     assert (cars["objects"], cars["found"]) == (12, 0)
     printed = capsys.readouterr().out
     # The shifted third fits neither frame by half.
-    assert (
-        "of the rows fit the labels of frame k-1 better than those of their own frame k" in printed
-    )
+    assert "rows fit the labels of frame k-1 better than those of their own frame k" in printed
     assert "are frames counted from 1? They are scored as they stand." in printed
 
 

@@ -196,7 +196,7 @@ def test_reported_tracks_counted_from_frame_one_are_scored_as_they_stand(capsys,
     printed = capsys.readouterr().out
     assert combined_row(printed, "car")[1] == "85.714"
     note = (
-        "0000: 100 % of the rows fit the labels of frame k-1 better than those of their own frame k, IoU 1.00 instead of "
+        "0000: 100 % of 60 rows fit the labels of frame k-1 better than those of their own frame k, IoU 1.00 instead of "
         "0.88: are frames counted from 1? They are scored as they stand."
     )
     assert printed.splitlines()[1] == note
