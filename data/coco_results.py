@@ -1,9 +1,11 @@
 """COCO's detections, `[{"image_id": 7, "category_id": 3, "bbox": [left, top, width, height], "score": 0.9}, ...]`.
 
-Images are the frames of KITTI's object labels by their numbers. Categories have the names of a JSON document with
-`categories` in the same folder, such as the annotations of the data, else those of COCO.
+Categories have the names of a JSON document with `categories` in the same folder, such as the annotations of the data,
+else those of COCO. Images are the frames of KITTI's object labels by their numbers; where that document lists `images`,
+by the numbers in their file names.
 """
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from data.kitti.reading import read_bytes
 from data.kitti.sensor_files import list_folder
 from data.result_files import read_json
 from perception.detection.detectors.class_columns import COCO_CLASSES, COCO_NUMBERS, KNOWN_CLASSES
@@ -75,8 +78,10 @@ def parse_coco_detections(path: Path, document: Sequence[Any]) -> CocoDetections
     numbers = np.array(
         [_numbers(f"{path} [{row}]", one) for row, one in enumerate(document)], np.float64
     ).reshape(-1, len(_FIELDS) + 4)
-    names, source = _category_names(path)
-    categories = numbers[:, 1].astype(np.int64)
+    beside = _document_beside(path)
+    names, frame_of = _category_names(beside), _frames_of_images(beside)
+    source = "COCO" if beside is None else str(beside.path)
+    images, categories = numbers[:, 0].astype(np.int64), numbers[:, 1].astype(np.int64)
     for row in np.flatnonzero(~np.isin(categories, list(names)))[:1].tolist():
         raise LabelError(
             f"{path} [{row}] category_id",
@@ -84,17 +89,23 @@ def parse_coco_detections(path: Path, document: Sequence[Any]) -> CocoDetections
             found=str(categories[row]),
             advice="put a JSON file with `categories` beside the results",
         )
+    if frame_of is not None:
+        for row in np.flatnonzero(~np.isin(images, list(frame_of)))[:1].tolist():
+            raise LabelError(
+                f"{path} [{row}] image_id", expected=f"an image of {source}", found=str(images[row])
+            )
+        images = np.array([frame_of[one] for one in images.tolist()], np.int64)
     present = np.unique(categories).tolist()
     known = {number: _CLASSES.get(names[number].lower(), names[number]) for number in present}
     left_top = numbers[:, 3:5]
     described = ", ".join(f"{number} {names[number]} as {known[number]}" for number in present)
     return CocoDetections(
         path=path,
-        images=numbers[:, 0].astype(np.int64),
+        images=images,
         types=np.array([known[number] for number in categories.tolist()], np.str_),
         boxes_px=np.hstack([left_top, left_top + numbers[:, 5:7]]),
         scores=numbers[:, 2],
-        note=f"categories of {source}: {described or 'none'}",
+        note=f"categories{'' if frame_of is None else ' and images'} of {source}: {described or 'none'}",
     )
 
 
@@ -115,24 +126,63 @@ def _numbers(where: str, entry: Any) -> list[float]:  # noqa: ANN401 - whatever 
     return [float(value) for _, value in values]
 
 
-def _category_names(path: Path) -> tuple[dict[int, str], str]:
-    """Return the names of categories by number, and where they stand."""
+@dataclass(frozen=True)
+class _Document:
+    """A document that lists categories, and may list images."""
+
+    path: Path
+    categories: Sequence[Any]
+    images: Sequence[Any] | None
+
+    def entries(self, field: str, key: str, kind: str) -> dict[int, str]:
+        """Return the text of each entry of a field by its id.
+
+        Raises:
+            LabelError: An entry has none.
+        """
+        found = {}
+        for number, one in enumerate(getattr(self, field)):
+            text = one.get(key) if isinstance(one, dict) else None
+            if not isinstance(text, str) or not isinstance(one.get("id"), int):
+                where, expected = f"{self.path} {field}[{number}]", f"a whole id and {kind}"
+                raise LabelError(where, expected=expected, found=_short(one))
+            found[one["id"]] = text
+        return found
+
+
+def _document_beside(path: Path) -> _Document | None:
+    """Return the first document in the folder of a file that lists categories, or None."""
     for other in sorted(list_folder(path.parent)):
-        if other.suffix == ".json" and other != path and b'"categories"' in other.read_bytes():
+        is_other = other.suffix == ".json" and other != path and other.is_file()
+        if is_other and b'"categories"' in read_bytes(other, LabelError, "a document of COCO"):
             document = read_json(other)
-            listed = document.get("categories") if isinstance(document, dict) else None
+            fields = document if isinstance(document, dict) else {}
+            listed, images = fields.get("categories"), fields.get("images")
             if isinstance(listed, list):
-                return dict(
-                    _category(f"{other} categories[{n}]", one) for n, one in enumerate(listed)
-                ), str(other)
-    return dict(zip(COCO_NUMBERS, COCO_CLASSES, strict=True)), "COCO"
+                return _Document(other, listed, images if isinstance(images, list) else None)
+    return None
 
 
-def _category(where: str, entry: Any) -> tuple[int, str]:  # noqa: ANN401 - whatever the file holds
-    number, name = (entry.get("id"), entry.get("name")) if isinstance(entry, dict) else (None, None)
-    if not isinstance(number, int) or not isinstance(name, str):
-        raise LabelError(where, expected="a whole id and a name", found=_short(entry))
-    return number, name
+def _category_names(beside: _Document | None) -> dict[int, str]:
+    if beside is None:
+        return dict(zip(COCO_NUMBERS, COCO_CLASSES, strict=True))
+    return beside.entries("categories", "name", "a name")
+
+
+def _frames_of_images(beside: _Document | None) -> dict[int, int] | None:
+    """Return the number in the file name of each image; None where a document lists none."""
+    if beside is None or not beside.images:
+        return None
+    files = beside.entries("images", "file_name", "a file_name")
+    for number, file in files.items():
+        if not re.fullmatch(r"[0-9]{1,18}", Path(file).stem):
+            raise LabelError(
+                f"{beside.path} image {number}",
+                expected="a file_name with the number of a frame, such as 000007.png",
+                found=repr(file),
+                advice="or list categories alone, and count images as frames",
+            )
+    return {number: int(Path(file).stem) for number, file in files.items()}
 
 
 def _short(value: object) -> str:

@@ -59,11 +59,14 @@ def corners(box: tuple[float, ...]) -> str:
     return f"{left} {top} {left + width} {top + height}"
 
 
-def write_coco(folder: Path, detections: object, categories: object = None) -> Path:
+def write_coco(
+    folder: Path, detections: object, categories: object = None, images: object = None
+) -> Path:
     folder.mkdir(exist_ok=True)
     (folder / "found.json").write_text(json.dumps(detections))
     if categories is not None:
-        (folder / "instances.json").write_text(json.dumps({"categories": categories}))
+        document = {"categories": categories, "images": images}
+        (folder / "instances.json").write_text(json.dumps(document))
     return folder / "found.json"
 
 
@@ -98,6 +101,28 @@ def test_categories_beside_the_results_name_them(labels, tmp_path, capsys):
     assert (cars["objects"], cars["found"]) == (12, 8)
     note = f"categories of {tmp_path / 'coco' / 'instances.json'}: 0 car as Car, 2 pedestrian as Pedestrian"
     assert note in capsys.readouterr().out
+
+
+def test_images_beside_the_results_name_frames(labels, tmp_path):
+    listed = [{"id": 3, "name": "car"}, {"id": 1, "name": "person"}]
+    images = [{"id": 900 - n, "file_name": f"image_2/{n:06d}.png"} for n in range(FRAMES)]
+    detections = [{**one, "image_id": 900 - one["image_id"]} for one in DETECTIONS]
+    path = write_coco(tmp_path / "coco", detections, listed, images)
+    document = evaluate(path, labels)
+    cars = document["results"]["Car"]["0.7"]["easy"]
+    assert (cars["objects"], cars["found"]) == (12, 8)
+    (note,) = document["data"]["notes"]
+    assert note.startswith(f"categories and images of {tmp_path / 'coco' / 'instances.json'}: ")
+    words = ("evaluate", "results", path, "--labels", labels)
+    write_coco(tmp_path / "coco", DETECTIONS, listed, images)
+    with fault(LabelError, "found.json [0] image_id", "an image of", "0"):
+        command(*words)
+    write_coco(tmp_path / "coco", detections, listed, [{"id": 900, "file_name": "a/left_7.png"}])
+    with fault(LabelError, "instances.json image 900", "the number of a frame", "'a/left_7.png'"):
+        command(*words)
+    write_coco(tmp_path / "coco", detections, listed, [*images, {"id": 9}])
+    with fault(LabelError, "instances.json images[12]", "a whole id and a file_name", "{'id': 9}"):
+        command(*words)
 
 
 def test_images_counted_from_one_are_scored_as_they_stand(labels, tmp_path, capsys):

@@ -173,6 +173,8 @@ _SCENE_RESULTS = [
         {"tracking_name": "car", "tracking_score": 1, "tracking_id": "7"},
     )
 ]
+_CATEGORIES = {"categories": [{"id": 3, "name": "car"}]}
+_IMAGES = [{"id": 7, "file_name": "image_2/000004.png"}]
 
 
 def _read_categories(path: Path) -> object:
@@ -511,7 +513,7 @@ PARSERS: dict[str, FileParser] = {
         "found.json", _read_json_results, _texts(*map(json.dumps, ([_COCO], *_SCENE_RESULTS)))
     ),
     "coco-categories": FileParser(
-        "instances.json", _read_categories, _texts(json.dumps({"categories": [{"id": 3, "name": "car"}]}))
+        "instances.json", _read_categories, _texts(json.dumps(_CATEGORIES), json.dumps({**_CATEGORIES, "images": _IMAGES}))
     ),
     "sequence-map": FileParser(
         "evaluate_tracking.seqmap", _read_seqmap, _texts("0000 empty 000000 000154\n")
