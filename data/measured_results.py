@@ -29,6 +29,7 @@ from perception.evaluation.detection.evaluation_boxes import pair_boxes
 from perception.evaluation.detection.protocol import DONT_CARE, DetectionClass
 from perception.evaluation.detection.published import PublishedComparison
 from perception.evaluation.frame_numbering import numbering_fit, numbering_notes
+from perception.evaluation.multi_object.ground_protocol import GroundTracks
 from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS, ImageBoxes, KittiClass
 from perception.evaluation.report import Report
 from perception.evaluation.tracking_measure import PROTOCOL, TrackingMeasure
@@ -231,32 +232,45 @@ def _only_class(pairs: Sequence[TrackedSequenceFiles], chosen: Sequence[KittiCla
 def _measure_scenes(
     results: ResultFiles, root: Path, chosen: Sequence[KittiClass], bars: ResultBars
 ) -> _MeasuredTracks:
-    """Measure the tracks of nuScenes' scenes in the image of the front camera."""
+    """Measure the tracks of nuScenes' scenes that the front camera sees, in its image and on the ground."""
     if _NO_RIDERS in chosen:
         expected = "car, pedestrian: nuScenes' tracks do not state whether a bicycle has a rider"
         raise UsageError("--classes", expected=expected, found=_NO_RIDERS)
     found = read_scene_results(results, root, bars.sequences)
     measure = TrackingMeasure(chosen)
     for name, frames in found.scenes.items():
-        measure.update(name, *_image_boxes(frames), len(frames))
+        tracks = _tracks(frames)
+        measure.update(name, *_image_boxes(frames, tracks), len(frames))
+        labels = [one.labels for one in frames]
+        measure.update_ground(list(zip(labels, tracks, strict=True)))
     notes = [*found.notes, _NO_DISTANCE_METRICS["tracks"]]
     return _MeasuredTracks(measure, found.labelled, notes)
 
 
-def _image_boxes(frames: Sequence[KeyFrame]) -> tuple[ImageBoxes, ImageBoxes]:
-    """Return the labels and the tracks of the key frames of a scene."""
+def _tracks(frames: Sequence[KeyFrame]) -> list[GroundTracks]:
+    """Return the tracks of the key frames of a scene, with numbers in place of their names."""
     names = np.unique(np.concatenate([one.track_ids for one in frames]))
-    true, tracked = [], []
-    for number, one in enumerate(frames):
-        labels, found = labelled_boxes(one.labels), one.found.detections
-        true.append(replace(labels, frames=np.full(len(labels), number)))
-        unknown = np.full(len(found), -1.0)
-        ids = np.searchsorted(names, one.track_ids)
-        tracked.append(
-            ImageBoxes(
-                np.full(len(found), number), ids, found.types, unknown, unknown, found.boxes_px
-            )
+    return [
+        GroundTracks(
+            ids=np.searchsorted(names, one.track_ids),
+            types=one.found.detections.types,
+            boxes=one.found.boxes_velo,
+            boxes_px=one.found.detections.boxes_px,
         )
+        for one in frames
+    ]
+
+
+def _image_boxes(
+    frames: Sequence[KeyFrame], tracks: Sequence[GroundTracks]
+) -> tuple[ImageBoxes, ImageBoxes]:
+    """Return the labels and the tracks of a scene as boxes in the image."""
+    true, tracked = [], []
+    for number, (one, found) in enumerate(zip(frames, tracks, strict=True)):
+        labels = labelled_boxes(one.labels)
+        true.append(replace(labels, frames=np.full(len(labels), number)))
+        here, unknown = np.full(len(found), number), np.full(len(found), -1.0)
+        tracked.append(ImageBoxes(here, found.ids, found.types, unknown, unknown, found.boxes_px))
     return ImageBoxes.concatenate(true), ImageBoxes.concatenate(tracked)
 
 

@@ -103,8 +103,8 @@ class SceneResults:
         """Sentences on what of the results is scored, and how."""
         boxes, seen = sum(f.boxes for f in self.frames), sum(len(f.track_ids) for f in self.frames)
         notes = [
-            f"{', '.join(self.scenes)}: {len(self.frames)} key frames; scored in the image of the front camera, in which "
-            f"{seen} of {boxes} boxes lie"
+            f"{', '.join(self.scenes)}: {len(self.frames)} key frames; scored is what lies in the image of the front "
+            f"camera, {seen} of {boxes} boxes"
         ]
         if self.missing:
             notes.append(f"{self.missing} key frames without an entry: counted as no detection")

@@ -233,7 +233,7 @@ def test_labels_as_detections_are_perfect(root, tmp_path, capsys):
     samples = {**samples, "sample-0": samples["sample-0"] + behind, "elsewhere": []}
     document = evaluate(write_scenes(tmp_path, samples), root)
     assert document["data"]["notes"] == [
-        "scene-0061: 12 key frames; scored in the image of the front camera, in which 12 of 13 boxes lie",
+        "scene-0061: 12 key frames; scored is what lies in the image of the front camera, 12 of 13 boxes",
         "1 samples of other scenes: not read",
         "nuScenes' own metrics, AP over centre distances and NDS, are not measured",
     ]
@@ -275,6 +275,18 @@ def test_labels_as_tracks_are_perfect_until_an_id_changes(root, tmp_path, capsys
     cars = document["results"]["scene-0061"]["car"]
     assert (cars["TP"], cars["FN"], cars["IDSW"]) == (11, 1, 1)
     assert "1 key frames without an entry: counted as no detection" in capsys.readouterr().out
+
+
+def test_tracks_are_measured_on_the_ground(root, tmp_path, capsys):
+    samples = annotations(root, "tracking")
+    for metres, hits in ((0, 12), (1, 12), (2, 0)):  # 3 of 5 m in common suffice, 2 of 6 m do not
+        for sample, boxes in annotations(root, "tracking").items():
+            samples[sample][0]["translation"][0] = boxes[0]["translation"][0] + metres
+        document = evaluate(write_scenes(tmp_path, samples), root)
+        cars = document["results"]["ground"]["Car"]
+        assert (cars["TP"], cars["FP"], cars["FN"]) == (hits, 12 - hits, 12 - hits)
+        assert cars["MOTP"] == pytest.approx((4 - metres) / (4 + metres) if hits else 0)
+    assert "on the ground: boxes from above" in capsys.readouterr().out
 
 
 def test_flags_that_do_not_apply(root, tmp_path):
