@@ -257,7 +257,11 @@ def scenes_of_samples(path: Path) -> dict[str, str]:
         scenes = read_records(folder / _SCENES, ("token", "name"))
         names = {one["token"]: str(one["name"]) for one in scenes}
         samples = read_records(folder / "sample.json", ("token", "scene_token"))
-        found |= {one["token"]: names.get(one["scene_token"], "") for one in samples}
+        found |= {
+            one["token"]: names[one["scene_token"]]
+            for one in samples
+            if one["scene_token"] in names
+        }
     return found
 
 

@@ -47,7 +47,7 @@ def evaluate_results(
 
     Detections: KITTI's NNNNNN.txt (3D boxes also from above, in space, and their orientation; a missing file has none) or
     COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either,
-    measured in the image of the front camera.
+    of which is measured what the front camera sees.
 
     Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
 
