@@ -47,7 +47,7 @@ def evaluate_results(
 
     Detections: KITTI's NNNNNN.txt (3D boxes also from above, in space, and their orientation; a missing file has none) or
     COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either,
-    of which is measured what the front camera sees.
+    measured within the view of the front camera.
 
     Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
 
