@@ -4,6 +4,8 @@ from pathlib import Path
 
 from perception.errors import LabelError, PerceptionError
 
+_FIRST_BYTES = 1 << 12  # in which the first row of a text is looked for
+
 
 def read_bytes(
     path: Path, kind: type[PerceptionError], expected: str, advice: str | None = None
@@ -45,3 +47,13 @@ def read_label_lines(path: Path, what: str = "a label text") -> list[str]:
     """
     lines = read_text(path, LabelError, what).splitlines()
     return [line for line in lines if line.strip()]
+
+
+def first_row(path: Path) -> str:
+    """Return the first row of a text that is not blank, an empty one where there is none or it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            lines = file.read(_FIRST_BYTES).decode(errors="replace").splitlines()
+    except OSError:
+        return ""
+    return next((line for line in lines if line.strip()), "")

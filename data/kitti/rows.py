@@ -21,7 +21,7 @@ _COLUMNS = (
     *("type", "truncation", "occlusion", "alpha", "x1", "y1", "x2", "y2"),
     *("height", "width", "length", "x", "y", "z", "ry", "score"),
 )
-_MAX_WHOLE = 2**53  # larger integers are not exact
+MAX_WHOLE = 2**53  # larger integers are not exact
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ def read_object_rows(
                 )
             rows.append(words[: len(columns)])
             places.append((file, number))
-    numbers = _to_numbers([row[:heads] + row[heads + 1 :] for row in rows], len(columns) - 1)
+    numbers = to_numbers([row[:heads] + row[heads + 1 :] for row in rows], len(columns) - 1)
     is_bad = ~np.isfinite(numbers)
     whole = numbers[:, :heads]
-    is_bad[:, :heads] |= (np.abs(whole) > _MAX_WHOLE) | (np.rint(whole) != whole)
+    is_bad[:, :heads] |= (np.abs(whole) > MAX_WHOLE) | (np.rint(whole) != whole)
     for row, column in np.argwhere(is_bad)[:1].tolist():
         file, number = places[row]
         is_head = column < heads
@@ -98,7 +98,7 @@ def read_object_rows(
     )
 
 
-def _to_numbers(rows: list[list[str]], columns: int) -> Float64:
+def to_numbers(rows: list[list[str]], columns: int) -> Float64:
     """Return (N, columns); NaN where a word is no number."""
     try:
         numbers = [list(map(float, row)) for row in rows]

@@ -5,12 +5,17 @@ Which sequences there are, and how long they are, can be said by a seqmap of the
     0001 empty 000000 000447
 """
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from data.kitti.reading import read_label_lines
+from data.kitti.mot_rows import are_mot_rows
+from data.kitti.reading import first_row, read_label_lines
 from data.kitti.tracking_rows import TrackingRows, read_label_rows, read_result_rows
 from perception.errors import DriveError, LabelError
+
+_MAX_NAMED = 3  # files that an error names
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,7 @@ class TrackedSequenceFiles:
     Attributes:
         name: Name of the sequence, such as 0000.
         labels: Label file with 17 columns.
-        results: Result file with 18 columns.
+        results: Result file with 18 columns, or MOTChallenge's.
         frame_count: Number of frames of the sequence, or None without a seqmap.
     """
 
@@ -28,6 +33,11 @@ class TrackedSequenceFiles:
     labels: Path
     results: Path
     frame_count: int | None = None
+
+    @property
+    def states_classes(self) -> bool:
+        """Whether the columns of the results have a class."""
+        return not are_mot_rows(first_row(self.results))
 
     def read(self) -> "LabelledResults":
         """Read both files.
@@ -60,13 +70,6 @@ class LabelledResults:
 def sequences_in(folder: Path) -> list[str]:
     """List the sequences of which a folder holds a file SSSS.txt."""
     return sorted(file.stem for file in folder.glob("[0-9][0-9][0-9][0-9].txt"))
-
-
-def are_tracks(results: Path) -> bool:
-    """Tell whether the files are named as sequences, 0000.txt, and not as frames, 000000.txt."""
-    folder = results / "data" if (results / "data").is_dir() else results
-    names = sorted(file.stem for file in folder.glob("*.txt")) if folder.is_dir() else []
-    return bool(names) and len(names[0]) != len("000000")
 
 
 def label_folder(path: Path) -> Path:
@@ -105,7 +108,11 @@ def pair_with_labels(
     if seqmap is not None:
         lengths = dict(read_seqmap(seqmap))
     if not lengths:
-        raise DriveError(results, expected="results named SSSS.txt", found="none")
+        renamed = other_names(results, sequences_in(labels))
+        named = [f"{file} where the labels have {name}.txt" for file, name in renamed.items()]
+        advice = "give results the names of their labels" if renamed else None
+        found = ", ".join(named[:_MAX_NAMED]) or "none"
+        raise DriveError(results, expected="results named SSSS.txt", found=found, advice=advice)
     for name in lengths:
         _require(results, name, "results", "add an empty file for a sequence without tracks")
         _require(labels, name, "labels", "remove results of sequences without labels")
@@ -113,6 +120,21 @@ def pair_with_labels(
         TrackedSequenceFiles(name, labels / f"{name}.txt", results / f"{name}.txt", length)
         for name, length in lengths.items()
     ]
+
+
+def other_names(folder: Path, sequences: Iterable[str]) -> dict[str, str]:
+    """Return the texts of a folder that have the number of a sequence under another name, such as 0.txt for 0000."""
+    by_number = {int(name): name for name in sequences if name.isdecimal()}
+    numbers = {
+        file.name: int(digits[-1])
+        for file in sorted(folder.glob("*.txt"))
+        if (digits := re.findall(r"[0-9]{1,18}", file.stem))
+    }
+    return {
+        name: by_number[number]
+        for name, number in numbers.items()
+        if number in by_number and name != f"{by_number[number]}.txt"
+    }
 
 
 def read_seqmap(path: Path) -> dict[str, int]:
@@ -135,6 +157,9 @@ def read_seqmap(path: Path) -> dict[str, int]:
 def _require(folder: Path, name: str, what: str, advice: str) -> None:
     file = folder / f"{name}.txt"
     if not file.is_file():
+        found, named = "no file", list(other_names(folder, [name]))
+        if named:
+            found, advice = ", ".join(named), f"rename {named[0]} if it is of this sequence"
         raise DriveError(
-            file, expected=f"the {what} of sequence {name}", found="no file", advice=advice
+            file, expected=f"the {what} of sequence {name}", found=found, advice=advice
         )

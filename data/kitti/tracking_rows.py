@@ -19,6 +19,8 @@ from typing import Annotated
 
 import numpy as np
 
+from data.kitti.mot_rows import are_mot_rows, read_mot_rows
+from data.kitti.reading import first_row
 from data.kitti.rows import ObjectRows, read_object_rows
 from perception.errors import LabelError
 from perception.evaluation.multi_object.kitti_protocol import ImageBoxes
@@ -28,6 +30,7 @@ TYPES = (
     *("Car", "Van", "Truck", "Tram", "Misc", "Cyclist"),
     *("Pedestrian", "Person", "Person_sitting", "DontCare"),
 )
+NO_TYPE = ""  # of rows that state no class, as those of MOTChallenge
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class TrackingRows(ArrayTable):
     Attributes:
         frames: (N,) frame numbers, from 0.
         ids: (N,) ids of objects or tracks, below 0 where there is none.
-        types: (N,) class names, each one of `TYPES`, upper or lower case.
+        types: (N,) class names, each one of `TYPES`, upper or lower case; `NO_TYPE` of rows that state none.
         truncation: (N,) truncation levels 0, 1, 2; -1 unknown.
         occlusion: (N,) occlusion levels 0, 1, 2, 3; -1 unknown.
         alphas_rad: (N,) headings as seen from the camera (alpha); -10 unknown.
@@ -84,11 +87,13 @@ def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
 
 
 def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
-    """Read the results of a tracker for a sequence; an empty file has no tracks.
+    """Read the results of a tracker for a sequence, in KITTI's columns or MOTChallenge's; an empty file has no tracks.
 
     Raises:
         LabelError: The same faults as for `read_label_rows`.
     """
+    if are_mot_rows(first_row(path)):
+        return _checked(_of_mot_rows(read_mot_rows(path)), path, frame_count, first_frame=1)
     table = read_object_rows([path], heads=2, has_scores=True)
     return _checked(_to_rows(table, table.numbers[:, -1]), path, frame_count)
 
@@ -120,23 +125,44 @@ def _to_rows(table: ObjectRows, scores: Float64) -> TrackingRows:
     )
 
 
-def _checked(rows: TrackingRows, path: Path, frame_count: int | None) -> TrackingRows:
-    """Return the rows after validating them by the rules of the benchmark."""
+def _of_mot_rows(numbers: Float64) -> TrackingRows:
+    """Return rows whose frames count from 0, from (N, 7) numbers of MOTChallenge's columns."""
+    unknown = np.full(len(numbers), -1.0)
+    return TrackingRows(
+        frames=numbers[:, 0].astype(np.int64) - 1,
+        ids=numbers[:, 1].astype(np.int64),
+        types=np.full(len(numbers), NO_TYPE),
+        truncation=unknown,
+        occlusion=unknown,
+        alphas_rad=10 * unknown,
+        boxes_px=np.hstack([numbers[:, 2:4], numbers[:, 2:4] + numbers[:, 4:6]]),
+        sizes_hwl_m=np.full((len(numbers), 3), -1.0),
+        bottoms_cam_m=np.full((len(numbers), 3), -1000.0),
+        headings_rad=10 * unknown,
+        scores=numbers[:, 6],
+    )
+
+
+def _checked(
+    rows: TrackingRows, path: Path, frame_count: int | None, first_frame: int = 0
+) -> TrackingRows:
+    """Return the rows after validating them by the rules of the benchmark; errors count frames as the file does."""
     types = np.char.lower(rows.types)
-    is_unknown = ~np.isin(types, [name.lower() for name in TYPES])
+    is_unknown = ~np.isin(types, [NO_TYPE, *(name.lower() for name in TYPES)])
     if is_unknown.any():
         raise _row_error(path, is_unknown, f"one of {', '.join(TYPES)}", rows.types)
     is_beyond = rows.frames < 0
     if frame_count is not None:
         is_beyond |= rows.frames >= frame_count
     if is_beyond.any():
-        last = "" if frame_count is None else f" to {frame_count - 1}"
-        raise _row_error(path, is_beyond, f"frames from 0{last}", rows.frames)
+        last = "" if frame_count is None else f" to {frame_count - 1 + first_frame}"
+        expected = f"frames from {first_frame}{last}"
+        raise _row_error(path, is_beyond, expected, rows.frames + first_frame)
     is_repeated = _is_repeated(rows, types)
     if is_repeated.any():
         where = int(is_repeated.argmax())
-        found = f"id {rows.ids[where]} again in frame {rows.frames[where]}"
-        expected = f"every {rows.types[where]} once in a frame"
+        found = f"id {rows.ids[where]} again in frame {rows.frames[where] + first_frame}"
+        expected = f"every {rows.types[where] or 'id'} once in a frame"
         raise LabelError(f"{path} row {where + 1}", expected=expected, found=found)
     return rows
 

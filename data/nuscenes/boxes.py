@@ -86,11 +86,23 @@ def _between(first: Annotation, second: Annotation, share: float) -> Annotation:
 def _boxes_world(boxes: list[Annotation]) -> Boxes3D:
     if not boxes:
         return Boxes3D.empty()
-    rotations = np.stack([box.world_R_box.as_matrix() for box in boxes])
-    size_m = np.stack([box.size_m for box in boxes])
-    centres_m = np.stack([box.centre_m for box in boxes])
+    return standing_boxes(
+        np.stack([box.centre_m for box in boxes]),
+        np.stack([box.size_m for box in boxes]),
+        np.stack([box.world_R_box.as_matrix() for box in boxes]),
+    )
+
+
+def standing_boxes(centres_m: Float64, size_m: Float64, world_R_box: Float64) -> Boxes3D:
+    """Return upright boxes in the world of the tables.
+
+    Args:
+        centres_m: (M, 3) centres.
+        size_m: (M, 3) length, width, height.
+        world_R_box: (M, 3, 3) rotations, whose x is the heading.
+    """
     return Boxes3D(
-        centres_m - rotations[:, :, 2] * size_m[:, 2:] / 2,
+        centres_m - world_R_box[:, :, 2] * size_m[:, 2:] / 2,
         size_m,
-        wrap(np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])),
+        wrap(np.arctan2(world_R_box[:, 1, 0], world_R_box[:, 0, 0])),
     )

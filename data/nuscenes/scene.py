@@ -107,12 +107,13 @@ class NuScenesScene(RecordedDrive):
 
     def world_SE3_velo(self, index: int) -> Float64:
         """Return the (4, 4) pose of the LiDAR."""
-        pose = self._map_SE3_velo(index)
+        pose = self.map_SE3_velo(index)
         # From the first scan on, so that positions keep their precision.
         pose[:3, 3] -= self.boxes.tables.data[LIDAR][0].world_SE3_ego[:3, 3]
         return pose
 
-    def _map_SE3_velo(self, index: int) -> Float64:
+    def map_SE3_velo(self, index: int) -> Float64:
+        """Return the (4, 4) pose of the LiDAR in the world of the tables."""
         return np.asarray(self.scans[index].world_SE3_ego @ self.ego_SE3_velo)
 
     def labels(self, index: int) -> Labels:
@@ -126,7 +127,7 @@ class NuScenesScene(RecordedDrive):
         """Return the labels of all objects around; between key frames on the way from one to the next."""
         if self.boxes.is_empty:
             return super().labels(index)
-        return self.boxes.around(self._label_stamp_us(index), self._map_SE3_velo(index))
+        return self.boxes.around(self._label_stamp_us(index), self.map_SE3_velo(index))
 
     def other_labels(self) -> list[PosedLabels]:
         """Return none: the key frames are among the frames."""
@@ -159,7 +160,7 @@ class NuScenesScene(RecordedDrive):
 
     def _moves(self, index: int, labels: Labels) -> Bool:
         """Return (M,) which objects travel until the next key frame, or have since the one before."""
-        stamp_us, pose = self._label_stamp_us(index), self._map_SE3_velo(index)
+        stamp_us, pose = self._label_stamp_us(index), self.map_SE3_velo(index)
         stamps_us = list(self.boxes.tables.stamps_us.values())
         place = stamps_us.index(stamp_us)
         neighbours_us = [*stamps_us[place + 1 : place + 2], *stamps_us[max(place - 1, 0) : place]]
@@ -259,6 +260,21 @@ def _table_folders(path: Path) -> list[Path]:
 
 def _scenes_in(folder: Path) -> list[str]:
     return [str(one["name"]) for one in read_records(folder / _SCENES, ("name",))]
+
+
+def scenes_of_samples(path: Path) -> dict[str, str]:
+    """Return the name of the scene of each sample of the tables at a path; none where there are no tables."""
+    found: dict[str, str] = {}
+    for folder in _table_folders(path):
+        scenes = read_records(folder / _SCENES, ("token", "name"))
+        names = {one["token"]: str(one["name"]) for one in scenes}
+        samples = read_records(folder / "sample.json", ("token", "scene_token"))
+        found |= {
+            one["token"]: names[one["scene_token"]]
+            for one in samples
+            if one["scene_token"] in names
+        }
+    return found
 
 
 def scenes_at(path: Path) -> tuple[str, ...] | None:

@@ -298,7 +298,7 @@ class _Tables:
         """Return the numbers of a field."""
         try:
             numbers = np.array(record[field], np.float64).reshape(-1)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, OverflowError):
             numbers = np.zeros(0)
         if len(numbers) != count or not np.isfinite(numbers).all():
             raise self.error(

@@ -45,16 +45,16 @@ def evaluate_results(
 ) -> None:
     """Measure result files of any program: average precision of detections, or HOTA, CLEAR and IDF1 of tracks.
 
-    Detections: NNNNNN.txt of a frame with 16 columns, the score last; rows with 3D boxes are measured from above and
-    in space, too, and their orientation. Tracks: SSSS.txt of a sequence with 18 columns. An empty file means that
-    nothing was found, as does a missing file of detections.
+    Detections: KITTI's NNNNNN.txt (3D boxes also from above, in space, and their orientation; a missing file has none) or
+    COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either,
+    measured within the view of the front camera.
 
     Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
 
     Args:
-        results: Folder of the result files.
-        labels: Folder of the label files, or the root of KITTI's object or tracking data.
-        kind: Kind of the results; auto decides by the names of the files.
+        results: Folder of the result files, or JSON file.
+        labels: Folder of the label files, or the root of KITTI's object or tracking data, or of nuScenes'.
+        kind: Kind of the results; auto decides by their content.
         classes: Classes to measure, several with commas; by default Car, Pedestrian and Cyclist, of tracks car and
             pedestrian; of detections, with --iou any other.
         frame_list: File of frame numbers, one per row, of detections; by default all frames with labels.
@@ -63,8 +63,8 @@ def evaluate_results(
             (DepthCN) or table-7.11 (fusion).
         plot: PNG file for the precision-recall curves of detections.
     """
-    from data.kitti.measured_results import ResultBars, measure_detections, measure_tracks
-    from data.kitti.tracker_files import are_tracks
+    from data.measured_results import ResultBars, measure_detections, measure_tracks
+    from data.result_files import find_results
     from perception.cli.progress import frame_progress_bar, progress_bar, resample_bar
     from perception.render.curve_plots import plot_curves
 
@@ -73,15 +73,15 @@ def evaluate_results(
         resample_bar,
         lambda files: progress_bar(files, "tracks", unit="sequence", delay_s=2),
     )
-    is_of_tracks = kind == "tracks" or (kind == "auto" and are_tracks(results))
+    found = find_results(results, None if kind == "auto" else kind)
     if published is not None:
-        require_published(classes, metric.iou, are_tracks=is_of_tracks)
-    if is_of_tracks:
-        report.publish(*measure_tracks(results, labels, classes, seqmap, bars), config)
+        require_published(classes, metric.iou, are_tracks=found.kind == "tracks")
+    if found.kind == "tracks":
+        report.publish(*measure_tracks(found, labels, classes, seqmap, bars), config)
         return
     chosen = [class_of_name(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
     heading, precision, document = measure_detections(
-        results, labels, chosen, metric, frame_list, published, bars
+        found, labels, chosen, metric, frame_list, published, bars
     )
     report.publish(heading, precision, document, config)
     if plot is not None:

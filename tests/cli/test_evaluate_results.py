@@ -185,6 +185,15 @@ def test_a_class_that_is_not_labelled(folders, capsys):
     assert "AOS" not in printed
 
 
+def test_labels_without_any_class_that_is_measured(folders, capsys):
+    results, labels = folders
+    for path in (labels / "training" / "label_2").iterdir():
+        path.write_text(path.read_text().replace("Car", "Tram").replace("Cyclist", "Misc"))
+    assert evaluate(results, "--labels", labels, "--bootstrap", 0) == 0
+    note = "Car, Pedestrian, Cyclist: no labelled object of these classes, so they have no metrics."
+    assert capsys.readouterr().out.splitlines()[-1] == note
+
+
 @pytest.mark.parametrize(
     ("flags", "expected", "advice"),
     [

@@ -12,7 +12,9 @@ from perception.cli.main import main
 from perception.errors import DriveError, LabelError, UsageError
 from tests.faults import command, fault
 
-_ORACLE = Path(__file__).parents[3] / "shared" / "oracle"
+_SHARED = Path(__file__).parents[3] / "shared"
+_ORACLE = _SHARED / "oracle"
+_REPORTED = _SHARED / "bug_reports" / "tracks"
 _COUNTS = ("TP", "FP", "FN", "IDSW", "Frag", "MT", "PT", "ML", "IDTP", "IDFP", "IDFN")
 _RATIOS = (
     *("HOTA", "DetA", "AssA", "LocA", "DetRe", "DetPr", "AssRe", "AssPr", "HOTA(0)", "LocA(0)"),
@@ -146,3 +148,100 @@ def test_an_unknown_class_is_an_error(small):
     results, labels = small
     with fault(UsageError, "--classes", "car, pedestrian, cyclist", "car,bus"):
         command("evaluate", "results", results, "--labels", labels, "--classes", "car,bus")
+
+
+def mot_rows(*frames_and_ids: tuple[int, int], left: int = 100) -> str:
+    return "".join(f"{frame},{id},{left},100,50,50,1,-1,-1,-1\n" for frame, id in frames_and_ids)
+
+
+def test_rows_of_motchallenge_count_as_the_class_that_is_labelled(small, capsys):
+    results, labels = small
+    (results / "0000.txt").write_text(mot_rows((1, 8), (2, 9)))
+    assert evaluate(results, "--labels", labels) == 0
+    printed = capsys.readouterr().out
+    assert f"{results}: MOTChallenge's rows state no class: all count as car" in printed
+    assert "pedestrian" not in printed
+    assert combined_row(printed, "car")[8:12] == ["2", "0", "0", "1"]
+    assert evaluate(results, "--labels", labels, "--classes", "cyclist") == 0
+    assert combined_row(capsys.readouterr().out, "cyclist")[8:12] == ["0", "2", "1", "0"]
+
+
+@pytest.mark.parametrize(
+    ("classes", "found"),
+    [("car,cyclist", "labels of car and cyclist"), ("car,pedestrian", "labels of no car and no")],
+)
+def test_rows_without_a_class_need_one(small, classes, found):
+    results, labels = small
+    (results / "0000.txt").write_text(mot_rows((1, 8)))
+    if "pedestrian" in classes:
+        (labels / "0000.txt").write_text(LABELS.replace("Car", "Tram"))
+    with fault(UsageError, "--classes", "one class, as MOTChallenge's", found, "name the class"):
+        command("evaluate", "results", results, "--labels", labels, "--classes", classes)
+
+
+def test_reported_tracks_in_motchallenges_columns_are_perfect(capsys):
+    if not _REPORTED.is_dir():
+        pytest.skip(f"no inputs of bug reports in {_REPORTED}")
+    assert evaluate(_REPORTED / "motchallenge", "--labels", _REPORTED / "labels") == 0
+    row = combined_row(capsys.readouterr().out, "car")
+    assert row[1:12] == [*["100.000"] * 7, "60", "0", "0", "0"]
+
+
+def test_reported_tracks_counted_from_frame_one_are_scored_as_they_stand(capsys, tmp_path):
+    if not _REPORTED.is_dir():
+        pytest.skip(f"no inputs of bug reports in {_REPORTED}")
+    out = tmp_path / "tracks.json"
+    words = ("--labels", _REPORTED / "labels", "--json", out)
+    assert evaluate(_REPORTED / "from_frame_1", *words) == 0
+    printed = capsys.readouterr().out
+    assert combined_row(printed, "car")[1] == "85.714"
+    note = (
+        "0000: 100 % of 60 rows fit the labels of frame k-1 better than those of their own frame k, IoU 1.00 instead of "
+        "0.88: are frames counted from 1? They are scored as they stand."
+    )
+    assert printed.splitlines()[1] == note
+    assert json.loads(out.read_text())["data"]["notes"] == [note]
+
+
+def test_right_numbers_of_real_trackers_are_not_doubted(oracle, capsys):
+    folder, _ = oracle
+    assert evaluate(folder / "trackers/iou_rrc", "--labels", folder / "gt") == 0
+    assert "better than" not in capsys.readouterr().out
+
+
+def test_a_class_without_labels_is_stated(small, capsys):
+    results, labels = small
+    assert evaluate(results, "--labels", labels) == 0
+    car, pedestrian = capsys.readouterr().out.split("\n\n")[1:]
+    note = "The labels hold no object of this class that the protocol counts: its ratios state nothing."
+    assert note not in car
+    assert pedestrian.splitlines()[-1] == note
+
+
+def test_results_in_data_as_the_benchmarks_tool_has_them(small, capsys):
+    results, labels = small
+    (results / "data").mkdir()
+    (results / "0000.txt").rename(results / "data" / "0000.txt")
+    assert evaluate(results, "--labels", labels, "--classes", "car") == 0
+    assert combined_row(capsys.readouterr().out, "car")[8:12] == ["2", "0", "0", "1"]
+
+
+def test_sequences_by_another_name(small, capsys):
+    results, labels = small
+    (results / "0000.txt").rename(results / "0.txt")
+    words = ("evaluate", "results", results, "--labels", labels)
+    found = "0.txt where the labels have 0000.txt"
+    with fault(DriveError, str(results), "results named SSSS.txt", found, "names of their labels"):
+        command(*words)
+    (results / "0001.txt").write_text("")
+    (labels / "0001.txt").write_text(LABELS)
+    assert evaluate(*words[2:]) == 0
+    printed = capsys.readouterr().out
+    assert (
+        "1 of 2 labelled sequences, 2 frames\n0.txt: not read, as the labels are 0000.txt"
+        in printed
+    )
+    seqmap = results.parent / "seqmap.txt"
+    seqmap.write_text("0000 empty 0 2\n")
+    with fault(DriveError, "0000.txt", "the results of sequence 0000", "0.txt", "rename 0.txt"):
+        command(*words, "--seqmap", seqmap)

@@ -125,8 +125,11 @@ def test_files_that_are_not_there(folders, tmp_path: Path):
     (tmp_path / "empty").mkdir()
     with fault(DriveError, found="no such file"):
         read_detection_set(results, tmp_path / "empty")
+    (results / "3.txt").write_text("")
+    with fault(DriveError, str(results), "one text of each frame", "000003.txt and 3.txt"):
+        read_detection_set(results, labels)
     write(tmp_path / "others", {100: FOUND})
-    with fault(DriveError, expected="results of the 3 frames", found="1 results of other"):
+    with fault(DriveError, expected="results of the 3 frames", found="1 result files of other"):
         read_detection_set(tmp_path / "others", labels)
 
 

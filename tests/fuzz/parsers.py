@@ -153,6 +153,36 @@ def _read_result_rows(path: Path) -> object:
     return read_result_rows(path)
 
 
+def _read_json_results(path: Path) -> object:
+    from data.coco_results import parse_coco_detections
+    from data.nuscenes.results import parse_sample
+    from data.result_files import find_results
+
+    found = find_results(path)
+    if found.form == "COCO":
+        return parse_coco_detections(path, found.document)
+    return [parse_sample(found, sample) for sample in found.document["results"]]
+
+
+_COCO = {"image_id": 7, "category_id": 3, "bbox": [30, 12, 25.5, 18], "score": 0.9}
+_NUSCENES = {"translation": [695.5, 1800, 0.5], "size": [2, 4.5, 1.7], "rotation": [0.8, 0, 0, 0.6]}
+_SCENE_RESULTS = [
+    {"meta": {}, "results": {"a": [{**_NUSCENES, **named}], "b": []}}
+    for named in (
+        {"detection_name": "bicycle", "detection_score": 0.5, "attribute_name": "cycle.with_rider"},
+        {"tracking_name": "car", "tracking_score": 1, "tracking_id": "7"},
+    )
+]
+_CATEGORIES = {"categories": [{"id": 3, "name": "car"}]}
+_IMAGES = [{"id": 7, "file_name": "image_2/000004.png"}]
+
+
+def _read_categories(path: Path) -> object:
+    from data.coco_results import parse_coco_detections
+
+    return parse_coco_detections(path.parent / "found.json", [_COCO])
+
+
 def _read_seqmap(path: Path) -> object:
     from data.kitti.tracker_files import read_seqmap
 
@@ -479,7 +509,15 @@ PARSERS: dict[str, FileParser] = {
         "0000.txt", _read_tracking_labels, _texts(f"0 7 {_OBJECT}\n1 7 {_OBJECT}\n1 -1 {_DONT_CARE}\n")
     ),
     "label-rows": FileParser("0000.txt", _read_label_rows, _texts(f"0 7 {_OBJECT}\n2 -1 {_DONT_CARE}")),
-    "result-rows": FileParser("0000.txt", _read_result_rows, _texts(f"0 7 {_OBJECT} 0.9\n")),
+    "result-rows": FileParser(
+        "0000.txt", _read_result_rows, _texts(f"0 7 {_OBJECT} 0.9\n", "1,7,30,12,25,18,0.9,-1,-1,-1\n")
+    ),
+    "json-results": FileParser(
+        "found.json", _read_json_results, _texts(*map(json.dumps, ([_COCO], *_SCENE_RESULTS)))
+    ),
+    "coco-categories": FileParser(
+        "instances.json", _read_categories, _texts(json.dumps(_CATEGORIES), json.dumps({**_CATEGORIES, "images": _IMAGES}))
+    ),
     "sequence-map": FileParser(
         "evaluate_tracking.seqmap", _read_seqmap, _texts("0000 empty 000000 000154\n")
     ),

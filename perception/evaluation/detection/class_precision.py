@@ -308,12 +308,20 @@ class PrecisionReport(Report):
         return next(iter(self.classes[0].first.values())).recall_points
 
     def _notes(self, rows: Iterable[PrecisionMetrics]) -> Iterator[str]:
+        absent, missed = [], []
         for one in self.classes:
-            if not any(metrics.objects for metrics in one.first.values()):
-                yield f"{one.name}: no labelled object of this class, so it has no metrics."
-            elif all(metrics.curve is None for metrics in one.first.values()):
-                yield f"{one.name}: nothing detected, so it has no metrics."
-        yield from few_objects_note(row.objects for row in rows if row.curve is not None)
+            metrics = one.first.values()
+            if not any(row.objects for row in metrics):
+                absent.append(one.name)
+            elif all(row.curve is None for row in metrics):
+                missed.append(one.name)
+        if absent:
+            of_these = (
+                "this class, so it has" if len(absent) == 1 else "these classes, so they have"
+            )
+            yield f"{', '.join(absent)}: no labelled object of {of_these} no metrics."
+        yield from (f"{name}: nothing detected, so it has no metrics." for name in missed)
+        yield from few_objects_note(row.objects for row in rows if row.curve and row.objects)
 
 
 def level_panel(

@@ -140,6 +140,7 @@ def test_a_scene_without_scans(root):
         ("ego_pose", 0, {"rotation": [0, 0, 0, 0]}, "a unit quaternion", "[0, 0, 0, 0]"),
         ("ego_pose", 0, {"translation": [0, 0]}, "3 finite numbers as translation", "[0, 0]"),
         ("ego_pose", 0, {"translation": "x"}, "3 finite numbers", "x"),
+        ("ego_pose", 0, {"translation": [10**400, 0, 0]}, "3 finite numbers", "[1000"),
         ("ego_pose", 0, {"token": "another"}, "the pose p-d-0", "none"),
         ("sample", 1, {"timestamp": None}, "records with token", "without timestamp"),
         ("sample_annotation", 0, {"size": [1.0]}, "3 finite numbers as size", "[1.0]"),

@@ -1,0 +1,251 @@
+"""Results in nuScenes' JSON, and the key frames that they belong to, each in the view of the main camera.
+
+    {"meta": {...}, "results": {"SAMPLE": [{"translation": [x, y, z], "size": [width, length, height], "rotation":
+    [w, x, y, z], "detection_name": "car", "detection_score": 0.8, "attribute_name": ""}, ...], ...}}
+
+Tracks have tracking_name, tracking_score and tracking_id instead.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data.layouts import OpenConfig
+from data.nuscenes.boxes import standing_boxes
+from data.nuscenes.categories import category
+from data.nuscenes.scene import NuScenesScene, open_scene, scenes_of_samples
+from data.result_files import ResultFiles, ResultKind
+from perception.errors import CalibrationError, DriveError, LabelError
+from perception.evaluation.detection.box_rows import LocatedDetections
+from perception.geometry.boxes import transform_boxes
+from perception.geometry.camera import box_outlines_px
+from perception.geometry.se3 import inverse
+from perception.types import ArrayTable, Boxes3D, Calibration, Detections, Float64, Labels
+
+_CATEGORIES = {
+    "barrier": "movable_object.barrier",
+    "bicycle": "vehicle.bicycle",
+    "bus": "vehicle.bus",
+    "car": "vehicle.car",
+    "construction_vehicle": "vehicle.construction",
+    "motorcycle": "vehicle.motorcycle",
+    "pedestrian": "human.pedestrian",
+    "traffic_cone": "movable_object.trafficcone",
+    "trailer": "vehicle.trailer",
+    "truck": "vehicle.truck",
+}
+_NUMBERS = {"translation": 3, "size": 3, "rotation": 4}
+_MAX_NUMBER = 1e9  # beyond the coordinates of any map
+_MIN_NORM = 0.5  # of a rotation's quaternion
+
+
+@dataclass(frozen=True)
+class SampleBoxes(ArrayTable):
+    """M boxes of one sample.
+
+    Attributes:
+        types: (M,) class names, as KITTI has them.
+        boxes_world: (M) boxes in the world of the tables.
+        scores: (M,) scores.
+        track_ids: (M,) names of the tracks; empty of detections.
+    """
+
+    types: np.ndarray
+    boxes_world: Boxes3D
+    scores: Float64
+    track_ids: np.ndarray
+
+
+@dataclass(frozen=True)
+class KeyFrame:
+    """A key frame with its labels and the results of its sample, both as far as the camera sees them.
+
+    Attributes:
+        labels: Labels with boxes in the image.
+        found: Results with boxes in the image and in the LiDAR frame.
+        track_ids: (M,) names of the tracks.
+        boxes: Number of boxes of the sample, seen or not.
+    """
+
+    labels: Labels
+    found: LocatedDetections
+    track_ids: np.ndarray
+    boxes: int
+
+
+@dataclass(frozen=True)
+class SceneResults:
+    """Results of the scenes of some tables.
+
+    Attributes:
+        scenes: Key frames of each scene that has results, by its name.
+        labelled: Number of scenes of the tables.
+        missing: Number of the key frames that have no entry in the results.
+        others: Number of entries whose sample is in none of the tables.
+    """
+
+    scenes: Mapping[str, Sequence[KeyFrame]]
+    labelled: int
+    missing: int
+    others: int
+
+    @property
+    def frames(self) -> list[KeyFrame]:
+        """Key frames of one scene after the other."""
+        return [frame for frames in self.scenes.values() for frame in frames]
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on what of the results is scored, and how."""
+        boxes, seen = sum(f.boxes for f in self.frames), sum(len(f.track_ids) for f in self.frames)
+        notes = [
+            f"{', '.join(self.scenes)}: {len(self.frames)} key frames; scored is what lies in the image of the front "
+            f"camera, {seen} of {boxes} boxes"
+        ]
+        if self.missing:
+            notes.append(f"{self.missing} key frames without an entry: counted as no detection")
+        if self.others:
+            notes.append(f"{self.others} samples of other scenes: not read")
+        return notes
+
+
+def read_scene_results(files: ResultFiles, root: Path, progress: Any = iter) -> SceneResults:  # noqa: ANN401 - a bar over scenes
+    """Read the key frames of the scenes that have results, with these.
+
+    Args:
+        files: Results in nuScenes' form.
+        root: Folder of the data set.
+        progress: Progress bar over the names of the scenes.
+
+    Raises:
+        DriveError: There are no tables, or none of a sample with results, or no labelled boxes.
+        LabelError: A box cannot be read.
+    """
+    samples, scene_of = files.document["results"], scenes_of_samples(root)
+    if not scene_of:
+        raise DriveError(
+            root, expected="tables of nuScenes, as the results are of it", found="none"
+        )
+    names = sorted({scene_of[token] for token in samples if token in scene_of})
+    if not names:
+        raise DriveError(
+            files.path,
+            expected=f"results of the {len(scene_of)} samples of {root}",
+            found=f"{len(samples)} of other samples",
+        )
+    scenes = {}
+    missing = 0
+    for name in progress(names):
+        drive = open_scene(root, name, OpenConfig(images=False))
+        frames = list(_key_frames(drive, files))
+        missing += sum(scan.sample not in samples for scan in drive.scans if scan.is_key_frame)
+        scenes[name] = frames
+    others = sum(token not in scene_of for token in samples)
+    return SceneResults(scenes, len(set(scene_of.values())), missing, others)
+
+
+def _key_frames(drive: NuScenesScene, files: ResultFiles) -> Iterator[KeyFrame]:
+    """Yield the key frames of a scene."""
+    camera = drive.calibration
+    if not drive.has_labels:
+        raise DriveError(drive.root, expected=f"labelled boxes of {drive.name}", found="none")
+    if camera is None:
+        raise CalibrationError(drive.root, expected=f"a camera of {drive.name}", found="none")
+    for index, scan in enumerate(drive.scans):
+        if scan.is_key_frame:
+            found = parse_sample(files, scan.sample)
+            pose = drive.map_SE3_velo(index)
+            yield _in_view(drive.labels(index), found, inverse(pose), camera)
+
+
+def _in_view(
+    labels: Labels, found: SampleBoxes, velo_SE3_world: Float64, camera: Calibration
+) -> KeyFrame:
+    boxes_velo = transform_boxes(velo_SE3_world, found.boxes_world)
+    boxes_px = box_outlines_px(camera.image_P_velo, boxes_velo, camera.image_size_px)
+    rows = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
+    detections = Detections(boxes_px[rows], found.scores[rows], found.types[rows])
+    located = LocatedDetections(detections, boxes_velo[rows], camera)
+    return KeyFrame(labels, located, found.track_ids[rows], len(found))
+
+
+def parse_sample(files: ResultFiles, sample: str) -> SampleBoxes:
+    """Return the boxes of one sample; none where it has no entry.
+
+    Raises:
+        LabelError: One of them is no box.
+    """
+    where = f"{files.path} results.{sample}"
+    entries = files.document["results"].get(sample, [])
+    if not isinstance(entries, list):
+        raise LabelError(where, expected="a list of boxes", found=type(entries).__name__)
+    boxes = [_Box.parse(f"{where}[{row}]", one, files.kind) for row, one in enumerate(entries)]
+    tracks = [box.track_id for box in boxes if files.kind == "tracks"]
+    if len(set(tracks)) < len(tracks):
+        repeated = next(one for one in tracks if tracks.count(one) > 1)
+        expected = "every tracking_id once in a sample"
+        raise LabelError(where, expected=expected, found=f"{repeated!r} again")
+    numbers = np.array([box.numbers for box in boxes], np.float64).reshape(-1, 10)
+    turned = Rotation.from_quat(numbers[:, [7, 8, 9, 6]]) if boxes else Rotation.identity(0)
+    return SampleBoxes(
+        types=np.array([box.type for box in boxes], np.str_),
+        boxes_world=standing_boxes(numbers[:, :3], numbers[:, [4, 3, 5]], turned.as_matrix()),
+        scores=np.array([box.score for box in boxes], np.float64),
+        track_ids=np.array([box.track_id for box in boxes], np.str_),
+    )
+
+
+@dataclass(frozen=True)
+class _Box:
+    """One box: class as KITTI has it, score, track, and the numbers of place, size and rotation."""
+
+    type: str
+    score: float
+    track_id: str
+    numbers: Sequence[float]
+
+    @classmethod
+    def parse(cls, where: str, entry: Any, kind: ResultKind) -> Self:  # noqa: ANN401 - whatever the file holds
+        """Return a box of a file.
+
+        Raises:
+            LabelError: It lacks a part of one.
+        """
+        prefix = "tracking" if kind == "tracks" else "detection"
+        fields = entry if isinstance(entry, dict) else {}
+        place, size, rotation = (_numbers(where, fields, *one) for one in _NUMBERS.items())
+        if min(size) <= 0:
+            raise _error(where, "size", "width, length and height above 0", size)
+        if np.linalg.norm(rotation) < _MIN_NORM:
+            raise _error(where, "rotation", "a unit quaternion", rotation)
+        name: Any = fields.get(f"{prefix}_name")
+        score: Any = fields.get(f"{prefix}_score")
+        if type(name) is not str or name not in _CATEGORIES:
+            raise _error(where, f"{prefix}_name", f"one of {', '.join(_CATEGORIES)}", name)
+        if not _is_number(score):
+            raise _error(where, f"{prefix}_score", "a number", score)
+        track = fields.get("tracking_id")
+        if kind == "tracks" and not isinstance(track, str | int):
+            raise _error(where, "tracking_id", "the name of a track", track)
+        kitti = category(_CATEGORIES[name], (str(fields.get("attribute_name")),)).kind
+        return cls(str(kitti), float(score), str(track), (*place, *size, *rotation))
+
+
+def _numbers(where: str, fields: Mapping[str, Any], name: str, count: int) -> list[float]:
+    value = fields.get(name)
+    if not isinstance(value, list) or len(value) != count or not all(map(_is_number, value)):
+        raise _error(where, name, f"{count} numbers", value)
+    return [float(one) for one in value]
+
+
+def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever the file holds
+    return type(value) in (int, float) and abs(value) <= _MAX_NUMBER
+
+
+def _error(where: str, name: str, expected: str, value: object) -> LabelError:
+    text = repr(value)
+    return LabelError(f"{where} {name}", expected=expected, found=text[:80])
