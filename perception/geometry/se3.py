@@ -96,6 +96,15 @@ def transform_points(dst_SE3_src: Float64, points_src: Float32) -> Float32:
     return np.asarray(cv2.transform(np.ascontiguousarray(points_src)[None], matrix)[0])
 
 
+def interpolate(before: Float64, after: Float64, share: float) -> Float64:
+    """Return the transform at a share of the way between two: straight, and turning evenly (slerp)."""
+    turn = rotation_vector(before[:3, :3].T @ after[:3, :3])
+    return from_rotation_translation(
+        before[:3, :3] @ from_rotation_vector(share * turn),
+        (1 - share) * before[:3, 3] + share * after[:3, 3],
+    )
+
+
 def rotation_angle_rad(dst_SE3_src: Float64) -> float:
     """Return the angle of rotation of a transform, 0 to pi."""
     (xx, _, _), (_, yy, _), (_, _, zz) = dst_SE3_src[:3, :3].tolist()
