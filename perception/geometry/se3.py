@@ -5,7 +5,7 @@ import math
 import cv2
 import numpy as np
 
-from perception.types import Float, Float32, Float64
+from perception.types import Bool, Float, Float32, Float64
 
 _IDENTITY = np.eye(4)  # a copy takes an eighth of the time of np.eye
 
@@ -109,6 +109,15 @@ def rotation_angle_rad(dst_SE3_src: Float64) -> float:
     """Return the angle of rotation of a transform, 0 to pi."""
     (xx, _, _), (_, yy, _), (_, _, zz) = dst_SE3_src[:3, :3].tolist()
     return math.acos(min(max((xx + yy + zz - 1) / 2, -1.0), 1.0))
+
+
+def is_rigid(dst_SE3_src: Float64, tolerance: float) -> Bool:
+    """Tell which (..., 4, 4) transforms rotate, without scale, skew or mirror, to a tolerance of R R'."""
+    rotation = dst_SE3_src[..., :3, :3]
+    # Products of larger numbers may overflow.
+    rotation = np.where(np.abs(rotation) < 2, rotation, 0.0)
+    error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3)).max(axis=(-1, -2))
+    return np.asarray((error <= tolerance) & (np.linalg.det(rotation) > 0))
 
 
 def orthonormal(dst_SE3_src: Float64) -> Float64:
