@@ -140,16 +140,12 @@ def _write_poses(folder: Path, drive: CachedDrive | TinyDrive, posed: Collection
     camera = drive.calibration
     velo_SE3_imu = inverse(IMU_SE3_CAM0 @ inverse(R_RECT) @ camera.cam_SE3_velo)
     imu = [f"{FIRST + i} {_row((true_pose(drive, i) @ velo_SE3_imu)[:3])}" for i in posed]
-    cam = [
-        f"{FIRST + i} {_row(true_pose(drive, i) @ inverse(camera.cam_SE3_velo))}" for i in posed
-    ]
+    cam = [f"{FIRST + i} {_row(true_pose(drive, i) @ inverse(camera.cam_SE3_velo))}" for i in posed]
     _write(folder / "poses.txt", "".join(imu))
     _write(folder / "cam0_to_world.txt", "".join(cam))
 
 
-def objects_of(
-    drive: CachedDrive | TinyDrive, window: tuple[int, int]
-) -> list[Kitti360Object]:
+def objects_of(drive: CachedDrive | TinyDrive, window: tuple[int, int]) -> list[Kitti360Object]:
     """Return the objects around: once where they are static, else at each frame."""
     boxes: dict[tuple[str, int], dict[int, Boxes3D]] = {}
     for index in range(len(drive)):
@@ -163,7 +159,7 @@ def objects_of(
         places = np.concatenate([box.bottom_m for box in by_frame.values()])
         is_static = np.ptp(places, axis=0).max() < 1e-3
         first = next(iter(by_frame.items()))
-        for frame, box in ([(-1, first[1])] if is_static else by_frame.items()):
+        for frame, box in [(-1, first[1])] if is_static else by_frame.items():
             objects.append(Kitti360Object(label, instance, box, frame, window))
     return objects
 
@@ -178,7 +174,8 @@ def write_boxes(path: Path, objects: Sequence[Kitti360Object]) -> None:
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for number, one in enumerate(objects, start=1):
         (bottom_m,), (size_m,), (yaw_rad,) = one.box.bottom_m, one.box.size_m, one.box.yaw_rad
-        transform = from_euler(0.0, 0.0, yaw_rad, bottom_m + (0.0, 0.0, size_m[2] / 2))
+        centre_m = bottom_m + np.array([0.0, 0.0, size_m[2] / 2])
+        transform = from_euler(0.0, 0.0, yaw_rad, centre_m)
         transform[:3, :3] *= size_m
         storage.startWriteStruct(f"object{number}", cv2.FileNode_MAP)
         storage.write("index", number)

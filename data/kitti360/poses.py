@@ -145,8 +145,8 @@ class ScanPoses(PerFrame):
         unknown = sum(pose is None for pose, _ in found)
         interpolated = len(frames) - stated_count - unknown
         note = (
-            f"{stated.path}: {len(frames) - stated_count} of {len(frames)} scans have no pose: {interpolated} are "
-            f"interpolated between their neighbours, {unknown} are left to registration"
+            f"{stated.path}: {len(frames) - stated_count} of {len(frames)} scans have no pose: {interpolated} "
+            f"interpolated between neighbours, {unknown} left to registration"
         )
         return cls(
             FrameTuple(pose for pose, _ in found),
