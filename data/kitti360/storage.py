@@ -92,7 +92,7 @@ def read_storage(
     try:
         parser.Parse(read_bytes(path, LabelError, _WHAT), True)
     except expat.ExpatError as error:
-        found = expat.ErrorString(error.code)
+        found = f"an error: {expat.ErrorString(error.code)}"
         raise LabelError(f"{path} line {error.lineno}", expected=_WHAT, found=found) from error
 
 
