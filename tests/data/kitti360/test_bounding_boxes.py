@@ -62,7 +62,7 @@ def test_an_object_of_two_windows_counts_once_as_in_the_nearer(tmp_path):
     assert boxes.at(10).track_ids == boxes.at(190).track_ids
 
 
-def test_boxes_of_one_object_and_objects_without_a_number_are_told_apart(tmp_path):
+def test_boxes_of_one_object_and_objects_without_a_number_have_ids_of_their_own(tmp_path):
     parts = [_object(3, x_m=1), _object(3, x_m=2), _object(0, x_m=3), _object(0, x_m=4)]
     boxes = _boxes(tmp_path, [*parts, _object(0, x_m=5, window=_SECOND)])
     assert _x_m(boxes.at(50)) == [1, 2, 3, 4, 5]
