@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.boxes import points_inside
-from perception.types import Boxes3D, Float, Float64, Int, Labels
+from perception.types import Boxes3D, Float, Int, Labels
 
 _MARGIN_M = (
     0.1  # by which boxes are grown but for their bottom, as for Argoverse 2's own labels of points
@@ -37,19 +37,13 @@ def box_owners(boxes_velo: Boxes3D, points_velo: Float) -> Int:
     return owners
 
 
-def labels_of_boxes(
-    boxes_velo: Boxes3D,
-    types: Sequence[str],
-    track_ids: Int,
-    dont_care_px: Float64 | None = None,
-) -> Labels:
+def labels_of_boxes(boxes_velo: Boxes3D, types: Sequence[str], track_ids: Int) -> Labels:
     """Return the labels of M objects around the vehicle, which have no boxes in the image.
 
     Args:
         boxes_velo: M boxes in the LiDAR frame.
         types: M types of KITTI's labels.
         track_ids: (M,) track ids.
-        dont_care_px: (D, 4) image regions in which nothing was labelled; none by default.
     """
     count = len(boxes_velo)
     return Labels(
@@ -59,5 +53,5 @@ def labels_of_boxes(
         track_ids=track_ids,
         truncation=np.zeros(count),
         occlusion=np.full(count, _UNKNOWN_OCCLUSION),
-        dont_care_px=np.zeros((0, 4)) if dont_care_px is None else dont_care_px,
+        dont_care_px=np.zeros((0, 4)),
     )

@@ -7,7 +7,7 @@ calibration/calib_cam_to_velo.txt  calib_cam_to_pose.txt  perspective.txt
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from data.derived.motion_labels import PosedLabels
 from data.kitti.drive import KittiDrive
 from data.kitti.image_joining import join_images
+from data.kitti.labels import empty_labels
 from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
@@ -34,7 +35,7 @@ from data.layouts import Layout, OpenConfig
 from perception.errors import DriveError, UsageError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
-from perception.types import Boxes3D, Float64, Labels
+from perception.types import Float64, Labels
 
 _PARTS = ("data_3d_raw", "data_2d_raw", "data_poses", "data_3d_bboxes")
 _SCANS, _IMAGES, _POSES, _BOXES = _PARTS
@@ -83,26 +84,28 @@ class Kitti360Drive(KittiDrive):
         return () if self.boxes is None else (self.boxes.path,)
 
     def labels(self, index: int) -> Labels:
-        """Return the labels of the objects in the view of the camera."""
+        """Return the labels of the objects in the view of the camera; all of it is DontCare in a frame without labels."""
         around = self.labels_around(index)
+        size_px = None if self.calibration is None else self.calibration.image_size_px
+        if around is None:
+            image_px = np.array([] if size_px is None else [0.0, 0.0, *size_px]).reshape(-1, 4)
+            return replace(empty_labels(), dont_care_px=image_px)
         if self.calibration is None:
             return around
         return labels_in_view(around, self.calibration, self.points_velo(index))
 
-    def labels_around(self, index: int) -> Labels:
-        """Return the labels of all objects around; the whole image is DontCare where nothing that moves was annotated."""
+    def labels_around(self, index: int) -> Labels | None:
+        """Return the labels of all objects around; None where no pose is near, or nothing was annotated."""
         if self.boxes is None or self.poses is None:
             return super().labels(index)
         frame, pose = self.scans.numbers[index], self.poses.world_SE3_velo[index]
         is_annotated = self.poses.has_near[index] and self.boxes.is_annotated(frame)
-        size_px = None if self.calibration is None else self.calibration.image_size_px
-        everywhere = None if is_annotated or size_px is None else np.array([[0.0, 0.0, *size_px]])
-        if pose is None:
-            return labels_of_boxes(Boxes3D.empty(), (), np.zeros(0, np.int64), everywhere)
+        if pose is None or not is_annotated:
+            return None
         file_SE3_velo = self.poses.in_file(pose)
         known = self.boxes.at(frame).near(file_SE3_velo[:3, 3], self.sensor.max_range_m)
         boxes_velo = transform_boxes(inverse(file_SE3_velo), known.boxes_world)
-        return labels_of_boxes(boxes_velo, known.types.tolist(), known.track_ids, everywhere)
+        return labels_of_boxes(boxes_velo, known.types.tolist(), known.track_ids)
 
     def other_labels(self) -> list[PosedLabels]:
         """Return none: boxes of moments without a scan have no time."""
@@ -231,6 +234,8 @@ def _notes(folders: DriveFolders, rig: RigCalibration, poses: ScanPoses | None) 
     has_poses = any((folders.poses / name).is_file() for name in POSES)
     if has_poses and poses is None:
         yield f"{folders.poses}: poses are not used without {missing} in {folders.calibration}"
+    if not has_poses and (folders.poses / "oxts").is_dir():
+        yield f"{folders.poses}: INS packets are not used, as they are in another world than the boxes"
     if poses is not None and poses.note:
         yield poses.note
     if folders.boxes and poses is None:

@@ -140,6 +140,7 @@ def test_labels_are_the_boxes_of_the_world(drive, exact, index):
 
 
 def test_a_frame_without_a_pose_has_no_labels_and_is_dont_care(drive):
+    assert drive.labels_around(0) is None
     labels = drive.labels(0)
     assert len(labels) == 0
     assert labels.dont_care_px.tolist() == [[0.0, 0.0, 1242.0, 375.0]]
@@ -232,6 +233,28 @@ def test_a_part_of_the_download(tiny, part, left, note):
             drive.labels(0)
 
 
+def test_ins_packets_alone_are_not_used(tiny):
+    folder = tiny / "data_poses" / NAME
+    for name in ("poses.txt", "cam0_to_world.txt"):
+        (folder / name).unlink()
+    (folder / "oxts/data").mkdir(parents=True)
+    notes = [one for one in open_drive(tiny, sensor="VLP-16").notes if "INS packets" in one]
+    assert len(notes) == 1
+
+
+def test_frames_outside_of_all_windows_are_not_labelled(tiny):
+    path = tiny / f"data_3d_bboxes/train/{NAME}.xml"
+    text = path.read_text().replace("<end_frame>6<", "<end_frame>5<")
+    path.write_text(text)
+    drive = open_drive(tiny, sensor="VLP-16")
+    assert [labels is None for labels in map(drive.labels_around, range(2))] == [False, True]
+    # The release with all boxes comes first.
+    whole = tiny / f"data_3d_bboxes/train_full/{NAME}.xml"
+    whole.parent.mkdir()
+    whole.write_text(text.replace("<end_frame>5<", "<end_frame>6<"))
+    assert len(open_drive(tiny, sensor="VLP-16").labels_around(1)) == 1
+
+
 def test_scans_alone(tiny):
     for part in ("data_2d_raw", "data_poses", "data_3d_bboxes", "calibration"):
         shutil.rmtree(tiny / part)
@@ -301,7 +324,8 @@ def test_a_vehicle_that_stands_is_interpolated_over_any_time(tmp_path):
         assert drive.frame_numbers == (5, 6, 15, 25)
         assert (drive.world_SE3_velo(2) is not None) == known
         # Who drives past meanwhile was not annotated.
-        assert len(drive.labels_around(2).dont_care_px) == 1
+        assert drive.labels_around(2) is None
+        assert len(drive.labels(2).dont_care_px) == 1
         if known:
             moved_m = np.linalg.norm(
                 drive.world_SE3_velo(2)[:3, 3] - drive.world_SE3_velo(1)[:3, 3]
