@@ -224,8 +224,8 @@ def _notes(folders: DriveFolders, rig: RigCalibration, poses: ScanPoses | None) 
     fisheyes = [name for name in _FISHEYES if (folders.images / name).is_dir()]
     if fisheyes:
         yield (
-            f"{folders.images}: {' and '.join(fisheyes)} are left out: detectors and maps take rectified images, "
-            "and those of a fisheye lens are none"
+            f"{folders.images}: {' and '.join(fisheyes)} are left out, as detectors and maps take images of a pinhole "
+            "camera, not of a fisheye lens"
         )
     missing = " and ".join(missing_files(folders.calibration))
     has_images = any((folders.images / name / "data_rect").is_dir() for name in _CAMERAS)

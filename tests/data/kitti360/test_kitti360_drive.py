@@ -64,6 +64,7 @@ def test_frames_keep_their_numbers_names_and_times(drive, exact):
 def test_a_drive_is_named_by_each_of_its_folders(root):
     assert sequences_in(root) == sequences_in(root / "data_3d_raw") == [NAME]
     assert sequences_in(root / "data_3d_raw" / NAME) == [None]
+    assert open_drive(root, sequence="0", sensor="VLP-16", images=False).name == NAME
     for path in (root / "data_3d_raw", root / "data_3d_raw" / NAME):
         found = open_drive(path, sensor="VLP-16", images=False)
         assert (found.name, found.has_poses, found.has_labels) == (NAME, True, True)
@@ -85,8 +86,8 @@ def test_poses_are_the_truth_and_interpolated_where_they_are_missing(drive, exac
 
 def test_what_is_left_out_or_interpolated_is_stated(drive, root):
     assert drive.notes == (
-        f"{root}/data_2d_raw/{NAME}: image_02 and image_03 are left out: detectors and maps take rectified images, "
-        "and those of a fisheye lens are none",
+        f"{root}/data_2d_raw/{NAME}: image_02 and image_03 are left out, as detectors and maps take images of a "
+        "pinhole camera, not of a fisheye lens",
         f"{root}/data_poses/{NAME}/poses.txt: 3 of 9 scans have no pose: 1 interpolated between neighbours, "
         "2 left to registration",
     )
