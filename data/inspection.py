@@ -334,7 +334,7 @@ def _numbering_gaps(drive: RecordedDrive) -> Iterator[str]:
 
 def _add_notes(drive: RecordedDrive, collected: _FindingList) -> None:
     """Note missing parts, gaps in the numbering, and files that are not used as they are."""
-    for note in drive.notes:
+    for note in drive.notes:  # each is of its own kind
         collected.findings[note] = Finding("data not used as they are", 1, note, is_fault=False)
     for sentence in _numbering_gaps(drive) if drive.is_sequence else ():
         collected.add("gaps in the numbering", sentence, is_fault=False)

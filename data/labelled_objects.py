@@ -1,15 +1,18 @@
 """What readers of annotated data sets share: names of categories in KITTI and SemanticKITTI, and points within boxes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from perception.geometry.boxes import points_inside
-from perception.types import Boxes3D, Float, Int
+from perception.types import Boxes3D, Float, Int, Labels
 
 _MARGIN_M = (
     0.1  # by which boxes are grown but for their bottom, as for Argoverse 2's own labels of points
 )
+_UNKNOWN_OCCLUSION = 3
+_NO_BOX_PX = -1.0
 
 
 @dataclass(frozen=True)
@@ -32,3 +35,23 @@ def box_owners(boxes_velo: Boxes3D, points_velo: Float) -> Int:
         inside = points_inside(boxes_velo[row : row + 1], points_velo, _MARGIN_M)[0]
         owners[inside] = row
     return owners
+
+
+def labels_of_boxes(boxes_velo: Boxes3D, types: Sequence[str], track_ids: Int) -> Labels:
+    """Return the labels of M objects around the vehicle, which have no boxes in the image.
+
+    Args:
+        boxes_velo: M boxes in the LiDAR frame.
+        types: M types of KITTI's labels.
+        track_ids: (M,) track ids.
+    """
+    count = len(boxes_velo)
+    return Labels(
+        boxes_velo=boxes_velo,
+        boxes_px=np.full((count, 4), _NO_BOX_PX),
+        types=np.array(types, np.str_),
+        track_ids=track_ids,
+        truncation=np.zeros(count),
+        occlusion=np.full(count, _UNKNOWN_OCCLUSION),
+        dont_care_px=np.zeros((0, 4)),
+    )

@@ -15,6 +15,7 @@ from data.argoverse2.log import ARGOVERSE_2
 from data.bags.layout import BAG
 from data.folder.layout import FOLDER, LOOSE_SCANS
 from data.kitti.layouts import KITTI_DATE, KITTI_OBJECT, KITTI_RAW, KITTI_TRACKING
+from data.kitti360.drive import KITTI_360
 from data.layouts import Layout
 from data.nuscenes.scene import NUSCENES
 from data.semantic_kitti.sequence import SEMANTIC_KITTI
@@ -24,7 +25,7 @@ log = logging.getLogger(__name__)
 ENTRY_POINT_GROUP = "trifuse.layouts"
 # A layout that is a special case of another comes before it.
 LAYOUTS: tuple[Layout, ...] = (
-    FOLDER, SEMANTIC_KITTI, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES, BAG,
+    FOLDER, SEMANTIC_KITTI, KITTI_360, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES, BAG,
 )  # fmt: skip
 
 

@@ -53,6 +53,17 @@ def test_no_file_is_unpickled():
     assert importing == BETWEEN_OWN_PROCESSES
 
 
+def test_xml_is_parsed_in_one_place_which_refuses_document_types():
+    importing = {
+        path
+        for path, nodes in shipped()
+        for node in nodes
+        if isinstance(node, ast.Import | ast.ImportFrom) and "xml" in ast.unparse(node).split()[1]
+    }
+    assert importing == {"data/kitti360/storage.py"}
+    assert "StartDoctypeDeclHandler" in (ROOT / "data/kitti360/storage.py").read_text()
+
+
 def test_numbers_and_weights_are_read_as_data():
     faults = []
     for path, name, call in calls():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from data.argoverse2.categories import category
 from data.argoverse2.tables import read_feather
 from data.argoverse2.trajectory import POSE_COLUMNS, rigid_transforms
+from data.labelled_objects import labels_of_boxes
 from perception.errors import LabelError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
@@ -18,8 +19,6 @@ from perception.types import Boxes3D, Float64, Int, Labels
 
 _SIZE_COLUMNS = ("length_m", "width_m", "height_m")
 _COLUMNS = ("timestamp_ns", "track_uuid", "category", *_SIZE_COLUMNS, *POSE_COLUMNS)
-_UNKNOWN_OCCLUSION = 3
-_NO_BOX_PX = -1.0
 
 
 @dataclass(frozen=True)
@@ -81,13 +80,5 @@ class Annotations:
         """Return the boxes around the vehicle at the time of a sweep; they have no boxes in the image."""
         rows = self.rows_at(stamp_ns)
         boxes_velo = transform_boxes(inverse(ego_SE3_velo), self.boxes_ego[rows])
-        count = len(rows)
-        return Labels(
-            boxes_velo=boxes_velo,
-            boxes_px=np.full((count, 4), _NO_BOX_PX),
-            types=np.array([category(str(name)).kind for name in self.categories[rows]], np.str_),
-            track_ids=self.track_ids[rows],
-            truncation=np.zeros(count),
-            occlusion=np.full(count, _UNKNOWN_OCCLUSION),
-            dont_care_px=np.zeros((0, 4)),
-        )
+        types = [str(category(str(name)).kind) for name in self.categories[rows]]
+        return labels_of_boxes(boxes_velo, types, self.track_ids[rows])

@@ -6,12 +6,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from data.bags.message_stream import MessageStream
 from data.bags.transforms import pose_of, rotation_of
 from data.kitti.oxts import InsPacket, Mercator
-from perception.geometry.se3 import from_rotation_translation
+from perception.geometry.se3 import from_rotation_translation, interpolate
 from perception.types import Float64
 
 _MAX_GAP_NS = 500_000_000  # between two messages; across a longer one the pose is not known
@@ -140,10 +139,4 @@ def _interpolated(stream: MessageStream, stamp_ns: int, read: Any) -> Float64 | 
     poses = [read(stream.read(index)) for index in (before, after)]
     if poses[0] is None or poses[1] is None:
         return None
-    return _between(poses[0], poses[1], (stamp_ns - int(stamps_ns[before])) / gap_ns)
-
-
-def _between(before: Float64, after: Float64, share: float) -> Float64:
-    turns = Slerp([0.0, 1.0], Rotation.from_matrix(np.stack([before[:3, :3], after[:3, :3]])))
-    position_m = before[:3, 3] + share * (after[:3, 3] - before[:3, 3])
-    return from_rotation_translation(turns(share).as_matrix(), position_m)
+    return interpolate(poses[0], poses[1], (stamp_ns - int(stamps_ns[before])) / gap_ns)

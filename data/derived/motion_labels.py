@@ -129,8 +129,8 @@ def obstacle_measure(drive: Drive, area: LocalArea, protocol: ObstacleProtocol) 
 class LabelledAround(Protocol):
     """A drive in which everything around the vehicle is labelled, in the camera's view or not."""
 
-    def labels_around(self, index: int) -> Labels:
-        """Return the labels of all objects around in one frame; their boxes in the image are -1."""
+    def labels_around(self, index: int) -> Labels | None:
+        """Return the labels of all objects around in one frame, None where it was not labelled; boxes in the image are -1."""
         ...
 
     def other_labels(self) -> list[PosedLabels]:

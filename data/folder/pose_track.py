@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from data.clouds.text_table import TextTable, parse_text_table
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.reading import read_bytes
 from perception.errors import PoseError
-from perception.geometry.se3 import from_euler, from_rotation_translation
+from perception.geometry.se3 import from_euler, interpolate
 from perception.types import Float64, Int
 
 _KITTI_COLUMNS, _TUM_COLUMNS = 12, 8
@@ -70,21 +70,11 @@ class PoseTrack:
                 found=f"poses from {first_s:.3f} to {last_s:.3f} s",
                 advice="state the times of the scans by the same clock, with timestamps or time_offset_s",
             )
-        return (
-            self.world_SE3_body[before]
-            if before == after
-            else self._between(before, after, stamp_ns)
-        )
-
-    def _between(self, before: int, after: int, stamp_ns: int) -> Float64:
-        assert self.stamps_ns is not None
-        share = float(
-            (stamp_ns - self.stamps_ns[before]) / (self.stamps_ns[after] - self.stamps_ns[before])
-        )
-        poses = self.world_SE3_body[[before, after]]
-        rotation = Slerp([0.0, 1.0], Rotation.from_matrix(poses[:, :3, :3]))(share).as_matrix()
-        position_m = (1 - share) * poses[0, :3, 3] + share * poses[1, :3, 3]
-        return from_rotation_translation(rotation, position_m)
+        first, second = self.world_SE3_body[[before, after]]
+        if before == after:
+            return np.asarray(first)
+        gap_ns = self.stamps_ns[after] - self.stamps_ns[before]
+        return interpolate(first, second, float((stamp_ns - self.stamps_ns[before]) / gap_ns))
 
 
 def read_pose_track(

@@ -153,14 +153,27 @@ def read_raw_calibration(folder: Path, camera: str = "02") -> DriveCalibration:
 
 
 def _read_raw_camera(folder: Path, camera: str) -> Calibration:
-    cameras = CalibrationText.read(folder / CAM_TO_CAM)
+    cam0_SE3_velo = _read_raw_transform(folder / VELO_TO_CAM)
+    return read_perspective_camera(folder / CAM_TO_CAM, camera, cam0_SE3_velo)
+
+
+def read_perspective_camera(path: Path, camera: str, cam0_SE3_velo: Float64) -> Calibration:
+    """Read the calibration of a rectified camera.
+
+    Args:
+        path: Text with S_rect, R_rect and P_rect of each camera.
+        camera: Number of the camera, such as 02.
+        cam0_SE3_velo: (4, 4) LiDAR to camera 0 before it was rectified.
+
+    Raises:
+        CalibrationError: The file lacks a key, or a matrix cannot be used.
+    """
+    cameras = CalibrationText.read(path)
     return Calibration(
         image_P_cam=cameras.matrix((f"P_rect_{camera}",), (3, 4)),
-        cam_SE3_velo=_rectify(
-            cameras.matrix(("R_rect_00",), (3, 3)), _read_raw_transform(folder / VELO_TO_CAM)
-        ),
+        cam_SE3_velo=_rectify(cameras.matrix(("R_rect_00",), (3, 3)), cam0_SE3_velo),
         image_size_px=_image_size_px(cameras, f"S_rect_{camera}"),
-        source=str(cameras.path),
+        source=str(path),
     )
 
 

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from data.kitti.calibration import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM, read_raw_calibration
 from data.kitti.image_joining import join_images
 from data.kitti.oxts import InsPacket, parse_oxts_packet
@@ -28,16 +26,9 @@ from data.kitti.sensor_files import (
     scans_in,
 )
 from data.kitti.sequence import CameraFiles, InsSource, KittiSequence, ScanClock
-from data.kitti.timestamps import (
-    file_times,
-    first_known,
-    read_timestamps,
-    seconds_since,
-    timestamp_rows,
-)
+from data.kitti.timestamps import file_times
 from data.layouts import OpenConfig
 from perception.errors import PoseError
-from perception.sensor import LidarModel
 
 _CAMERAS = ("image_02", "image_03", "image_00", "image_01")  # colour before grey, left before right
 
@@ -60,6 +51,7 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
         CalibrationError: A calibration file cannot be used, or the INS has no calibration.
     """
     scans = scans_in(folder / "velodyne_points" / "data")
+    timestamps = folder / "velodyne_points" / "timestamps.txt"
     sensor = config.lidar_model(folder)
     images = config.camera_among(_CAMERAS)
     number = images.removeprefix("image_")
@@ -68,7 +60,7 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
     joined = join_images(
         scans,
         image_files,
-        file_times(folder / "velodyne_points" / "timestamps.txt", scans),
+        file_times(timestamps, scans),
         file_times(folder / images / "timestamps.txt", image_files),
     )
     camera = CameraFiles.of(calibration.camera, image_files, joined, load=config.images)
@@ -83,7 +75,7 @@ def open_raw(folder: Path, config: OpenConfig) -> KittiSequence:
         sensor=sensor,
         calibration=camera.calibration,
         scans=scans,
-        clock=_clock(folder / "velodyne_points" / "timestamps.txt", scans, sensor),
+        clock=ScanClock.of(timestamps, scans, sensor.rate_hz),
         images=camera.images,
         ins=None if packets is None else OxtsFiles(packets),
         velo_SE3_imu=calibration.velo_SE3_imu,
@@ -123,14 +115,3 @@ class OxtsFiles(InsSource):
     def select(self, indices: Sequence[int]) -> "OxtsFiles":
         """Return the packets of some frames."""
         return OxtsFiles(self.files.select(indices))
-
-
-def _clock(path: Path, scans: FrameFiles, sensor: LidarModel) -> ScanClock:
-    if not path.is_file():
-        return ScanClock.without_timestamps(scans, sensor.rate_hz)
-    timestamps = read_timestamps(path)
-    rows = timestamp_rows(timestamps, scans)
-    origin = first_known(timestamps)
-    stamps_s = seconds_since(timestamps, origin)
-    of_scans_s = [stamps_s[row] if row < len(stamps_s) else np.nan for row in rows]
-    return ScanClock(np.array(of_scans_s), rows, path, origin)

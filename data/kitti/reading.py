@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from perception.errors import LabelError, PerceptionError
+from perception.types import Float64
 
 _FIRST_BYTES = 1 << 12  # in which the first row of a text is looked for
 
@@ -57,3 +60,26 @@ def first_row(path: Path) -> str:
     except OSError:
         return ""
     return next((line for line in lines if line.strip()), "")
+
+
+def read_number_rows(path: Path, columns: int, kind: type[PerceptionError]) -> Float64:
+    """Return the (R, columns) finite numbers of a text; blank rows do not count.
+
+    Raises:
+        PerceptionError: The file cannot be read, or a row holds other words or another number of them.
+    """
+    lines = read_text(path, kind, f"{columns} numbers a row").splitlines()
+    rows = [line.split() for line in lines if line.strip()]
+    for number, row in enumerate(rows, start=1):
+        if len(row) != columns:
+            found = f"{len(row)} words"
+            raise kind(f"{path} row {number}", expected=f"{columns} numbers", found=found)
+    try:
+        numbers = np.array(rows, np.float64).reshape(-1, columns)
+    except ValueError as error:
+        raise kind(path, expected=f"{columns} numbers a row", found=str(error)) from error
+    if not np.isfinite(numbers).all():
+        number = int(np.isfinite(numbers).all(axis=1).argmin()) + 1
+        expected = f"{columns} finite numbers"
+        raise kind(f"{path} row {number}", expected=expected, found="NaN or infinity")
+    return numbers

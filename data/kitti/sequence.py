@@ -19,7 +19,12 @@ from data.kitti.sensor_files import (
     ImageSize,
     read_image,
 )
-from data.kitti.timestamps import seconds_since
+from data.kitti.timestamps import (
+    first_known,
+    read_timestamps,
+    seconds_since,
+    timestamp_rows,
+)
 from data.per_frame import PerFrame
 from perception.errors import CalibrationError, DriveError, ImageError, PoseError
 from perception.geometry.se3 import inverse
@@ -51,12 +56,33 @@ class ScanClock(PerFrame):
     origin: np.datetime64 | None = None
 
     @classmethod
+    def of(cls, path: Path, scans: FrameFiles, rate_hz: float) -> "ScanClock":
+        """Read the times of KITTI's timestamps.txt; without that file as `without_timestamps`.
+
+        Raises:
+            DriveError: The file is not text.
+        """
+        if not path.is_file():
+            return cls.without_timestamps(scans, rate_hz)
+        timestamps = read_timestamps(path)
+        rows = timestamp_rows(timestamps, scans)
+        origin = first_known(timestamps)
+        stamps_s = seconds_since(timestamps, origin)
+        of_scans_s = [stamps_s[row] if row < len(stamps_s) else np.nan for row in rows]
+        return cls(np.array(of_scans_s), rows, path, origin)
+
+    @classmethod
     def without_timestamps(cls, scans: FrameFiles, rate_hz: float) -> "ScanClock":
         """Return the Unix times that the scans are named by, else the times of a steady rate."""
         if scans.unix_times is not None:
             origin = scans.unix_times[0]
             return cls(seconds_since(scans.unix_times, origin), origin=origin)
         return cls((np.array(scans.numbers) - scans.numbers[0]) / rate_hz)
+
+    @property
+    def origin_ns(self) -> int:
+        """Time at which stamps are 0; KITTI's rows name no time zone, and are taken for UTC."""
+        return 0 if self.origin is None else int(self.origin.astype("datetime64[ns]").astype(int))
 
     def select(self, indices: Sequence[int]) -> "ScanClock":
         """Return the times of some scans."""
@@ -111,9 +137,8 @@ class KittiSequence(KittiDrive):
 
     @property
     def origin_ns(self) -> int:
-        """Time at which stamps are 0; KITTI's rows name no time zone, and are taken for UTC."""
-        origin = self.clock.origin
-        return 0 if origin is None else int(origin.astype("datetime64[ns]").astype(np.int64))
+        """Time at which stamps are 0."""
+        return self.clock.origin_ns
 
     @property
     def has_poses(self) -> bool:

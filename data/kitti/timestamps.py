@@ -31,8 +31,12 @@ def read_timestamps(path: Path) -> Times:
 
 
 def timestamp_rows(timestamps: Times, files: FrameFiles) -> tuple[int, ...]:
-    """Return the row of each file: a row a file; or, where files are missing, a row for each number."""
-    return tuple(range(len(files))) if len(timestamps) == len(files) else files.numbers
+    """Return the row of each file: a row a file; or, where files are missing, a row for each number from 0 or the first."""
+    numbers = files.numbers
+    if len(timestamps) == len(files):
+        return tuple(range(len(files)))
+    is_from_first = len(files) > 0 and len(timestamps) == numbers[-1] - numbers[0] + 1
+    return tuple(number - numbers[0] for number in numbers) if is_from_first else numbers
 
 
 def file_times(path: Path, files: FrameFiles) -> Times | None:

@@ -6,14 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
+from data.labelled_objects import labels_of_boxes
 from data.nuscenes.categories import category
 from data.nuscenes.scene_tables import Annotation, SceneTables
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse, wrap
 from perception.types import Boxes3D, Float64, Labels
-
-_UNKNOWN_OCCLUSION = 3
-_NO_BOX_PX = -1.0
 
 
 @dataclass(frozen=True)
@@ -47,15 +45,10 @@ class SceneBoxes:
         boxes = self._at(stamp_us)
         kinds = [category(box.category, box.attributes).kind for box in boxes]
         boxes = [box for box, kind in zip(boxes, kinds, strict=True) if kind is not None]
-        count = len(boxes)
-        return Labels(
-            boxes_velo=transform_boxes(inverse(world_SE3_velo), _boxes_world(boxes)),
-            boxes_px=np.full((count, 4), _NO_BOX_PX),
-            types=np.array([kind for kind in kinds if kind is not None], np.str_),
-            track_ids=np.array([self.track_ids[box.instance] for box in boxes], np.int64),
-            truncation=np.zeros(count),
-            occlusion=np.full(count, _UNKNOWN_OCCLUSION),
-            dont_care_px=np.zeros((0, 4)),
+        return labels_of_boxes(
+            transform_boxes(inverse(world_SE3_velo), _boxes_world(boxes)),
+            [kind for kind in kinds if kind is not None],
+            np.array([self.track_ids[box.instance] for box in boxes], np.int64),
         )
 
     def _at(self, stamp_us: int) -> list[Annotation]:

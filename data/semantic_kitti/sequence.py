@@ -16,7 +16,7 @@ import numpy as np
 from data.kitti.calibration import CalibrationText, with_kitti_image_size
 from data.kitti.drive import KittiDrive
 from data.kitti.image_joining import join_images
-from data.kitti.reading import read_text
+from data.kitti.reading import read_number_rows
 from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
@@ -29,7 +29,7 @@ from data.kitti.sensor_files import (
 )
 from data.kitti.sequence import CameraFiles, ScanClock
 from data.layouts import Layout, OpenConfig
-from perception.errors import DriveError, LabelError, PerceptionError, PoseError
+from perception.errors import DriveError, LabelError, PoseError
 from perception.geometry.se3 import from_rotation_translation
 from perception.types import Calibration, Float64, PointTruth
 
@@ -154,9 +154,7 @@ def _read_poses(path: Path, calibration: Calibration | None) -> Float64 | None:
     """Return (P, 4, 4) poses of the LiDAR; None without poses, or without the calibration that they need."""
     if not path.is_file() or calibration is None:
         return None
-    numbers = _read_numbers(path, 12, PoseError)
-    if not np.isfinite(numbers).all():
-        raise PoseError(path, expected="12 finite numbers a row", found="NaN or infinity")
+    numbers = read_number_rows(path, 12, PoseError)
     poses = np.tile(np.eye(4), (len(numbers), 1, 1))
     poses[:, :3] = numbers.reshape(-1, 3, 4)
     # A true inverse: the rotations of the files are orthonormal to their printed digits only.
@@ -167,26 +165,9 @@ def _read_poses(path: Path, calibration: Calibration | None) -> Float64 | None:
 def _read_clock(path: Path, scans: FrameFiles, rate_hz: float) -> ScanClock:
     if not path.is_file():
         return ScanClock.without_timestamps(scans, rate_hz)
-    stamps_s = _read_numbers(path, 1, DriveError)[:, 0]
+    stamps_s = read_number_rows(path, 1, DriveError)[:, 0]
     known = [stamps_s[row] if row < len(stamps_s) else np.nan for row in scans.numbers]
     return ScanClock(np.array(known), scans.numbers, path)
-
-
-def _read_numbers(path: Path, columns: int, kind: type[PerceptionError]) -> Float64:
-    """Return (R, columns) numbers of a text."""
-    lines = read_text(path, kind, f"{columns} numbers a row").splitlines()
-    rows = [line.split() for line in lines if line.strip()]
-    for number, row in enumerate(rows):
-        if len(row) != columns:
-            raise kind(
-                f"{path} row {number + 1}",
-                expected=f"{columns} numbers",
-                found=f"{len(row)} words",
-            )
-    try:
-        return np.array(rows, np.float64).reshape(-1, columns)
-    except ValueError as error:
-        raise kind(path, expected=f"{columns} numbers a row", found=str(error)) from error
 
 
 def is_sequence_folder(folder: Path) -> bool:

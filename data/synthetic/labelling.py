@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from data.labelled_objects import labels_of_boxes
 from data.synthetic.actors import Actor
 from data.synthetic.raycasting import MovingObject, Rays, to_local
 from data.synthetic.rig import PinholeCamera
@@ -255,14 +256,10 @@ def label_around(
     """Label all objects around the ego vehicle, in the camera's view or not; image boxes are -1."""
     actors = [actor for actor in world.actors if world.is_near(actor, time_s, within_m)]
     states = [world.state(actor, time_s) for actor in actors]
-    return Labels(
-        boxes_velo=_boxes_velo(actors, states, world_SE3_velo),
-        boxes_px=np.full((len(actors), 4), -1.0),
-        types=np.array([actor.body.kind for actor in actors], np.str_),
-        track_ids=np.array([actor.track_id for actor in actors], np.int64),
-        truncation=np.zeros(len(actors)),
-        occlusion=np.full(len(actors), 3, np.int64),
-        dont_care_px=np.zeros((0, 4)),
+    return labels_of_boxes(
+        _boxes_velo(actors, states, world_SE3_velo),
+        [actor.body.kind for actor in actors],
+        np.array([actor.track_id for actor in actors], np.int64),
     )
 
 

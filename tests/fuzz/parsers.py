@@ -201,6 +201,48 @@ def _read_timestamps(path: Path) -> object:
     return read_timestamps(path)
 
 
+# --- KITTI-360 ------------------------------------------------------------------------------------
+
+
+def _read_rig(path: Path) -> object:
+    from data.kitti360.calibration import RigCalibration
+
+    return RigCalibration.read(path.parent, "image_00")
+
+
+def _read_stated_poses(path: Path) -> object:
+    from data.kitti360.poses import FrameClock, ScanPoses, StatedPoses
+
+    clock = FrameClock(np.arange(_POINTS), np.arange(_POINTS) / 10, 10.0)
+    return ScanPoses.of(StatedPoses.read(path), np.eye(4), clock)
+
+
+def _read_boxes(path: Path) -> object:
+    from data.kitti360.bounding_boxes import DriveBoxes
+
+    boxes = DriveBoxes(path)
+    return [(boxes.is_annotated(frame), boxes.at(frame)) for frame in range(_FRAMES)]
+
+
+def _stored_boxes() -> Sequence[bytes]:
+    from perception.types import Boxes3D
+    from tests.kitti360_writer import Kitti360Object, write_boxes
+
+    box = Boxes3D(np.ones((1, 3)), np.ones((1, 3)), np.ones(1))
+    objects = [
+        Kitti360Object(label, 1, box, frame, (0, 2))
+        for label, frame in (("road", -1), ("car", -1), ("car", 0), ("car", 2))
+    ]
+    return [_written(lambda path: write_boxes(path, objects), "drive.xml")]
+
+
+_CAM_TO_VELO = "0 0 1 0.8 -1 0 0 0.1 0 -1 0 -0.2\n"
+_CAM_TO_POSE = "image_00: 0 0 1 1.5 1 0 0 0 0 1 0 -0.6\nimage_01: 0 0 1 1.5 1 0 0 0.6 0 1 0 -0.6\n"
+_PERSPECTIVE = (
+    "S_rect_00: 140 37\nR_rect_00: 1 0 0 0 1 0 0 0 1\nP_rect_00: 55 0 68 0 0 55 23 0 0 0 1 0\n"
+)
+
+
 # --- Clouds ---------------------------------------------------------------------------------------
 
 
@@ -479,6 +521,7 @@ _STAMPS = ("1317036272.123456\n1317036272.223456\n1317036272.323456\n",)
 _DATES = "2011-09-26 13:04:32.335337762\n2011-09-26 13:04:32.435337762\n2011-09-26 13:04:32.5\n"
 _TUM = "".join(f"{1317036272 + n / 10} {n} 0 0 0 0 0 1\n" for n in range(_FRAMES))
 _KITTI = "".join(f"1 0 0 {n} 0 1 0 0 0 0 1 0\n" for n in range(_FRAMES))
+_FRAME_POSES = "".join(f"{2 * n} 1 0 0 {n} 0 1 0 0 0 0 1 0\n" for n in range(_FRAMES))
 _CSV = "t,x,y,z,qx,qy,qz,qw\n" + _TUM.replace(" ", ",")
 _INS = "t,latitude,longitude,altitude,roll,pitch,yaw\n" + "".join(
     f"{1317036272 + n / 10},49.0{n},8.4,110,0,0,{n}\n" for n in range(_FRAMES)
@@ -523,6 +566,20 @@ PARSERS: dict[str, FileParser] = {
     ),
     "frame-list": FileParser("val.txt", _read_frame_list, _texts("000001\n000007\n")),
     "timestamps": FileParser("timestamps.txt", _read_timestamps, _texts(_DATES)),
+    "kitti360-velo": FileParser(
+        "calib_cam_to_velo.txt",
+        _read_rig,
+        _texts(_CAM_TO_VELO),
+        {"calib_cam_to_pose.txt": _CAM_TO_POSE.encode, "perspective.txt": _PERSPECTIVE.encode},
+    ),
+    "kitti360-camera": FileParser(
+        "perspective.txt", _read_rig, _texts(_PERSPECTIVE), {"calib_cam_to_velo.txt": _CAM_TO_VELO.encode}
+    ),
+    "kitti360-rig": FileParser(
+        "calib_cam_to_pose.txt", _read_rig, _texts(_CAM_TO_POSE), {"calib_cam_to_velo.txt": _CAM_TO_VELO.encode}
+    ),
+    "kitti360-poses": FileParser("poses.txt", _read_stated_poses, _texts(_FRAME_POSES)),
+    "kitti360-boxes": FileParser("drive.xml", _read_boxes, _stored_boxes),
     "pcd": FileParser("0.pcd", _read_cloud, _pcds),
     "ply": FileParser("0.ply", _read_cloud, _plys),
     "npy": FileParser("0.npy", _read_cloud, _npys),

@@ -1,0 +1,1 @@
+"""KITTI-360 as it is downloaded."""
