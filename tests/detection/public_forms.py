@@ -17,12 +17,14 @@ def write_constant_network(
     image_shape: tuple[int | str, ...] = (1, 3, 64, 96),
     *,
     sizes: bool = False,
+    mask: bool = False,
     metadata: Mapping[str, str] | None = None,
     image_type: int = TensorProto.FLOAT,
 ) -> Path:
     """Write a network that returns arrays, whatever the image.
 
-    `sizes` adds the input `orig_target_sizes`, whose width and height scale the `boxes` of 0 to 1.
+    `sizes` adds the input `orig_target_sizes`, whose width and height scale the `boxes` of 0 to 1; `mask` the input
+    `pixel_mask`, without which the first output is less.
     """
     inputs = [helper.make_tensor_value_info("images", image_type, image_shape)]
     nodes = [
@@ -31,12 +33,24 @@ def write_constant_network(
         helper.make_node("Mul", ["mean", "zero"], ["nothing"]),
     ]
     constants = [numpy_helper.from_array(np.float32(0), "zero")]
+    if mask:
+        inputs.append(helper.make_tensor_value_info("pixel_mask", TensorProto.INT64, [1, 64, 64]))
+        nodes[1:1] = [
+            helper.make_node("Cast", ["pixel_mask"], ["shown"], to=TensorProto.FLOAT),
+            helper.make_node("ReduceMin", ["shown"], ["is_shown"], keepdims=0),
+        ]
+        nodes[-1] = helper.make_node("Sub", ["is_shown", "one"], ["nothing"])
+        constants.append(numpy_helper.from_array(np.float32(1), "one"))
     if sizes:
-        inputs.append(helper.make_tensor_value_info("orig_target_sizes", TensorProto.INT64, [1, 2]))
+        inputs.append(
+            helper.make_tensor_value_info("orig_target_sizes", TensorProto.INT64, ["n", 2])
+        )
         nodes += [
             helper.make_node("Cast", ["orig_target_sizes"], ["size"], to=TensorProto.FLOAT),
-            helper.make_node("Concat", ["size", "size"], ["sizes"], axis=1),
+            helper.make_node("Concat", ["size", "size"], ["rows"], axis=1),
+            helper.make_node("Unsqueeze", ["rows", "axis"], ["sizes"]),
         ]
+        constants.append(numpy_helper.from_array(np.array([1]), "axis"))
     values = []
     for name, array in outputs.items():
         kind = helper.np_dtype_to_tensor_dtype(array.dtype)

@@ -90,15 +90,15 @@ def test_empty_file(tmp_path):
     assert error.value.expected == "a complete ONNX model"
 
 
-@pytest.mark.parametrize("any_image_size", [False, True])
+@pytest.mark.parametrize("free_axes", [None, ("crops", (2, 3))])
 @pytest.mark.parametrize("name", [b"windows_px", b"ReduceMean"])
-def test_names_that_are_no_text(write_model, any_image_size, name, capfd):
+def test_names_that_are_no_text(write_model, free_axes, name, capfd):
     path = write_model()
     content = path.read_bytes()
     assert name in content
     path.write_bytes(content.replace(name, name[:-1] + b"\xed"))
     with fault(ModelError, str(path), expected="a complete ONNX model", found="'utf-8' codec"):
-        OnnxModel(path, any_image_size=any_image_size)
+        OnnxModel(path, free_axes=free_axes)
     assert capfd.readouterr() == ("", "")
 
 

@@ -14,6 +14,8 @@ from tests.detection.public_forms import write_constant_network
 from tests.faults import fault
 
 HEIGHT, WIDTH = 64, 96
+SIDES = np.array([WIDTH, HEIGHT, WIDTH, HEIGHT], np.float32)
+COCO_ORDER = range(80)
 CELLS = 8 * 12 + 4 * 6 + 2 * 3
 CAR, BUS, TRUCK, PERSON, KITE = (
     COCO_CLASSES.index(n) for n in ("car", "bus", "truck", "person", "kite")
@@ -51,16 +53,16 @@ def yolox():
     return {"output": rows}
 
 
-def labelled(numbers, scale=2.0):
+def labelled(numbers=COCO_ORDER, scale=2.0):
+    """Return boxes in pixels of the input, numbers of their classes, and scores: a car, a truck, a kite."""
     corners = np.array([CAR_PX, TRUCK_PX, CAR_PX], np.float32) / scale
     found = [numbers[n] for n in (CAR, TRUCK, KITE)]
     return corners, np.array(found, np.int64), np.array([0.8, 0.5, 0.9], np.float32)
 
 
 def detr():
-    boxes, labels, scores = labelled(list(range(80)))
-    unit = boxes / np.array([WIDTH, HEIGHT, WIDTH, HEIGHT], np.float32)
-    return {"labels": labels[None], "boxes": unit[None], "scores": scores[None]}
+    boxes, labels, scores = labelled()
+    return {"labels": labels[None], "boxes": boxes[None] / SIDES, "scores": scores[None]}
 
 
 def torchvision():
@@ -68,40 +70,133 @@ def torchvision():
     return {"boxes": boxes, "labels": labels, "scores": scores}
 
 
-def end_to_end():
-    boxes, labels, scores = labelled(list(range(80)))
+def suppressed(numbers=COCO_ORDER):
+    """Return the outputs of a suppression within the network, with one row more than it counts."""
+    boxes, labels, scores = labelled(numbers)
+    boxes, labels = np.vstack([boxes, [[1, 1, 60, 60]]]), np.append(labels, numbers[CAR])
+    return boxes.astype(np.float32)[None], np.append(scores, np.float32(1))[None], labels[None]
+
+
+def efficient_nms():
+    boxes, scores, labels = suppressed()
+    count, labels = np.array([[3]], np.int32), labels.astype(np.int32)
+    return {"num_dets": count, "det_boxes": boxes, "det_scores": scores, "det_classes": labels}
+
+
+def tensorflow():
+    boxes, scores, labels = suppressed(COCO_NUMBERS)
     return {
-        "output0": np.hstack([boxes, scores[:, None], labels[:, None].astype(np.float32)])[None]
+        "detection_scores:0": scores,
+        "detection_boxes:0": (boxes / SIDES)[..., [1, 0, 3, 2]],
+        "detection_classes:0": labels.astype(np.float32),
+        "num_detections:0": np.array([3], np.float32),
     }
 
 
-def ultralytics():
-    return {"output0": rows_of(SCORES, [CAR_PX, TRUCK_PX], 80, CELLS).transpose(0, 2, 1).copy()}
+def unit_boxes():
+    boxes = labelled()[0] / SIDES
+    centers, sizes = (boxes[:, :2] + boxes[:, 2:]) / 2, boxes[:, 2:] - boxes[:, :2]
+    return np.hstack([centers, sizes])[None]
 
 
+def logits(columns, numbers=COCO_ORDER):
+    """Return (1, 3, columns) logits of independent classes."""
+    _, labels, scores = labelled(numbers)
+    rows = np.full((1, 3, columns), -30, np.float32)
+    rows[0, [0, 1, 2], labels] = np.log(scores / (1 - scores))
+    return rows
+
+
+def detr_softmax(columns=92, numbers=COCO_NUMBERS):
+    """Return logits of classes that exclude each other; the last one is no object."""
+    _, labels, scores = labelled(numbers)
+    rows = np.full((1, 3, columns), -30, np.float32)
+    rows[0, [0, 1, 2], labels], rows[0, :, -1] = np.log(scores), np.log(1 - scores)
+    return {"logits": rows + np.float32(5), "pred_boxes": unit_boxes()}
+
+
+def end_to_end(further=0):
+    boxes, labels, scores = labelled()
+    rows = np.hstack([boxes, scores[:, None], labels[:, None].astype(np.float32)])
+    return {"output0": np.hstack([rows, np.full((3, further), 0.7, np.float32)])[None]}
+
+
+def yolov7_end_to_end():
+    rows = end_to_end()["output0"][0][:, [0, 0, 1, 2, 3, 5, 4]]
+    rows[:, 0] = 0
+    of_another_image = rows[:1] + np.array([1, 5, 5, 5, 5, 0, 0.1], np.float32)
+    return {"output": np.vstack([rows, of_another_image])}
+
+
+def ultralytics(further=0):
+    rows = rows_of(SCORES, [CAR_PX, TRUCK_PX], 80, CELLS)
+    return {"output0": with_columns(rows, further).transpose(0, 2, 1).copy()}
+
+
+def with_columns(rows, count):
+    """Append columns that no box has scores in."""
+    return np.concatenate([rows, np.full((*rows.shape[:2], count), 0.7, np.float32)], axis=2)
+
+
+MASKS = {"output1": np.zeros((1, 32, HEIGHT // 4, WIDTH // 4), np.float32)}
+LAYERS = {f"layer{n}": np.ones((1, 3, 8 >> n, 12 >> n, 85), np.float32) for n in range(3)}
+# Of each form one or more networks: their outputs, and what else is special about them.
 FORMS = {
-    "yolox": (yolox, {}),
-    "yolo": (yolo, {}),
-    "ultralytics": (ultralytics, {}),
-    "ultralytics-end-to-end": (end_to_end, {}),
-    "detr": (detr, {"sizes": True}),
-    "torchvision": (torchvision, {"image_shape": (3, HEIGHT, WIDTH)}),
+    "yolox": [(yolox, {})],
+    "yolo": [
+        (yolo, {}),
+        (lambda: yolo(CELLS), {}),
+        (lambda: {"output0": with_columns(yolo()["output"], 32)} | MASKS, {}),
+        (lambda: yolo() | LAYERS, {}),
+    ],
+    "yolov7-end-to-end": [(yolov7_end_to_end, {})],
+    "ultralytics": [
+        (ultralytics, {}),
+        (lambda: ultralytics(32) | MASKS, {}),
+        (lambda: ultralytics(51), {"metadata": {"kpt_shape": "[17, 3]"}}),
+    ],
+    "ultralytics-end-to-end": [
+        (end_to_end, {}),
+        (lambda: {"output0": end_to_end()["output0"][0]}, {}),
+        (lambda: end_to_end(32) | MASKS, {}),
+        (lambda: end_to_end(51), {"metadata": {"kpt_shape": "[17, 3]"}}),
+    ],
+    "ultralytics-detr": [
+        (lambda: {"output0": np.dstack([unit_boxes(), 1 / (1 + np.exp(-logits(80)))])}, {}),
+    ],
+    "detr": [(detr, {"sizes": True})],
+    "detr-sigmoid": [(lambda: {"logits": logits(80), "pred_boxes": unit_boxes()}, {})],
+    "detr-softmax": [
+        (detr_softmax, {"mask": True}),
+        (lambda: detr_softmax(81, COCO_ORDER), {}),
+    ],
+    "rf-detr": [
+        (lambda: {"dets": unit_boxes(), "labels": logits(91, COCO_NUMBERS)}, {}),
+        (lambda: {"logits": logits(91, COCO_NUMBERS), "pred_boxes": unit_boxes()}, {}),
+    ],
+    "efficient-nms": [(efficient_nms, {})],
+    "tensorflow": [
+        (tensorflow, {"image_shape": (1, HEIGHT, WIDTH, 3), "image_type": TensorProto.UINT8})
+    ],
+    "torchvision": [(torchvision, {"image_shape": (3, HEIGHT, WIDTH)})],
 }
+NETWORKS = [(form, number) for form, networks in FORMS.items() for number in range(len(networks))]
 
 
 @pytest.fixture
 def write(tmp_path):
-    def write(form, **options):
-        make, usual = FORMS[form]
+    def write(form, number=0, **options):
+        make, usual = FORMS[form][number]
         return write_constant_network(tmp_path / "public.onnx", make(), **{**usual, **options})
 
     return write
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_each_form_is_known_by_its_outputs_and_reports_our_classes(write, form):
-    detector = ModalityDetector(write(form))
+@pytest.mark.parametrize(("form", "number"), NETWORKS)
+def test_each_form_is_known_by_its_outputs_and_reports_our_classes(write, form, number):
+    detector = ModalityDetector(write(form, number))
     assert (detector.modality, detector.size) == ("rgb", (HEIGHT, WIDTH))
+    assert detector.title == f"public.onnx ({form})"
     assert detector.class_names == ("Car", "Truck", "Pedestrian", "Cyclist")
     found = detector.detect(IMAGE)
     np.testing.assert_allclose(found.boxes_px, [CAR_PX, TRUCK_PX], atol=1e-4)
@@ -177,7 +272,7 @@ def test_tiles_find_each_object_once(write):
         ({"a": np.zeros((1, 7), np.float32)}, "outputs of a known form: trifuse, detr", "a (1, 7)"),
         (
             {"output0": np.zeros((1, 4 + 3, CELLS), np.float32)},
-            "the 80 classes of COCO, or `classes`",
+            "classes by the names car, van, truck",
             "3 classes",
         ),
     ],
@@ -189,8 +284,8 @@ def test_networks_that_are_no_known_detector(tmp_path, outputs, expected, found)
 
 
 def test_inputs_that_are_no_image(tmp_path):
-    path = write_constant_network(tmp_path / "rows.onnx", yolox(), image_shape=(1, 64, 96, 3))
-    expected = "one image (any, 3, height, width) of modality rgb as input"
+    path = write_constant_network(tmp_path / "rows.onnx", yolox(), image_shape=(1, 64, 96, 4))
+    expected = "one image (batch, 3, height, width) or (batch, height, width, 3) of uint8"
     with fault(ModelError, where="rows.onnx", expected=expected, found="images float32 1 x 64"):
         ModalityDetector(path)
 
