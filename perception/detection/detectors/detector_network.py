@@ -25,12 +25,12 @@ from perception.detection.detectors.network_outputs import (
     Outputs,
     with_known_names,
 )
+from perception.detection.detectors.output_decoding import Predictions
 from perception.detection.detectors.output_forms import (
     FORMS,
     OUTPUT_FORMS,
     InputFormat,
     OutputFormName,
-    Predictions,
     recognized_form,
 )
 from perception.detection.detectors.reported_classes import listed, reported_classes
@@ -48,6 +48,7 @@ CONTRACT = ModelContract(
 )
 # Size of the images of a network that takes any size.
 _USUAL_SIZE = InputSize(384, 1248)
+_OTHER_TASKS = ("classify", "obb")  # one class an image, rotated boxes
 _MAX_AXES = 3  # of an output with boxes; others are masks, or the maps of each stride
 
 
@@ -217,6 +218,14 @@ def _form_and_classes(
     Raises:
         ModelError: the outputs are of no known form, or have other classes than are stated.
     """
+    task = model.metadata.get("task")
+    if task in _OTHER_TASKS and description.output is None:
+        raise ModelError(
+            model.name,
+            expected="a detector of boxes along rows and columns",
+            found=f"task {task} in its metadata",
+            advice="export a network of task detect, segment or pose",
+        )
     names: Mapping[int, str] = dict(enumerate(description.class_names or ()))
     names = names or class_names(model.metadata, model.name)
     keypoints = keypoint_columns(model.metadata, model.name)
@@ -231,7 +240,12 @@ def _form_and_classes(
             advice="name its form as `output` in a YAML file beside it, or export it in one of these forms",
         )
     form = FORMS[name]
-    count = form.class_count(found) if form.class_count else None
+    try:
+        count = form.class_count(found) if form.class_count else None
+    except LookupError:  # an output that a stated form has
+        count = 0
+    if count is not None and count < 1:
+        raise _misfit(model, name, outputs)
     if count is not None and names and max(names) != count - 1:
         raise ModelError(
             model.name,
@@ -251,19 +265,20 @@ def _require_fitting_shapes(network: DetectorNetwork, outputs: Outputs) -> None:
     """
     try:
         boxes_px, scores = network.predict(outputs, network.size)
-        fits = boxes_px.shape == (len(scores), 4) and scores.shape[1:] == (
-            len(network.classes.names),
-        )
-    except (LookupError, ValueError, TypeError):
-        fits = False
-    if not fits:
-        raise ModelError(
-            network.model.name,
-            expected=f"outputs of the form {network.form}: {FORMS[network.form].layout}",
-            found=_shapes(outputs),
-            advice="name another form as `output` in a YAML file beside it, or export it in one of these: "
-            + ", ".join(OUTPUT_FORMS),
-        )
+        shapes = boxes_px.shape, scores.shape
+    except (LookupError, ValueError, TypeError) as error:
+        raise _misfit(network.model, network.form, outputs) from error
+    if shapes != ((len(scores), 4), (len(scores), len(network.classes.names))):
+        raise _misfit(network.model, network.form, outputs)
+
+
+def _misfit(model: OnnxModel, form: OutputFormName, outputs: Outputs) -> ModelError:
+    return ModelError(
+        model.name,
+        expected=f"outputs of the form {form}: {FORMS[form].layout}",
+        found=_shapes(outputs),
+        advice=f"name another form as `output` in a YAML file beside it: {', '.join(OUTPUT_FORMS)}",
+    )
 
 
 def _shapes(outputs: Outputs) -> str:

@@ -65,7 +65,8 @@ def _literal(text: str) -> Any:  # noqa: ANN401 - what the text says
 
 
 def _is_number(key: object) -> bool:
-    return type(key) is int or (isinstance(key, str) and key.isdecimal() and len(key) < 10)
+    text = str(key) if type(key) is int else key
+    return isinstance(text, str) and text.isdecimal() and len(text) < 10
 
 
 def _fault(

@@ -1,26 +1,27 @@
-"""Forms of the outputs of public detectors: how each is told apart, and how it becomes boxes.
-
-K boxes, S classes of the network, C classes that are reported. All become (K, 4) boxes x1 y1 x2 y2 in pixels of the
-input, and (K, C) scores. Of a batch the first image counts.
-"""
+"""Forms of the outputs of public detectors: K boxes, S classes; how each is told apart, and what input it usually has."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
-
-import numpy as np
+from typing import Literal, get_args
 
 from perception.detection.detectors.class_columns import COCO_CLASSES, COCO_NUMBERS, ClassColumns
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_input import Alignment, Resize
-from perception.detection.detectors.network_outputs import (
-    NetworkOutputs,
-    Outputs,
-    cells_px,
-    of_first_image,
-    tables,
+from perception.detection.detectors.network_outputs import NetworkOutputs, Outputs
+from perception.detection.detectors.output_decoding import (
+    Predictions,
+    decode_columns,
+    decode_labels,
+    decode_numbered_rows,
+    decode_rows,
+    decode_sigmoid,
+    decode_softmax,
+    decode_tensorflow,
+    decode_trifuse,
+    decode_unit_rows,
+    decode_yolo,
+    decode_yolox,
 )
-from perception.types import Float, Float32
 
 OutputFormName = Literal[
     "trifuse", "detr", "torchvision", "tensorflow", "efficient-nms", "detr-softmax", "rf-detr", "detr-sigmoid",
@@ -28,15 +29,6 @@ OutputFormName = Literal[
 ]  # fmt: skip
 OUTPUT_FORMS: tuple[OutputFormName, ...] = get_args(OutputFormName)
 ColorOrder = Literal["RGB", "BGR"]
-
-_MAX_LOG_SIZE = 20.0  # beyond it no box is an image's
-
-
-class Predictions(NamedTuple):
-    """K boxes with C scores each."""
-
-    boxes_px: Float
-    scores: Float32
 
 
 @dataclass(frozen=True)
@@ -96,11 +88,9 @@ class OutputForm:
 
     def coco(self, class_count: int | None) -> Mapping[int, str]:
         """Return the names of COCO's classes by number, none for a network of another number of classes."""
-        return (
-            (self.labelled_coco or _COCO)
-            if class_count is None
-            else _COCO_BY_COUNT.get(class_count, {})
-        )
+        if class_count is None:
+            return self.labelled_coco or _COCO
+        return _COCO_BY_COUNT.get(class_count, {})
 
 
 def recognized_form(outputs: NetworkOutputs) -> OutputFormName | None:
@@ -108,110 +98,18 @@ def recognized_form(outputs: NetworkOutputs) -> OutputFormName | None:
     return next((name for name, form in FORMS.items() if form.matches(outputs)), None)
 
 
-def _decode_trifuse(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    return Predictions(outputs["boxes_px"][0], classes.of_scores(outputs["scores"][0]))
-
-
-def _decode_labels(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    boxes_px = of_first_image(outputs["boxes"], 2)
-    scores, labels = (of_first_image(outputs[name], 1) for name in ("scores", "labels"))
-    count = int(outputs["count"].flat[0]) if "count" in outputs else len(labels)
-    found = classes.of_labels(
-        np.rint(labels[:count]), scores[:count].astype(np.float32, copy=False)
-    )
-    return Predictions(boxes_px[:count], found)
-
-
-def _decode_tensorflow(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    boxes, scores = _decode_labels(outputs, size, classes)  # y1 x1 y2 x2
-    return Predictions(boxes[:, [1, 0, 3, 2]] * _sides_px(size), scores)
-
-
-def _decode_softmax(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    from scipy.special import softmax
-
-    scores = softmax(of_first_image(outputs["logits"], 2).astype(np.float32), axis=-1)
-    return Predictions(_unit_boxes(outputs["pred_boxes"], size), classes.of_scores(scores))
-
-
-def _decode_sigmoid(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    from scipy.special import expit
-
-    logits = outputs["logits"] if "logits" in outputs else outputs["labels"]
-    scores = expit(classes.of_scores(of_first_image(logits, 2).astype(np.float32)))
-    return Predictions(_unit_boxes(outputs["pred_boxes"], size), scores)
-
-
-def _decode_rows(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs)
-    return Predictions(rows[:, :4], classes.of_labels(np.rint(rows[:, 5]), rows[:, 4]))
-
-
-def _decode_numbered_rows(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs)
-    rows = rows[rows[:, 0] == 0]  # of the first image of the batch
-    return Predictions(rows[:, 1:5], classes.of_labels(np.rint(rows[:, 5]), rows[:, 6]))
-
-
-def _decode_columns(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs).T
-    return Predictions(_corner_boxes(rows), classes.of_scores(rows[:, 4:]))
-
-
-def _decode_unit_rows(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs)
-    return Predictions(_unit_boxes(rows[:, :4], size), classes.of_scores(rows[:, 4:]))
-
-
-def _decode_yolox(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows, cells = _only(outputs), cells_px(size)
-    strides_px = cells[:, 2:]
-    centers_px = (rows[:, :2] + cells[:, :2]) * strides_px
-    sizes_px = np.exp(np.minimum(rows[:, 2:4], _MAX_LOG_SIZE)) * strides_px
-    boxes_px = _corner_boxes(np.hstack([centers_px, sizes_px]))
-    return Predictions(boxes_px, _with_objectness(rows, classes))
-
-
-def _decode_yolo(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs)
-    return Predictions(_corner_boxes(rows), _with_objectness(rows, classes))
-
-
-def _with_objectness(rows: Float32, classes: ClassColumns) -> Float32:
-    return rows[:, 4:5] * classes.of_scores(rows[:, 5:])
-
-
-def _only(outputs: Outputs) -> Float32:
-    (array,) = tables(outputs)
-    return of_first_image(array, 2).astype(np.float32, copy=False)
-
-
-def _unit_boxes(boxes: Float32, size: InputSize) -> Float32:
-    return _corner_boxes(of_first_image(boxes, 2)) * _sides_px(size)
-
-
-def _sides_px(size: InputSize) -> Float32:
-    return np.array([size.width_px, size.height_px] * 2, np.float32)
-
-
-def _corner_boxes(rows: Float32) -> Float32:
-    """Return the corners of boxes by rows that begin with center and size."""
-    centers, halves = rows[:, :2], rows[:, 2:4] / 2
-    return np.hstack([centers - halves, centers + halves])
-
-
 FORMS: Mapping[OutputFormName, OutputForm] = {
     "trifuse": OutputForm(
         "boxes_px (1, K, 4), scores (1, K, S)",
         lambda found: found.has("boxes_px", "scores"),
-        _decode_trifuse,
+        decode_trifuse,
         _BYTES,
         lambda found: found.arrays["scores"].shape[-1],
     ),
     "detr": OutputForm(  # DEIM, D-FINE, RT-DETR
         "labels, boxes, scores (1, K), beside the input orig_target_sizes",
         lambda found: found.has("labels", "boxes", "scores") and found.has_sizes,
-        _decode_labels,
+        decode_labels,
         _STRETCHED,
     ),
     "tensorflow": OutputForm(  # classes by COCO's numbers
@@ -219,20 +117,20 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
         lambda found: (
             found.has("count", "boxes", "scores", "labels") and found.arrays["count"].ndim < 2
         ),
-        _decode_tensorflow,
+        decode_tensorflow,
         _BYTES,
         labelled_coco=_NUMBERED_COCO,
     ),
     "efficient-nms": OutputForm(
         "num_dets (1, 1), det_boxes (1, K, 4), det_scores, det_classes (1, K)",
         lambda found: found.has("count", "boxes", "scores", "labels"),
-        _decode_labels,
+        decode_labels,
         _CENTERED,
     ),
     "torchvision": OutputForm(  # classes by COCO's numbers
         "boxes (K, 4), labels, scores (K)",
         lambda found: found.has("labels", "boxes", "scores"),
-        _decode_labels,
+        decode_labels,
         _UNIT,
         labelled_coco=_NUMBERED_COCO,
     ),
@@ -241,7 +139,7 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
         lambda found: (
             found.has("logits", "pred_boxes") and found.logit_classes < found.logit_columns
         ),
-        _decode_softmax,
+        decode_softmax,
         _IMAGENET,
         lambda found: found.logit_columns - 1,
     ),
@@ -252,21 +150,21 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
             and found.logit_columns > 0
             and (found.has("labels") or found.logit_columns == 91)
         ),
-        _decode_sigmoid,
+        decode_sigmoid,
         _IMAGENET,
         lambda found: found.logit_classes,
     ),
     "detr-sigmoid": OutputForm(  # RT-DETR and D-FINE without their last step
         "logits (1, K, S), pred_boxes (1, K, 4) center and size from 0 to 1",
         lambda found: found.has("logits", "pred_boxes"),
-        _decode_sigmoid,
+        decode_sigmoid,
         _STRETCHED,
         lambda found: found.logit_columns,
     ),
     "yolox": OutputForm(
         "(1, K, 5 + S): center and size relative to cells of 8, 16 and 32 pixels, objectness, scores",
         lambda found: found.table[-1] > 5 and len(found.table) == 3 and found.has_offsets,
-        _decode_yolox,
+        decode_yolox,
         InputFormat(color_order="BGR"),
         lambda found: found.table[-1] - found.further_columns - 5,
     ),
@@ -275,14 +173,14 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
         lambda found: (
             found.table[-1] > 5 and len(found.table) == 3 and found.is_dense(found.table[-2])
         ),
-        _decode_yolo,
+        decode_yolo,
         _CENTERED,
         lambda found: found.table[-1] - found.further_columns - 5,
     ),
     "yolov7-end-to-end": OutputForm(
         "(K, 7): image, x1 y1 x2 y2, class, score",
         lambda found: len(found.table) == 2 and found.table[0] != 1 and found.table[1] == 7,
-        _decode_numbered_rows,
+        decode_numbered_rows,
         _CENTERED,
     ),
     "ultralytics-end-to-end": OutputForm(
@@ -291,7 +189,7 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
             found.table[-1] == 6 + found.further_columns
             and (len(found.table) == 3 or found.table[0] != 1)
         ),
-        _decode_rows,
+        decode_rows,
         _CENTERED,
     ),
     "ultralytics": OutputForm(
@@ -299,14 +197,14 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
         lambda found: (
             len(found.table) == 3 and found.table[1] > 4 and found.is_dense(found.table[2])
         ),
-        _decode_columns,
+        decode_columns,
         _CENTERED,
         lambda found: found.table[1] - found.further_columns - 4,
     ),
     "ultralytics-detr": OutputForm(
         "(1, K, 4 + S): center and size from 0 to 1, scores",
         lambda found: len(found.table) == 3 and found.table[-1] == 4 + (found.named_classes or 80),
-        _decode_unit_rows,
+        decode_unit_rows,
         _STRETCHED,
         lambda found: found.table[-1] - 4,
     ),
