@@ -294,7 +294,7 @@ def _open(content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime h
     # Threads that spin while they wait for the next frame take the cores from the other stages: without
     # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 3
+    options.log_severity_level = 4  # errors are raised, and need no line of their own
     # Without its fallback, which prints a banner and tries the same once more.
     return onnxruntime.InferenceSession(
         content, options, providers=["CPUExecutionProvider"], enable_fallback=0

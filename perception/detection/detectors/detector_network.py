@@ -230,7 +230,8 @@ def _form_and_classes(
     names = names or class_names(model.metadata, model.name)
     keypoints = keypoint_columns(model.metadata, model.name)
     known = with_known_names(outputs)
-    found = NetworkOutputs(known, SIZES in model.inputs, size, len(names), keypoints)
+    named = max(names, default=-1) + 1
+    found = NetworkOutputs(known, SIZES in model.inputs, size, named, keypoints)
     name = description.output or recognized_form(found)
     if name is None:
         raise ModelError(
@@ -246,7 +247,7 @@ def _form_and_classes(
         count = 0
     if count is not None and count < 1:
         raise _misfit(model, name, outputs)
-    if count is not None and names and max(names) != count - 1:
+    if count is not None and named not in (0, count):
         raise ModelError(
             model.name,
             expected=f"scores of {len(names)} classes: {listed(names.values())}",
