@@ -80,7 +80,7 @@ def decode_numbered_rows(outputs: Outputs, size: InputSize, classes: ClassColumn
 def decode_columns(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
     """Return boxes by columns of center, size, scores."""
     rows = _only(outputs).T
-    return Predictions(_corner_boxes(rows), classes.of_scores(rows[:, 4:]))
+    return Predictions(_corner_boxes(rows[:, :2], rows[:, 2:4]), classes.of_scores(rows[:, 4:]))
 
 
 def decode_unit_rows(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
@@ -95,14 +95,13 @@ def decode_yolox(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Pr
     strides_px = cells[:, 2:]
     centers_px = (rows[:, :2] + cells[:, :2]) * strides_px
     sizes_px = np.exp(np.minimum(rows[:, 2:4], _MAX_LOG_SIZE)) * strides_px
-    boxes_px = _corner_boxes(np.hstack([centers_px, sizes_px]))
-    return Predictions(boxes_px, _with_objectness(rows, classes))
+    return Predictions(_corner_boxes(centers_px, sizes_px), _with_objectness(rows, classes))
 
 
 def decode_yolo(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
     """Return boxes by rows of center, size, objectness, scores."""
     rows = _only(outputs)
-    return Predictions(_corner_boxes(rows), _with_objectness(rows, classes))
+    return Predictions(_corner_boxes(rows[:, :2], rows[:, 2:4]), _with_objectness(rows, classes))
 
 
 def _with_objectness(rows: Float32, classes: ClassColumns) -> Float32:
@@ -115,14 +114,13 @@ def _only(outputs: Outputs) -> Float32:
 
 
 def _unit_boxes(boxes: Float32, size: InputSize) -> Float32:
-    return _corner_boxes(of_first_image(boxes, 2)) * _sides_px(size)
+    rows = of_first_image(boxes, 2)
+    return _corner_boxes(rows[:, :2], rows[:, 2:4]) * _sides_px(size)
 
 
 def _sides_px(size: InputSize) -> Float32:
     return np.array([size.width_px, size.height_px] * 2, np.float32)
 
 
-def _corner_boxes(rows: Float32) -> Float32:
-    """Return the corners of boxes by rows that begin with center and size."""
-    centers, halves = rows[:, :2], rows[:, 2:4] / 2
-    return np.hstack([centers - halves, centers + halves])
+def _corner_boxes(centers: Float32, sizes: Float32) -> Float32:
+    return np.hstack([centers - sizes / 2, centers + sizes / 2])
