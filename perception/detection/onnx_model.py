@@ -117,7 +117,6 @@ class OnnxModel:
         with _complete(file):
             content = _without_lengths(content, *free_axes) if free_axes else content
             self._session = _open(content, threads)
-            self._options = onnxruntime.RunOptions()
             meta, inputs = self._session.get_modelmeta(), self._session.get_inputs()
             self.metadata: Mapping[str, str] = dict(meta.custom_metadata_map)
             """Metadata of the file."""
@@ -146,7 +145,7 @@ class OnnxModel:
             }
         names = list(self.output_shapes)
         try:
-            arrays = self._session.run(names, dict(inputs), self._options) if names else []
+            arrays = self._session.run(names, dict(inputs)) if names else []
         except Exception as error:  # ONNX Runtime's errors have no base of their own
             shapes = ", ".join(f"{name} {array.shape}" for name, array in inputs.items())
             raise ModelError(
@@ -164,12 +163,11 @@ class OnnxModel:
         return outputs
 
     def leave_out(self, names: Iterable[str]) -> None:
-        """Compute some outputs no longer."""
+        """Return some outputs no longer."""
         left_out = {*names}
         self.output_shapes = {
             name: shape for name, shape in self.output_shapes.items() if name not in left_out
         }
-        self._options.only_execute_path_to_fetches = bool(left_out)
 
     def metadata_choice(self, name: str, known: Sequence[Value]) -> Value:
         """Return a metadata entry of the file that has to be one of the known values.
@@ -280,7 +278,7 @@ def _complete(file: Traversable) -> Iterator[None]:
             str(file),
             expected="a complete ONNX model",
             found=_first_line(error),
-            advice="export the model again with `trifuse export`",
+            advice="export the model again, by `trifuse export` or with operators of ONNX alone",
         ) from error
 
 

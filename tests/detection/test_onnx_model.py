@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from onnx import TensorProto
+from onnx import TensorProto, helper
 
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.errors import ModelError
@@ -100,6 +100,29 @@ def test_names_that_are_no_text(write_model, free_axes, name, capfd):
     with fault(ModelError, str(path), expected="a complete ONNX model", found="'utf-8' codec"):
         OnnxModel(path, free_axes=free_axes)
     assert capfd.readouterr() == ("", "")
+
+
+def test_operators_of_a_plugin(tmp_path):
+    images = helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 96])
+    count = helper.make_tensor_value_info("num_dets", TensorProto.INT32, [1, 1])
+    node = helper.make_node("EfficientNMS_TRT", ["images"], ["num_dets"], domain="TRT")
+    graph = helper.make_graph([node], "plugin", [images], [count])
+    sets = [helper.make_opsetid("", 17), helper.make_opsetid("TRT", 1)]
+    model = helper.make_model(graph, opset_imports=sets, ir_version=9)
+    path = tmp_path / "plugin.onnx"
+    path.write_bytes(model.SerializeToString())
+    advice = "or with operators of ONNX alone"
+    with fault(ModelError, str(path), "a complete ONNX model", "EfficientNMS_TRT", advice):
+        OnnxModel(path)
+
+
+def test_outputs_left_out_are_not_returned(write_model):
+    model = OnnxModel(write_model())
+    inputs = inputs_of(2)
+    assert [*model(inputs)] == ["scores", "boxes_px"]
+    model.leave_out(["scores"])
+    np.testing.assert_array_equal(model(inputs)["boxes_px"], inputs["windows_px"])
+    assert [*model(inputs)] == ["boxes_px"]
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])

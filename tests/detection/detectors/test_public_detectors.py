@@ -137,7 +137,7 @@ def test_a_pose_network_needs_no_file_of_classes(tmp_path, suppresses):
     np.testing.assert_allclose(found.scores, [0.9], rtol=1e-6)
 
 
-def test_masks_are_not_computed(write):
+def test_masks_are_left_out(write):
     detector = ModalityDetector(write("ultralytics", 1))
     assert [*detector.model({"images": detector.preprocess(IMAGE)})] == ["output0"]
 
