@@ -104,3 +104,15 @@ def test_inputs_that_are_no_image(tmp_path, shape, kind, found):
     expected = "one image (batch, 3, height, width) or (batch, height, width, 3) of uint8"
     with fault(ModelError, where="rows.onnx", expected=expected, found=found):
         ModalityDetector(path)
+
+
+@pytest.mark.parametrize("outputs", [ultralytics, end_to_end, efficient_nms])
+def test_outputs_of_half_precision(tmp_path, outputs):
+    halves = {
+        name: array.astype(np.float16) if array.dtype == np.float32 else array
+        for name, array in outputs().items()
+    }
+    path = write_constant_network(tmp_path / "half.onnx", halves, image_type=TensorProto.FLOAT16)
+    found = ModalityDetector(path).detect(IMAGE)
+    np.testing.assert_allclose(found.boxes_px, [CAR_PX, TRUCK_PX], atol=0.1)
+    np.testing.assert_allclose(found.scores, [0.8, 0.5], atol=1e-3)
