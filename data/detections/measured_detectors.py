@@ -148,7 +148,7 @@ def measured_network(network: ModalityDetector, options: DetectorOptions) -> Mea
         return FrameDetections(output.scene.modality_detections[modality], timings_s)
 
     return MeasuredDetector(
-        f"{network.model.name}: {modality}, {size.height_px}x{size.width_px}",
+        f"{network.title}: {modality}, {size}",
         {str(modality): dict(network.metadata)},
         classes,
         lambda _: (detect, _measure(f"average precision of {modality}", classes, options)),

@@ -1,7 +1,7 @@
 """A network in an ONNX file: validated when it is opened, warmed up, with arrays by name as inputs and outputs."""
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -18,12 +18,12 @@ from perception.errors import ModelError
 
 Array = NDArray[Any]
 Value = TypeVar("Value")
-_IMAGE_AXES = 4  # rows, channels, height, width
 # Names of the input types in ONNX Runtime.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
     np.float16: "tensor(float16)",
     np.float32: "tensor(float)",
+    np.int32: "tensor(int32)",
     np.int64: "tensor(int64)",
 }
 
@@ -33,7 +33,7 @@ class ModelInput:
     """An input of a network.
 
     Attributes:
-        type: Type of the numbers, uint8, float16, float32 or int64; None for any other.
+        type: Type of the numbers, uint8, float16, float32, int32 or int64; None for any other.
         shape: Length of each axis, None for any length.
     """
 
@@ -95,7 +95,7 @@ class OnnxModel:
         contract: ModelContract | None = None,
         threads: int = 2,
         *,
-        any_image_size: bool = False,
+        free_axes: tuple[str, tuple[int, ...]] | None = None,
     ) -> None:
         """Open and validate the file, and run the network once, since the first run is slow.
 
@@ -103,7 +103,7 @@ class OnnxModel:
             file: Path of the file, or a model of this package.
             contract: Requirements on the file; None for a file of any kind, which is not run.
             threads: Number of threads of one run.
-            any_image_size: Whether images of any height and width enter, also where the file states one size.
+            free_axes: Name of an input and its axes that may have any length, also where the file states one.
 
         Raises:
             ModelError: the file is missing, is no ONNX model, or does not meet the requirements.
@@ -115,7 +115,7 @@ class OnnxModel:
         self.fingerprint = hashlib.blake2b(content, digest_size=8).hexdigest()
         """Hash of the file's content."""
         with _complete(file):
-            content = _without_size(content) if any_image_size else content
+            content = _without_lengths(content, *free_axes) if free_axes else content
             self._session = _open(content, threads)
             meta, inputs = self._session.get_modelmeta(), self._session.get_inputs()
             self.metadata: Mapping[str, str] = dict(meta.custom_metadata_map)
@@ -123,7 +123,9 @@ class OnnxModel:
             self.inputs = {entry.name: _input_of(entry) for entry in inputs}
             """Inputs by name."""
             outputs = self._session.get_outputs()
-            self.output_shapes = {entry.name: _shape_of(entry) for entry in outputs}
+            self.output_shapes = {
+                entry.name: _shape_of(entry) for entry in outputs if _is_array_of_numbers(entry)
+            }
             """Shapes of the outputs by name; None for an axis of any length."""
         if contract is not None:
             self.check(contract)
@@ -141,8 +143,9 @@ class OnnxModel:
                 name: np.zeros([length or 0 for length in shape], np.float32)
                 for name, shape in self.output_shapes.items()
             }
+        names = list(self.output_shapes)
         try:
-            arrays = self._session.run(list(self.output_shapes), dict(inputs))
+            arrays = self._session.run(names, dict(inputs)) if names else []
         except Exception as error:  # ONNX Runtime's errors have no base of their own
             shapes = ", ".join(f"{name} {array.shape}" for name, array in inputs.items())
             raise ModelError(
@@ -158,6 +161,13 @@ class OnnxModel:
                     advice="retrain the network, or export an earlier checkpoint",
                 )
         return outputs
+
+    def leave_out(self, names: Iterable[str]) -> None:
+        """Return some outputs no longer."""
+        left_out = {*names}
+        self.output_shapes = {
+            name: shape for name, shape in self.output_shapes.items() if name not in left_out
+        }
 
     def metadata_choice(self, name: str, known: Sequence[Value]) -> Value:
         """Return a metadata entry of the file that has to be one of the known values.
@@ -238,15 +248,15 @@ def _require_self_contained(file: Traversable, content: bytes) -> None:
     raise ModelError(str(file), expected="a complete ONNX model", found=found, advice=advice)
 
 
-def _without_size(content: bytes) -> bytes:
-    """Return a model whose images may have any height and width, and whose outputs any shape."""
+def _without_lengths(content: bytes, name: str, free_axes: Sequence[int]) -> bytes:
+    """Return a model with axes of an input that may have any length, and with outputs of any shape."""
     import onnx
 
     model = onnx.load_from_string(content)
     for entry in model.graph.input:
-        axes = entry.type.tensor_type.shape.dim
-        if len(axes) == _IMAGE_AXES:
-            axes[-2].dim_param, axes[-1].dim_param = "height", "width"
+        if entry.name == name:
+            for axis in free_axes:
+                entry.type.tensor_type.shape.dim[axis].dim_param = f"{name}_{axis}"
     for entry in model.graph.output:
         for number, axis in enumerate(entry.type.tensor_type.shape.dim):
             axis.dim_param = f"{entry.name}_{number}"
@@ -268,7 +278,7 @@ def _complete(file: Traversable) -> Iterator[None]:
             str(file),
             expected="a complete ONNX model",
             found=_first_line(error),
-            advice="export the model again with `trifuse export`",
+            advice="export the model again, by `trifuse export` or with operators of ONNX alone",
         ) from error
 
 
@@ -282,7 +292,7 @@ def _open(content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime h
     # Threads that spin while they wait for the next frame take the cores from the other stages: without
     # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 3
+    options.log_severity_level = 4  # errors are raised, and need no line of their own
     # Without its fallback, which prints a banner and tries the same once more.
     return onnxruntime.InferenceSession(
         content, options, providers=["CPUExecutionProvider"], enable_fallback=0
@@ -311,6 +321,10 @@ def _first_line(error: Exception) -> str:
 def _input_of(entry: Any) -> ModelInput:  # noqa: ANN401 - ONNX Runtime has no types
     types = {name: number for number, name in _TYPE_NAMES.items()}
     return ModelInput(types.get(entry.type), _shape_of(entry))
+
+
+def _is_array_of_numbers(entry: Any) -> bool:  # noqa: ANN401 - ONNX Runtime has no types
+    return str(entry.type).startswith("tensor(") and entry.type != "tensor(string)"
 
 
 def _shape_of(entry: Any) -> tuple[int | None, ...]:  # noqa: ANN401 - ONNX Runtime has no types

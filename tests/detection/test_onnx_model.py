@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from onnx import TensorProto
+from onnx import TensorProto, helper
 
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.errors import ModelError
@@ -90,16 +90,39 @@ def test_empty_file(tmp_path):
     assert error.value.expected == "a complete ONNX model"
 
 
-@pytest.mark.parametrize("any_image_size", [False, True])
+@pytest.mark.parametrize("free_axes", [None, ("crops", (2, 3))])
 @pytest.mark.parametrize("name", [b"windows_px", b"ReduceMean"])
-def test_names_that_are_no_text(write_model, any_image_size, name, capfd):
+def test_names_that_are_no_text(write_model, free_axes, name, capfd):
     path = write_model()
     content = path.read_bytes()
     assert name in content
     path.write_bytes(content.replace(name, name[:-1] + b"\xed"))
     with fault(ModelError, str(path), expected="a complete ONNX model", found="'utf-8' codec"):
-        OnnxModel(path, any_image_size=any_image_size)
+        OnnxModel(path, free_axes=free_axes)
     assert capfd.readouterr() == ("", "")
+
+
+def test_operators_of_a_plugin(tmp_path):
+    images = helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 96])
+    count = helper.make_tensor_value_info("num_dets", TensorProto.INT32, [1, 1])
+    node = helper.make_node("EfficientNMS_TRT", ["images"], ["num_dets"], domain="TRT")
+    graph = helper.make_graph([node], "plugin", [images], [count])
+    sets = [helper.make_opsetid("", 17), helper.make_opsetid("TRT", 1)]
+    model = helper.make_model(graph, opset_imports=sets, ir_version=9)
+    path = tmp_path / "plugin.onnx"
+    path.write_bytes(model.SerializeToString())
+    advice = "or with operators of ONNX alone"
+    with fault(ModelError, str(path), "a complete ONNX model", "EfficientNMS_TRT", advice):
+        OnnxModel(path)
+
+
+def test_outputs_left_out_are_not_returned(write_model):
+    model = OnnxModel(write_model())
+    inputs = inputs_of(2)
+    assert [*model(inputs)] == ["scores", "boxes_px"]
+    model.leave_out(["scores"])
+    np.testing.assert_array_equal(model(inputs)["boxes_px"], inputs["windows_px"])
+    assert [*model(inputs)] == ["boxes_px"]
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])

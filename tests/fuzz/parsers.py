@@ -14,7 +14,8 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from perception.errors import LabelError, PoseError
+from perception.detection.detectors.class_columns import COCO_CLASSES
+from perception.errors import LabelError, ModelError, PoseError
 from tests.damaged_scans import CALIBRATION
 
 Read = Callable[[Path], object]
@@ -452,19 +453,26 @@ def _read_network(path: Path) -> object:
 
 
 def _networks() -> Sequence[bytes]:
-    """Return a network that answers every image with the same answer in each of the 84 cells of 64 x 64 pixels."""
-    from onnx import TensorProto, helper
+    """Return one network of each form of outputs, with what exporters state in metadata."""
+    from tests.detection.public_forms import FORMS, write_network
 
-    answer = helper.make_tensor("answer", TensorProto.FLOAT, [1, 84, 85], [0.5] * 84 * 85)
-    graph = helper.make_graph(
-        [helper.make_node("Identity", ["answer"], ["output0"])],
-        "constant",
-        [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, 64, 64])],
-        [helper.make_tensor_value_info("output0", TensorProto.FLOAT, [1, 84, 85])],
-        [answer],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
-    return [model.SerializeToString()]
+    names = {"names": str(dict(enumerate(COCO_CLASSES))), "kpt_shape": "[0, 3]", "task": "detect"}
+    metadata = {form: names if form.startswith(("yolo", "ultralytics")) else {} for form in FORMS}
+
+    def write(form: str) -> bytes:
+        return _written(lambda path: write_network(path, form, metadata=metadata[form]), "0.onnx")
+
+    return [write(form) for form in FORMS]
+
+
+def _read_class_names(path: Path) -> object:
+    from perception.detection.detectors.model_metadata import class_names, keypoint_columns
+
+    text = path.read_bytes().decode(errors="replace")
+    try:
+        return class_names({"names": text}, path.name)
+    except ModelError:
+        return keypoint_columns({"kpt_shape": text}, path.name)
 
 
 # --- Logs and bags --------------------------------------------------------------------------------
@@ -599,6 +607,9 @@ PARSERS: dict[str, FileParser] = {
     "cached-arrays": FileParser("entry/maps.npy", _read_cached_arrays, _npys),
     "checkpoint": FileParser("best.ckpt", _read_checkpoint, _checkpoints),
     "network": FileParser("detector.onnx", _read_network, _networks),
+    "class-names": FileParser(
+        "names.txt", _read_class_names, _texts("{0: 'car', 1: 'van'}", '["car", "van"]', "[17, 3]")
+    ),
     "nuscenes-table": FileParser(
         "scene.json", _read_table, _texts(json.dumps([{"token": "a", "name": "scene-0001"}]))
     ),

@@ -39,7 +39,7 @@ class DetectorDescription:
         modality: Modality of the input, else rgb.
         classes: Reported class by number or name of the network's class, or of two, person + bicycle, for the rider
             of one; the network's other classes are left out.
-        class_names: Names of the network's classes in their order; else COCO's.
+        class_names: Names of the network's classes in their order; else those of its metadata, or COCO's.
         input_size: Size of the input, of a fully convolutional network also where its file states another; images
             of another aspect get a size of about as many pixels.
         output: Form of the outputs.

@@ -58,6 +58,9 @@ class ModalityDetector:
         self._nms = nms
         self.model = self._network.model
         """The network in ONNX Runtime."""
+        form = self._network.form
+        self.title = self.model.name if form == "trifuse" else f"{self.model.name} ({form})"
+        """Name of the file, and the form of the outputs that a network of another maker has."""
         self.modality: Modality = self._network.modality
         """Modality of the input."""
         self.class_names = self._network.classes.names
@@ -104,7 +107,7 @@ class ModalityDetector:
             ImageError: the image has other channels than the modality.
         """
         placement = self._placements(image)[0]
-        return self._inputs(image, placement)[self._network.image_input]
+        return self._inputs(image, placement)[self._network.image_input.name]
 
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return the detections in a whole (H, W, C) image by the outputs of the network for it."""

@@ -1,46 +1,34 @@
-"""Forms of the outputs of public detectors, which are told apart by the names and shapes of their outputs.
-
-K boxes, S classes of the network, C classes that are reported. All become (K, 4) boxes x1 y1 x2 y2 in pixels of the
-input, and (K, C) scores:
-
-    trifuse                 boxes_px (1, K, 4), scores (1, K, C)
-    detr                    labels, boxes, scores (1, K), beside the input `orig_target_sizes`: DEIM, D-FINE, RT-DETR
-    torchvision             boxes, labels, scores (K,), boxes in pixels, classes by COCO's numbers
-    ultralytics-end-to-end  (1, K, 6): x1 y1 x2 y2, score, class
-    ultralytics             (1, 4 + S, K): center and size, scores
-    yolox                   (1, K, 5 + S): center and size relative to cells of 8, 16 and 32 pixels, objectness, scores
-    yolo                    (1, K, 5 + S): center and size in pixels, objectness, scores: YOLOX decoded, YOLOv5, YOLOv7
-"""
+"""Forms of the outputs of public detectors: K boxes, S classes; how each is told apart, and what input it usually has."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Literal, NamedTuple, get_args
-
-import numpy as np
+from typing import Literal, get_args
 
 from perception.detection.detectors.class_columns import COCO_CLASSES, COCO_NUMBERS, ClassColumns
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_input import Alignment, Resize
-from perception.detection.onnx_model import Array
-from perception.types import Float, Float32
+from perception.detection.detectors.network_outputs import NetworkOutputs, Outputs
+from perception.detection.detectors.output_decoding import (
+    Predictions,
+    decode_columns,
+    decode_labels,
+    decode_numbered_rows,
+    decode_rows,
+    decode_sigmoid,
+    decode_softmax,
+    decode_tensorflow,
+    decode_trifuse,
+    decode_unit_rows,
+    decode_yolo,
+    decode_yolox,
+)
 
 OutputFormName = Literal[
-    "trifuse", "detr", "torchvision", "ultralytics-end-to-end", "ultralytics", "yolox", "yolo"
-]
+    "trifuse", "detr", "torchvision", "tensorflow", "efficient-nms", "detr-softmax", "rf-detr", "detr-sigmoid",
+    "yolox", "yolo", "yolov7-end-to-end", "ultralytics-end-to-end", "ultralytics", "ultralytics-detr",
+]  # fmt: skip
 OUTPUT_FORMS: tuple[OutputFormName, ...] = get_args(OutputFormName)
 ColorOrder = Literal["RGB", "BGR"]
-Outputs = Mapping[str, Array]
-
-_STRIDES_PX = (8, 16, 32)
-_MAX_LOG_SIZE = 20.0  # beyond it no box is an image's
-
-
-class Predictions(NamedTuple):
-    """K boxes with C scores each."""
-
-    boxes_px: Float
-    scores: Float32
 
 
 @dataclass(frozen=True)
@@ -66,142 +54,158 @@ class InputFormat:
     pad_value: int | None = None
 
 
+_BYTES = InputFormat()
+_UNIT = InputFormat(scale=1 / 255)
+_CENTERED = InputFormat(scale=1 / 255, alignment="center")
+_STRETCHED = InputFormat(scale=1 / 255, resize="stretch")
+_IMAGENET = InputFormat(
+    scale=1 / 255, mean=(0.485, 0.456, 0.406), std=(0.229, 0.224, 0.225), resize="stretch"
+)
+_COCO = dict(enumerate(COCO_CLASSES))
+_NUMBERED_COCO = dict(zip(COCO_NUMBERS, COCO_CLASSES, strict=True))
+_COCO_BY_COUNT: Mapping[int, Mapping[int, str]] = {80: _COCO, 91: _NUMBERED_COCO}
+
+
 @dataclass(frozen=True)
 class OutputForm:
     """A form of outputs, and the input that networks of this form usually take.
 
     Attributes:
+        layout: Names and shapes of the outputs, in words.
+        matches: Function that returns whether outputs are of this form.
         decode: Function of outputs, input size and classes that returns the predictions.
-        class_count: Function of the outputs that returns the number of the network's classes, None where they do not tell.
         input: Usual input.
-        coco: Names of COCO's classes by their numbers in this form.
+        class_count: Function that returns the number of the network's classes; None where labels number them.
+        labelled_coco: Names of COCO's classes by the numbers of labels.
     """
 
+    layout: str
+    matches: Callable[[NetworkOutputs], bool]
     decode: Callable[[Outputs, InputSize, ClassColumns], Predictions]
-    class_count: Callable[[Outputs], int | None]
     input: InputFormat
-    coco: Mapping[int, str]
+    class_count: Callable[[NetworkOutputs], int] | None = None
+    labelled_coco: Mapping[int, str] | None = None
+
+    def coco(self, class_count: int | None) -> Mapping[int, str]:
+        """Return the names of COCO's classes by number, none for a network of another number of classes."""
+        if class_count is None:
+            return self.labelled_coco or _COCO
+        return _COCO_BY_COUNT.get(class_count, {})
 
 
-def recognized_form(
-    outputs: Outputs, inputs: frozenset[str], size: InputSize
-) -> OutputFormName | None:
-    """Return the form of a network's outputs, None for one that is not known.
-
-    Args:
-        outputs: Outputs of a run on one blank image.
-        inputs: Names of the network's inputs.
-        size: Size of the image.
-    """
-    if {"boxes_px", "scores"} <= outputs.keys():
-        return "trifuse"
-    if {"labels", "boxes", "scores"} <= outputs.keys():
-        return "detr" if "orig_target_sizes" in inputs else "torchvision"
-    shapes = [array.shape for array in outputs.values()]
-    if len(shapes) != 1 or len(shapes[0]) != 3:
-        return None
-    _, rows, columns = shapes[0]
-    cells = sum(_cell_count(size, stride) for stride in _STRIDES_PX)
-    if columns > 5 and rows % cells == 0:
-        return "yolox" if rows == cells else "yolo"
-    if columns == 6:
-        return "ultralytics-end-to-end"
-    return "ultralytics" if columns % cells == 0 and rows > 4 else None
+def recognized_form(outputs: NetworkOutputs) -> OutputFormName | None:
+    """Return the first form that the outputs of a network have, None where no form is theirs."""
+    return next((name for name, form in FORMS.items() if form.matches(outputs)), None)
 
 
-def _decode_trifuse(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    return Predictions(outputs["boxes_px"][0], classes.of_scores(outputs["scores"][0]))
-
-
-def _decode_labels(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    scores = outputs["scores"].reshape(-1)
-    labels = outputs["labels"].reshape(-1)
-    return Predictions(outputs["boxes"].reshape(-1, 4), classes.of_labels(labels, scores))
-
-
-def _decode_end_to_end(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs)
-    return Predictions(rows[:, :4], classes.of_labels(np.rint(rows[:, 5]), rows[:, 4]))
-
-
-def _decode_ultralytics(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs).T
-    return Predictions(_corner_boxes(rows[:, :2], rows[:, 2:4]), classes.of_scores(rows[:, 4:]))
-
-
-def _decode_yolox(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows, cells = _only(outputs), _cells(size)
-    strides_px = cells[:, 2:]
-    centers_px = (rows[:, :2] + cells[:, :2]) * strides_px
-    sizes_px = np.exp(np.minimum(rows[:, 2:4], _MAX_LOG_SIZE)) * strides_px
-    return Predictions(_corner_boxes(centers_px, sizes_px), _with_objectness(rows, classes))
-
-
-def _decode_yolo(outputs: Outputs, size: InputSize, classes: ClassColumns) -> Predictions:
-    rows = _only(outputs)
-    return Predictions(_corner_boxes(rows[:, :2], rows[:, 2:4]), _with_objectness(rows, classes))
-
-
-def _with_objectness(rows: Float32, classes: ClassColumns) -> Float32:
-    return rows[:, 4:5] * classes.of_scores(rows[:, 5:])
-
-
-def _only(outputs: Outputs) -> Float32:
-    (array,) = outputs.values()
-    return np.asarray(array[0], np.float32)
-
-
-def _corner_boxes(centers_px: Float32, sizes_px: Float32) -> Float32:
-    return np.hstack([centers_px - sizes_px / 2, centers_px + sizes_px / 2])
-
-
-def _cell_count(size: InputSize, stride_px: int) -> int:
-    return (size.height_px // stride_px) * (size.width_px // stride_px)
-
-
-@lru_cache(maxsize=8)
-def _cells(size: InputSize) -> Float32:
-    """Return column, row and size of each cell of an input, the smallest first, row after row."""
-    parts = []
-    for stride in _STRIDES_PX:
-        rows, columns = np.indices((size.height_px // stride, size.width_px // stride))
-        parts.append(np.stack([columns, rows, np.full_like(rows, stride)], axis=-1).reshape(-1, 3))
-    return np.concatenate(parts).astype(np.float32)
-
-
-def _columns_after(first: int) -> Callable[[Outputs], int]:
-    return lambda outputs: _only(outputs).shape[1] - first
-
-
-_COCO = dict(enumerate(COCO_CLASSES))
-_UNIT_SCALE = 1 / 255
 FORMS: Mapping[OutputFormName, OutputForm] = {
     "trifuse": OutputForm(
-        _decode_trifuse, lambda outputs: outputs["scores"].shape[-1], InputFormat(), {}
+        "boxes_px (1, K, 4), scores (1, K, S)",
+        lambda found: found.has("boxes_px", "scores"),
+        decode_trifuse,
+        _BYTES,
+        lambda found: found.arrays["scores"].shape[-1],
     ),
-    "detr": OutputForm(
-        _decode_labels, lambda _: None, InputFormat(scale=_UNIT_SCALE, resize="stretch"), _COCO
+    "detr": OutputForm(  # DEIM, D-FINE, RT-DETR
+        "labels, boxes, scores (1, K), beside the input orig_target_sizes",
+        lambda found: found.has("labels", "boxes", "scores") and found.has_sizes,
+        decode_labels,
+        _STRETCHED,
     ),
-    "torchvision": OutputForm(
-        _decode_labels,
-        lambda _: None,
-        InputFormat(scale=_UNIT_SCALE),
-        dict(zip(COCO_NUMBERS, COCO_CLASSES, strict=True)),
+    "tensorflow": OutputForm(  # classes by COCO's numbers
+        "num_detections (1), detection_boxes (1, K, 4) y1 x1 y2 x2 from 0 to 1, detection_scores, detection_classes",
+        lambda found: (
+            found.has("count", "boxes", "scores", "labels") and found.arrays["count"].ndim < 2
+        ),
+        decode_tensorflow,
+        _BYTES,
+        labelled_coco=_NUMBERED_COCO,
+    ),
+    "efficient-nms": OutputForm(
+        "num_dets (1, 1), det_boxes (1, K, 4), det_scores, det_classes (1, K)",
+        lambda found: found.has("count", "boxes", "scores", "labels"),
+        decode_labels,
+        _CENTERED,
+    ),
+    "torchvision": OutputForm(  # classes by COCO's numbers
+        "boxes (K, 4), labels, scores (K)",
+        lambda found: found.has("labels", "boxes", "scores"),
+        decode_labels,
+        _UNIT,
+        labelled_coco=_NUMBERED_COCO,
+    ),
+    "detr-softmax": OutputForm(  # DETR, YOLOS
+        "logits (1, K, S + 1), pred_boxes (1, K, 4) center and size from 0 to 1",
+        lambda found: (
+            found.has("logits", "pred_boxes") and found.logit_classes < found.logit_columns
+        ),
+        decode_softmax,
+        _IMAGENET,
+        lambda found: found.logit_columns - 1,
+    ),
+    "rf-detr": OutputForm(  # and Deformable DETR, Conditional DETR with COCO's numbers
+        "labels (1, K, S + 1) or logits (1, K, 91), dets or pred_boxes (1, K, 4) center and size from 0 to 1",
+        lambda found: (
+            found.has("pred_boxes")
+            and found.logit_columns > 0
+            and (found.has("labels") or found.logit_columns == 91)
+        ),
+        decode_sigmoid,
+        _IMAGENET,
+        lambda found: found.logit_classes,
+    ),
+    "detr-sigmoid": OutputForm(  # RT-DETR and D-FINE without their last step
+        "logits (1, K, S), pred_boxes (1, K, 4) center and size from 0 to 1",
+        lambda found: found.has("logits", "pred_boxes"),
+        decode_sigmoid,
+        _STRETCHED,
+        lambda found: found.logit_columns,
+    ),
+    "yolox": OutputForm(
+        "(1, K, 5 + S): center and size relative to cells of 8, 16 and 32 pixels, objectness, scores",
+        lambda found: found.table[-1] > 5 and len(found.table) == 3 and found.has_offsets,
+        decode_yolox,
+        InputFormat(color_order="BGR"),
+        lambda found: found.table[-1] - found.further_columns - 5,
+    ),
+    "yolo": OutputForm(  # YOLOv5, YOLOv6, YOLOv7
+        "(1, K, 5 + S): center and size in pixels, objectness, scores",
+        lambda found: (
+            found.table[-1] > 5 and len(found.table) == 3 and found.is_dense(found.table[-2])
+        ),
+        decode_yolo,
+        _CENTERED,
+        lambda found: found.table[-1] - found.further_columns - 5,
+    ),
+    "yolov7-end-to-end": OutputForm(
+        "(K, 7): image, x1 y1 x2 y2, class, score",
+        lambda found: len(found.table) == 2 and found.table[0] != 1 and found.table[1] == 7,
+        decode_numbered_rows,
+        _CENTERED,
     ),
     "ultralytics-end-to-end": OutputForm(
-        _decode_end_to_end,
-        lambda _: None,
-        InputFormat(scale=_UNIT_SCALE, alignment="center"),
-        _COCO,
+        "(1, K, 6) or (K, 6): x1 y1 x2 y2, score, class",
+        lambda found: (
+            found.table[-1] == 6 + found.further_columns
+            and (len(found.table) == 3 or found.table[0] != 1)
+        ),
+        decode_rows,
+        _CENTERED,
     ),
     "ultralytics": OutputForm(
-        _decode_ultralytics,
-        lambda outputs: _only(outputs).shape[0] - 4,
-        InputFormat(scale=_UNIT_SCALE, alignment="center"),
-        _COCO,
+        "(1, 4 + S, K): center and size in pixels, scores",
+        lambda found: (
+            len(found.table) == 3 and found.table[1] > 4 and found.is_dense(found.table[2])
+        ),
+        decode_columns,
+        _CENTERED,
+        lambda found: found.table[1] - found.further_columns - 4,
     ),
-    "yolox": OutputForm(_decode_yolox, _columns_after(5), InputFormat(color_order="BGR"), _COCO),
-    "yolo": OutputForm(
-        _decode_yolo, _columns_after(5), InputFormat(scale=_UNIT_SCALE, alignment="center"), _COCO
+    "ultralytics-detr": OutputForm(
+        "(1, K, 4 + S): center and size from 0 to 1, scores",
+        lambda found: len(found.table) == 3 and found.table[-1] == 4 + (found.named_classes or 80),
+        decode_unit_rows,
+        _STRETCHED,
+        lambda found: found.table[-1] - 4,
     ),
 }

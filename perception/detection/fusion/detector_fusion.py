@@ -31,14 +31,14 @@ def fusion_of(network: Fusion, detectors: Mapping[Modality, ModalityDetector]) -
         pair.split(" ") for pair in network.metadata.get("detectors", "").split(", ") if " " in pair
     )
     unfitted = [
-        one.model.name
+        one.title
         for name, one in detectors.items()
         if fitted.get(name, one.fingerprint) != one.fingerprint
     ]
     if len(detectors) == 1 and unfitted:
         (alone,) = detectors.values()
         names = ", ".join(alone.class_names)
-        log.warning("%s detects %s alone: nothing is fused", alone.model.name, names)
+        log.warning("%s detects %s alone: nothing is fused", alone.title, names)
         return NmsFusion(network.max_iou)
     if unfitted:
         log.warning(

@@ -1,107 +1,45 @@
 """Detectors of other makers as ONNX files: told apart by their outputs, described by a YAML file."""
 
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from onnx import TensorProto
 
-from perception.detection.detectors.class_columns import COCO_CLASSES, COCO_NUMBERS
+from perception.detection.detectors.class_columns import COCO_CLASSES
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.output_forms import OUTPUT_FORMS
 from perception.errors import ModelError, UsageError
-from tests.detection.public_forms import write_constant_network
-from tests.faults import fault
-
-HEIGHT, WIDTH = 64, 96
-CELLS = 8 * 12 + 4 * 6 + 2 * 3
-CAR, BUS, TRUCK, PERSON, KITE = (
-    COCO_CLASSES.index(n) for n in ("car", "bus", "truck", "person", "kite")
+from tests.detection.public_forms import (
+    CAR_PX,
+    CELLS,
+    FORMS,
+    HEIGHT,
+    IMAGE,
+    NETWORKS,
+    PERSON,
+    TRUCK_PX,
+    WIDTH,
+    efficient_nms,
+    rows_of,
+    write_constant_network,
+    write_network,
 )
-IMAGE = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), np.uint8)  # twice the input
-CAR_PX = [20.0, 40.0, 100.0, 90.0]  # in the image
-TRUCK_PX = [120.0, 10.0, 180.0, 60.0]
-
-
-def rows_of(scores, boxes_px, columns, count, first=0):
-    """Return (1, count, 4 + columns) rows: two boxes in pixels of the input, center and size, then scores."""
-    rows = np.zeros((1, count, 4 + columns), np.float32)
-    for row, (of_row, box) in enumerate(zip(scores, boxes_px, strict=True), first):
-        x1, y1, x2, y2 = np.array(box) / 2
-        rows[0, row, :4] = (x1 + x2) / 2, (y1 + y2) / 2, x2 - x1, y2 - y1
-        for number, score in of_row.items():
-            rows[0, row, 4 + number] = score
-    return rows
-
-
-SCORES = [{CAR: 0.8, KITE: 0.9}, {BUS: 0.3, TRUCK: 0.5}]
-
-
-def yolo(count=3 * CELLS):
-    with_objectness = [{0: 0.5} | {1 + n: 2 * s for n, s in one.items()} for one in SCORES]
-    return {"output": rows_of(with_objectness, [CAR_PX, TRUCK_PX], 81, count)}
-
-
-def yolox():
-    """Write the rows in cells of 8 pixels: xy as an offset of the cell, sizes as logarithms."""
-    rows = yolo(CELLS)["output"]
-    place = np.arange(2)  # of the cells (row 0, columns 0 and 1)
-    rows[0, :, 2:4] = np.log(np.maximum(rows[0, :, 2:4], 1e-3) / 8)
-    rows[0, :2, :2] = rows[0, :2, :2] / 8 - np.stack([place, 0 * place], axis=1)
-    return {"output": rows}
-
-
-def labelled(numbers, scale=2.0):
-    corners = np.array([CAR_PX, TRUCK_PX, CAR_PX], np.float32) / scale
-    found = [numbers[n] for n in (CAR, TRUCK, KITE)]
-    return corners, np.array(found, np.int64), np.array([0.8, 0.5, 0.9], np.float32)
-
-
-def detr():
-    boxes, labels, scores = labelled(list(range(80)))
-    unit = boxes / np.array([WIDTH, HEIGHT, WIDTH, HEIGHT], np.float32)
-    return {"labels": labels[None], "boxes": unit[None], "scores": scores[None]}
-
-
-def torchvision():
-    boxes, labels, scores = labelled(COCO_NUMBERS)
-    return {"boxes": boxes, "labels": labels, "scores": scores}
-
-
-def end_to_end():
-    boxes, labels, scores = labelled(list(range(80)))
-    return {
-        "output0": np.hstack([boxes, scores[:, None], labels[:, None].astype(np.float32)])[None]
-    }
-
-
-def ultralytics():
-    return {"output0": rows_of(SCORES, [CAR_PX, TRUCK_PX], 80, CELLS).transpose(0, 2, 1).copy()}
-
-
-FORMS = {
-    "yolox": (yolox, {}),
-    "yolo": (yolo, {}),
-    "ultralytics": (ultralytics, {}),
-    "ultralytics-end-to-end": (end_to_end, {}),
-    "detr": (detr, {"sizes": True}),
-    "torchvision": (torchvision, {"image_shape": (3, HEIGHT, WIDTH)}),
-}
+from tests.faults import fault
 
 
 @pytest.fixture
 def write(tmp_path):
-    def write(form, **options):
-        make, usual = FORMS[form]
-        return write_constant_network(tmp_path / "public.onnx", make(), **{**usual, **options})
-
-    return write
+    return partial(write_network, tmp_path / "public.onnx")
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_each_form_is_known_by_its_outputs_and_reports_our_classes(write, form):
-    detector = ModalityDetector(write(form))
+@pytest.mark.parametrize(("form", "number"), NETWORKS)
+def test_each_form_is_known_by_its_outputs_and_reports_our_classes(write, form, number):
+    detector = ModalityDetector(write(form, number))
     assert (detector.modality, detector.size) == ("rgb", (HEIGHT, WIDTH))
+    assert detector.title == f"public.onnx ({form})"
     assert detector.class_names == ("Car", "Truck", "Pedestrian", "Cyclist")
     found = detector.detect(IMAGE)
     np.testing.assert_allclose(found.boxes_px, [CAR_PX, TRUCK_PX], atol=1e-4)
@@ -135,13 +73,86 @@ def test_a_yaml_file_names_classes_by_name_or_number(write, tmp_path):
     assert detector.detect(IMAGE).types.tolist() == ["Tram", "Van"]
 
 
-def test_names_of_classes_in_the_file_itself(write, tmp_path):
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ("{0: 'cyclist', 1: 'van', 2: 'tree'}", ("Van", "Cyclist")),
+        ('["Truck", "Tree", "CAR"]', ("Car", "Truck")),
+    ],
+)
+def test_names_of_classes_in_the_file_itself(tmp_path, names, expected):
     path = write_constant_network(
         tmp_path / "own.onnx",
         {"output0": np.zeros((1, 4 + 3, CELLS), np.float32)},
-        metadata={"names": "{0: 'cyclist', 1: 'van', 2: 'tree'}"},
+        metadata={"names": names},
     )
-    assert ModalityDetector(path).class_names == ("Van", "Cyclist")
+    assert ModalityDetector(path).class_names == expected
+
+
+def test_names_of_classes_tell_which_labels_count(tmp_path):
+    path = write_constant_network(
+        tmp_path / "own.onnx", efficient_nms(), metadata={"names": "{2: 'tram', 7: 'van'}"}
+    )
+    detector = ModalityDetector(path)
+    assert detector.class_names == ("Van",)
+    np.testing.assert_allclose(detector.detect(IMAGE).boxes_px, [TRUCK_PX], atol=1e-4)
+
+
+@pytest.mark.parametrize("number_of_classes", [3, 4])
+def test_one_logit_more_than_names_is_no_object(tmp_path, number_of_classes):
+    names = ["tree", "car", "van", "truck"][:number_of_classes]
+    logits = np.log(np.array([[[0.1, 0.7, 0.1, 0.1]]], np.float32))
+    box = np.array([[[0.5, 0.5, 0.5, 0.25]]], np.float32)  # center and size
+    path = write_constant_network(
+        tmp_path / "own.onnx",
+        {"logits": logits, "pred_boxes": box},
+        metadata={"names": str(names)},
+    )
+    found = ModalityDetector(path).detect(IMAGE)
+    first = np.argmax(found.scores)
+    np.testing.assert_allclose(found.boxes_px[first], [48, 48, 144, 80], atol=1e-4)
+    # Softmax, or the logistic function of the car's logit alone.
+    expected = 0.7 if number_of_classes == 3 else 0.7 / 1.7
+    assert found.scores[first] == pytest.approx(expected)
+    assert found.types[first] == "Car"
+
+
+@pytest.mark.parametrize("suppresses", [False, True])
+def test_a_pose_network_needs_no_file_of_classes(tmp_path, suppresses):
+    person_px, keypoints = [40.0, 20.0, 70.0, 80.0], np.full((1, CELLS, 51), 33, np.float32)
+    rows = rows_of([{0: 0.9}], [person_px], 1, CELLS)
+    table = np.concatenate([rows, keypoints], axis=2).transpose(0, 2, 1)
+    if suppresses:
+        kept = [[*np.array(person_px) / 2, 0.9, 0, *keypoints[0, 0]]]
+        table = np.array([kept], np.float32)
+    path = write_constant_network(
+        tmp_path / "pose.onnx",
+        {"output0": np.ascontiguousarray(table)},
+        metadata={"names": "{0: 'person'}", "kpt_shape": "[17, 3]", "task": "pose"},
+    )
+    detector = ModalityDetector(path)
+    assert detector.class_names == ("Pedestrian",)
+    found = detector.detect(IMAGE)
+    np.testing.assert_allclose(found.boxes_px, [person_px], atol=1e-4)
+    np.testing.assert_allclose(found.scores, [0.9], rtol=1e-6)
+
+
+def test_masks_are_left_out(write):
+    detector = ModalityDetector(write("ultralytics", 1))
+    assert [*detector.model({"images": detector.preprocess(IMAGE)})] == ["output0"]
+
+
+@pytest.mark.parametrize("form", ["yolov7-end-to-end", "ultralytics-end-to-end", "efficient-nms"])
+def test_no_box_after_suppression(tmp_path, form):
+    outputs = FORMS[form][0][0]()
+    empty = {
+        name: array[:0] if array.ndim == 2 and form != "efficient-nms" else array[:, :0]
+        for name, array in outputs.items()
+        if name != "num_dets"
+    } | ({"num_dets": np.zeros((1, 1), np.int32)} if form == "efficient-nms" else {})
+    detector = ModalityDetector(write_constant_network(tmp_path / "none.onnx", empty))
+    assert detector.title == f"none.onnx ({form})"
+    assert len(detector.detect(IMAGE)) == 0
 
 
 def test_fingerprint_depends_on_file_and_description(write):
@@ -172,27 +183,102 @@ def test_tiles_find_each_object_once(write):
 
 
 @pytest.mark.parametrize(
-    ("outputs", "expected", "found"),
+    ("outputs", "metadata", "expected", "found"),
     [
-        ({"a": np.zeros((1, 7), np.float32)}, "outputs of a known form: trifuse, detr", "a (1, 7)"),
+        ({"a": (1, 7)}, {}, "outputs of a known form: trifuse, detr", "a (1, 7)"),
+        ({"a": (1, 3, 4, 4)}, {}, "outputs of a known form: trifuse", "a (1, 3, 4, 4)"),
         (
-            {"output0": np.zeros((1, 4 + 3, CELLS), np.float32)},
-            "the 80 classes of COCO, or `classes`",
-            "3 classes",
+            {"output0": (1, 84, CELLS), "output1": (1, 9, 9)},
+            {},
+            "outputs of a known form",
+            f"output0 (1, 84, {CELLS}), output1 (1, 9, 9)",
+        ),
+        ({"output0": (1, 7, CELLS)}, {}, "classes by the names car, van, truck", "3 classes"),
+        (
+            {"output0": (1, 6, CELLS)},
+            {"names": "['sofa', 'lamp']"},
+            "classes by the names car, van, truck",
+            "sofa, lamp",
+        ),
+        (
+            {"output0": (1, 84, CELLS)},
+            {"names": "['car', 'van']"},
+            "scores of 2 classes: car, van",
+            f"scores of 80 in output0 (1, 84, {CELLS}), read as ultralytics",
+        ),
+        (
+            {"output0": (1, 4 + 3 + 51, CELLS)},
+            {"names": str([*map(str, range(30))]), "kpt_shape": "[17, 3]"},
+            "scores of 30 classes: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19 and 10 more",
+            "scores of 3 in output0",
+        ),
+        (
+            {"output0": (1, 20, CELLS), "output1": (1, 32, 16, 24)},
+            {},
+            "outputs of the form ultralytics: (1, 4 + S, K)",
+            f"output0 (1, 20, {CELLS}), output1 (1, 32, 16, 24)",
+        ),
+        (
+            {
+                "num_dets": (1, 1),
+                "det_boxes": (1, 9, 4),
+                "det_scores": (1, 8),
+                "det_classes": (1, 8),
+            },
+            {},
+            "outputs of the form efficient-nms: num_dets (1, 1), det_boxes (1, K, 4)",
+            "num_dets (1, 1), det_boxes (1, 9, 4), det_scores (1, 8)",
+        ),
+        (
+            {"logits": (1, 9, 80), "pred_boxes": (1, 8, 4)},
+            {},
+            "outputs of the form detr-sigmoid: logits (1, K, S), pred_boxes (1, K, 4)",
+            "logits (1, 9, 80), pred_boxes (1, 8, 4)",
+        ),
+        (
+            {"boxes": (9, 4), "labels": (8,), "scores": (9,)},
+            {},
+            "outputs of the form torchvision: boxes (K, 4), labels, scores (K)",
+            "boxes (9, 4), labels (8,), scores (9,)",
+        ),
+        (
+            {"output0": (1, 20, CELLS)},
+            {"task": "obb", "names": str([*"abcdefghijklmno"])},
+            "a detector of boxes along rows and columns",
+            "task obb in its metadata",
         ),
     ],
 )
-def test_networks_that_are_no_known_detector(tmp_path, outputs, expected, found):
-    path = write_constant_network(tmp_path / "other.onnx", outputs)
+def test_networks_that_are_no_known_detector(tmp_path, outputs, metadata, expected, found):
+    arrays = {
+        name: np.full(shape, 8 if name == "num_dets" else 0, np.float32)
+        for name, shape in outputs.items()
+    }
+    path = write_constant_network(tmp_path / "other.onnx", arrays, metadata=metadata)
     with fault(ModelError, where="other.onnx", expected=expected, found=found):
         ModalityDetector(path)
 
 
-def test_inputs_that_are_no_image(tmp_path):
-    path = write_constant_network(tmp_path / "rows.onnx", yolox(), image_shape=(1, 64, 96, 3))
-    expected = "one image (any, 3, height, width) of modality rgb as input"
-    with fault(ModelError, where="rows.onnx", expected=expected, found="images float32 1 x 64"):
+# Others read any table with enough columns: further ones are coefficients of masks, or keypoints.
+READ_ANY_TABLE = ("yolo", "yolox", "ultralytics-end-to-end")
+
+
+@pytest.mark.parametrize("form", [name for name in OUTPUT_FORMS if name not in READ_ANY_TABLE])
+def test_a_stated_form_that_the_outputs_do_not_have(write, form):
+    path = write("yolo")
+    path.with_suffix(".yaml").write_text(f"output: {form}")
+    with pytest.raises(ModelError) as error:
         ModalityDetector(path)
+    assert error.value.where == "public.onnx"
+    assert f"(1, {3 * CELLS}, 85)" in error.value.found or error.value.found.endswith(" classes")
+
+
+def test_bad_metadata_are_overruled_by_a_description(write):
+    path = write("ultralytics", metadata={"names": "car, van"})
+    with fault(ModelError, "public.onnx, metadata names", found="car, van", advice="class_names"):
+        ModalityDetector(path)
+    path.with_suffix(".yaml").write_text(f"class_names: {list(COCO_CLASSES)}")
+    assert len(ModalityDetector(path).detect(IMAGE)) == 2
 
 
 @pytest.mark.parametrize(
