@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import product
+from operator import itemgetter
 
 import numpy as np
 
@@ -74,6 +76,13 @@ class Localization:
 _REACH_M = 0.5  # largest distance of a match
 _MIN_INLIER_RATIO = 0.4  # of an accepted alignment, and how far it may correct its first guess
 _MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
+# What a vehicle changes its motion by, in m/s2 and rad/s2: a guess by velocity may be corrected by as much more.
+_MANOEUVRE_M_S2, _MANOEUVRE_RAD_S2 = 5.0, 1.0
+# Without INS, where no alignment is accepted: starts around the guess, and how many times as many points must speak for the
+# best alignment as for any other that is so far from it.
+_START_STEP_M, _START_STEP_RAD = 1.5, float(np.radians(8))
+_MIN_CONTRAST, _APART_M, _APART_RAD = 1.3, 0.3, float(np.radians(2))
+_MIN_SEARCHED_RATIO = 0.3
 # Where much moves, only points so near to the surfaces of the keyframe take part.
 _SURFACE_M = 0.1
 # Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
@@ -91,7 +100,8 @@ _MIN_MOVING_RATIO = 0.1
 # Points this near to the surfaces of the keyframe speak for a motion. Another motion is a correction where this share of
 # the scan's points more speak for it; the INS is believed where no more than that share fewer do.
 _TIGHT_M, _MIN_SURFACE_GAIN, _MAX_INS_LOSS = 0.05, 0.025, 0.04
-_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
+# First guesses without INS and history; the step is less where scans are so far apart that they would miss it.
+_INITIAL_SPEEDS_M_S, _INITIAL_STEP_M = (10.0, 30.0), 2.0
 # Without INS: distances ahead of the keyframe at which the scan may be, too; a part of them is tried at each scan.
 _SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
 _SEARCH_BACK_M = 3.0
@@ -160,10 +170,12 @@ class _Guess:
     Attributes:
         motion: (4, 4) transform from the later scan to the earlier one.
         prior_share: Share of the matches that tell as much as it does; 0 where it is nothing but a start.
+        gap_s: Time over which the motion may have changed, in seconds; 0 where an INS tells it.
     """
 
     motion: Float64
     prior_share: float = 0.0
+    gap_s: float = 0.0
 
     def after(self, motion: Float64) -> "_Guess":
         """Return the guess of an earlier motion and this one."""
@@ -444,13 +456,16 @@ class LidarOdometry:
     ) -> list[_Guess]:
         """Return guesses of the motion since the last scan."""
         if velocity is None and step_ins is None:
-            return [_Guess(_ahead(speed * gap_s)) for speed in _INITIAL_SPEEDS_M_S]
+            step_m_s, fastest_m_s = _INITIAL_SPEEDS_M_S
+            step_m_s = min(step_m_s, _INITIAL_STEP_M / gap_s)
+            speeds = np.arange(0.0, fastest_m_s + step_m_s / 2, step_m_s)
+            return [_Guess(_ahead(speed * gap_s), gap_s=gap_s) for speed in speeds.tolist()]
         guesses = [] if step_ins is None else [_Guess(step_ins, _INS_PRIOR_SHARE)]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
             if step_ins is None or _length_m(step_ins - constant) > _REACH_M / 2:
-                guesses.append(_Guess(constant))
+                guesses.append(_Guess(constant, gap_s=gap_s))
         return guesses
 
     def _best_alignment(
@@ -460,12 +475,34 @@ class LidarOdometry:
         target = self._keyframe.points.all
         if len(guesses) > 2:  # at the start they are metres apart: match far before matching near
             guesses = [
-                _Guess(align(target, source, guess.motion, 3 * _REACH_M).target_SE3_source)
-                for guess in guesses
+                replace(one, motion=align(target, source, one.motion, 3 * _REACH_M).target_SE3_source)
+                for one in guesses
             ]
         alignments = [self._align(target, source, guess) for guess in guesses]
         accepted = [alignment for alignment in alignments if alignment is not None]
-        return min(accepted, key=lambda alignment: alignment.cost, default=None)
+        best = min(accepted, key=lambda alignment: alignment.cost, default=None)
+        has_prior = any(guess.prior_share for guess in guesses)
+        return best if best or has_prior else self._searched_alignment(source, guesses[0])
+
+    def _searched_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
+        """Align from starts around a guess, and return the one that far more points speak for than for any other."""
+        target, sample = self._keyframe.points.all, points.thinned(_SEARCH_POINTS)
+        steps = (
+            _around(_MANOEUVRE_RAD_S2 * guess.gap_s**2, _START_STEP_RAD),
+            _around(_MANOEUVRE_M_S2 * guess.gap_s**2, _START_STEP_M),
+        )
+        found = []
+        for turn_rad, ahead_m in product(*steps):
+            start = guess.motion @ from_motion_vector(np.array([0, 0, turn_rad, ahead_m, 0, 0]))
+            motion = align(target, sample, start, _REACH_M).target_SE3_source
+            found.append((self._share(sample, target, motion), motion))
+        share, motion = max(found, key=itemgetter(0))
+        others = [one for one, other in found if _is_other(motion, other)]
+        if share < _MIN_CONTRAST * max(others, default=0.0):
+            return None
+        best = align(target, points, motion, _REACH_M)
+        is_proven = best.is_converged and best.inlier_ratio >= _MIN_SEARCHED_RATIO
+        return best if is_proven else None
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
@@ -487,10 +524,21 @@ class LidarOdometry:
         is_accepted = (
             found.is_converged
             and found.inlier_ratio >= _MIN_INLIER_RATIO
-            and _length_m(correction) <= _MAX_CORRECTION_M
-            and rotation_angle_rad(correction) <= _MAX_CORRECTION_RAD
+            and _length_m(correction) <= _MAX_CORRECTION_M + _MANOEUVRE_M_S2 * guess.gap_s**2
+            and rotation_angle_rad(correction)
+            <= _MAX_CORRECTION_RAD + _MANOEUVRE_RAD_S2 * guess.gap_s**2
         )
         return found if is_accepted else None
+
+
+def _around(reach: float, step: float) -> Float64:
+    """Return values from minus to plus a reach, in steps from 0."""
+    return step * np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1)
+
+
+def _is_other(motion: Float64, other: Float64) -> bool:
+    between = inverse(motion) @ other
+    return _length_m(between) > _APART_M or rotation_angle_rad(between) > _APART_RAD
 
 
 def _motion(earlier: _LocatedScan, scan: _LocatedScan) -> Float64:
