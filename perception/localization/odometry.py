@@ -24,6 +24,7 @@ from perception.geometry.se3 import (
     motion_vector,
     orthonormal,
     rotation_angle_rad,
+    transform_points,
 )
 from perception.localization.alignment import (
     Alignment,
@@ -44,7 +45,9 @@ class PoseOrigin(StrEnum):
     START = "start"  # the first scan: the INS, or the world's origin without one
     REGISTERED = "registered"
     INS = "ins"  # registration was rejected, or the gap was too long for it
-    EXTRAPOLATED = "extrapolated"  # the same without INS: constant velocity
+    EXTRAPOLATED = (
+        "extrapolated"  # the same without INS: constant velocity since the last known pose
+    )
     REPEATED = "repeated"  # a stamp that came before
 
 
@@ -94,6 +97,8 @@ _MAX_GAP_S = 1.0  # between two scans that are matched
 # from vehicles that creep along.
 _KEYFRAME_M, _KEYFRAME_RAD, _KEYFRAME_INLIER_RATIO = 5.0, float(np.radians(15)), 0.6
 _MIN_KEYFRAME_M = 1.0
+# A scan is matched with the last keyframes together: few beams see other rings of a surface from each place.
+_KEYFRAMES = 3
 # Share of a scan's points that move, from which on later scans are not aligned with them.
 _MIN_MOVING_RATIO = 0.1
 
@@ -148,6 +153,20 @@ class _ScanPoints:
         self._is_moving = None
         self.__dict__.pop("static", None)
 
+    def joined(self, others: Sequence[tuple["_ScanPoints", Float64]]) -> PreprocessedPoints:
+        """Return all points with those of other scans that are not known to move.
+
+        Args:
+            others: Points of other scans, each with the (4, 4) transform to this one.
+        """
+        if not others:
+            return self.all
+        places = [self._points_velo[:, :3]]
+        for other, self_SE3_other in others:
+            kept = slice(None) if other._is_moving is None else ~other._is_moving
+            places.append(transform_points(self_SE3_other, other._points_velo[kept, :3]))
+        return self._preprocess(np.concatenate(places))
+
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
         return preprocess_points(points_velo, self._config.voxel_size_m)
 
@@ -185,7 +204,7 @@ class _Guess:
 class LidarOdometry:
     """Estimates the pose of each scan of a drive in turn, registering each once.
 
-    A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
+    A scan is matched (GICP) with the last keyframes, of which the newest is at most a few metres back: errors add up
     once a keyframe, not once a scan.
 
     In dense traffic most surfaces around come along with the vehicle, and the nearest minimum is that of the traffic.
@@ -204,9 +223,12 @@ class LidarOdometry:
         self._config = config or RegistrationConfig()
         self._last: _LocatedScan | None = None
         self._keyframe: _LocatedScan
-        # The keyframe and some later scans.
+        # The last keyframes, their points in the frame of the newest, and with this some later scans.
+        self._keyframes: deque[_LocatedScan] = deque(maxlen=_KEYFRAMES)
+        self._surroundings: PreprocessedPoints
         self._since: deque[_LocatedScan] = deque(maxlen=16)
         self._corrected_s, self._searched_m = -np.inf, 0.0
+        self._known_s = -np.inf  # the last scan whose pose is not that of a constant velocity
 
     def update(
         self,
@@ -251,6 +273,10 @@ class LidarOdometry:
         # After a correction the last pose no longer tells the velocity, but the keyframe's does.
         is_corrected = localization.is_reset and localization.origin is PoseOrigin.REGISTERED
         velocity = _velocity(self._keyframe if is_corrected else last, localization, stamp_s)
+        if localization.origin is not PoseOrigin.EXTRAPOLATED:
+            self._known_s = stamp_s
+        elif localization.is_reset:
+            velocity = None
         self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, velocity)
         self._update_keyframe(self._last, last)
         return localization
@@ -265,6 +291,7 @@ class LidarOdometry:
     ) -> Localization:
         pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
         localization = Localization(pose, PoseOrigin.START, is_reset=True)
+        self._known_s = stamp_s
         points = _ScanPoints(points_velo, self._config)
         self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, None)
         self._set_keyframe(self._last)
@@ -304,7 +331,9 @@ class LidarOdometry:
         is_near = gap_s <= _MAX_GAP_S
         if is_near:
             world_SE3_keyframe = self._keyframe.localization.world_SE3_velo
-            steps = self._guess_motions(step_ins, last.velocity, gap_s)
+            steps = self._guess_motions(
+                step_ins, last.velocity, gap_s, unknown_s=stamp_s - self._known_s
+            )
             guesses = [step.after(inverse(world_SE3_keyframe) @ last_pose) for step in steps]
             motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
             of_static = None
@@ -318,6 +347,8 @@ class LidarOdometry:
             if other is not None:
                 self._corrected_s = stamp_s
                 self._keyframe.points.forget_moving()
+                self._keyframes.clear()
+                self._surroundings = self._keyframe.points.all
             best = other or carried
             if best is not None:
                 pose = _rounded(world_SE3_keyframe @ best.target_SE3_source)
@@ -332,9 +363,12 @@ class LidarOdometry:
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
+        # Later scans may still find the keyframe; when that is too long ago, the world begins anew.
+        is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
         uncertainty = last.localization.uncertainty.unregistered(last_pose, pose, gap_s)
-        return Localization(pose, origin, is_reset=not is_near, uncertainty=uncertainty)
+        is_reset = not is_near or is_lost
+        return Localization(pose, origin, is_reset=is_reset, uncertainty=uncertainty)
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""
@@ -429,9 +463,12 @@ class LidarOdometry:
 
     def _update_keyframe(self, scan: _LocatedScan, last: _LocatedScan) -> None:
         """Replace the keyframe where it is too far back, by a scan that is far enough back."""
+        origin = scan.localization.origin
+        if origin is PoseOrigin.EXTRAPOLATED and not scan.localization.is_reset:
+            return
         moved = _motion(self._keyframe, scan)
         turns = rotation_angle_rad(moved) > _KEYFRAME_RAD
-        if turns or scan.localization.origin is not PoseOrigin.REGISTERED:
+        if turns or origin is not PoseOrigin.REGISTERED:
             self._set_keyframe(scan)
             return
         if _length_m(_motion(self._since[-1], scan)) >= _MIN_KEYFRAME_M / 2:
@@ -447,35 +484,41 @@ class LidarOdometry:
                     return
 
     def _set_keyframe(self, scan: _LocatedScan) -> None:
-        self._keyframe = scan
+        if scan.localization.origin is not PoseOrigin.REGISTERED or scan.localization.is_reset:
+            self._keyframes.clear()  # where they are from here is not known well enough
+        others = [(one.points, _motion(scan, one)) for one in self._keyframes if one is not scan]
+        self._keyframe, self._surroundings = scan, scan.points.joined(others[1 - _KEYFRAMES :])
+        self._keyframes.append(scan)
         self._since.clear()
         self._since.append(scan)
 
     def _guess_motions(
-        self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
+        self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float, unknown_s: float
     ) -> list[_Guess]:
-        """Return guesses of the motion since the last scan."""
+        """Return guesses of the motion since the last scan, and since when the velocity is unknown."""
         if velocity is None and step_ins is None:
             step_m_s, fastest_m_s = _INITIAL_SPEEDS_M_S
             step_m_s = min(step_m_s, _INITIAL_STEP_M / gap_s)
             speeds = np.arange(0.0, fastest_m_s + step_m_s / 2, step_m_s)
-            return [_Guess(_ahead(speed * gap_s), gap_s=gap_s) for speed in speeds.tolist()]
+            return [_Guess(_ahead(speed * gap_s), gap_s=unknown_s) for speed in speeds.tolist()]
         guesses = [] if step_ins is None else [_Guess(step_ins, _INS_PRIOR_SHARE)]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
             if step_ins is None or _length_m(step_ins - constant) > _REACH_M / 2:
-                guesses.append(_Guess(constant, gap_s=gap_s))
+                guesses.append(_Guess(constant, gap_s=unknown_s))
         return guesses
 
     def _best_alignment(
         self, source: PreprocessedPoints, guesses: Sequence[_Guess]
     ) -> Alignment | None:
         """Align with the keyframe from each guess, and return the best accepted alignment."""
-        target = self._keyframe.points.all
+        target = self._surroundings
         if len(guesses) > 2:  # at the start they are metres apart: match far before matching near
             guesses = [
-                replace(one, motion=align(target, source, one.motion, 3 * _REACH_M).target_SE3_source)
+                replace(
+                    one, motion=align(target, source, one.motion, 3 * _REACH_M).target_SE3_source
+                )
                 for one in guesses
             ]
         alignments = [self._align(target, source, guess) for guess in guesses]
@@ -486,7 +529,7 @@ class LidarOdometry:
 
     def _searched_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align from starts around a guess, and return the one that far more points speak for than for any other."""
-        target, sample = self._keyframe.points.all, points.thinned(_SEARCH_POINTS)
+        target, sample = self._surroundings, points.thinned(_SEARCH_POINTS)
         steps = (
             _around(_MANOEUVRE_RAD_S2 * guess.gap_s**2, _START_STEP_RAD),
             _around(_MANOEUVRE_M_S2 * guess.gap_s**2, _START_STEP_M),
