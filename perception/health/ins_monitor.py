@@ -1,7 +1,8 @@
 """Monitor of the INS: poses that are absent, frozen, jump, or drift away from the registration of scans.
 
 The INS is compared with what the vehicle did by its scans: over one step by the velocity so far, over a second by the
-registered poses. How well both usually agree is learned over the drive.
+registered poses. How well both usually agree is learned over the drive. The longer the step, the more the velocity
+may change in it.
 """
 
 from collections import deque
@@ -10,11 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.se3 import from_motion_vector, inverse, motion_vector, rotation_angle_rad
+from perception.geometry.se3 import inverse, rotation_angle_rad
 from perception.types import INS, Float64, Frame, HealthFinding, HealthLevel
 
-_WINDOW = 10  # frames over which drift adds up
-_MAX_GAP_S = 0.5  # between two frames that are compared
+# Time over which drift adds up, the shortest that tells it, and the fewest poses in it.
+_WINDOW_S, _MIN_WINDOW_S, _MIN_POSES = 1.05, 0.55, 3
+_MAX_POSES = 64
+_MAX_GAP_S = 1.1  # between two frames that are compared
+# What a vehicle changes its velocity by, in m/s2 and rad/s2.
+_MANOEUVRE_M_S2, _MANOEUVRE_RAD_S2 = 5.0, 1.0
 _NEWEST = 0.1
 _MIN_FROZEN_M = 0.15  # the way by the scans since poses are equal to the last digit
 # Error of one step against the velocity so far, which braking and noise explain: 10 m/s2 make 0.1 m.
@@ -40,11 +45,19 @@ class _UsualError:
     usual_m: float = 0.0
     usual_rad: float = 0.0
 
-    def exceeds(self, error_m: float, error_rad: float) -> bool:
-        """Return whether an error is beyond the limit; learn it where it is not."""
-        if error_m > max(self.limit_m, _MAX_RATIO * self.usual_m):
+    def exceeds(self, error_m: float, error_rad: float, gap_s: float = 0.0) -> bool:
+        """Return whether an error is beyond the limit; learn it where it is not.
+
+        Args:
+            error_m: Error of the position in metres.
+            error_rad: Error of the rotation in rad.
+            gap_s: Time over which the velocity that it is measured by may have changed.
+        """
+        limit_m = self.limit_m + _MANOEUVRE_M_S2 * gap_s**2
+        limit_rad = self.limit_rad + _MANOEUVRE_RAD_S2 * gap_s**2
+        if error_m > max(limit_m, _MAX_RATIO * self.usual_m):
             return True
-        if error_rad > max(self.limit_rad, _MAX_RATIO * self.usual_rad):
+        if error_rad > max(limit_rad, _MAX_RATIO * self.usual_rad):
             return True
         self.usual_m += _NEWEST * (error_m - self.usual_m)
         self.usual_rad += _NEWEST * (error_rad - self.usual_rad)
@@ -55,7 +68,7 @@ class InsMonitor:
     """Compares poses of the INS with registered ones: `update` before registration, `register` after it."""
 
     def __init__(self) -> None:
-        self._past: deque[_Moment] = deque(maxlen=_WINDOW + 1)
+        self._past: deque[_Moment] = deque(maxlen=_MAX_POSES)
         self._has_seen = self._has_jumped = False
         self._frozen_from: _Moment | None = None
         self._step = _UsualError(_MAX_STEP_M, _MAX_STEP_RAD)
@@ -70,7 +83,7 @@ class InsMonitor:
         self._has_seen = True
         frozen, jump = self._frozen(pose), self._jumping(frame.stamp_s, pose)
         self._has_jumped = frozen is None and jump is not None
-        found = frozen or jump or self._drifting(frame.stamp_s, pose)
+        found = frozen or jump or self._drifting()
         return [] if found is None else [found]
 
     def register(self, frame: Frame, world_SE3_velo: Float64, *, is_trusted: bool) -> None:
@@ -116,30 +129,29 @@ class InsMonitor:
         expected, found = _motion(before.registered, last.registered), _motion(last.ins, pose)
         off_m = float(np.linalg.norm(found[:3, 3] - share * expected[:3, 3]))
         off_rad = rotation_angle_rad(inverse(expected) @ found) if 0.5 < share < 2 else 0.0
-        if not self._step.exceeds(off_m, off_rad):
+        if not self._step.exceeds(off_m, off_rad, gap_s):
             return None
         reason = f"a step {off_m:.2f} m and {np.degrees(off_rad):.1f} degrees beside the motion by the scans"
         return _error("INS jumping", reason)
 
-    def _drifting(self, stamp_s: float, pose: Float64) -> HealthFinding | None:
-        if len(self._past) <= _WINDOW // 2:
+    def _drifting(self) -> HealthFinding | None:
+        """Compare the way of the last second, up to the frame before: this one is not registered yet."""
+        last = self._past[-1] if self._past else None
+        recent = [one for one in self._past if last and last.stamp_s - one.stamp_s <= _WINDOW_S]
+        if last is None or len(recent) < _MIN_POSES or last.ins is None or recent[0].ins is None:
             return None
-        first, before, last = self._past[0], self._past[-2], self._past[-1]
-        gap_s, last_gap_s = stamp_s - last.stamp_s, last.stamp_s - before.stamp_s
-        if first.ins is None or not (0 < gap_s < _MAX_GAP_S and last_gap_s > 0):
+        first = recent[0]
+        if last.stamp_s - first.stamp_s < _MIN_WINDOW_S:
             return None
-        # The scan of this frame is not registered yet: it goes on as fast as the last one.
-        step = motion_vector(_motion(before.registered, last.registered))
-        last_SE3_next = from_motion_vector(gap_s / last_gap_s * step)
-        by_ins = _motion(first.ins, pose)
-        by_scans = _motion(first.registered, last.registered) @ last_SE3_next
+        by_ins = _motion(first.ins, last.ins)
+        by_scans = _motion(first.registered, last.registered)
         off_m = float(np.linalg.norm(by_ins[:3, 3] - by_scans[:3, 3]))
         off_rad = rotation_angle_rad(inverse(by_scans) @ by_ins)
         if not self._drift.exceeds(off_m, off_rad):
             return None
         reason = (
             f"{off_m:.2f} m and {np.degrees(off_rad):.1f} degrees beside the registered scans within "
-            f"{stamp_s - first.stamp_s:.1f} s"
+            f"{last.stamp_s - first.stamp_s:.1f} s"
         )
         return _error("INS drifting", reason)
 

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import product
+from operator import itemgetter
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from perception.geometry.se3 import (
     motion_vector,
     orthonormal,
     rotation_angle_rad,
+    transform_points,
 )
 from perception.localization.alignment import (
     Alignment,
@@ -42,7 +45,9 @@ class PoseOrigin(StrEnum):
     START = "start"  # the first scan: the INS, or the world's origin without one
     REGISTERED = "registered"
     INS = "ins"  # registration was rejected, or the gap was too long for it
-    EXTRAPOLATED = "extrapolated"  # the same without INS: constant velocity
+    EXTRAPOLATED = (
+        "extrapolated"  # the same without INS: constant velocity since the last known pose
+    )
     REPEATED = "repeated"  # a stamp that came before
 
 
@@ -74,6 +79,13 @@ class Localization:
 _REACH_M = 0.5  # largest distance of a match
 _MIN_INLIER_RATIO = 0.4  # of an accepted alignment, and how far it may correct its first guess
 _MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
+# What a vehicle changes its motion by, in m/s2 and rad/s2: a guess by velocity may be corrected by as much more.
+_MANOEUVRE_M_S2, _MANOEUVRE_RAD_S2 = 5.0, 1.0
+# Without INS, where no alignment is accepted: starts around the guess, and how many times as many points must speak for the
+# best alignment as for any other that is so far from it.
+_START_STEP_M, _START_STEP_RAD = 1.5, float(np.radians(8))
+_MIN_CONTRAST, _APART_M, _APART_RAD = 1.3, 0.3, float(np.radians(2))
+_MIN_SEARCHED_RATIO = 0.3
 # Where much moves, only points so near to the surfaces of the keyframe take part.
 _SURFACE_M = 0.1
 # Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
@@ -85,13 +97,16 @@ _MAX_GAP_S = 1.0  # between two scans that are matched
 # from vehicles that creep along.
 _KEYFRAME_M, _KEYFRAME_RAD, _KEYFRAME_INLIER_RATIO = 5.0, float(np.radians(15)), 0.6
 _MIN_KEYFRAME_M = 1.0
+# A scan is matched with the last keyframes together: few beams see other rings of a surface from each place.
+_KEYFRAMES = 3
 # Share of a scan's points that move, from which on later scans are not aligned with them.
 _MIN_MOVING_RATIO = 0.1
 
 # Points this near to the surfaces of the keyframe speak for a motion. Another motion is a correction where this share of
 # the scan's points more speak for it; the INS is believed where no more than that share fewer do.
 _TIGHT_M, _MIN_SURFACE_GAIN, _MAX_INS_LOSS = 0.05, 0.025, 0.04
-_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
+# First guesses without INS and history; the step is less where scans are so far apart that they would miss it.
+_INITIAL_SPEEDS_M_S, _INITIAL_STEP_M = (10.0, 30.0), 2.0
 # Without INS: distances ahead of the keyframe at which the scan may be, too; a part of them is tried at each scan.
 _SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
 _SEARCH_BACK_M = 3.0
@@ -138,6 +153,20 @@ class _ScanPoints:
         self._is_moving = None
         self.__dict__.pop("static", None)
 
+    def joined(self, others: Sequence[tuple["_ScanPoints", Float64]]) -> PreprocessedPoints:
+        """Return all points with those of other scans that are not known to move.
+
+        Args:
+            others: Points of other scans, each with the (4, 4) transform to this one.
+        """
+        if not others:
+            return self.all
+        places = [self._points_velo[:, :3]]
+        for other, self_SE3_other in others:
+            kept = slice(None) if other._is_moving is None else ~other._is_moving
+            places.append(transform_points(self_SE3_other, other._points_velo[kept, :3]))
+        return self._preprocess(np.concatenate(places))
+
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
         return preprocess_points(points_velo, self._config.voxel_size_m)
 
@@ -160,10 +189,12 @@ class _Guess:
     Attributes:
         motion: (4, 4) transform from the later scan to the earlier one.
         prior_share: Share of the matches that tell as much as it does; 0 where it is nothing but a start.
+        gap_s: Time over which the motion may have changed, in seconds; 0 where an INS tells it.
     """
 
     motion: Float64
     prior_share: float = 0.0
+    gap_s: float = 0.0
 
     def after(self, motion: Float64) -> "_Guess":
         """Return the guess of an earlier motion and this one."""
@@ -173,7 +204,7 @@ class _Guess:
 class LidarOdometry:
     """Estimates the pose of each scan of a drive in turn, registering each once.
 
-    A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
+    A scan is matched (GICP) with the last keyframes, of which the newest is at most a few metres back: errors add up
     once a keyframe, not once a scan.
 
     In dense traffic most surfaces around come along with the vehicle, and the nearest minimum is that of the traffic.
@@ -192,9 +223,12 @@ class LidarOdometry:
         self._config = config or RegistrationConfig()
         self._last: _LocatedScan | None = None
         self._keyframe: _LocatedScan
-        # The keyframe and some later scans.
+        # The last keyframes, their points in the frame of the newest, and with this some later scans.
+        self._keyframes: deque[_LocatedScan] = deque(maxlen=_KEYFRAMES)
+        self._surroundings: PreprocessedPoints
         self._since: deque[_LocatedScan] = deque(maxlen=16)
         self._corrected_s, self._searched_m = -np.inf, 0.0
+        self._known_s = -np.inf  # the last scan whose pose is not that of a constant velocity
 
     def update(
         self,
@@ -239,6 +273,10 @@ class LidarOdometry:
         # After a correction the last pose no longer tells the velocity, but the keyframe's does.
         is_corrected = localization.is_reset and localization.origin is PoseOrigin.REGISTERED
         velocity = _velocity(self._keyframe if is_corrected else last, localization, stamp_s)
+        if localization.origin is not PoseOrigin.EXTRAPOLATED:
+            self._known_s = stamp_s
+        elif localization.is_reset:
+            velocity = None
         self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, velocity)
         self._update_keyframe(self._last, last)
         return localization
@@ -253,6 +291,7 @@ class LidarOdometry:
     ) -> Localization:
         pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
         localization = Localization(pose, PoseOrigin.START, is_reset=True)
+        self._known_s = stamp_s
         points = _ScanPoints(points_velo, self._config)
         self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, None)
         self._set_keyframe(self._last)
@@ -292,7 +331,9 @@ class LidarOdometry:
         is_near = gap_s <= _MAX_GAP_S
         if is_near:
             world_SE3_keyframe = self._keyframe.localization.world_SE3_velo
-            steps = self._guess_motions(step_ins, last.velocity, gap_s)
+            steps = self._guess_motions(
+                step_ins, last.velocity, gap_s, unknown_s=stamp_s - self._known_s
+            )
             guesses = [step.after(inverse(world_SE3_keyframe) @ last_pose) for step in steps]
             motion_ins = _step(self._keyframe.ins_world_SE3_velo, ins_world_SE3_velo)
             of_static = None
@@ -306,6 +347,8 @@ class LidarOdometry:
             if other is not None:
                 self._corrected_s = stamp_s
                 self._keyframe.points.forget_moving()
+                self._keyframes.clear()
+                self._surroundings = self._keyframe.points.all
             best = other or carried
             if best is not None:
                 pose = _rounded(world_SE3_keyframe @ best.target_SE3_source)
@@ -320,9 +363,12 @@ class LidarOdometry:
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
+        # Later scans may still find the keyframe; when that is too long ago, the world begins anew.
+        is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
         uncertainty = last.localization.uncertainty.unregistered(last_pose, pose, gap_s)
-        return Localization(pose, origin, is_reset=not is_near, uncertainty=uncertainty)
+        is_reset = not is_near or is_lost
+        return Localization(pose, origin, is_reset=is_reset, uncertainty=uncertainty)
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""
@@ -417,9 +463,12 @@ class LidarOdometry:
 
     def _update_keyframe(self, scan: _LocatedScan, last: _LocatedScan) -> None:
         """Replace the keyframe where it is too far back, by a scan that is far enough back."""
+        origin = scan.localization.origin
+        if origin is PoseOrigin.EXTRAPOLATED and not scan.localization.is_reset:
+            return
         moved = _motion(self._keyframe, scan)
         turns = rotation_angle_rad(moved) > _KEYFRAME_RAD
-        if turns or scan.localization.origin is not PoseOrigin.REGISTERED:
+        if turns or origin is not PoseOrigin.REGISTERED:
             self._set_keyframe(scan)
             return
         if _length_m(_motion(self._since[-1], scan)) >= _MIN_KEYFRAME_M / 2:
@@ -435,37 +484,68 @@ class LidarOdometry:
                     return
 
     def _set_keyframe(self, scan: _LocatedScan) -> None:
-        self._keyframe = scan
+        if scan.localization.origin is not PoseOrigin.REGISTERED or scan.localization.is_reset:
+            self._keyframes.clear()  # where they are from here is not known well enough
+        others = [(one.points, _motion(scan, one)) for one in self._keyframes if one is not scan]
+        self._keyframe, self._surroundings = scan, scan.points.joined(others[1 - _KEYFRAMES :])
+        self._keyframes.append(scan)
         self._since.clear()
         self._since.append(scan)
 
     def _guess_motions(
-        self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
+        self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float, unknown_s: float
     ) -> list[_Guess]:
-        """Return guesses of the motion since the last scan."""
+        """Return guesses of the motion since the last scan, and since when the velocity is unknown."""
         if velocity is None and step_ins is None:
-            return [_Guess(_ahead(speed * gap_s)) for speed in _INITIAL_SPEEDS_M_S]
+            step_m_s, fastest_m_s = _INITIAL_SPEEDS_M_S
+            step_m_s = min(step_m_s, _INITIAL_STEP_M / gap_s)
+            speeds = np.arange(0.0, fastest_m_s + step_m_s / 2, step_m_s)
+            return [_Guess(_ahead(speed * gap_s), gap_s=unknown_s) for speed in speeds.tolist()]
         guesses = [] if step_ins is None else [_Guess(step_ins, _INS_PRIOR_SHARE)]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
             if step_ins is None or _length_m(step_ins - constant) > _REACH_M / 2:
-                guesses.append(_Guess(constant))
+                guesses.append(_Guess(constant, gap_s=unknown_s))
         return guesses
 
     def _best_alignment(
         self, source: PreprocessedPoints, guesses: Sequence[_Guess]
     ) -> Alignment | None:
         """Align with the keyframe from each guess, and return the best accepted alignment."""
-        target = self._keyframe.points.all
+        target = self._surroundings
         if len(guesses) > 2:  # at the start they are metres apart: match far before matching near
             guesses = [
-                _Guess(align(target, source, guess.motion, 3 * _REACH_M).target_SE3_source)
-                for guess in guesses
+                replace(
+                    one, motion=align(target, source, one.motion, 3 * _REACH_M).target_SE3_source
+                )
+                for one in guesses
             ]
         alignments = [self._align(target, source, guess) for guess in guesses]
         accepted = [alignment for alignment in alignments if alignment is not None]
-        return min(accepted, key=lambda alignment: alignment.cost, default=None)
+        best = min(accepted, key=lambda alignment: alignment.cost, default=None)
+        has_prior = any(guess.prior_share for guess in guesses)
+        return best if best or has_prior else self._searched_alignment(source, guesses[0])
+
+    def _searched_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
+        """Align from starts around a guess, and return the one that far more points speak for than for any other."""
+        target, sample = self._surroundings, points.thinned(_SEARCH_POINTS)
+        steps = (
+            _around(_MANOEUVRE_RAD_S2 * guess.gap_s**2, _START_STEP_RAD),
+            _around(_MANOEUVRE_M_S2 * guess.gap_s**2, _START_STEP_M),
+        )
+        found = []
+        for turn_rad, ahead_m in product(*steps):
+            start = guess.motion @ from_motion_vector(np.array([0, 0, turn_rad, ahead_m, 0, 0]))
+            motion = align(target, sample, start, _REACH_M).target_SE3_source
+            found.append((self._share(sample, target, motion), motion))
+        share, motion = max(found, key=itemgetter(0))
+        others = [one for one, other in found if _is_other(motion, other)]
+        if share < _MIN_CONTRAST * max(others, default=0.0):
+            return None
+        best = align(target, points, motion, _REACH_M)
+        is_proven = best.is_converged and best.inlier_ratio >= _MIN_SEARCHED_RATIO
+        return best if is_proven else None
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
@@ -487,10 +567,21 @@ class LidarOdometry:
         is_accepted = (
             found.is_converged
             and found.inlier_ratio >= _MIN_INLIER_RATIO
-            and _length_m(correction) <= _MAX_CORRECTION_M
-            and rotation_angle_rad(correction) <= _MAX_CORRECTION_RAD
+            and _length_m(correction) <= _MAX_CORRECTION_M + _MANOEUVRE_M_S2 * guess.gap_s**2
+            and rotation_angle_rad(correction)
+            <= _MAX_CORRECTION_RAD + _MANOEUVRE_RAD_S2 * guess.gap_s**2
         )
         return found if is_accepted else None
+
+
+def _around(reach: float, step: float) -> Float64:
+    """Return values from minus to plus a reach, in steps from 0."""
+    return step * np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1)
+
+
+def _is_other(motion: Float64, other: Float64) -> bool:
+    between = inverse(motion) @ other
+    return _length_m(between) > _APART_M or rotation_angle_rad(between) > _APART_RAD
 
 
 def _motion(earlier: _LocatedScan, scan: _LocatedScan) -> Float64:

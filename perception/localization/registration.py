@@ -21,12 +21,14 @@ class RegisteredScans:
         window: Scans and poses, the newest last.
         rows: Indices of the newest scan's points in its frame.
         is_reset: Whether poses of earlier scans no longer fit to the newest.
+        is_extrapolated: Whether the newest pose is that of a constant velocity, as neither scans nor INS tell it.
         covariance: (6, 6) covariance of the newest pose, as of `Localization`; NaN by the thesis' method.
     """
 
     window: ScanWindow
     rows: Int
     is_reset: bool
+    is_extrapolated: bool = False
     covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
 
 
@@ -72,7 +74,10 @@ class Registration:
         if pose.origin is PoseOrigin.REPEATED:
             self._window.pop()
         self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
-        return RegisteredScans(self._window, rows, pose.is_reset, pose.covariance)
+        is_extrapolated = pose.origin is PoseOrigin.EXTRAPOLATED
+        return RegisteredScans(
+            self._window, rows, pose.is_reset, is_extrapolated, covariance=pose.covariance
+        )
 
     def mark_moving(self, is_moving: Bool) -> None:
         """Remember which (N,) points of the newest scan move: later scans are not aligned with them."""

@@ -24,6 +24,7 @@ from perception.types import (
     Frame,
     GroundModel,
     Health,
+    HealthFinding,
     HealthLevel,
     Obstacles,
     PointState,
@@ -33,6 +34,12 @@ from perception.types import (
     Voxels,
 )
 
+_POSE_LOST = HealthFinding(
+    "registration",
+    HealthLevel.WARN,
+    "pose lost",
+    "the scan matches those before it at no motion: the pose goes on at the last velocity",
+)
 # Time after the last scan at which a scan without a valid stamp is taken to be.
 _NEXT_S = 1e-3
 
@@ -145,6 +152,8 @@ class LidarStages(Restorable):
         if self._last is not None and not is_scan_usable(health):
             return self._predict(frame, self._last, health, clock)
         scans = clock.run("registration", self._register, frame)
+        if scans.is_extrapolated:
+            health = health.joined([_POSE_LOST])
         ground = clock.run("ground", self._ground.update, scans.window)
         voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
         obstacles = clock.run("static and moving", self._motion.segment, voxels)
@@ -156,7 +165,7 @@ class LidarStages(Restorable):
         obstacles = _of_whole_scan(frame, scans, obstacles)
         pose, is_reset = scan.world_SE3_velo, scans.is_reset
         spans, covariance = clock.spans, scans.covariance
-        self._monitors.register(measured, pose, is_reset=is_reset)
+        self._monitors.register(measured, pose, is_reset=is_reset or scans.is_extrapolated)
         result = LidarResult(
             pose, ground, obstacles, tracks, is_reset, spans, scan, covariance, health=health
         )

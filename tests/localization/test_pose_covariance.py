@@ -74,9 +74,10 @@ def test_poses_become_less_certain_from_keyframe_to_keyframe():
     ]
     assert found[-1].origin is PoseOrigin.REGISTERED
     np.testing.assert_array_equal(found[0].covariance, 0)
-    deviations = [np.sqrt(np.diagonal(one.covariance)) for one in found]
-    assert (deviations[-1] > deviations[2]).all()
-    assert (deviations[-1][:3] < 0.1).all()
+    deviations_m = np.sqrt([np.diagonal(one.covariance)[:3] for one in found])
+    # A single registration is more or less certain by chance.
+    assert (deviations_m[6:].mean(axis=0) > deviations_m[1:6].mean(axis=0)).all()
+    assert (deviations_m[-1] < 0.1).all()
     for one in found:
         assert (np.linalg.eigvalsh(one.covariance) > -1e-12).all()
 
