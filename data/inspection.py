@@ -37,6 +37,7 @@ from perception.health.camera_monitors import CameraMonitors
 from perception.health.lidar_monitors import LidarMonitors
 from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
+from perception.sensor import LidarModel
 from perception.types import Float64, Frame, Progress
 
 _WHAT = {
@@ -73,7 +74,7 @@ class DriveSummary:
 
     Attributes:
         name: Name of the drive.
-        sensor: Name of its LiDAR.
+        sensor: Name, beams and rate of its LiDAR.
         frames: Number of scans.
         seconds: Time from the first to the last readable scan; 0 for unrelated frames.
         distance_m: Driven distance by the INS in metres, or None without an INS.
@@ -209,7 +210,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
         name=drive.name,
-        sensor=drive.sensor.name,
+        sensor=_sensor_words(drive.sensor),
         frames=len(drive),
         seconds=seconds if drive.is_sequence else 0.0,
         distance_m=distance_m,
@@ -325,6 +326,11 @@ def _parts(drive: RecordedDrive) -> Iterator[str]:
     return (part for part, is_present in present.items() if is_present)
 
 
+def _sensor_words(sensor: LidarModel) -> str:
+    beams = f"{sensor.beams} beams, " if sensor.has_rings else ""
+    return f"{sensor.name} ({beams}{sensor.rate_hz:g} Hz)"
+
+
 def _numbering_gaps(drive: RecordedDrive) -> Iterator[str]:
     for index, (number, following) in enumerate(pairwise(drive.frame_numbers)):
         if following > number + 1:
@@ -335,7 +341,8 @@ def _numbering_gaps(drive: RecordedDrive) -> Iterator[str]:
 def _add_notes(drive: RecordedDrive, collected: _FindingList) -> None:
     """Note missing parts, gaps in the numbering, and files that are not used as they are."""
     for note in drive.notes:
-        collected.add("data not used as they are", note, is_fault=False)
+        # Each is a row of its own: they are about different data.
+        collected.findings[note] = Finding("data not used as they are", 1, note, is_fault=False)
     for sentence in _numbering_gaps(drive) if drive.is_sequence else ():
         collected.add("gaps in the numbering", sentence, is_fault=False)
     consequences = {

@@ -224,8 +224,8 @@ def _comments(questions: Sequence[Question]) -> Mapping[str, str]:
 
 def other_layout_of(path: Path) -> str | None:
     """Return the name of the layout that a path has already, which needs no drive.yaml; None for a folder of scans."""
-    from data.folder.layout import FOLDER, LOOSE_SCANS
+    from data.folder.layout import FOLDER, LOOSE_SCANS, RECORDING
     from data.layout_registry import layouts
 
     layout = next((one for one in layouts() if one.sequences(path) is not None), None)
-    return None if layout is None or layout in (FOLDER, LOOSE_SCANS) else layout.name
+    return None if layout is None or layout in (FOLDER, LOOSE_SCANS, RECORDING) else layout.name
