@@ -16,6 +16,8 @@ from perception.sensor import SENSORS, LidarModel
 
 _MARK = b"beam_altitude_angles"  # in the metadata of every sensor, and in no other file
 _FAMILY = re.compile(r"OS-?([0-2])")
+# Firmware before has 16 bits of reflectance in the lower half of this word, of which ouster-sdk takes 8 for its own.
+_CALIBRATED, _LOW_WORD = (2, 1), 0xFFFF
 _MIN_ELEVATION_STEP_RAD = 1e-6
 
 
@@ -77,40 +79,58 @@ class OusterDecoder:
 
     def decode(self, packets: Sequence[bytes]) -> Cloud:
         """Return the returns of packets of one frame, of two of one beam the first; times by the sensor's clock."""
-        from ouster.sdk.core import FrameBatcher, LidarFrame, LidarPacket
+        from ouster.sdk.core import ColHeader
 
         opened = _opened(self.metadata)
-        frame, batcher = LidarFrame(opened.info), FrameBatcher(opened.info)
+        shape = opened.info.h, opened.info.w
+        ranges, reflectance = np.zeros(shape, np.uint32), np.zeros(shape, np.uint32)
+        times_ns = np.zeros(shape[1], np.uint64)
         for packet in packets:
-            one = LidarPacket(opened.format)
-            one.buf[:] = np.frombuffer(packet, np.uint8)
-            try:
-                batcher.batch(one, frame)
-            except (RuntimeError, ValueError, IndexError) as error:
+            data = np.frombuffer(packet, np.uint8)
+            columns, status, stamps_ns = (
+                opened.format.packet_header(part, data)
+                for part in (ColHeader.MEASUREMENT_ID, ColHeader.STATUS, ColHeader.TIMESTAMP)
+            )
+            is_valid = status & 1 == 1
+            columns = columns[is_valid]
+            if (columns >= shape[1]).any():
                 raise ScanError(
                     self.metadata,
-                    expected="metadata of the sensor of the packets",
-                    found=str(error),
-                ) from error
-        ranges = frame.field("RANGE")
+                    expected=f"metadata of the sensor of the packets, with more than {columns.max()} columns a turn",
+                    found=str(shape[1]),
+                )
+            times_ns[columns] = stamps_ns[is_valid]
+            ranges[:, columns] = opened.format.packet_field("RANGE", data)[:, is_valid]
+            values = opened.format.packet_field(opened.reflectance, data)[:, is_valid]
+            reflectance[:, columns] = values
         ring, column = np.nonzero(ranges)
         return Cloud(
             opened.points_of(ranges)[ring, column].astype(np.float32),
-            frame.field("REFLECTIVITY")[ring, column].astype(np.float32),
+            (reflectance[ring, column] & _LOW_WORD).astype(np.float32),
             ring,
-            frame.timestamp[column].astype(np.float64) * 1e-9,
+            times_ns[column].astype(np.float64) * 1e-9,
         )
 
 
 @dataclass(frozen=True)
 class _Opened:
-    """Metadata as ouster-sdk has it: information, format of a packet, projection; and the LiDAR model."""
+    """What metadata says of a sensor.
+
+    Attributes:
+        info: Metadata as ouster-sdk has it.
+        format: Format of its packets.
+        points_of: Function from a range image to points.
+        sensor: LiDAR model.
+        packets: Number of packets of a whole frame.
+        reflectance: Field of the packets that holds it.
+    """
 
     info: Any
     format: Any
     points_of: Any
     sensor: LidarModel
     packets: int
+    reflectance: str
 
 
 def is_metadata(path: Path) -> bool:
@@ -136,7 +156,10 @@ def _opened_once(path: Path, _: int) -> _Opened:
         info = SensorInfo(path.read_text())
         sensor = _sensor(info)
         packets = int(LidarFrame(info).packet_count)
-        return _Opened(info, PacketFormat(info), XYZLut(info), sensor, packets)
+        version = info.get_version()
+        is_calibrated = (version.major, version.minor) >= _CALIBRATED or version.major == 0
+        reflectance = "REFLECTIVITY" if is_calibrated else "RAW32_WORD2"
+        return _Opened(info, PacketFormat(info), XYZLut(info), sensor, packets, reflectance)
     except Exception as error:  # the parser's are not told
         found = " ".join(str(error).split())[:200]
         raise CalibrationError(path, expected="the metadata of an Ouster", found=found) from error
