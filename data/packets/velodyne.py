@@ -29,6 +29,7 @@ _MODELS: Mapping[str, LidarModel] = {
     "VLP32C": SENSORS["VLP-32C"], "VLS128": SENSORS["VLS-128"], _MODEL_HDL_64E: HDL_64E,
 }  # fmt: skip
 _RANGES_M = (0.1, 300.0)
+_SAME_BEAM_RAD = 5e-4
 _HOUR_S = 3600.0
 _MAX_STEPS = 1.5  # of a packet from the place behind the vehicle, where a turn begins
 
@@ -53,19 +54,27 @@ class VelodyneDecoder:
     clock_s: float = _HOUR_S
 
     @classmethod
-    def of(cls, packet: bytes, source: str, calibration: Path | None = None) -> "VelodyneDecoder":
+    def of(
+        cls,
+        packet: bytes,
+        source: str,
+        calibration: Path | None = None,
+        *,
+        extra: str = "packets",
+    ) -> "VelodyneDecoder":
         """Return the decoder of the LiDAR that sent a packet.
 
         Args:
             packet: A packet.
             source: What sends them, for error messages.
             calibration: File of the beams of an HDL-64E; else the usual ones.
+            extra: Extra of this program that installs the decoder.
 
         Raises:
             ScanError: It is no data packet of Velodyne's, or of a model that is not known.
             MissingDependencyError: velodyne-decoder is not installed.
         """
-        velodyne = _library(source)
+        velodyne = _library(source, extra)
         if not is_data_packet(packet):
             found = f"another packet of {len(packet)} bytes"
             raise _unknown(source, found)
@@ -78,8 +87,12 @@ class VelodyneDecoder:
             sensor, beams = _MODELS[name], velodyne.Calibration.default_calibs[decoder.model_id]
         except (RuntimeError, KeyError) as error:
             raise _unknown(source, f"packets of model 0x{packet[-1]:02x}") from error
-        elevations_rad = np.radians(np.degrees(_elevations_rad(beams.to_string())).round(3))
-        return cls(replace(sensor, elevations_rad=elevations_rad), source, name)
+        elevations_rad = _elevations_rad(beams.to_string())
+        if len(elevations_rad) != sensor.beams or not np.allclose(
+            elevations_rad, sensor.elevations_rad, rtol=0, atol=_SAME_BEAM_RAD
+        ):
+            sensor = replace(sensor, elevations_rad=elevations_rad)
+        return cls(sensor, source, name)
 
     @classmethod
     def _hdl_64e(
@@ -141,7 +154,9 @@ class VelodyneDecoder:
         )
         decoder = velodyne.ScanDecoder(config)
         try:
-            stamp, points = decoder.decode(_vector(velodyne, packets), as_pcl_structs=True)
+            vector = _vector(velodyne, packets)
+            decoder.decode(vector[:2])  # how fast the head turns is known from the second packet on
+            stamp, points = decoder.decode(vector, as_pcl_structs=True)
         except RuntimeError as error:
             found = str(error)
             raise ScanError(
@@ -176,12 +191,12 @@ def _elevations_rad(calibration: str) -> Float64:
 
 
 def _vector(velodyne: ModuleType, packets: Sequence[bytes]) -> object:
-    # A tuple is taken three times as fast as bytes.
-    return velodyne.PacketVector([velodyne.VelodynePacket(0.0, tuple(one)) for one in packets])
+    # A tuple is taken three times as fast as bytes; without a time of arrival, an hour would not end.
+    return velodyne.PacketVector([velodyne.VelodynePacket(1.0, tuple(one)) for one in packets])
 
 
-def _library(source: str) -> ModuleType:
-    with optional_package("velodyne-decoder", needed_for=source, extra="packets"):
+def _library(source: str, extra: str = "packets") -> ModuleType:
+    with optional_package("velodyne-decoder", needed_for=source, extra=extra):
         import velodyne_decoder
     module: ModuleType = velodyne_decoder
     return module
