@@ -29,7 +29,7 @@ def turns(
     count: float, step_deg: float = 0.4, range_m: float = 10.0, start_us: int = 0
 ) -> list[bytes]:
     """Return the packets of turns of a VLP-16 that begin ahead, ten a second, in a round room."""
-    packets = int(count * 360 / (12 * step_deg))
+    packets = round(count * 360 / (12 * step_deg))
     return [
         packet(step_deg * (12 * one + np.arange(12)), range_m, time_us=round(start_us + one * PACKET_US) % 3_600_000_000)
         for one in range(packets)

@@ -39,6 +39,7 @@ class Recording:
         sender: Where the packets come from.
         datagrams: Packets of the sender.
         decoder: Decoder of them.
+        beams_file: Metadata of an Ouster, or calibration of an HDL-64E, or None without one.
         sweeps: Sweeps in order.
         notes: Sentences on what is not used, or was assumed.
     """
@@ -47,6 +48,7 @@ class Recording:
     sender: Sender
     datagrams: Datagrams
     decoder: PacketDecoder
+    beams_file: Path | None
     sweeps: tuple[Sweep, ...]
     notes: tuple[str, ...]
 
@@ -80,11 +82,6 @@ class Recording:
         # A head that turns twice as fast fires half as often in a turn, if the model's step is not that of its metadata.
         step = 1.0 if isinstance(self.decoder, OusterDecoder) else rate_hz / model.rate_hz
         return replace(model, rate_hz=rate_hz, azimuth_step_rad=model.azimuth_step_rad * step)
-
-    @property
-    def beams_file(self) -> Path | None:
-        """Metadata of an Ouster, which describes its beams."""
-        return self.decoder.metadata if isinstance(self.decoder, OusterDecoder) else None
 
     @property
     def files(self) -> FrameFiles:
@@ -150,7 +147,8 @@ def open_recording(path: Path, lidar: str | None = None, beams: Path | None = No
     found = decoder.sweeps(datagrams.read(index, data) for index in range(len(datagrams)))
     whole = [one for one in found if one.is_whole]
     notes = [*_notes(capture, sender, large, found, whole), *decoder.notes]
-    return Recording(path, sender, datagrams, decoder, tuple(whole or found), tuple(notes))
+    beams = decoder.metadata if isinstance(decoder, OusterDecoder) else beams
+    return Recording(path, sender, datagrams, decoder, beams, tuple(whole or found), tuple(notes))
 
 
 def _large_senders(capture: Capture) -> list[Sender]:
