@@ -91,7 +91,7 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
         raise DriveError(root, expected="scans of a LiDAR", found=describe_folder(root))
     files = cloud_files(folder)
     names, columns_seen = _columns(files, columns)
-    clouds, seen = _look(lambda index: read_cloud(files.paths[index], names), files)
+    clouds, seen = _read_samples(lambda index: read_cloud(files.paths[index], names), files)
     lidar = _estimate_lidar(clouds)
     stamps, stamps_file, times_seen = _times(root, files)
     rate_hz, rate_seen = _rate(stamps, clouds, lidar)
@@ -134,7 +134,7 @@ def observe_recording(recording: Recording) -> FolderObservation:
     Raises:
         ScanError: No sweep can be read.
     """
-    _, seen = _look(recording.cloud, recording.files)
+    _, seen = _read_samples(recording.cloud, recording.files)
     sensor, root = recording.sensor, recording.path.parent
     low_deg, high_deg = np.degrees(sensor.elevations_rad[[-1, 0]])
     beams = f"{sensor.name}: {sensor.beams} beams from {low_deg:.1f} to {high_deg:.1f} degrees"
@@ -157,7 +157,9 @@ def observe_recording(recording: Recording) -> FolderObservation:
     return FolderObservation(FolderConfig(lidar=config), tuple(found), ())
 
 
-def _look(read: Callable[[int], Cloud], files: FrameFiles) -> tuple[list[Cloud], FolderObservation]:
+def _read_samples(
+    read: Callable[[int], Cloud], files: FrameFiles
+) -> tuple[list[Cloud], FolderObservation]:
     """Read some scans; return them, and what is seen of mounting and reflectance."""
     clouds = _read_some(read, files)
     pairs = _read_pairs(read, len(files))

@@ -45,7 +45,7 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
         sensor = _sensor(root, described.lidar, config.sensor)
     else:
         sensor = _recorded_sensor(root, described.lidar, config.sensor, recording)
-    stamps_ns = _stamps_ns(root, described.lidar, files, recording or sensor)
+    stamps_ns = _stamps_ns(root, described.lidar, files, sensor.rate_hz, recording)
     velo_SE3_lidar = described.lidar.velo_SE3_lidar()
     calibration = images = None
     cameras = described.named_cameras
@@ -143,7 +143,7 @@ def _description(
         columns: Names of the columns of the scans; none for those that are stated or seen.
         recording: Recording of packets, or None for files.
     """
-    stated = _stated(root, recording and recording.path)
+    stated = _stated(root, None if recording is None else recording.path)
     if recording is not None and stated is not None:
         return stated, recording.notes
     if stated is not None:
@@ -227,15 +227,16 @@ def _own_model(lidar: LidarConfig) -> LidarModel:
 
 
 def _stamps_ns(
-    root: Path, lidar: LidarConfig, files: FrameFiles, sensor: LidarModel | Recording
+    root: Path, lidar: LidarConfig, files: FrameFiles, rate_hz: float, recording: Recording | None
 ) -> Int:
     path = _existing(root, lidar.timestamps, "timestamps")
-    stamps = stamps_in_names(files.paths) if path is None else read_stamps(path, len(files))
-    if stamps is None and isinstance(sensor, Recording):
-        stamps = sensor.stamps_ns
-    elif stamps is None and isinstance(sensor, LidarModel):
+    if path is not None:
+        stamps: Int | None = read_stamps(path, len(files))
+    else:
+        stamps = stamps_in_names(files.paths) if recording is None else recording.stamps_ns
+    if stamps is None:
         numbers = np.array(files.numbers) - files.numbers[0]
-        stamps = np.round(numbers * (1e9 / sensor.rate_hz)).astype(np.int64)
+        stamps = np.round(numbers * (1e9 / rate_hz)).astype(np.int64)
     return np.asarray(stamps + round(lidar.time_offset_s * 1e9), np.int64)
 
 

@@ -79,7 +79,7 @@ def _tick_ns(data: Data, order: str, place: int, end: int) -> float:
         option, length = unpack_from(f"{order}2H", data, place)
         if option == _RESOLUTION:
             power = data[place + 4]
-            return 1e9 / 2 ** (power & 127) if power & 128 else 10 ** (9 - min(power, 9))
+            return 1e9 / 2 ** (power & 127) if power & 128 else float(10 ** (9 - min(power, 9)))
         place += 4 + (length + 3 & ~3)
     return 1000
 

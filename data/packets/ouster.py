@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from data.clouds.cloud import Cloud
-from data.packets.sweeps import Sweep
+from data.packets.sweeps import PacketSweep
 from perception.errors import CalibrationError, ScanError, optional_package
 from perception.sensor import SENSORS, LidarModel
 
@@ -50,7 +50,7 @@ class OusterDecoder:
         serial, own = int(opened.format.prod_sn(data)), int(opened.info.sn or 0)
         return f"packets of serial number {serial}" if serial and own and serial != own else None
 
-    def sweeps(self, packets: Iterable[bytes]) -> list[Sweep]:
+    def sweeps(self, packets: Iterable[bytes]) -> list[PacketSweep]:
         """Find the packets of each frame; those of two frames may come in turn where one ends."""
         from ouster.sdk.core import ColHeader
 
@@ -69,7 +69,7 @@ class OusterDecoder:
             known[1].append(index)
             known[2].extend((float(times_ns[0]) * 1e-9, float(times_ns[-1]) * 1e-9))
         return [
-            Sweep(
+            PacketSweep(
                 np.array(indices),
                 (min(times_s) + max(times_s)) / 2,
                 0 < place < len(frames) - 1 or len(indices) >= opened.packets,

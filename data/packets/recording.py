@@ -13,7 +13,7 @@ from data.kitti.sensor_files import FrameFiles
 from data.packets.capture import read_capture
 from data.packets.datagrams import Capture, Datagrams, Sender, file_bytes
 from data.packets.ouster import OusterDecoder, is_metadata
-from data.packets.sweeps import PacketDecoder, Sweep
+from data.packets.sweeps import PacketDecoder, PacketSweep
 from data.packets.velodyne import PACKET_BYTES, VelodyneDecoder, is_data_packet
 from perception.errors import CalibrationError, DriveError, UsageError
 from perception.sensor import LidarModel
@@ -49,7 +49,7 @@ class Recording:
     datagrams: Datagrams
     decoder: PacketDecoder
     beams_file: Path | None
-    sweeps: tuple[Sweep, ...]
+    sweeps: tuple[PacketSweep, ...]
     notes: tuple[str, ...]
 
     @cached_property
@@ -70,7 +70,7 @@ class Recording:
         is_set = np.abs(steps_s - recorded_steps_s) > _MAX_CLOCK_ERROR_S
         steps_s = np.where(is_set | (steps_s <= 0), np.maximum(recorded_steps_s, 1e-3), steps_s)
         since_s = np.concatenate([recorded_s[:1], recorded_s[:1] + np.cumsum(steps_s)])
-        return times_ns[0] + np.round(since_s * 1e9).astype(np.int64)
+        return np.asarray(times_ns[0] + np.round(since_s * 1e9).astype(np.int64), np.int64)
 
     @cached_property
     def sensor(self) -> LidarModel:
@@ -258,8 +258,8 @@ def _notes(
     capture: Capture,
     sender: Sender,
     senders: Sequence[Sender],
-    found: Sequence[Sweep],
-    whole: Sequence[Sweep],
+    found: Sequence[PacketSweep],
+    whole: Sequence[PacketSweep],
 ) -> Iterator[str]:
     """Yield sentences on what is not used."""
     path, others = capture.path, [one for one in senders if one != sender]

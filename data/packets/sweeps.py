@@ -10,7 +10,7 @@ from perception.types import Int
 
 
 @dataclass(frozen=True)
-class Sweep:
+class PacketSweep:
     """Packets of one turn.
 
     Attributes:
@@ -39,7 +39,7 @@ class PacketDecoder(Protocol):
     def notes(self) -> Sequence[str]:
         """Sentences on what was assumed."""
 
-    def sweeps(self, packets: Iterable[bytes]) -> list[Sweep]:
+    def sweeps(self, packets: Iterable[bytes]) -> list[PacketSweep]:
         """Find the sweeps among all packets of the sender."""
 
     def decode(self, packets: Sequence[bytes]) -> Cloud:

@@ -11,11 +11,12 @@ from itertools import pairwise
 from pathlib import Path
 from struct import unpack_from
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from data.clouds.cloud import Cloud
-from data.packets.sweeps import Sweep
+from data.packets.sweeps import PacketSweep
 from perception.errors import ScanError, optional_package
 from perception.sensor import HDL_32E, HDL_64E, SENSORS, VLP_16, LidarModel
 from perception.types import Float64
@@ -117,7 +118,7 @@ class VelodyneDecoder:
             ) from error
         return cls(sensor, source, _MODEL_HDL_64E, text, notes)
 
-    def sweeps(self, packets: Iterable[bytes]) -> list[Sweep]:
+    def sweeps(self, packets: Iterable[bytes]) -> list[PacketSweep]:
         """Find the turns; each begins behind the vehicle."""
         indices, azimuths_cdeg, times_us = [], [], []
         for index, packet in enumerate(packets):
@@ -137,7 +138,7 @@ class VelodyneDecoder:
                 end < len(indices) or behind_deg[end - 1] >= 360 - step_deg
             )
             middle_s = float(times_s[end - 1] - turned_s / 2)
-            found.append(Sweep(np.array(indices[start:end]), middle_s, bool(is_whole)))
+            found.append(PacketSweep(np.array(indices[start:end]), middle_s, bool(is_whole)))
         return found
 
     def decode(self, packets: Sequence[bytes]) -> Cloud:
@@ -190,7 +191,7 @@ def _elevations_rad(calibration: str) -> Float64:
     return np.sort(np.array([one["vert_correction"] for one in beams], np.float64))[::-1]
 
 
-def _vector(velodyne: ModuleType, packets: Sequence[bytes]) -> object:
+def _vector(velodyne: ModuleType, packets: Sequence[bytes]) -> Any:  # noqa: ANN401 - a class of velodyne-decoder
     # A tuple is taken three times as fast as bytes; without a time of arrival, an hour would not end.
     return velodyne.PacketVector([velodyne.VelodynePacket(1.0, tuple(one)) for one in packets])
 

@@ -29,8 +29,7 @@ def adopt(
     Example: trifuse adopt my_drive --intrinsics 721.5,721.5,609.6,172.9 --lidar-to-camera 0,-0.08,-0.27,90,-90,0
 
     Args:
-        folder: Folder with scans as .bin, .npy, .npz, .pcd, .ply or .csv, and images, poses or timestamps beside them; or a
-            .pcap file, whose drive.yaml is written beside it.
+        folder: Folder with scans as .bin, .npy, .npz, .pcd, .ply or .csv, and images, poses or times beside them; or a .pcap file.
         overwrite: Replace the drive.yaml that is there.
         columns: Names of the columns in order, where the files have none: x,y,z,intensity,ring,t; _ for others.
         sensor: LiDAR model by name, or a file that describes one; of recorded packets the metadata.

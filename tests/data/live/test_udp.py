@@ -11,7 +11,7 @@ import pytest
 from data.live.udp import UdpAddress, UdpLidar
 from perception.errors import ScanError, UsageError
 from perception.sensor import VLP_16
-from tests.packet_writer import PACKET_US, packet, turns
+from tests.packet_writer import PACKET_US, turns
 
 ANY = UdpAddress(port=0, host="127.0.0.1", timeout_s=5.0)
 

@@ -49,7 +49,7 @@ def test_a_datagram_of_which_a_fragment_is_lost_is_left_out(tmp_path):
     assert only(read_capture(pcap(packets, tmp_path / "a.pcap")))[0] == [PAYLOADS[1]]
 
 
-def test_senders_are_told_apart(tmp_path):
+def test_senders_are_separated(tmp_path):
     packets = [
         *udp(b"a" * 20), *udp(b"b" * 20, source="192.168.1.202"), *udp(b"c" * 20, port=8308), tcp(), tcp(),
     ]  # fmt: skip

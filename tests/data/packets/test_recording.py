@@ -101,7 +101,7 @@ def test_a_capture_of_less_than_a_turn_is_used_as_it_is(tmp_path):
     assert recording.notes == (f"{recording.path}: no sweep is whole; 1 parts of sweeps are used",)
 
 
-def test_of_several_sensors_the_one_with_most_packets_is_used(tmp_path):
+def test_the_lidar_of_more_packets_is_read(tmp_path):
     near, far = turns(3.0), turns(2.0, range_m=30.0)
     packets = [*sent(near), *sent(far, source="192.168.1.202"), *sent([bytes(512)] * 9, port=8308)]
     path = pcap(packets, tmp_path / "a.pcap", period_us=PACKET_US)
@@ -145,7 +145,9 @@ def test_an_hdl_64e_is_read_with_its_calibration(tmp_path):
     assert (usual.sensor.name, usual.sensor.beams, len(usual)) == ("HDL-64E", 64, 1)
     assert any("usual ones" in note for note in usual.notes)
     assert not any("usual ones" in note for note in exact.notes)
-    assert np.degrees(exact.sensor.elevations_rad[[0, -1]]) == pytest.approx([4.97, -24.85], abs=0.01)
+    assert np.degrees(exact.sensor.elevations_rad[[0, -1]]) == pytest.approx(
+        [4.97, -24.85], abs=0.01
+    )
     assert not np.allclose(exact.sensor.elevations_rad, usual.sensor.elevations_rad)
     assert not np.allclose(exact[0].points_velo, usual[0].points_velo)
 
