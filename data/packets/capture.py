@@ -17,6 +17,7 @@ _PCAP = {
     b"\xd4\xc3\xb2\xa1": ("<", 1000), b"\xa1\xb2\xc3\xd4": (">", 1000),
     b"\x4d\x3c\xb2\xa1": ("<", 1), b"\xa1\xb2\x3c\x4d": (">", 1),
 }  # fmt: skip
+_MAX_TIME_NS = 2**62  # in the year 2116
 _PCAPNG = b"\x0a\x0d\x0d\x0a"
 _INTERFACE_BLOCK, _PACKET_BLOCK, _RESOLUTION = 1, 6, 9
 # By link type (loopback, Ethernet, raw IP, Linux cooked 1 and 2): length of the header, and place of the protocol in it.
@@ -58,30 +59,31 @@ def _pcap(data: Data) -> Iterator[_Packet]:
 
 
 def _pcapng(data: Data) -> Iterator[_Packet]:
-    order, place, interfaces = "<", 0, list[tuple[int, float]]()
+    order, place, interfaces = "<", 0, list[tuple[int, int]]()
     while place < len(data):
         if data[place : place + 4] == _PCAPNG:
             order, interfaces = "<" if data[place + 8 : place + 9] == b"\x4d" else ">", []
         kind, length = unpack_from(f"{order}2I", data, place)
         if kind == _INTERFACE_BLOCK:
             (link,) = unpack_from(f"{order}H", data, place + 8)
-            interfaces.append((link, _tick_ns(data, order, place + 16, place + length - 4)))
+            interfaces.append((link, _ticks_per_s(data, order, place + 16, place + length - 4)))
         elif kind == _PACKET_BLOCK:
             which, high, low, size = unpack_from(f"{order}4I", data, place + 8)
-            link, tick_ns = interfaces[which] if which < len(interfaces) else (1, 1000)
-            yield int((high << 32 | low) * tick_ns), link, place + 28, place + 28 + size
+            link, per_s = interfaces[which] if which < len(interfaces) else (1, 10**6)
+            time_ns = min((high << 32 | low) * 10**9 // per_s, _MAX_TIME_NS)
+            yield time_ns, link, place + 28, place + 28 + size
         place += max(length, 12)
 
 
-def _tick_ns(data: Data, order: str, place: int, end: int) -> float:
-    """Return the unit of an interface's times, which is one of its options."""
+def _ticks_per_s(data: Data, order: str, place: int, end: int) -> int:
+    """Return the resolution of an interface's times, which is one of its options."""
     while place + 4 < end:
         option, length = unpack_from(f"{order}2H", data, place)
         if option == _RESOLUTION:
             power = data[place + 4]
-            return 1e9 / 2 ** (power & 127) if power & 128 else float(10 ** (9 - min(power, 9)))
+            return 2 ** (power & 127) if power & 128 else 10**power
         place += 4 + (length + 3 & ~3)
-    return 1000
+    return 10**6
 
 
 def _add(capture: Capture, data: Data, packet: _Packet, fragments: Fragments) -> str | None:
