@@ -156,8 +156,11 @@ $(VENV)/.installed: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
+# It demands older releases of rosbags and psutil, which reading packets does not need.
+OUSTER := "ouster-sdk>=1.0"
 $(VENV)/.installed-dev: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --no-deps $(OUSTER)
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-fuzz: $(BIN)/python pyproject.toml

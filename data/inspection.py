@@ -37,6 +37,7 @@ from perception.health.camera_monitors import CameraMonitors
 from perception.health.lidar_monitors import LidarMonitors
 from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
+from perception.sensor import LidarModel
 from perception.types import Float64, Frame, Progress
 
 _WHAT = {
@@ -73,7 +74,7 @@ class DriveSummary:
 
     Attributes:
         name: Name of the drive.
-        sensor: Name of its LiDAR.
+        sensor: Name, beams and rate of its LiDAR.
         frames: Number of scans.
         seconds: Time from the first to the last readable scan; 0 for unrelated frames.
         distance_m: Driven distance by the INS in metres, or None without an INS.
@@ -209,7 +210,7 @@ def inspect_drive(drive: RecordedDrive, progress: Progress = iter) -> DriveRepor
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
         name=drive.name,
-        sensor=drive.sensor.name,
+        sensor=_sensor_words(drive.sensor),
         frames=len(drive),
         seconds=seconds if drive.is_sequence else 0.0,
         distance_m=distance_m,
@@ -323,6 +324,11 @@ def _parts(drive: RecordedDrive) -> Iterator[str]:
         "point truth": drive.has_point_truth,
     }
     return (part for part, is_present in present.items() if is_present)
+
+
+def _sensor_words(sensor: LidarModel) -> str:
+    beams = f"{sensor.beams} beams, " if sensor.has_rings else ""
+    return f"{sensor.name} ({beams}{sensor.rate_hz:g} Hz)"
 
 
 def _numbering_gaps(drive: RecordedDrive) -> Iterator[str]:

@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 
 from data.argoverse2.log import ARGOVERSE_2
 from data.bags.layout import BAG
-from data.folder.layout import FOLDER, LOOSE_SCANS
+from data.folder.layout import FOLDER, LOOSE_SCANS, RECORDING
 from data.kitti.layouts import KITTI_DATE, KITTI_OBJECT, KITTI_RAW, KITTI_TRACKING
 from data.kitti360.drive import KITTI_360
 from data.layouts import Layout
@@ -26,6 +26,7 @@ ENTRY_POINT_GROUP = "trifuse.layouts"
 # A layout that is a special case of another comes before it.
 LAYOUTS: tuple[Layout, ...] = (
     FOLDER, SEMANTIC_KITTI, KITTI_360, KITTI_RAW, KITTI_OBJECT, KITTI_TRACKING, KITTI_DATE, ARGOVERSE_2, NUSCENES, BAG,
+    RECORDING,
 )  # fmt: skip
 
 

@@ -14,11 +14,12 @@ class OpenConfig:
     """How a drive is read, in any layout; a layout ignores what it has no use for.
 
     Attributes:
-        sensor: Name of a LiDAR model, or a file that describes one; else what the drive states.
+        sensor: Name of a LiDAR model, or a file that describes one, of packets the metadata; else what the drive states.
         images: Whether frames carry images.
         camera: Name of the camera, or topic of its images, several with commas, the main one first; else the first or
             the forward one.
-        lidar: Name of the LiDAR, or topic of its scans, several with commas; else the first or all of them.
+        lidar: Name of the LiDAR, or topic of its scans, several with commas; else the first or all of them. Of packets its
+            address and port.
         deskew: Whether the points of a sweep are moved to the time of the scan, where their times are known.
         reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
         columns: Names of the columns of scans in order, where their files do not name them; else what the drive states.

@@ -7,8 +7,12 @@ from typing import Any
 
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, Viewpoint
 from data.folder.description import description_text
-from data.folder.observation import FolderObservation
+from data.folder.layout import RECORDING
+from data.folder.observation import FolderObservation, observe_folder, observe_recording
+from data.folder.open_folder import recording_at
 from data.folder.stated_cameras import StatedCamera, camera_names, stated_extrinsics
+from data.layouts import OpenConfig
+from data.packets.recording import is_beams_file
 from perception.atomic_file import write_atomically
 from perception.errors import UsageError
 
@@ -77,6 +81,27 @@ class Question:
         """The question as a sentence."""
         of_camera = self.name.removesuffix(self.field).removesuffix(".")
         return f"{of_camera}: {_QUESTIONS[self.field]}" if of_camera else _QUESTIONS[self.field]
+
+
+def observe(path: Path, config: OpenConfig) -> tuple[Path, FolderObservation]:
+    """Return the folder of scans, or the recording of packets at a path, and what can be seen of it.
+
+    Args:
+        path: Folder, or recording; of a folder of one recording, that is taken.
+        config: Columns of the scans; metadata and address of the LiDAR of a recording.
+
+    Raises:
+        PerceptionError: There are no scans, several recordings, or none can be read.
+    """
+    recordings = RECORDING.sequences(path) or ()
+    if len(recordings) > 1:
+        found, advice = ", ".join(recordings), "name one of them"
+        raise UsageError(path, expected="one recording", found=found, advice=advice)
+    path = path / recordings[0] if recordings else path
+    recording = recording_at(path, config)
+    if recording is not None:
+        return recording.path, observe_recording(recording)
+    return path, observe_folder(path, config.columns or None)
 
 
 def open_questions(observed: FolderObservation, stated: StatedConfig) -> tuple[Question, ...]:
@@ -149,6 +174,8 @@ def adopted_config(observed: FolderObservation, stated: StatedConfig) -> FolderC
         UsageError: There are too few or too many numbers of a camera.
     """
     lidar = observed.config.lidar
+    if stated.sensor is not None and is_beams_file(Path(stated.sensor)):
+        stated = replace(stated, sensor=None)  # it is observed
     changes: dict[str, Any] = {
         name: value
         for name in ("height_m", "rate_hz", "reflectance_scale", "axes", "sensor", "viewpoint")
@@ -203,7 +230,7 @@ def write_description(
     Raises:
         PerceptionError: A stated value cannot be, or the file exists or cannot be written.
     """
-    path = root / FILE_NAME
+    path = (root.parent if root.is_file() else root) / FILE_NAME
     if path.exists() and not overwrite:
         raise UsageError(
             path, expected="no such file yet", found="one", advice="pass --overwrite to replace it"
@@ -230,4 +257,4 @@ def other_layout_of(path: Path) -> str | None:
     from data.layout_registry import layouts
 
     layout = next((one for one in layouts() if one.sequences(path) is not None), None)
-    return None if layout is None or layout in (FOLDER, LOOSE_SCANS) else layout.name
+    return None if layout is None or layout in (FOLDER, LOOSE_SCANS, RECORDING) else layout.name

@@ -85,9 +85,11 @@ class LidarConfig:
     """The LiDAR and its files.
 
     Attributes:
-        scans: Folder of the scans; else the folder with the most of them.
+        scans: Folder of the scans, or recording of packets; else the folder with the most of them.
+        address: Address and port of the LiDAR, in a recording of several.
         columns: Names of the columns in order, for files without names.
-        sensor: Name of a model such as VLP-16, or a file that describes one; a name of one's own with elevations_deg.
+        sensor: Name of a model such as VLP-16, or a file that describes one, of packets the metadata; a name of one's own with
+            elevations_deg.
         elevations_deg: Elevations of the beams in degrees, highest first, for a sensor that is no known model.
         azimuth_step_deg: Angle between two firings of one beam in degrees.
         rate_hz: Revolutions per second.
@@ -103,6 +105,7 @@ class LidarConfig:
     """
 
     scans: str | None = None
+    address: str | None = None
     columns: tuple[str, ...] | None = None
     sensor: str | None = None
     elevations_deg: tuple[float, ...] | None = None

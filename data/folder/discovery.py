@@ -11,6 +11,7 @@ from data.kitti.sensor_files import FrameFiles, list_folder
 
 PoseFormat = Literal["kitti", "tum", "csv", "ins"]
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm")
+RECORDING_SUFFIXES = (".pcap", ".pcapng", ".cap")
 _DEPTH = 2  # folders below that of the drive
 _TABLE = re.compile(r".*(pose|odom|traject|ins|gps|gnss|imu|oxts|time|stamp|label|calib).*", re.I)
 _TIMES = re.compile(r".*(time|stamp).*\.(txt|csv)$", re.I)

@@ -13,6 +13,7 @@ from data.file_drive import FileDrive
 from data.folder.config import Viewpoint
 from data.folder.pose_track import PoseTrack
 from data.kitti.labels import empty_labels, require_tracking_labels
+from data.packets.recording import Recording
 from data.per_frame import FrameTuple
 from perception.geometry.se3 import inverse, transform_points
 from perception.types import Float32, Float64, Labels
@@ -33,6 +34,7 @@ class FolderDrive(FileDrive):
         stamps_ns: (F,) times of the scans in nanoseconds.
         origin_ns: Time from which seconds are counted.
         rows: Place of each frame among all scans of the folder.
+        recording: Packets of which the scans are sweeps, or None where they are files.
         poses: Poses of the body, or None.
         body_SE3_velo: (4, 4) transform from the LiDAR to the body of the poses.
         label_file: Labels in KITTI's tracking format, or None.
@@ -45,6 +47,7 @@ class FolderDrive(FileDrive):
     stamps_ns: FrameTuple[int]
     origin_ns: int = 0
     rows: FrameTuple[int]
+    recording: Recording | None = None
     poses: PoseTrack | None = None
     body_SE3_velo: Float64 | None = None
     label_file: Path | None = None
@@ -116,8 +119,14 @@ class FolderDrive(FileDrive):
     def _texts(self, index: int) -> tuple[Path | None, ...]:
         return (self.label_file,)
 
+    def frame_files(self, index: int) -> tuple[Path, ...]:
+        """Return the files of one frame; none of a recording, in which all frames are one file."""
+        return () if self.recording is not None else super().frame_files(index)
+
     def _cloud(self, index: int) -> Cloud:
         path = self.scans.paths[index]
+        if self.recording is not None:
+            return self.recording.cloud(self.rows[index])
         state = path.stat() if path.exists() else None
         return _read_once(path, self.columns, state and (state.st_size, state.st_mtime_ns))
 

@@ -1,6 +1,6 @@
 """What can be seen of a folder of scans: sensor, mounting, scale, rate, and where its parts lie; with how sure it is."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from data.clouds.cloud import COLUMNS, Cloud, require_column_names
+from data.clouds.cloud import COLUMNS, Cloud
 from data.clouds.lidar_estimate import LidarEstimate, estimate_lidar
 from data.clouds.mounting_estimate import MountingEstimate, estimate_mounting, upward_axis
 from data.clouds.pcd import read_viewpoint
@@ -25,6 +25,7 @@ from data.folder.discovery import (
 )
 from data.folder.stamps import read_stamps, stamps_in_names
 from data.kitti.sensor_files import FrameFiles, describe_folder, list_folder
+from data.packets.recording import Recording
 from data.reflectance import full_scale, sample_indices
 from perception.errors import DriveError, ScanError
 from perception.types import Int
@@ -84,39 +85,29 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
         columns: Names of the columns of the scans, where they cannot be read off the files.
 
     Raises:
-        PerceptionError: The columns are not those of a scan.
         DriveError: There is no scan.
         ScanError: No scan can be read.
     """
-    if columns is not None:
-        require_column_names(columns, "--columns")
     folder = find_scans(root)
     if folder is None:
         raise DriveError(root, expected="scans of a LiDAR", found=describe_folder(root))
     files = cloud_files(folder)
     names, columns_seen = _columns(files, columns)
-    clouds = _read_some(files, names)
-    pairs = _read_pairs(files, names)
-    mounting = estimate_mounting([cloud.xyz for cloud in clouds], pairs)
+    clouds, seen = _read_samples(lambda index: read_cloud(files.paths[index], names), files)
     lidar = _estimate_lidar(clouds)
-    scale, scale_seen = _reflectance_scale(clouds)
     stamps, stamps_file, times_seen = _times(root, files)
     rate_hz, rate_seen = _rate(stamps, clouds, lidar)
     found = [
         Observation("scans", f"{len(files)} {files.paths[0].suffix} files", "sure", folder.name, "scans"),
-        columns_seen, *_sensor_observations(lidar), *_mounting_observations(mounting), scale_seen, times_seen, rate_seen,
+        columns_seen, *_sensor_observations(lidar), *seen.observations, times_seen, rate_seen,
     ]  # fmt: skip
     if (viewpoint := viewpoint_observation(files)) is not None:
         found.append(viewpoint)
-    config = LidarConfig(
+    config = replace(
+        seen.config.lidar,
         scans=_relative(folder, root),
         columns=None if names is None else tuple(names),
         rate_hz=rate_hz,
-        height_m=None if mounting.height_m is None else round(mounting.height_m, 3),
-        axes=mounting.axes,  # type: ignore[arg-type]
-        roll_deg=_tilt_deg(mounting.roll_rad),
-        pitch_deg=_tilt_deg(mounting.pitch_rad),
-        reflectance_scale=scale,
         timestamps=None if stamps_file is None else _relative(stamps_file, root),
         point_labels=_point_labels(root, folder),
         viewpoint=None if viewpoint is None else "ignored",
@@ -140,6 +131,54 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
         tuple(found),
         images,
     )
+
+
+def observe_recording(recording: Recording) -> FolderObservation:
+    """Look at some sweeps of a recording of packets, which state sensor, times and rate.
+
+    Raises:
+        ScanError: No sweep can be read.
+    """
+    _, seen = _read_samples(recording.cloud, recording.files)
+    sensor, root = recording.sensor, recording.path.parent
+    low_deg, high_deg = np.degrees(sensor.elevations_rad[[-1, 0]])
+    beams = f"{sensor.name}: {sensor.beams} beams from {low_deg:.1f} to {high_deg:.1f} degrees"
+    count = f"{len(recording.sweeps)} sweeps"
+    found = [
+        Observation("scans", count, "sure", recording.path.name, "scans"),
+        Observation("sensor", beams, "sure", f"packets from {recording.sender}", "sensor"),
+        *seen.observations,
+        Observation("rate", f"{sensor.rate_hz:g} Hz", "sure", "times of the packets", "rate_hz"),
+    ]
+    file = recording.beams_file
+    config = replace(
+        seen.config.lidar,
+        scans=recording.path.name,
+        address=str(recording.sender),
+        sensor=None
+        if file is None
+        else str(file.relative_to(root) if root in file.parents else file),
+    )
+    return FolderObservation(FolderConfig(lidar=config), tuple(found), ())
+
+
+def _read_samples(
+    read: Callable[[int], Cloud], files: FrameFiles
+) -> tuple[list[Cloud], FolderObservation]:
+    """Read some scans; return them, and what is seen of mounting and reflectance."""
+    clouds = _read_some(read, files)
+    pairs = _read_pairs(read, len(files))
+    mounting = estimate_mounting([cloud.xyz for cloud in clouds], pairs)
+    scale, scale_seen = _reflectance_scale(clouds)
+    config = LidarConfig(
+        height_m=None if mounting.height_m is None else round(mounting.height_m, 3),
+        axes=mounting.axes,  # type: ignore[arg-type]
+        roll_deg=_tilt_deg(mounting.roll_rad),
+        pitch_deg=_tilt_deg(mounting.pitch_rad),
+        reflectance_scale=scale,
+    )
+    found = (*_mounting_observations(mounting), scale_seen)
+    return clouds, FolderObservation(FolderConfig(lidar=config), found, ())
 
 
 def _relative(path: Path, root: Path) -> str:
@@ -174,12 +213,12 @@ def _is_ring(path: Path, count: int) -> bool:
     return bool((last == np.round(last)).all() and last.min() >= 0 and last.max() < _MAX_RINGS)
 
 
-def _read_some(files: FrameFiles, columns: Sequence[str] | None) -> list[Cloud]:
+def _read_some(read: Callable[[int], Cloud], files: FrameFiles) -> list[Cloud]:
     """Read some scans throughout the drive; damaged ones are met when the drive is checked."""
     clouds, failure = [], None
     for index in sample_indices(len(files), _SAMPLES):
         try:
-            clouds.append(read_cloud(files.paths[index], columns))
+            clouds.append(read(index))
         except ScanError as error:
             failure = failure or error
     clouds = [_finite(cloud) for cloud in clouds if len(cloud)]
@@ -188,15 +227,11 @@ def _read_some(files: FrameFiles, columns: Sequence[str] | None) -> list[Cloud]:
     return clouds
 
 
-def _read_pairs(
-    files: FrameFiles, columns: Sequence[str] | None
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def _read_pairs(read: Callable[[int], Cloud], count: int) -> list[tuple[np.ndarray, np.ndarray]]:
     pairs = []
-    for index in sample_indices(len(files) - 1, _PAIRS):
+    for index in sample_indices(count - 1, _PAIRS):
         try:
-            pair = [
-                _finite(read_cloud(files.paths[one], columns)).xyz for one in (index, index + 1)
-            ]
+            pair = [_finite(read(one)).xyz for one in (index, index + 1)]
         except ScanError:
             continue
         pairs.append((pair[0], pair[1]))

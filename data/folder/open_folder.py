@@ -9,13 +9,14 @@ from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
 from data.folder.drive import FolderDrive, velo_to_body
-from data.folder.observation import observe_folder, viewpoint_observation
+from data.folder.observation import observe_folder, observe_recording, viewpoint_observation
 from data.folder.pose_track import PoseTrack, read_pose_track
 from data.folder.stamps import read_stamps, stamps_in_names
 from data.folder.typed_document import read_document
 from data.kitti.sensor_files import FrameFiles, ImageSize, no_scans, read_image
 from data.layouts import OpenConfig
 from data.nearest_time import half_period_s, nearest_in_time
+from data.packets.recording import Recording, is_beams_file, is_recording, open_recording
 from data.per_frame import FrameTuple
 from perception.errors import DriveError, ImageError, UsageError
 from perception.geometry.se3 import inverse
@@ -30,17 +31,21 @@ _MIN_RANGE_M, _MAX_RANGE_M, _RANGE_NOISE_M = (
 )  # usual ones, of a sensor that is no known model
 
 
-def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
-    """Open a folder; scans are read frame by frame.
+def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
+    """Open a folder, or a recording of packets; scans are read frame by frame.
 
     Raises:
         DriveError: There is no scan, or drive.yaml or a file that it names cannot be used.
         PoseError: The poses cannot be used.
     """
-    described, notes = _description(root, config.columns)
-    files = _scan_files(root, described.lidar)
-    sensor = _sensor(root, described.lidar, config.sensor)
-    stamps_ns = _stamps_ns(root, described.lidar, files, sensor)
+    root, recording = path.parent if path.is_file() else path, recording_at(path, config)
+    described, notes = _description(root, config.columns, recording)
+    files = _scan_files(root, described.lidar) if recording is None else recording.files
+    if recording is None:
+        sensor = _sensor(root, described.lidar, config.sensor)
+    else:
+        sensor = _recorded_sensor(root, described.lidar, config.sensor, recording)
+    stamps_ns = _stamps_ns(root, described.lidar, files, sensor.rate_hz, recording)
     seen = None if described.lidar.viewpoint else viewpoint_observation(files)
     notes += () if seen is None else (f"{root}: {seen.what} {seen.value}: {seen.reason}",)
     velo_SE3_lidar = described.lidar.velo_SE3_lidar()
@@ -64,8 +69,8 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     if label_file is not None and name != next(iter(cameras)):
         label_file = None  # it is of the main camera
     return FolderDrive(
-        name=root.resolve().name,
-        root=root,
+        name=path.resolve().name if recording is None else recording.path.stem,
+        root=path,
         sensor=sensor,
         calibration=calibration,
         notes=notes,
@@ -78,6 +83,7 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
         stamps_ns=FrameTuple(stamps_ns.tolist()),
         origin_ns=int(stamps_ns[0]),
         rows=FrameTuple(range(len(files))),
+        recording=recording,
         images=images if config.images else None,
         poses=poses,
         body_SE3_velo=body_SE3_velo,
@@ -88,16 +94,62 @@ def open_folder(root: Path, config: OpenConfig) -> FolderDrive:
     )
 
 
-def _description(root: Path, columns: tuple[str, ...]) -> tuple[FolderConfig, tuple[str, ...]]:
+def recording_at(path: Path, config: OpenConfig) -> Recording | None:
+    """Open the recording of packets at a path, or that which the drive.yaml of a folder names; None without one.
+
+    Raises:
+        PerceptionError: It cannot be used.
+    """
+    root = path.parent if path.is_file() else path
+    stated = _stated(root, path if path.is_file() else None) or FolderConfig()
+    file = path if path.is_file() else root / (stated.lidar.scans or "")
+    if not is_recording(file):
+        return None
+    beams = (_beams_file(root, name) for name in (config.sensor, stated.lidar.sensor) if name)
+    address = config.lidar or stated.lidar.address
+    return open_recording(file, address, next((one for one in beams if one is not None), None))
+
+
+def _stated(root: Path, file: Path | None) -> FolderConfig | None:
+    """Return what drive.yaml states of a folder, or of a recording in it; None where there is none of it."""
+    if not (root / FILE_NAME).is_file():
+        return None
+    stated = read_document(FolderConfig, root / FILE_NAME)
+    return stated if file is None or root / (stated.lidar.scans or "") == file else None
+
+
+def _beams_file(root: Path, name: str) -> Path | None:
+    """Return the metadata or calibration that a name of a sensor stands for; None for a model."""
+    return next((one for one in (root / name, Path(name)) if is_beams_file(one)), None)
+
+
+def _recorded_sensor(
+    root: Path, lidar: LidarConfig, asked: str | None, recording: Recording
+) -> LidarModel:
+    """Return the model that was asked for or is stated, else that of the packets, at its height and rate."""
+    names = [None if name and _beams_file(root, name) else name for name in (asked, lidar.sensor)]
+    if names[0] or names[1] or lidar.elevations_deg is not None:
+        return _sensor(root, replace(lidar, sensor=names[1]), names[0])
+    model = recording.sensor
+    return replace(
+        model, height_m=lidar.height_m or model.height_m, rate_hz=lidar.rate_hz or model.rate_hz
+    )
+
+
+def _description(
+    root: Path, columns: tuple[str, ...], recording: Recording | None
+) -> tuple[FolderConfig, tuple[str, ...]]:
     """Return what drive.yaml states, or what can be seen with a note on each guess.
 
     Args:
         root: Folder of the drive.
         columns: Names of the columns of the scans; none for those that are stated or seen.
+        recording: Recording of packets, or None for files.
     """
-    path = root / FILE_NAME
-    if path.is_file():
-        stated = read_document(FolderConfig, path)
+    stated = _stated(root, None if recording is None else recording.path)
+    if recording is not None and stated is not None:
+        return stated, recording.notes
+    if stated is not None:
         if columns:
             stated = replace(stated, lidar=replace(stated.lidar, columns=columns))
         if stated.lidar.sensor is not None or stated.lidar.elevations_deg is not None:
@@ -107,12 +159,16 @@ def _description(root: Path, columns: tuple[str, ...]) -> tuple[FolderConfig, tu
             name: getattr(seen, name) for name in ("sensor", "elevations_deg", "azimuth_step_deg")
         }
         return replace(stated, lidar=replace(stated.lidar, **beams)), ()
-    observed = observe_folder(root, columns or None)
+    observed = (
+        observe_folder(root, columns or None) if recording is None else observe_recording(recording)
+    )
+    place = root if recording is None else recording.path
     notes = [
-        f"{root}: no {FILE_NAME}, the sensors are as they were seen; trifuse adopt {root} writes it"
+        *(() if recording is None else recording.notes),
+        f"{place}: no {FILE_NAME}, the sensors are as they were seen; trifuse adopt {place} writes it",
     ]
     notes += [
-        f"{root}: {one.what} {one.value} is a guess: {one.reason}" for one in observed.guesses
+        f"{place}: {one.what} {one.value} is a guess: {one.reason}" for one in observed.guesses
     ]
     if observed.images:
         notes.append(
@@ -173,12 +229,17 @@ def _own_model(lidar: LidarConfig) -> LidarModel:
         ) from error
 
 
-def _stamps_ns(root: Path, lidar: LidarConfig, files: FrameFiles, sensor: LidarModel) -> Int:
+def _stamps_ns(
+    root: Path, lidar: LidarConfig, files: FrameFiles, rate_hz: float, recording: Recording | None
+) -> Int:
     path = _existing(root, lidar.timestamps, "timestamps")
-    stamps = stamps_in_names(files.paths) if path is None else read_stamps(path, len(files))
+    if path is not None:
+        stamps: Int | None = read_stamps(path, len(files))
+    else:
+        stamps = stamps_in_names(files.paths) if recording is None else recording.stamps_ns
     if stamps is None:
         numbers = np.array(files.numbers) - files.numbers[0]
-        stamps = np.round(numbers * (1e9 / sensor.rate_hz)).astype(np.int64)
+        stamps = np.round(numbers * (1e9 / rate_hz)).astype(np.int64)
     return np.asarray(stamps + round(lidar.time_offset_s * 1e9), np.int64)
 
 

@@ -9,15 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from data.clouds.cloud import Cloud
 from data.live.source import LiveSource
-from data.live.velodyne import (
-    PacketModel,
-    PacketPoints,
-    decode,
-    first_azimuth_rad,
-    is_data_packet,
-    model_of,
-)
+from data.packets.velodyne import VelodyneDecoder, first_azimuth_rad, is_data_packet
 from perception.errors import PerceptionError, ScanError, UsageError
 from perception.sensor import LidarModel
 from perception.types import Frame
@@ -84,8 +78,8 @@ class UdpLidar(LiveSource):
         self._socket = _open(address)
         self.port: int = self._socket.getsockname()[1]
         name = f"UDP port {self.port}"
-        self._model = self._first_model(name, address.timeout_s)
-        super().__init__(name, sensor or self._model.sensor, is_sequence=True)
+        self._decoder = self._first_decoder(name, address.timeout_s)
+        super().__init__(name, sensor or self._decoder.sensor, is_sequence=True)
 
     def laps(self) -> Iterator[Iterator[Frame]]:
         """Yield the frames until the source is closed."""
@@ -96,11 +90,11 @@ class UdpLidar(LiveSource):
         """Close the port."""
         self._is_closed = True
 
-    def _first_model(self, name: str, timeout_s: float) -> PacketModel:
+    def _first_decoder(self, name: str, timeout_s: float) -> VelodyneDecoder:
         self._socket.settimeout(timeout_s)
         try:
             packet = self._socket.recv(1 << 16)
-            model = model_of(packet, name)
+            decoder = VelodyneDecoder.of(packet, name, extra="live")
         except TimeoutError as error:
             self._socket.close()
             raise ScanError(
@@ -113,23 +107,25 @@ class UdpLidar(LiveSource):
             self._socket.close()
             raise
         self._socket.settimeout(_WAIT_S)
-        return model
+        for note in decoder.notes:
+            log.warning(note)
+        return decoder
 
     def _frames(self) -> Iterator[Frame]:
         clock, index = _SensorClock(1 / self.sensor.rate_hz), 0
         for packets in self._turns():
             try:
-                frame = self._frame(index, decode(packets, self._model), clock)
+                frame = self._frame(index, self._decoder.decode(packets), clock)
             except PerceptionError as error:
                 log.warning("skipped a turn: %s", error)
                 continue
             index += 1
             yield frame
 
-    def _frame(self, index: int, returns: PacketPoints, clock: _SensorClock) -> Frame:
-        if len(returns.times_s) == 0:
-            raise ScanError(self.name, expected="at least one return", found="an empty scan")
+    def _frame(self, index: int, returns: Cloud, clock: _SensorClock) -> Frame:
         since_hour_s = returns.times_s
+        if since_hour_s is None or returns.intensity is None or len(returns) == 0:
+            raise ScanError(self.name, expected="at least one return", found="an empty scan")
         if since_hour_s[-1] - since_hour_s[0] > _MAX_TURN_S:
             raise ScanError(
                 self.name,
@@ -141,7 +137,7 @@ class UdpLidar(LiveSource):
         return Frame(
             index,
             clock.time_s(middle_s % _HOUR_S),
-            returns.points_velo,
+            np.column_stack([returns.xyz, np.clip(returns.intensity / np.float32(255), 0, 1)]),
             source=f"{self.name}, turn {index}",
             point_times_s=(since_hour_s - middle_s).astype(np.float32),
         )

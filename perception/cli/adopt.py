@@ -11,6 +11,7 @@ def adopt(
     overwrite: bool = False,
     columns: tuple[str, ...] = (),
     sensor: str | None = None,
+    lidar: str | None = None,
     height: float | None = None,
     axes: tuple[str, ...] = (),
     rate: float | None = None,
@@ -22,7 +23,7 @@ def adopt(
     lidar_to_camera: tuple[float, ...] = (),
     body_to_lidar: tuple[float, ...] = (),
 ) -> None:
-    """Inspect a folder of scans of any format, print the findings and write its drive.yaml.
+    """Inspect a folder of scans of any format, or recorded packets, print the findings and write its drive.yaml.
 
     What cannot be determined is asked on a terminal, or written as a question into drive.yaml.
     With several cameras, give the numbers of one camera after another, in the order in which they are printed.
@@ -30,10 +31,11 @@ def adopt(
     Example: trifuse adopt my_drive --intrinsics 721.5,721.5,609.6,172.9 --lidar-to-camera 0,-0.08,-0.27,90,-90,0
 
     Args:
-        folder: Folder with scans as .bin, .npy, .npz, .pcd, .ply or .csv, and images, poses or timestamps beside them.
+        folder: Folder with scans as .bin, .npy, .npz, .pcd, .ply or .csv, and images, poses or times beside them; or a .pcap file.
         overwrite: Replace the drive.yaml that is there.
         columns: Names of the columns in order, where the files have none: x,y,z,intensity,ring,t; _ for others.
-        sensor: LiDAR model by name, or a file that describes one.
+        sensor: LiDAR model by name, or a file that describes one; of recorded packets the metadata.
+        lidar: Address and port of the LiDAR, where packets of several were recorded.
         height: Height of the LiDAR above the road in metres.
         axes: Directions in which x, y and z of the files point, such as right,forward,up.
         rate: Scans per second.
@@ -50,17 +52,19 @@ def adopt(
     from data.folder.adoption import (
         StatedConfig,
         ask,
+        observe,
         open_questions,
         other_layout_of,
         write_description,
     )
     from data.folder.description import observation_table
-    from data.folder.observation import observe_folder
     from data.folder.stated_cameras import split_cameras
+    from data.layouts import OpenConfig
 
     if (layout := other_layout_of(folder)) is not None:
         print(f"{folder}: {layout}, which needs no drive.yaml")
         return
+    folder, observed = observe(folder, OpenConfig(sensor=sensor, lidar=lidar, columns=columns))
     stated = StatedConfig(
         sensor,
         height,
@@ -71,7 +75,6 @@ def adopt(
         split_cameras(intrinsics, distortion, lidar_to_camera, is_fisheye=fisheye),
         body_to_lidar,
     )
-    observed = observe_folder(folder, columns or None)
     print(observation_table(observed.observations))
     if sys.stdin.isatty():
         stated = ask(open_questions(observed, stated), stated, input)

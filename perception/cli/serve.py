@@ -30,7 +30,7 @@ def serve(
 
     Args:
         drive: Drive of any layout; none with --source udp.
-        source: A drive, whose frames come at the times of their stamps, or udp, the packets of a Velodyne VLP-16 or HDL-32E.
+        source: A drive, whose frames come at the times of their stamps, or udp, the packets of a Velodyne.
         port: Port to which viewers connect.
         host: Address of the network interface; 0.0.0.0 lets viewers of other computers connect.
         rate: Speed of the drive, 0.5 for half as fast.

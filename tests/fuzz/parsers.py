@@ -536,6 +536,28 @@ _INS = "t,latitude,longitude,altitude,roll,pitch,yaw\n" + "".join(
 )
 _SENSOR = "name: mine\nelevations_deg: [-15, -5, 5, 15]\nazimuth_step_deg: 0.2\nheight_m: 1.8\n"
 
+
+def _read_recording(path: Path) -> object:
+    from data.packets.recording import open_recording
+
+    recording = open_recording(path)
+    return recording.stamps_ns, recording.cloud(len(recording.sweeps) - 1), recording.sensor
+
+
+def _recordings(form: str) -> Callable[[], Sequence[bytes]]:
+    def written() -> Sequence[bytes]:
+        from tests import packet_writer as made
+
+        room = [one for data in made.turns(0.3)[::3] for one in made.udp(data, mtu=1000)]
+        write = getattr(made, form)
+        links = ("ethernet", "two tags", "linux cooked 2")
+        return [
+            _written(lambda path, link=link: write(room, path, link=link), "a") for link in links
+        ]
+
+    return written
+
+
 PARSERS: dict[str, FileParser] = {
     "scan": FileParser("000000.bin", _read_scan, _scans),
     "image": FileParser("000000.png", _read_image, _images),
@@ -617,4 +639,6 @@ PARSERS: dict[str, FileParser] = {
     "mcap": FileParser("drive.mcap", _read_bag, _bag("mcap")),
     "db3": FileParser("drive.db3", _read_bag, _bag("db3")),
     "ros1-bag": FileParser("drive.bag", _read_bag, _bag("ros1")),
+    "pcap": FileParser("drive.pcap", _read_recording, _recordings("pcap")),
+    "pcapng": FileParser("drive.pcapng", _read_recording, _recordings("pcapng")),
 }  # fmt: skip

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import velodyne_decoder
+import yaml
 from pyarrow import feather
 from scipy.spatial.transform import Rotation
 
 from data.derived.motion_labels import label_drive_motion
 from data.inspection import inspect_drive
-from data.live.velodyne import MODELS
 from data.open_drive import open_drive
 from data.recorded_drive import RecordedDrive
 from perception.evaluation.confusion import Confusion
@@ -95,8 +96,9 @@ def test_beams_of_a_vlp_32c_point_to_where_its_packets_say(root):
     elevations_deg = np.degrees(np.arctan2(z, np.hypot(x, y)))
     turned = np.exp(1j * (np.arctan2(-y, x) - 2 * np.pi * offsets_ns / 1e8))
     azimuths_deg = np.degrees(np.angle(turned / turned.mean()))
-    model = MODELS[0x28]
-    stated_deg = np.degrees(np.stack([model.elevations_rad[0], model.azimuths_rad[0]], axis=1))
+    model = velodyne_decoder.Calibration.default_calibs[velodyne_decoder.Model.VLP32C]
+    beams = yaml.safe_load(model.to_string())["lasers"]
+    stated_deg = np.degrees([(one["vert_correction"], -one["rot_correction"]) for one in beams])
     measured_deg = [
         [np.median(of_all[lasers == laser]) for of_all in (elevations_deg, azimuths_deg)]
         for laser in range(32)

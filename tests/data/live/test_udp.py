@@ -11,20 +11,9 @@ import pytest
 from data.live.udp import UdpAddress, UdpLidar
 from perception.errors import ScanError, UsageError
 from perception.sensor import VLP_16
-from tests.data.live.test_velodyne import packet
+from tests.packet_writer import PACKET_US, turns
 
 ANY = UdpAddress(port=0, host="127.0.0.1", timeout_s=5.0)
-PACKET_US = 12 * 110.592
-STEP_DEG = 0.4
-
-
-def turns(count: float) -> list[bytes]:
-    """Return the packets of turns that begin ahead, ten a second, in a round room of 10 m."""
-    packets = int(count * 360 / (12 * STEP_DEG))
-    return [
-        packet(STEP_DEG * (12 * one + np.arange(12)), 10.0, time_us=round(one * PACKET_US))
-        for one in range(packets)
-    ]
 
 
 def send(port: int, packets: list[bytes]) -> threading.Thread:

@@ -1,0 +1,1 @@
+"""Recorded packets of LiDARs: captures of Wireshark, tcpdump and the makers' viewers as sweeps."""
