@@ -136,12 +136,14 @@ class InsMonitor:
 
     def _drifting(self) -> HealthFinding | None:
         """Compare the way of the last second, up to the frame before: this one is not registered yet."""
-        last = self._past[-1] if self._past else None
-        recent = [one for one in self._past if last and last.stamp_s - one.stamp_s <= _WINDOW_S]
-        if last is None or len(recent) < _MIN_POSES or last.ins is None or recent[0].ins is None:
+        if len(self._past) < _MIN_POSES:
             return None
+        last = self._past[-1]
+        recent = [one for one in self._past if last.stamp_s - one.stamp_s <= _WINDOW_S]
         first = recent[0]
-        if last.stamp_s - first.stamp_s < _MIN_WINDOW_S:
+        if len(recent) < _MIN_POSES or last.stamp_s - first.stamp_s < _MIN_WINDOW_S:
+            return None
+        if last.ins is None or first.ins is None:
             return None
         by_ins = _motion(first.ins, last.ins)
         by_scans = _motion(first.registered, last.registered)
