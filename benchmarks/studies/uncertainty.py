@@ -18,7 +18,7 @@ from perception.sensor import load_sensor
 from perception.types import Result
 
 if TYPE_CHECKING:
-    from perception.evaluation.box_intervals import BoxIntervals
+    from perception.evaluation.intervals import BoxIntervals
     from perception.evaluation.multi_object.track_errors import TargetErrors
     from perception.evaluation.pose_intervals import PoseErrors
 
@@ -130,7 +130,7 @@ def _measure(sensor: str, streets: StreetFlags, config: UncertaintyConfig) -> _E
 
 def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) -> None:
     from data.derived.moving_truth import moving_truth
-    from perception.evaluation.box_intervals import box_intervals
+    from perception.evaluation.intervals import box_intervals
     from perception.evaluation.multi_object.track_assignment import assign_tracks
     from perception.evaluation.multi_object.track_errors import target_errors
     from perception.evaluation.pose_intervals import PoseIntervals
@@ -168,7 +168,7 @@ def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) 
 
 
 def _add_vehicles(result: Result, drive: "SyntheticDrive", errors: _Errors) -> None:
-    from perception.evaluation.box_intervals import box_intervals
+    from perception.evaluation.intervals import box_intervals
     from perception.evaluation.vehicle_measure import matched_labels
 
     if result.vehicles is None:
@@ -223,7 +223,7 @@ def _object_shares(errors: _Errors) -> Shares:
 
 def _by_kind(boxes: "Sequence[BoxIntervals]") -> Shares:
     """Return the shares of the boxes of each class."""
-    from perception.evaluation.box_intervals import BoxIntervals
+    from perception.evaluation.intervals import BoxIntervals
 
     every = BoxIntervals.concatenate(boxes)
     return {
@@ -233,7 +233,7 @@ def _by_kind(boxes: "Sequence[BoxIntervals]") -> Shares:
 
 
 def _box_shares(boxes: "Sequence[BoxIntervals]") -> dict[str, float]:
-    from perception.evaluation.box_intervals import BoxIntervals
+    from perception.evaluation.intervals import BoxIntervals
 
     one = BoxIntervals.concatenate(boxes).summary()
     return {

@@ -10,8 +10,7 @@ from data.results.folder import ResultsFolder, started
 from perception.detection.config import DetectionConfig
 from perception.detection.networks import open_depthcn
 from perception.detection.vehicles.locate import locate
-from perception.evaluation.detection.detector_measure import FrameDetections
-from perception.evaluation.detection.detector_summary import DetectorSummary
+from perception.evaluation.detection.detector_measure import DetectorSummary, FrameDetections
 from perception.geometry.threads import limit_blas_threads
 from perception.maps.densify import DenseMaps
 from perception.types import Drive, Frame, FusedDetections, Vehicles

@@ -13,7 +13,7 @@ import numpy as np
 
 from perception.errors import ScanError
 from perception.sensor import HDL_32E, SENSORS, VLP_16, LidarModel
-from perception.sensor.beam_tables import VLP_32C_BY_LASER_DEG, VLS_128_BY_LASER_DEG
+from perception.sensor.models import VLP_32C_BY_LASER_DEG, VLS_128_BY_LASER_DEG
 from perception.types import Float32, Float64
 
 PACKET_BYTES = 1206

@@ -16,7 +16,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking import motion_model
 from perception.tracking.association import assign_with_max_cost
-from perception.tracking.track_lifecycle import ROUNDING_S
+from perception.tracking.track_table import ROUNDING_S
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
