@@ -1,18 +1,43 @@
 """Labels of objects around the vehicle as labels of the image: those that the camera sees, with their boxes there."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from data.labelled_objects import box_owners
 from perception.geometry.box_overlap_px import area_px
+from perception.geometry.boxes import points_inside
 from perception.geometry.camera import box_outlines_px
-from perception.types import Calibration, Float32, Float64, Int, Labels
+from perception.types import Boxes3D, Calibration, Float, Float32, Float64, Int, Labels
 
+_MARGIN_M = (
+    0.1  # by which boxes are grown but for their bottom, as for Argoverse 2's own labels of points
+)
 _UNKNOWN_OCCLUSION = 3
 # Visible shares of KITTI's levels 0 and 1, as in the labels of synthetic drives.
 _VISIBLE_SHARE, _PARTLY_SHARE = 0.85, 0.45
 _SAMPLES = 16  # of a box in each direction
+
+
+@dataclass(frozen=True)
+class ObjectCategory:
+    """Names of one category of a data set in other sets.
+
+    Attributes:
+        kind: Type of a label in KITTI; None of what has no box.
+        point_class: Class of a point in SemanticKITTI.
+    """
+
+    kind: str | None
+    point_class: int
+
+
+def box_owners(boxes_velo: Boxes3D, points_velo: Float) -> Int:
+    """Return (N,) the row of the box around each point, of several the smallest; -1 without one."""
+    owners = np.full(len(points_velo), -1)
+    for row in np.argsort(-boxes_velo.size_m.prod(axis=1), kind="stable").tolist():
+        inside = points_inside(boxes_velo[row : row + 1], points_velo, _MARGIN_M)[0]
+        owners[inside] = row
+    return owners
 
 
 def labels_in_view(labels: Labels, calibration: Calibration, points_velo: Float32) -> Labels:

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from data.argoverse2.annotations import Annotations
-from data.argoverse2.categories import category, flow_point_classes
+from data.argoverse2.annotations import Annotations, category, flow_point_classes
 from data.argoverse2.ground_map import GroundMap
 from data.argoverse2.tables import FeatherTable, read_feather
 from data.argoverse2.trajectory import Trajectory
-from data.labelled_objects import box_owners
+from data.labels_in_view import box_owners
 from perception.errors import LabelError
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse

@@ -8,8 +8,7 @@ import numpy as np
 from data.derived.motion_labels import PosedLabels
 from data.drive_images import ImageFiles
 from data.kitti.sensor_files import list_folder
-from data.labelled_objects import box_owners
-from data.labels_in_view import labels_in_view
+from data.labels_in_view import box_owners, labels_in_view
 from data.layouts import Layout, OpenConfig
 from data.nearest_time import NONE, nearest_in_time
 from data.nuscenes.boxes import SceneBoxes

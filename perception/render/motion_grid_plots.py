@@ -10,9 +10,9 @@ from perception.datmo.grid_detector import MotionGrids
 from perception.geometry.boxes import corners
 from perception.geometry.camera import project
 from perception.render import palette
-from perception.render.cubes import render_cubes
 from perception.render.ego_vehicle import vehicle_outline_m
 from perception.render.figure import new_figure, rgb, save_figure
+from perception.render.overlay import render_cubes
 from perception.types import Boxes3D, Float, Float32, Float64, GroundModel, UInt8, Voxels
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from data.labelled_objects import box_owners
+from data.labels_in_view import box_owners
 from perception.types import Boxes3D
 
 

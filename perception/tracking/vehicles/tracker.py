@@ -23,7 +23,6 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
 from perception.tracking.vehicles.evidence import likeliest_classes, probability
-from perception.tracking.vehicles.hidden_sides import hidden_sides
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
     FrameGeometry,
@@ -40,7 +39,7 @@ from perception.tracking.vehicles.track_update import (
     position_distances,
     update_tracks,
 )
-from perception.tracking.vehicles.vehicle_table import VehicleTable
+from perception.tracking.vehicles.vehicle_table import VehicleTable, hidden_sides
 from perception.types import (
     BoxDeviations,
     Boxes3D,
