@@ -45,9 +45,12 @@ def evaluate_otd(
     from data.derived.otd_objects import ObjectSetConfig, find_objects, run_trackers
     from perception.cli.progress import progress_bar
     from perception.evaluation.single_object.measure import PROTOCOL, SingleObjectMeasure
-    from perception.evaluation.single_object.parameters import fusion_parameters
     from perception.evaluation.single_object.plots import write_plots
-    from perception.evaluation.single_object.tracker_runs import named_trackers, require_trackers
+    from perception.evaluation.single_object.tracker_runs import (
+        fusion_parameters,
+        named_trackers,
+        require_trackers,
+    )
 
     names = require_trackers(trackers)
     set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.reading)
