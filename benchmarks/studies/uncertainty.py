@@ -18,12 +18,10 @@ from perception.sensor import load_sensor
 from perception.types import Result
 
 if TYPE_CHECKING:
+    from data.synthetic.drive import SyntheticDrive
     from perception.evaluation.intervals import BoxIntervals
     from perception.evaluation.multi_object.track_errors import TargetErrors
     from perception.evaluation.pose_intervals import PoseErrors
-
-if TYPE_CHECKING:
-    from data.synthetic.drive import SyntheticDrive
 
 _PROTOCOL = DatmoProtocol(view="all")
 # Time since the first scan in periods of the sensor, by name.

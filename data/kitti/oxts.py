@@ -156,9 +156,7 @@ def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
     )
 
 
-def format_oxts_packet(
-    packet: InsPacket, position_accuracy_m: float = 0.05, velocity_accuracy_m_s: float = 0.03
-) -> str:
+def format_oxts_packet(packet: InsPacket) -> str:
     """Return the row that `parse_oxts_packet` reads, without a line end."""
     east_m_s, north_m_s, _ = velocity_world_m_s(packet)
     tilt = from_euler(packet.roll_rad, packet.pitch_rad, 0)[:3, :3]
@@ -171,7 +169,7 @@ def format_oxts_packet(
             tilt @ packet.acceleration_imu_m_s2,
             packet.rate_imu_rad_s,
             tilt @ packet.rate_imu_rad_s,
-            (position_accuracy_m, velocity_accuracy_m_s),
+            (0.05, 0.03),  # accuracy of position in metres, and of velocity in metres per second
         ]
     )
     return f"{position} {' '.join(f'{number:.12g}' for number in numbers)} {_STATUS}"

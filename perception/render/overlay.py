@@ -78,23 +78,16 @@ class GroundMesh:
         return np.asarray(along_x), np.asarray(along_y)
 
 
-def sample_surface(ground: GroundModel, area: LocalArea, step_m: float = 1.0) -> GroundMesh:
-    """Sample the ground over the local area, its edges included.
-
-    Args:
-        ground: Ground surface in the LiDAR frame.
-        area: Local area.
-        step_m: Maximum distance of two nodes in metres.
-    """
-    x_m = _ticks(-area.behind_m, area.ahead_m, step_m)
-    y_m = _ticks(-area.side_m, area.side_m, step_m)
+def sample_surface(ground: GroundModel, area: LocalArea) -> GroundMesh:
+    """Sample the ground over the local area, its edges included, each metre or more often."""
+    x_m, y_m = _ticks(-area.behind_m, area.ahead_m), _ticks(-area.side_m, area.side_m)
     x, y = np.meshgrid(x_m, y_m, indexing="ij")
     height_m = ground.height_m(np.column_stack([x.ravel(), y.ravel()]))
     return GroundMesh(x_m, y_m, np.asarray(height_m, np.float64).reshape(x.shape))
 
 
-def _ticks(start_m: float, stop_m: float, step_m: float) -> Float64:
-    return np.linspace(start_m, stop_m, int(np.ceil((stop_m - start_m) / step_m - 1e-9)) + 1)
+def _ticks(start_m: float, stop_m: float) -> Float64:
+    return np.linspace(start_m, stop_m, int(np.ceil(stop_m - start_m - 1e-9)) + 1)
 
 
 @dataclass(frozen=True)

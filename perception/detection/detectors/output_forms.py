@@ -101,7 +101,7 @@ def recognized_form(
     if len(shapes) != 1 or len(shapes[0]) != 3:
         return None
     _, rows, columns = shapes[0]
-    cells = sum(_cell_count(size, stride) for stride in _STRIDES_PX)
+    cells = sum((size.height_px // px) * (size.width_px // px) for px in _STRIDES_PX)
     if columns > 5 and rows % cells == 0:
         return "yolox" if rows == cells else "yolo"
     if columns == 6:
@@ -153,10 +153,6 @@ def _only(outputs: Outputs) -> Float32:
 
 def _corner_boxes(centers_px: Float32, sizes_px: Float32) -> Float32:
     return np.hstack([centers_px - sizes_px / 2, centers_px + sizes_px / 2])
-
-
-def _cell_count(size: InputSize, stride_px: int) -> int:
-    return (size.height_px // stride_px) * (size.width_px // stride_px)
 
 
 @lru_cache(maxsize=8)
