@@ -5,7 +5,8 @@ sequences. The IMU has x forward, y left, z up; its pose is given on the globe, 
 longitude and altitude, and as roll, pitch and yaw, where yaw is 0 to the east and grows to the north.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,12 +41,12 @@ class InsPacket:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
-    roll_rad: float
-    pitch_rad: float
-    yaw_rad: float
-    velocity_level_m_s: Float64
-    acceleration_imu_m_s2: Float64
-    rate_imu_rad_s: Float64
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    velocity_level_m_s: Float64 = field(default_factory=partial(np.zeros, 3))
+    acceleration_imu_m_s2: Float64 = field(default_factory=partial(np.zeros, 3))
+    rate_imu_rad_s: Float64 = field(default_factory=partial(np.zeros, 3))
 
 
 @dataclass(frozen=True)
