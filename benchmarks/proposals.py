@@ -6,8 +6,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.measure import Comparison, Contender, add_peer, compare, metric
-from benchmarks.reference.dbscan import cluster_by_definition
-from benchmarks.reference.proposals import boxes_by_loop
+from benchmarks.reference.proposals import boxes_by_loop, cluster_by_definition
 from benchmarks.stages import PreparedDrive
 from perception.detection.clustering import cluster
 from perception.detection.config import ProposalConfig

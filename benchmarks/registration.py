@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.measure import Comparison, Contender, Measurement, add_peer, compare, metric
 from benchmarks.stages import PreparedDrive
-from data.derived.true_poses import true_poses
+from data.derived.moving_methods import true_poses
 from perception.errors import optional_package
 from perception.evaluation.report import Column
 from perception.geometry.se3 import inverse, rotation_angle_rad

@@ -17,11 +17,19 @@ import cv2
 import numpy as np
 from PIL import Image, ImageOps
 
-from data.kitti.image_header import MAX_PIXELS, PNG_START, stated_size_px
 from perception.errors import ImageError
 from perception.kernels.png_rows import restore_rows
 from perception.types import UInt8
 
+# 8192 x 8192, four times the pixels of the largest cameras of vehicles; 200 MB as RGB.
+MAX_PIXELS = 1 << 26
+
+PNG_START = b"\x89PNG\r\n\x1a\n"
+_JPEG = b"\xff\xd8"
+# Frame headers, which state the size; the other codes of this range are tables.
+_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+# Markers without a length.
+_BARE = {0x01, *range(0xD0, 0xDA)}
 # These are about damaged properties of an image, not about its pixels.
 warnings.filterwarnings("ignore", module=r"PIL\.")
 # OpenCV 5 has it elsewhere than OpenCV 4.
@@ -33,6 +41,31 @@ _JPEG_START, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 _PLAIN = (8, 2, 0, 0, 0)
 # Others, such as of orientation and animation, may change what is seen.
 _HARMLESS = {b"gAMA", b"cHRM", b"sRGB", b"sBIT", b"pHYs", b"tEXt", b"tIME", b"bKGD"}
+
+
+def stated_size_px(data: bytes) -> tuple[int, int] | None:
+    """Return (width, height) as a PNG or JPEG image states it; None of another format, or where nothing is stated."""
+    if data.startswith(PNG_START) and len(data) >= 24:
+        width, height = struct.unpack(">II", data[16:24])
+        return width, height
+    return _jpeg_size_px(data) if data.startswith(_JPEG) else None
+
+
+def _jpeg_size_px(data: bytes) -> tuple[int, int] | None:
+    """Walk the segments up to the frame header."""
+    place = 2
+    while place + 9 <= len(data):
+        if data[place] != 0xFF:  # a damaged segment; the decoder says so
+            return None
+        marker = data[place + 1]
+        if marker == 0xFF or marker in _BARE:  # fill bytes, markers alone
+            place += 1 if marker == 0xFF else 2
+            continue
+        if marker in _FRAMES:
+            height, width = struct.unpack(">HH", data[place + 5 : place + 9])
+            return width, height
+        place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
+    return None
 
 
 def decode_image(

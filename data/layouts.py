@@ -69,8 +69,8 @@ class OpenConfig:
             )
         return self.camera or names[0]
 
-    def lidar_model(self, folder: Path, default: LidarModel = HDL_64E) -> LidarModel:
-        """Return the model that was asked for, else that of the folder's sensor.json, else the default.
+    def lidar_model(self, folder: Path) -> LidarModel:
+        """Return the model that was asked for, else that of the folder's sensor.json, else an HDL-64E.
 
         Raises:
             UsageError: There is no such model, or a file does not describe one.
@@ -78,7 +78,7 @@ class OpenConfig:
         if self.sensor is not None:
             return load_sensor(self.sensor)
         own = folder / "sensor.json"
-        return load_sensor(str(own)) if own.is_file() else default
+        return load_sensor(str(own)) if own.is_file() else HDL_64E
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from export.quantize import to_int8
 from export.result import ChosenVariant, ExportConfig, ExportResult
 from export.variants import compare_variants
 from perception.atomic_file import write_atomically
+from perception.detection.depthcn.crops import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.verifier import CONTRACT
-from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
 from perception.maps.projection import camera_of

@@ -122,10 +122,10 @@ def compare_variants(
     return variants
 
 
-def fastest_ms(networks: Mapping[str, Network], batch: Arrays, rounds: int = 7) -> dict[str, float]:
-    """Return the shortest run of each, taking turns: other load on the machine affects it least."""
+def fastest_ms(networks: Mapping[str, Network], batch: Arrays) -> dict[str, float]:
+    """Return the shortest of seven runs of each, taking turns: other load on the machine affects it least."""
     fastest = dict.fromkeys(networks, float("inf"))
-    for _ in range(rounds):
+    for _ in range(7):
         for name, network in networks.items():
             start = time.perf_counter()
             network(batch)

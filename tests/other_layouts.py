@@ -9,8 +9,8 @@ import pyarrow
 from pyarrow import feather
 from scipy.spatial.transform import Rotation
 
-from data.argoverse2.categories import CATEGORIES
-from data.nuscenes.categories import LIDARSEG_NAMES
+from data.argoverse2.annotations import CATEGORIES
+from data.nuscenes.boxes import LIDARSEG_NAMES
 from data.nuscenes.scans import SENSOR_R_VELO
 from data.synthetic.drive import CachedDrive
 from data.synthetic.lidar import LidarScan

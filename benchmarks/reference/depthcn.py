@@ -4,11 +4,11 @@ import numpy as np
 
 from benchmarks.reference.overlap import area, iou
 from perception.detection.config import DEFAULT_NMS, NmsConfig
+from perception.detection.depthcn.crops import windows_px
 from perception.detection.depthcn.detector import MIN_SIZE_M
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import propose
 from perception.detection.depthcn.verifier import Verifier, VerifierPrediction
-from perception.detection.depthcn.windows import windows_px
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame
 from perception.sensor import HDL_64E, LidarModel

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from benchmarks.studies.report import publish
-from data.synthetic.street_kind import StreetKind
+from data.synthetic.words import StreetKind
 from perception.cli.flags import SourceFlags
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar

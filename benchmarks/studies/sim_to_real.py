@@ -14,7 +14,12 @@ from benchmarks.studies.detector_variants import (
 )
 from benchmarks.studies.realism import measure_realism, realism_panels, realism_table
 from benchmarks.studies.report import RESULTS, publish
-from benchmarks.studies.variant_report import frames_panels, precision_tables, variant_panels
+from benchmarks.studies.variant_report import (
+    frames_panels,
+    precision_of,
+    precision_tables,
+    variant_panels,
+)
 from perception.errors import UsageError
 from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import plot_curves
@@ -138,25 +143,19 @@ def loss_tables(metrics: Mapping[str, VariantMetrics]) -> dict[str, Table[str]]:
     """
     tables, rest = {}, _without(metrics, ALL)
     for drive in metrics[ALL].drives:
-        columns = [Column("training frames", _training_frames(rest), key="frames")]
+        columns: list[Column[str]] = [
+            Column("training frames", lambda name: rest[name].training_frames, key="frames")
+        ]
         for iou in IOU:
             of = drive, iou, _LEVEL
             ap, loss = f"AP, IoU {iou:g}", f"loss, IoU {iou:g}"
             columns += [
-                Column(ap, partial(_ap, metrics, of), ".2f", ap),
+                Column(ap, partial(precision_of, metrics, of), ".2f", ap),
                 Column(loss, partial(_loss, metrics, of), "+.2f", loss),
             ]
         heading = f"Without one training drive: AP R40 [%] and its loss on {drive}, {_LEVEL}"
         tables[heading] = Table(heading, columns, {name: name for name in rest})
     return tables
-
-
-def _training_frames(metrics: Mapping[str, VariantMetrics]) -> Any:  # noqa: ANN401 - a column's function
-    return lambda name: metrics[name].training_frames
-
-
-def _ap(metrics: Mapping[str, VariantMetrics], of: tuple[str, float, str], name: str) -> float:
-    return metrics[name].ap(*of)
 
 
 def _loss(metrics: Mapping[str, VariantMetrics], of: tuple[str, float, str], name: str) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
-from data.synthetic.street_kind import StreetKind
+from data.synthetic.words import StreetKind
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.evaluation.config import DatmoProtocol
@@ -18,12 +18,10 @@ from perception.sensor import load_sensor
 from perception.types import Result
 
 if TYPE_CHECKING:
-    from perception.evaluation.box_intervals import BoxIntervals
+    from data.synthetic.drive import SyntheticDrive
+    from perception.evaluation.intervals import BoxIntervals
     from perception.evaluation.multi_object.track_errors import TargetErrors
     from perception.evaluation.pose_intervals import PoseErrors
-
-if TYPE_CHECKING:
-    from data.synthetic.drive import SyntheticDrive
 
 _PROTOCOL = DatmoProtocol(view="all")
 # Time since the first scan in periods of the sensor, by name.
@@ -130,7 +128,7 @@ def _measure(sensor: str, streets: StreetFlags, config: UncertaintyConfig) -> _E
 
 def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) -> None:
     from data.derived.moving_truth import moving_truth
-    from perception.evaluation.box_intervals import box_intervals
+    from perception.evaluation.intervals import box_intervals
     from perception.evaluation.multi_object.track_assignment import assign_tracks
     from perception.evaluation.multi_object.track_errors import target_errors
     from perception.evaluation.pose_intervals import PoseIntervals
@@ -168,7 +166,7 @@ def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) 
 
 
 def _add_vehicles(result: Result, drive: "SyntheticDrive", errors: _Errors) -> None:
-    from perception.evaluation.box_intervals import box_intervals
+    from perception.evaluation.intervals import box_intervals
     from perception.evaluation.vehicle_measure import matched_labels
 
     if result.vehicles is None:
@@ -223,7 +221,7 @@ def _object_shares(errors: _Errors) -> Shares:
 
 def _by_kind(boxes: "Sequence[BoxIntervals]") -> Shares:
     """Return the shares of the boxes of each class."""
-    from perception.evaluation.box_intervals import BoxIntervals
+    from perception.evaluation.intervals import BoxIntervals
 
     every = BoxIntervals.concatenate(boxes)
     return {
@@ -233,7 +231,7 @@ def _by_kind(boxes: "Sequence[BoxIntervals]") -> Shares:
 
 
 def _box_shares(boxes: "Sequence[BoxIntervals]") -> dict[str, float]:
-    from perception.evaluation.box_intervals import BoxIntervals
+    from perception.evaluation.intervals import BoxIntervals
 
     one = BoxIntervals.concatenate(boxes).summary()
     return {

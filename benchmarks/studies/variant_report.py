@@ -35,7 +35,7 @@ def precision_tables(
         ]
         for place, level in enumerate(LEVELS):
             of = drive, iou, level
-            columns.append(Column(level, partial(_precision, metrics, of), ".2f", level))
+            columns.append(Column(level, partial(precision_of, metrics, of), ".2f", level))
             if any(_interval(metrics, of, name) for name in metrics):
                 columns.append(Column("95 %", partial(_interval, metrics, of)))
             if thesis is not None:
@@ -104,9 +104,10 @@ def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:
     return list(next(iter(metrics.values())).drives)
 
 
-def _precision(
+def precision_of(
     metrics: Mapping[str, VariantMetrics], of: tuple[str, float, str], name: str
 ) -> float:
+    """Return the average precision of a variant on a drive, at an IoU and a difficulty."""
     return metrics[name].ap(*of)
 
 

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from data.argoverse2.annotations import Annotations
-from data.argoverse2.categories import category, flow_point_classes
+from data.argoverse2.annotations import Annotations, category, flow_point_classes
 from data.argoverse2.ground_map import GroundMap
 from data.argoverse2.tables import FeatherTable, read_feather
 from data.argoverse2.trajectory import Trajectory

@@ -109,17 +109,7 @@ def _has_fix(message: Any) -> bool:  # noqa: ANN401
 
 
 def _packet(message: Any) -> InsPacket:  # noqa: ANN401
-    return InsPacket(
-        latitude_deg=message.latitude,
-        longitude_deg=message.longitude,
-        altitude_m=message.altitude,
-        roll_rad=0.0,
-        pitch_rad=0.0,
-        yaw_rad=0.0,
-        velocity_level_m_s=np.zeros(3),
-        acceleration_imu_m_s2=np.zeros(3),
-        rate_imu_rad_s=np.zeros(3),
-    )
+    return InsPacket(message.latitude, message.longitude, message.altitude)
 
 
 def _interpolated(stream: MessageStream, stamp_ns: int, read: Any) -> Float64 | None:  # noqa: ANN401

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from data.bags.bag import Bag, RawMessage
-from data.bags.camera_info import read_lens
 from data.bags.drive import BagDrive, BagImages
+from data.bags.images import read_lens
 from data.bags.ins_poses import (
     NavigationPoses,
     OdometryPoses,

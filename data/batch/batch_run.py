@@ -12,8 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, get_args
 
-from data.batch.cluster import dashboard, open_cluster
-from data.batch.cluster_config import ClusterConfig
+from data.batch.cluster import ClusterConfig, dashboard, open_cluster
 from data.batch.drive_task import DriveOutcome, State, Task, sentence_of
 from data.report.page import can_write_report
 from data.report.report_file import write_report
@@ -54,7 +53,7 @@ def run_batch_tasks(
     """
     start_s = time.perf_counter()
     outcomes, rows = [], OutcomeRows(out, tasks)
-    with open_cluster(cluster.workers, cluster.scheduler, cluster.memory_limit) as client:
+    with open_cluster(cluster) as client:
         print(f"workers: {len(client.nthreads())}; dashboard: {dashboard(client)}", flush=True)
         ended = run_tasks(client, partial(run_task, run), tasks)
         try:

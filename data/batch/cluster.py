@@ -4,6 +4,7 @@ import json
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,22 @@ _THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS
 _ALLOWED_DEATHS = 10
 
 
+@dataclass(frozen=True)
+class ClusterConfig:
+    """Cluster.
+
+    Attributes:
+        workers: Number of processes on this machine; else one a core.
+        scheduler: Running Dask scheduler whose workers are used instead: its address, such as tcp://10.0.0.5:8786, or the
+            .json file that it wrote.
+        memory_limit: Memory of a process, such as 4GiB, above which it is started again; else an equal share.
+    """
+
+    workers: int | None = None
+    scheduler: str | None = None
+    memory_limit: str | None = None
+
+
 def dashboard(client: "Client") -> str:
     """Return where the workers can be watched in a browser."""
     if find_spec("bokeh") is None:
@@ -27,16 +44,8 @@ def dashboard(client: "Client") -> str:
 
 
 @contextmanager
-def open_cluster(
-    workers: int | None = None, scheduler: str | None = None, memory_limit: str | None = None
-) -> Iterator["Client"]:
+def open_cluster(config: ClusterConfig) -> Iterator["Client"]:
     """Connect to a scheduler, or start one with processes of one core each.
-
-    Args:
-        workers: Number of processes of this machine; else one a core.
-        scheduler: Address of a running scheduler, such as tcp://10.0.0.5:8786, or the .json file that it wrote for its
-            workers; else this machine.
-        memory_limit: Memory of a process, such as 4GiB, above which it is started again; else an equal share.
 
     Raises:
         UsageError: No scheduler answers at the address, or the number of workers is not positive.
@@ -45,8 +54,8 @@ def open_cluster(
     with optional_package("distributed", needed_for="trifuse batch", extra="cluster"):
         import dask
         from distributed import Client, LocalCluster
-    if workers is not None and workers < 1:
-        raise UsageError("--workers", expected="at least 1", found=str(workers))
+    if config.workers is not None and config.workers < 1:
+        raise UsageError("--workers", expected="at least 1", found=str(config.workers))
     dask.config.set(
         {
             "distributed.scheduler.allowed-failures": _ALLOWED_DEATHS,
@@ -58,13 +67,13 @@ def open_cluster(
     )
     for name in ("distributed", "distributed.client"):  # which has a level of its own
         logging.getLogger(name).setLevel(logging.CRITICAL)  # a death is answered, not reported
-    if scheduler is not None:
-        address = _address(scheduler)
+    if config.scheduler is not None:
+        address = _address(config.scheduler)
         try:
             client = Client(address, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
             raise UsageError(
-                f"--scheduler {scheduler}",
+                f"--scheduler {config.scheduler}",
                 expected="a running Dask scheduler",
                 found=f"no answer within {_CONNECT_S} s",
                 advice="start one with: dask scheduler",
@@ -74,9 +83,9 @@ def open_cluster(
         return
     with (
         LocalCluster(
-            n_workers=workers,
+            n_workers=config.workers,
             threads_per_worker=1,
-            memory_limit=memory_limit or "auto",
+            memory_limit=config.memory_limit or "auto",
             preload="data.batch.one_core",
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,

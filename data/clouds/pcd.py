@@ -11,9 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from data.clouds.ascii_points import ascii_points, filled_rows
 from data.clouds.cloud import Cloud, Table, cloud_of_columns, named_columns, unique_names
-from data.clouds.file_bytes import read_scan_bytes, require_scan_size, truncated_scan
+from data.clouds.file_bytes import (
+    ascii_points,
+    filled_rows,
+    read_scan_bytes,
+    require_scan_size,
+    truncated_scan,
+)
 from perception.errors import ScanError
 from perception.geometry.se3 import from_rotation_translation
 from perception.types import Float64

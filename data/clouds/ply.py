@@ -8,9 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from data.clouds.ascii_points import ascii_points, filled_rows
 from data.clouds.cloud import Cloud, Table, cloud_of_columns, named_columns, unique_names
-from data.clouds.file_bytes import read_scan_bytes, require_scan_size, truncated_scan
+from data.clouds.file_bytes import (
+    ascii_points,
+    filled_rows,
+    read_scan_bytes,
+    require_scan_size,
+    truncated_scan,
+)
 from perception.errors import ScanError
 
 _MAX_HEADER_BYTES = 1 << 16

@@ -6,9 +6,11 @@ from dataclasses import replace
 from typing import Literal
 
 from data.derived.moving_truth import moving_truth
-from data.derived.true_poses import true_poses
 from data.frames import frame_count, read_frames
 from data.labelled_drives import LabelledDrives
+from data.recorded_drive import RecordedDrive
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.truth_files import read_truth, truth_files
 from perception.datmo.stage import datmo_stage
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
@@ -16,9 +18,19 @@ from perception.evaluation.pose_intervals import PoseIntervals
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.lidar_stages import LidarStages
-from perception.types import Drive
+from perception.types import Drive, Float64
 
 MotionMethod = Literal["default", "thesis", "author"]
+
+
+def true_poses(drive: Drive) -> list[Float64] | None:
+    """Return the exact (4, 4) world_SE3_velo of every frame of a synthetic drive; None of a recorded one."""
+    if isinstance(drive, SyntheticDrive):
+        return [drive.true_world_SE3_velo(index) for index in range(len(drive))]
+    files = truth_files(drive) if isinstance(drive, RecordedDrive) else None
+    if files is None or not isinstance(drive, RecordedDrive):
+        return None
+    return [posed.world_SE3_velo for posed in read_truth(drive, files)]
 
 
 def compare_methods(

@@ -4,11 +4,12 @@ The thesis prints numbers of frames; each of them is that of one whole sequence 
 objects it flagged as static and as moving was never published, only how many.
 """
 
+import csv
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
-from data.derived.tables import table_rows
 from perception.errors import DriveError
 from perception.evaluation.obstacle_counts import ObstacleCounts, ObstacleSequence
 
@@ -16,6 +17,12 @@ SequenceSet = Literal["table-3.1"]
 
 PRINTED_MDE_M = 0.086  # mean displacement error over all sequences, with m = 6 and eta = 6 (7.1.1)
 _PRINTED = "printed_"
+
+
+def table_rows(name: str) -> list[dict[str, str]]:
+    """Return the rows of a CSV file of this package, by the names of its columns."""
+    text = (files("data.derived") / name).read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines()))
 
 
 @cache

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from data.derived.object_truth import DriveObjects
-from data.derived.tables import table_rows
+from data.derived.obstacle_sequences import table_rows
 from data.frames import frame_count, read_frames
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 from data.array_store import ArrayStore
-from data.batch.shared_cache import fill_together
+from data.batch.parts import fill_together
 from data.detections.cached_detections import (
     FingerprintedDetector,
     detect_drives,
@@ -21,8 +21,7 @@ from data.detections.unlearned_frames import without_learned_frames
 from data.open_drive import open_drives
 from data.recorded_drive import RecordedDrive
 from data.samples.config import TrainingDrives
-from data.samples.labelled_classes import warn_of_few
-from data.samples.labelled_parts import LabelledParts
+from data.samples.labelled_parts import LabelledParts, warn_of_few
 from data.splits.draw import draw_split
 from data.splits.files import read_split
 from data.splits.parts import SplitBy

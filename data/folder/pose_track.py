@@ -197,22 +197,13 @@ def _ins_poses(columns: dict[str, Float64], table: TextTable, path: Path) -> Flo
     angles_rad = _angles_rad(columns, table)
     poses = np.array(
         [
-            world.world_SE3_imu(_packet(row, angles))
+            world.world_SE3_imu(InsPacket(*row.tolist(), *angles.tolist()))
             for row, angles in zip(
                 position, np.zeros_like(position) if angles_rad is None else angles_rad, strict=True
             )
         ]
     )
     return _turned_along_course(poses) if angles_rad is None else poses
-
-
-def _packet(position: Float64, angles_rad: Float64) -> InsPacket:
-    still = np.zeros(3)
-    latitude_deg, longitude_deg, altitude_m = position.tolist()
-    roll_rad, pitch_rad, yaw_rad = angles_rad.tolist()
-    return InsPacket(
-        latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad, still, still, still
-    )
 
 
 def _turned_along_course(poses: Float64) -> Float64:

@@ -9,10 +9,41 @@ import numpy as np
 
 from data.file_drive import FileDrive
 from data.kitti.reading import read_bytes
-from data.kitti.sensor_files import read_scan
+from data.kitti.sensor_files import FrameFiles, read_scan
+from data.layouts import OpenConfig
 from data.recorded_drive import hash_scan
+from data.reflectance import full_scale, largest_reflectance, sample_indices, scale_note
 from perception.errors import ScanError
 from perception.types import Float32
+
+
+@dataclass(frozen=True)
+class ReflectanceScale:
+    """Full scale of the reflectance of a drive.
+
+    Attributes:
+        scale: Full scale, 1 where reflectance is from 0 to 1.
+        notes: Sentence that says so, where it was found and is not 1.
+    """
+
+    scale: float = 1.0
+    notes: tuple[str, ...] = ()
+
+
+def find_reflectance_scale(scans: FrameFiles, config: OpenConfig) -> ReflectanceScale:
+    """Return the full scale that was asked for, else that of some scans of the drive."""
+    if config.reflectance_scale is not None:
+        return ReflectanceScale(config.reflectance_scale)
+    readable = []
+    for index in sample_indices(len(scans)):
+        try:
+            readable.append(read_scan(scans.paths[index]))
+        except ScanError:
+            continue  # reported when the frame is read
+    largest = largest_reflectance(readable)
+    scale = full_scale(largest)
+    notes = () if scale == 1 else (scale_note(str(scans.folder), largest, scale),)
+    return ReflectanceScale(scale, notes)
 
 
 @dataclass(frozen=True, kw_only=True)

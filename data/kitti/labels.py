@@ -14,7 +14,7 @@ import numpy as np
 
 from data.kitti.rows import ObjectRows, read_object_rows
 from perception.errors import CalibrationError, DriveError
-from perception.geometry.observation_angle import observation_angles_rad
+from perception.geometry.boxes import observation_angles_rad
 from perception.geometry.se3 import wrap
 from perception.types import Boxes3D, Calibration, Float64, Labels
 

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from data.drive_images import ImageFiles
 from data.kitti.calibration import read_benchmark_calibration, with_kitti_image_size
-from data.kitti.drive import KittiDrive
+from data.kitti.drive import KittiDrive, find_reflectance_scale
 from data.kitti.image_joining import join_images
 from data.kitti.labels import read_object_labels
-from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,

@@ -5,7 +5,8 @@ sequences. The IMU has x forward, y left, z up; its pose is given on the globe, 
 longitude and altitude, and as roll, pitch and yaw, where yaw is 0 to the east and grows to the north.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,12 +41,12 @@ class InsPacket:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
-    roll_rad: float
-    pitch_rad: float
-    yaw_rad: float
-    velocity_level_m_s: Float64
-    acceleration_imu_m_s2: Float64
-    rate_imu_rad_s: Float64
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+    velocity_level_m_s: Float64 = field(default_factory=partial(np.zeros, 3))
+    acceleration_imu_m_s2: Float64 = field(default_factory=partial(np.zeros, 3))
+    rate_imu_rad_s: Float64 = field(default_factory=partial(np.zeros, 3))
 
 
 @dataclass(frozen=True)
@@ -156,9 +157,7 @@ def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
     )
 
 
-def format_oxts_packet(
-    packet: InsPacket, position_accuracy_m: float = 0.05, velocity_accuracy_m_s: float = 0.03
-) -> str:
+def format_oxts_packet(packet: InsPacket) -> str:
     """Return the row that `parse_oxts_packet` reads, without a line end."""
     east_m_s, north_m_s, _ = velocity_world_m_s(packet)
     tilt = from_euler(packet.roll_rad, packet.pitch_rad, 0)[:3, :3]
@@ -171,7 +170,7 @@ def format_oxts_packet(
             tilt @ packet.acceleration_imu_m_s2,
             packet.rate_imu_rad_s,
             tilt @ packet.rate_imu_rad_s,
-            (position_accuracy_m, velocity_accuracy_m_s),
+            (0.05, 0.03),  # accuracy of position in metres, and of velocity in metres per second
         ]
     )
     return f"{position} {' '.join(f'{number:.12g}' for number in numbers)} {_STATUS}"

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.kitti.calibration import DriveCalibration, read_benchmark_calibration
+from data.kitti.drive import find_reflectance_scale
 from data.kitti.image_joining import join_images
 from data.kitti.oxts import InsPacket, parse_oxts_packet
 from data.kitti.reading import read_text
-from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from data.derived.motion_labels import PosedLabels
-from data.kitti.drive import KittiDrive
+from data.kitti.drive import KittiDrive, find_reflectance_scale
 from data.kitti.image_joining import join_images
 from data.kitti.labels import empty_labels
-from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     FrameFiles,

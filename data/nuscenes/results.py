@@ -15,8 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data.layouts import OpenConfig
-from data.nuscenes.boxes import standing_boxes
-from data.nuscenes.categories import category
+from data.nuscenes.boxes import category, standing_boxes
 from data.nuscenes.scene import NuScenesScene, open_scene, scenes_of_samples
 from data.result_files import ResultFiles, ResultKind
 from perception.errors import CalibrationError, DriveError, LabelError

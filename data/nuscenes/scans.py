@@ -7,7 +7,7 @@ import numpy as np
 
 from data.kitti.reading import read_bytes
 from data.kitti.sensor_files import read_float32_rows
-from data.nuscenes.categories import LIDARSEG_NAMES, category
+from data.nuscenes.boxes import LIDARSEG_NAMES, category
 from perception.errors import LabelError
 from perception.types import Float32, Float64, Int
 

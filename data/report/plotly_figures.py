@@ -74,8 +74,6 @@ def curves_figure(panel: CurvePanel, options: CurveOptions | None = None) -> Plo
         x_axis["range"] = list(panel.x_limits)
     if panel.y_limits is not None:
         y_axis["range"] = list(panel.y_limits)
-    elif panel.is_log_y:
-        y_axis["type"] = "log"
     elif not options.has_equal_axes:
         y_axis["rangemode"] = "tozero"
     if options.has_equal_axes:

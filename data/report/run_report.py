@@ -31,6 +31,7 @@ from perception.types import MODALITIES, HealthLevel, Progress
 MODALITY_NAMES = {"rgb": "image", "dm": "depth map", "rm": "reflectance map"}
 COLUMNS = ("object", "id", "speed [m/s]", "distance [m]", "score")
 FRAME = "frame"
+_NO_IMAGES = "No images: the run left neither a video nor panels."
 _MAX_PATHS = 20  # objects in a figure
 _MIN_PATH_FRAMES = 3
 _MAX_ROWS = 200  # of a table
@@ -53,7 +54,9 @@ def run_page(run: RunData, progress: Progress = iter) -> Page:
     data = {"frames": player.data()} if player.played else {}
     sections = [
         Section("Summary", tiles_markup(summary_tiles(run))),
-        Section("Drive", player.markup() + _path_markup(run, plots) if data else _no_images()),
+        Section(
+            "Drive", player.markup() + _path_markup(run, plots) if data else note_markup(_NO_IMAGES)
+        ),
         Section("Tracks", _tracks_markup(run, plots)),
         *_ground_sections(run, plots),
         *_detection_sections(run, plots),
@@ -160,10 +163,6 @@ def _object_rows(objects: Sequence[ObjectRecord]) -> list[list[Cell]]:
 def _distance_m(one: ObjectRecord) -> float:
     x, y, _ = one.velo.position_m
     return float("inf") if x is None or y is None else float(np.hypot(x, y))
-
-
-def _no_images() -> str:
-    return note_markup("No images: the run left neither a video nor panels.")
 
 
 def _path_markup(run: RunData, plots: Plots) -> str:

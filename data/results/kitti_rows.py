@@ -7,11 +7,11 @@ import numpy as np
 from data.kitti.labels import boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from data.results.objects import as_tracks
-from perception.geometry.camera import box_outlines_px
-from perception.geometry.observation_angle import (
+from perception.geometry.boxes import (
     observation_angles_rad,
     usual_observation_angles_rad,
 )
+from perception.geometry.camera import box_outlines_px
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Bool, Boxes3D, Calibration, Detections, Float64, Int, Tracks, Vehicles
 

@@ -10,7 +10,7 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from data.array_store import ArrayStore
-from data.batch.shared_cache import fill_together
+from data.batch.parts import fill_together
 from data.samples.cached_frames import CachedFrames
 from data.samples.config import SampleDataConfig, TrainingDrives
 from data.samples.epoch_samplers import DistributedBatchSampler, EpochSampler, SampleIndex

@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.calibration import CalibrationText, with_kitti_image_size
-from data.kitti.drive import KittiDrive
+from data.kitti.drive import KittiDrive, find_reflectance_scale
 from data.kitti.image_joining import join_images
 from data.kitti.reading import read_number_rows
-from data.kitti.reflectance import find_reflectance_scale
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     POINT_LABEL_SUFFIXES,

@@ -10,8 +10,7 @@ from data.synthetic import writer
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.folder_writer import write_folder
 from data.synthetic.ins import InsNoise
-from data.synthetic.layout import SYNTH_LAYOUTS, CameraName, SynthLayout
-from data.synthetic.street_kind import StreetKind
+from data.synthetic.words import SYNTH_LAYOUTS, CameraName, StreetKind, SynthLayout
 from data.synthetic.world_config import WorldConfig
 from data.synthetic.world_kinds import STREETS, draw_config
 from perception.errors import UsageError

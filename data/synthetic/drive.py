@@ -15,10 +15,10 @@ from data.synthetic import ins, labelling, lidar
 from data.synthetic.camera import Camera
 from data.synthetic.exposure import Exposure, draw_exposure
 from data.synthetic.ins import InsNoise
-from data.synthetic.layout import CameraName
 from data.synthetic.lidar import LidarScan
 from data.synthetic.light import draw_daylight
 from data.synthetic.rig import camera_calibration, default_calibration
+from data.synthetic.words import CameraName
 from data.synthetic.world import World, build_world
 from data.synthetic.world_config import WorldConfig
 from perception.errors import DriveError, UsageError

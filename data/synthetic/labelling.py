@@ -250,11 +250,9 @@ def _covers(world: World, rays: Rays, index: Int, state: MovingObject) -> Bool:
     return world.scene.meets(state.shape, origins, directions)
 
 
-def label_around(
-    world: World, world_SE3_velo: Float64, time_s: float, within_m: float = 80.0
-) -> Labels:
-    """Label all objects around the ego vehicle, in the camera's view or not; image boxes are -1."""
-    actors = [actor for actor in world.actors if world.is_near(actor, time_s, within_m)]
+def label_around(world: World, world_SE3_velo: Float64, time_s: float) -> Labels:
+    """Label all objects within 80 m of the ego vehicle, in the camera's view or not; image boxes are -1."""
+    actors = [actor for actor in world.actors if world.is_near(actor, time_s, 80.0)]
     states = [world.state(actor, time_s) for actor in actors]
     return labels_of_boxes(
         _boxes_velo(actors, states, world_SE3_velo),

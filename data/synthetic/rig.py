@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from data.kitti.calibration import DriveCalibration
-from data.synthetic.layout import CameraName
 from data.synthetic.raycasting import Rays, near_any
+from data.synthetic.words import CameraName
 from perception.geometry import camera, se3
 from perception.types import Calibration, Float64, Int
 

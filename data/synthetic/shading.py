@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from data.synthetic.lamps import glow, headlight
-from data.synthetic.light import Daylight
+from data.synthetic.light import Daylight, glow, headlight
 from data.synthetic.materials import Slot, column, rgb
 from data.synthetic.raycasting import Hits, MovingObject, Rays, near_any
 from data.synthetic.rig import PinholeCamera, near_pixels

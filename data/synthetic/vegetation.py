@@ -8,6 +8,7 @@ from data.synthetic.meshes import Mesh
 from perception.types import Float32, Float64
 
 CROWN_REACH = 0.38  # of a tree's height, from its trunk
+_LEAVES_PER_M2 = 60.0  # of the body of a trimmed bush
 _STEM, _LOW_STEM = (0.28, 0.4), (-0.05, 0.1)  # share of a tree's height below its crown
 
 
@@ -80,18 +81,12 @@ def hedge(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:
     return meshes.merge([core, _leaf_cards(centres, outward, 0.07, rng)])
 
 
-def trimmed(core: Mesh, rng: np.random.Generator, cards_m2: float = 60.0) -> Mesh:
-    """Cover a body with leaves, as of a bush that is cut to a shape.
-
-    Args:
-        core: Body of the bush.
-        rng: Random generator of the leaves.
-        cards_m2: Number of leaves per square metre of the body.
-    """
+def trimmed(core: Mesh, rng: np.random.Generator) -> Mesh:
+    """Cover a body with leaves, as of a bush that is cut to a shape."""
     corners = core.vertices_m[core.triangles].astype(np.float64)
     doubled = meshes.face_areas(core.vertices_m[core.triangles])
     areas_m2 = np.linalg.norm(doubled, axis=1) / 2
-    count = int(cards_m2 * areas_m2.sum())
+    count = int(_LEAVES_PER_M2 * areas_m2.sum())
     of = rng.choice(len(areas_m2), size=count, p=areas_m2 / areas_m2.sum())
     shares = rng.dirichlet((1.0, 1.0, 1.0), count)
     centres = np.einsum("nc,nca->na", shares, corners[of])

@@ -13,8 +13,8 @@ from data.synthetic.raycasting import MovingObject, RaycastingScene
 from data.synthetic.road import Road
 from data.synthetic.roadside import draw_plots, land_outside
 from data.synthetic.street import Part
+from data.synthetic.structures import Tunnel
 from data.synthetic.traffic_generator import TrafficGenerator
-from data.synthetic.tunnel import Tunnel
 from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 

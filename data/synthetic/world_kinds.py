@@ -11,8 +11,8 @@ import numpy as np
 
 from data.synthetic.clutter import ClutterConfig
 from data.synthetic.road import RoadShape
-from data.synthetic.street_kind import StreetKind
 from data.synthetic.town import TownConfig
+from data.synthetic.words import StreetKind
 from data.synthetic.world_config import WorldConfig
 
 # What draws of a street begin with: trees of fewer leaves, as there are many of them.

@@ -8,7 +8,7 @@ Messages pass through ROS in their binary form, so that all but `main` runs, and
 
 import numpy as np
 
-from data.bags.point_cloud import read_point_cloud
+from data.bags.sweeps import read_point_cloud
 from data.messages.definitions import encoded, typestore
 from data.messages.motion import odometry, transforms
 from data.messages.objects import markers

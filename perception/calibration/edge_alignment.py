@@ -1,17 +1,19 @@
 """How well the edges of scans lie on those of images, and the change of the calibration with which they lie best."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from perception.calibration.frame_edges import FrameEdges, SweepTurn
 from perception.calibration.image_edges import NEAREST_M
-from perception.calibration.quasi_newton import minimize_loss
 from perception.geometry.se3 import from_motion_vector
 from perception.kernels.edge_sampling import add_map_sums
 from perception.types import Float64, Int
 
+# Share of the decrease that the slope promises, from which a step is taken; the smallest share of a step that is tried.
+_DECREASE, _MIN_SHARE = 1e-4, 1e-3
+_MAX_STEPS = 60
 # Maps are smoothed less and less: broad ones lead from afar, narrow ones to the place.
 SMOOTHINGS_PX = (8.0, 4.0, 2.0)
 # Offsets that change the image about as much.
@@ -28,6 +30,51 @@ _PERCENT = 100.0
 _CURVATURE = np.diag([10.0, 40.0, 4.0, 11.0, 6.0, 4.0])
 _CURVATURE[[1, 3], [3, 1]], _CURVATURE[[0, 4], [4, 0]] = 19.0, -6.0
 _INVERSE_CURVATURE = np.linalg.inv(_CURVATURE)
+
+
+def minimize_loss(
+    loss: Callable[[Float64], tuple[float, Float64]],
+    start: Float64,
+    inverse_curvature: Float64,
+    tolerance: float,
+) -> Float64:
+    """Return the (D,) place of the least loss that steps downhill lead to.
+
+    Args:
+        loss: Returns a smooth loss and its (D,) gradient at a (D,) place.
+        start: (D,) place to start from.
+        inverse_curvature: (D, D) inverse of the usual curvature, positive definite.
+        tolerance: Share of the loss that a step must gain for another one.
+    """
+    place, (value, gradient), inverse = start, loss(start), inverse_curvature
+    for _ in range(_MAX_STEPS):
+        step = -inverse @ gradient
+        promised, share = float(step @ gradient), 1.0
+        later, later_gradient = loss(place + step)
+        # False with NaN, and so a step into it is not taken.
+        while not later <= value + _DECREASE * share * promised:
+            share /= 2
+            if share < _MIN_SHARE:
+                return place
+            later, later_gradient = loss(place + share * step)
+        step = share * step
+        gained, change = value - later, later_gradient - gradient
+        place, value, gradient = place + step, later, later_gradient
+        if gained <= tolerance * max(abs(value), 1.0):
+            break
+        inverse = _updated(inverse, step, change)
+    return place
+
+
+def _updated(inverse: Float64, step: Float64, change: Float64) -> Float64:
+    """Return the inverse curvature by a step and the change of the gradient along it; as it was where that is bent away."""
+    along = float(step @ change)
+    if along <= 0:
+        return inverse
+    bent = inverse @ change
+    pairs = np.outer(bent, step)
+    by_step = (1 + change @ bent / along) / along * np.outer(step, step)
+    return np.asarray(inverse + by_step - (pairs + pairs.T) / along)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from data.batch.cluster_config import ClusterConfig
+from data.batch.cluster import ClusterConfig
 from perception.cli.parser import CommandFunction, FlagGroup, flag_types, parse
 
 RunCommand = Callable[[Sequence[str]], None]

@@ -44,16 +44,16 @@ def evaluate_otd(
     """
     from data.derived.otd_objects import ObjectSetConfig, find_objects, run_trackers
     from perception.cli.progress import progress_bar
+    from perception.evaluation.single_object import tracker_runs
     from perception.evaluation.single_object.measure import PROTOCOL, SingleObjectMeasure
-    from perception.evaluation.single_object.parameters import fusion_parameters
     from perception.evaluation.single_object.plots import write_plots
-    from perception.evaluation.single_object.tracker_runs import named_trackers, require_trackers
 
-    names = require_trackers(trackers)
+    names = tracker_runs.require_trackers(trackers)
     set_config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.reading)
     found, measure = find_objects(set_config), SingleObjectMeasure(names)
     for one in found.drives:
-        makers, skips = named_trackers(names, one.drive.sensor, tracker), drive.on_bad_frame
+        makers = tracker_runs.named_trackers(names, one.drive.sensor, tracker)
+        skips = drive.on_bad_frame
         runs = run_trackers(one.drive, one.objects, makers, pipeline, skips, progress_bar)
         for target, by_name in zip(one.objects, runs, strict=True):
             measure.update(target, by_name, one.drive.calibration)
@@ -61,7 +61,7 @@ def evaluate_otd(
     document = EvaluationDocument("otd", {"config": set_config, **found.to_json()}, PROTOCOL)
     heading = found.heading(root, set, len(metrics.objects))
     if "h-fus" in names:
-        heading = f"{heading}\n\n{fusion_parameters(tracker).text()}"
+        heading = f"{heading}\n\n{tracker_runs.fusion_parameters(tracker).text()}"
     report.publish(heading, metrics, document, config)
     if plots is not None:
         for path in write_plots(plots, f"{root.name}, set {set}", metrics):

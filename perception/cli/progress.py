@@ -36,9 +36,9 @@ def progress_bar(
     return shown
 
 
-def counting_bar(description: str, total: int, *, unit: str = "frame") -> "tqdm[Any]":
+def counting_bar(description: str, total: int) -> "tqdm[Any]":
     """Return a bar that is a context manager and moves by `update(count)`."""
-    return _open(None, description, total, unit, 0)
+    return _open(None, description, total, "frame", 0)
 
 
 def frame_progress_bar(description: str, delay_s: float = 2) -> Progress:

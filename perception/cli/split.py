@@ -32,9 +32,9 @@ def split(
         lists: Folder with train.txt, val.txt and test.txt, one frame a line, that are read instead.
     """
     from data.open_drive import open_drives
-    from data.splits.counts import COLUMNS, PartCounts
     from data.splits.draw import draw_split, require_labels
     from data.splits.files import split_by_lists, write_split
+    from data.splits.frame_split import COLUMNS, PartCounts
     from perception.atomic_file import require_writable
     from perception.cli.progress import frame_progress_bar
     from perception.evaluation.report import Table

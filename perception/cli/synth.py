@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from data.results.command_config import CommandConfig
-from data.synthetic.layout import CameraName, SynthLayout
-from data.synthetic.street_kind import StreetKind
+from data.synthetic.words import CameraName, StreetKind, SynthLayout
 
 
 def synth(

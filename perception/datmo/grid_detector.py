@@ -9,8 +9,7 @@ from perception.datmo.cell_grid import CellGrid
 from perception.datmo.config import THESIS, MotionGridConfig
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.elevation import ElevationGrid, LevelPlane, elevation_grid
-from perception.datmo.grid_objects import LabelledCells, find_objects
-from perception.datmo.motion_grid import motion_grid
+from perception.datmo.grid_objects import LabelledCells, find_objects, motion_grid
 from perception.datmo.short_term_map import ShortTermMap
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of

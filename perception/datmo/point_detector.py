@@ -1,17 +1,22 @@
 """Default detector: clusters of the points that the motion stage calls moving."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
-from perception.datmo.clustering import cluster_moving_points
 from perception.datmo.detector import DetectedObjects, SegmentedScan
-from perception.datmo.static_cells import StaticCells
 from perception.geometry.footprints import Footprints, footprints_of
-from perception.kernels.neighbours import extents_of_clusters
+from perception.kernels.neighbours import extents_of_clusters, linked_clusters
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64, GroundModel, Int, PointState
+from perception.types import Bool, Float, Float32, Float64, GroundModel, Int, PointState, UInt8
 
+_CELL_M = 0.15  # edge of a cell, whose points are always in one cluster
+# Across the line of sight: more than between a pedestrian's legs, less than between two pedestrians side by side.
+_LATERAL_GAP_M = 0.4
+# Gap along the line of sight that is always bridged, as from a bonnet to a windscreen, and the largest, less than from
+# one car to the next; between them, that of two beams on the flattest surface that is bridged.
+_MIN_DEPTH_GAP_M, _MAX_DEPTH_GAP_M, _MIN_SURFACE_SLOPE = 0.6, 1.5, 1 / 3
 _MIN_POINTS, _STATIC_MIN_POINTS = 3, 5  # of a moving and of a static cluster
 _STATIC_CELL_M = 0.2  # edge of the cells in which static points are joined
 _STATIC_MAX_LENGTH_M = 12.0  # of a static cluster; a longer one is a wall or a hedge
@@ -19,6 +24,104 @@ _STATIC_MAX_LENGTH_M = 12.0  # of a static cluster; a longer one is a wall or a 
 # with truth one in twenty moving clusters, and three in four false ones, touch with more than a tenth of their points.
 _MAX_ATTACHED_RATIO = 0.4
 _MIN_BEAMS_ACROSS = 12.0  # between beams that are close together nothing comes to light by chance
+
+
+@dataclass(frozen=True)
+class StaticCells:
+    """The C cells with static points.
+
+    Attributes:
+        occupancy: (X, Y) 1 where a cell has a static point.
+        first: (2,) cell of the corner of `occupancy`, counted from the sensor.
+        cell_m: Edge of a cell in metres.
+        rows: (C,) indices of the cells in the flattened `occupancy`, rising.
+        places_m: (C, 3) mean x and y of a cell's points, and their highest z.
+        points: (C,) how many each holds.
+    """
+
+    occupancy: UInt8
+    first: Int
+    cell_m: float
+    rows: Int
+    places_m: Float64
+    points: Int
+
+    @classmethod
+    def under(cls, points_velo: Float, cell_m: float) -> "StaticCells":
+        """Gather (N, 3+) points, at least one."""
+        x_m, y_m, z_m = np.ascontiguousarray(points_velo[:, :3].T)
+        x, y = _cell_numbers(x_m, cell_m), _cell_numbers(y_m, cell_m)
+        # A margin of one empty cell on every side.
+        first = np.array([x.min() - 1, y.min() - 1], np.int64)
+        shape = int(x.max() - first[0] + 2), int(y.max() - first[1] + 2)
+        cell_of = (x - first[0]) * shape[1] + (y - first[1])
+        counts = np.bincount(cell_of, minlength=shape[0] * shape[1])
+        rows = np.flatnonzero(counts)
+        highest_m = np.full(len(counts), -np.inf, z_m.dtype)
+        np.maximum.at(highest_m, cell_of, z_m)
+        sums = [np.bincount(cell_of, along_m)[rows] / counts[rows] for along_m in (x_m, y_m)]
+        return cls(
+            occupancy=(counts > 0).astype(np.uint8).reshape(shape),
+            first=first,
+            cell_m=cell_m,
+            rows=rows,
+            places_m=np.column_stack([*sums, highest_m[rows]]),
+            points=counts[rows],
+        )
+
+    def clusters(self, min_points: int, length_m: float) -> Footprints:
+        """Return the footprints of clusters up to a length; cells with a common corner are one cluster."""
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(self.occupancy, connectivity=8)
+        cluster_of = np.asarray(labels.ravel()[self.rows], np.int64)
+        longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        points = np.bincount(cluster_of, self.points, count)
+        kept = (longest * self.cell_m <= length_m) & (points >= min_points)
+        kept[0] = False  # the space between
+        number = np.cumsum(kept) - 1
+        chosen = np.flatnonzero(kept[cluster_of])
+        clusters = footprints_of(self.places_m[chosen], number[cluster_of[chosen]], int(kept.sum()))
+        return replace(clusters, points=points[kept].astype(np.int64))
+
+    def is_touching(self, points_velo: Float) -> Bool:
+        """Return which of (P, 2+) points lie in a cell with a static point or next to one."""
+        grown = cv2.dilate(self.occupancy, np.ones((3, 3), np.uint8))
+        x = _cell_numbers(points_velo[:, 0], self.cell_m) - self.first[0]
+        y = _cell_numbers(points_velo[:, 1], self.cell_m) - self.first[1]
+        is_on = (x >= 0) & (y >= 0) & (x < grown.shape[0]) & (y < grown.shape[1])
+        return np.asarray(is_on & (grown[np.where(is_on, x, 0), np.where(is_on, y, 0)] > 0))
+
+
+def _cell_numbers(along_m: Float, cell_m: float) -> Int:
+    return np.floor(along_m * (1 / cell_m)).astype(np.int64)
+
+
+def cluster_moving_points(points_velo: Float, elevation_step_rad: float) -> Int:
+    """Return the (N,) cluster of each point, from 0.
+
+    Args:
+        points_velo: (N, 2+) points in the LiDAR frame.
+        elevation_step_rad: Angle in rad between two beams.
+    """
+    if len(points_velo) == 0:
+        return np.zeros(0, np.int64)
+    cell_of, places_m = _cells(points_velo)
+    ranges_m = np.hypot(*places_m.T)
+    depth_gaps_m = np.clip(
+        ranges_m * elevation_step_rad / _MIN_SURFACE_SLOPE, _MIN_DEPTH_GAP_M, _MAX_DEPTH_GAP_M
+    )
+    order = np.argsort(places_m[:, 0])
+    cluster_of_cell = linked_clusters(places_m, depth_gaps_m, _LATERAL_GAP_M, order)
+    return np.asarray(cluster_of_cell[cell_of], np.int64)
+
+
+def _cells(points_velo: Float) -> tuple[Int, Float64]:
+    """Return (N,) the cell of each point and (C, 2) the mean place of each cell's points."""
+    x_m, y_m = np.ascontiguousarray(points_velo[:, :2].T, np.float64)
+    x, y = (np.floor(along_m / _CELL_M).astype(np.int64) for along_m in (x_m, y_m))
+    keys = (x - x.min()) * (int(np.ptp(y)) + 1) + (y - y.min())
+    _, cell_of, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(cell_of, along_m) for along_m in (x_m, y_m)]
+    return np.asarray(cell_of, np.int64), np.column_stack(sums) / counts[:, None]
 
 
 class PointDetector:

@@ -8,8 +8,7 @@ import numpy as np
 
 from perception.detection.vehicles.camera_views import views_of
 from perception.errors import PerceptionError
-from perception.evaluation.box_intervals import BoxIntervalMetrics, BoxIntervals, box_intervals
-from perception.evaluation.intervals import groups
+from perception.evaluation.intervals import BoxIntervalMetrics, BoxIntervals, box_intervals, groups
 from perception.evaluation.multi_object.coverage import MIN_FRAMES, Coverage, CoverageMetrics
 from perception.evaluation.multi_object.ground_protocol import (
     GROUND_CLASSES,

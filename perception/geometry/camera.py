@@ -63,7 +63,6 @@ def project_segments(
     size_px: tuple[int, int] | None = None,
     *,
     margin_px: float = 0.0,
-    nearest_m: float = NEAREST_M,
 ) -> ProjectedSegments:
     """Project (S, 2, 3) segments and clip them to the field of view.
 
@@ -72,14 +71,13 @@ def project_segments(
         segments_m: (S, 2, 3) both ends of each segment in the source frame.
         size_px: (width, height) of the image, or None for one that has no borders.
         margin_px: Distance in pixels beyond the borders at which lines end.
-        nearest_m: Depth in metres of the near plane, where lines towards the camera end.
     """
     ends = segments_m @ image_P_src[:, :3].T + image_P_src[:, 3]
     # Signed distances of both ends from the planes around the view (Cyrus and Beck): inside is positive.
     planes = _view_planes(size_px, margin_px)
     start, stop = np.moveaxis(ends @ planes.T, 1, 0)
-    start[:, 0] -= nearest_m
-    stop[:, 0] -= nearest_m
+    start[:, 0] -= NEAREST_M
+    stop[:, 0] -= NEAREST_M
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = start / (start - stop)
     enters = np.where((start < 0) & (stop >= 0), crossing, 0.0).max(axis=1)

@@ -31,14 +31,12 @@ class LocalArea:
         behind_m: Reach along -x in metres.
         side_m: Reach along +y and -y in metres.
         height_m: Reach above the ground in metres.
-        depth_m: Reach below the ground plane in metres, for roads that slope down.
     """
 
     ahead_m: float = 25.0
     behind_m: float = 5.0
     side_m: float = 10.0
     height_m: float = 2.0
-    depth_m: float = 1.0
 
     def __post_init__(self) -> None:
         """Validate that the area has an extent."""

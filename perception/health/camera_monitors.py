@@ -6,12 +6,13 @@ of each part of the image, is learned over the drive and compared with itself.
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from perception.health.image_statistics import ImageStatistics, SampledReturns
-from perception.types import CAMERA, Bool, Float, Frame, HealthFinding, HealthLevel, UInt8
+from perception.types import CAMERA, Bool, Float, Frame, Health, HealthFinding, HealthLevel, UInt8
 
 # A lit street at night has lamps and headlights above 100; a covered lens has read noise below 20.
 _MAX_DARK = 24.0
@@ -38,6 +39,40 @@ _MAX_NEARED, _MAX_NEARED_SHARE, _BEFORE_FRAMES, _KEPT_FRAMES = 0.4, 0.6, 3, 40
 _RECOVERED_SHARE, _RECOVERED_FRAMES = 0.5, 3
 _DETAIL_FRAMES, _LEARNING_FRAMES = 5, 6
 _NEWEST, _NEWEST_LOST = 0.1, 0.02
+
+
+class AllCameraMonitors:
+    """The monitors of each camera."""
+
+    def __init__(self) -> None:
+        self._cameras: dict[str, CameraMonitors] = {}
+
+    def update(self, frame: Frame) -> Health:
+        """Return the health of the cameras in a frame."""
+        found: list[HealthFinding] = []
+        for number, view in enumerate(frame.views):
+            part = camera_part(view.camera, is_main=number == 0)
+            found += self._cameras.setdefault(part, CameraMonitors(part)).update(view)
+        return Health.of(found)
+
+
+def without_failed_cameras(frame: Frame, health: Health) -> Frame:
+    """Return the frame without the images of cameras with an ERROR."""
+    if health.level < HealthLevel.ERROR:
+        return frame
+    further = tuple(
+        replace(one, image=None)
+        if health.level_of(camera_part(one.name, is_main=False)) is HealthLevel.ERROR
+        else one
+        for one in frame.further_cameras
+    )
+    image = None if health.level_of(CAMERA) is HealthLevel.ERROR else frame.image
+    return replace(frame, image=image, further_cameras=further)
+
+
+def camera_part(name: str, *, is_main: bool) -> str:
+    """Return the name of a camera among the parts of a health."""
+    return CAMERA if is_main else f"{CAMERA} {name}"
 
 
 class CameraMonitors:

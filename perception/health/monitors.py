@@ -1,10 +1,64 @@
 """All monitors of LiDAR and INS."""
 
+from collections import deque
+from collections.abc import Sequence
+from math import inf
+from statistics import median
+
 from perception.health.ins_monitor import InsMonitor
 from perception.health.lidar_monitors import LidarMonitors
 from perception.health.scan_statistics import ScanMeter
-from perception.health.scan_times import LATE, OUT_OF_ORDER, SAME_TIME, TIME_JUMP, ScanTimeMonitor
 from perception.types import LIDAR, Float64, Frame, Health, HealthFinding, HealthLevel
+
+_MIN_STEPS = 3
+_STEPS = 15  # of which the median is the usual one
+_MAX_PERIODS = 1.6  # to the next scan; one that is missing makes 2
+_JUMP_S, _JUMP_PERIODS = 1.0, 10.0  # no scan is so late
+OUT_OF_ORDER, SAME_TIME = "scan out of order", "scan of the same time"
+TIME_JUMP, LATE = "time jump", "scan late"
+
+
+class ScanTimeMonitor:
+    """Compares the stamp of each scan with that before, by the usual step of the drive."""
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+        self._rejected_s: float | None = None
+        self._rejected = 0
+        self._steps_s: deque[float] = deque(maxlen=_STEPS)
+
+    def update(self, frame: Frame) -> Sequence[HealthFinding]:
+        """Return the finding of a frame; after an ERROR it does not count as the last scan."""
+        if self._last_s is None:
+            self._last_s = frame.stamp_s
+            return []
+        step_s = frame.stamp_s - self._last_s
+        if step_s == 0:
+            reason = "the stamp is that of the scan before: its pose is repeated"
+            return [HealthFinding(LIDAR, HealthLevel.WARN, SAME_TIME, reason)]
+        if step_s < 0:
+            return [self._not_rising(frame.stamp_s, step_s)]
+        is_known = len(self._steps_s) >= _MIN_STEPS
+        usual_s = median(self._steps_s) if is_known else inf
+        expected_s = usual_s * (1 + self._rejected)
+        self._last_s, self._rejected_s, self._rejected = frame.stamp_s, None, 0
+        self._steps_s.append(step_s)
+        if step_s <= (_MAX_PERIODS - 1) * usual_s + expected_s:
+            return []
+        is_jump = step_s > max(_JUMP_S, _JUMP_PERIODS * usual_s)
+        reason = f"{step_s:.3f} s after the scan before, expected {expected_s:.3f} s"
+        return [HealthFinding(LIDAR, HealthLevel.WARN, TIME_JUMP if is_jump else LATE, reason)]
+
+    def _not_rising(self, stamp_s: float, step_s: float) -> HealthFinding:
+        """Return the finding of a stamp that is no later than the last: twice in a row, rising, the clock was set."""
+        rejected_s, self._rejected_s = self._rejected_s, stamp_s
+        if rejected_s is not None and stamp_s > rejected_s:
+            self._last_s, self._rejected_s, self._rejected = stamp_s, None, 0
+            reason = f"the clock was set back by {-step_s:.3f} s: the drive starts again here"
+            return HealthFinding(LIDAR, HealthLevel.WARN, TIME_JUMP, reason)
+        self._rejected += 1
+        reason = f"{step_s:.3f} s after the scan before, expected a later stamp"
+        return HealthFinding(LIDAR, HealthLevel.ERROR, OUT_OF_ORDER, reason)
 
 
 class ScanAndInsMonitors:

@@ -1,6 +1,6 @@
 """Projection of a scan into an image, and filling of both maps along beams and columns.
 
-`perception.maps.column_filling` describes the method; here are its loops.
+`perception.maps.densify` describes the method; here are its loops.
 """
 
 import numpy as np

@@ -158,7 +158,8 @@ class GroundSurfaceEstimator:
         velo_SE3_world = inverse(world_SE3_velo)
         recalled = self._footing
         for memory in self._memories:
-            moved = _moved(memory.samples.points, velo_SE3_world @ memory.world_SE3_velo)
+            velo_SE3_then = velo_SE3_world @ memory.world_SE3_velo
+            moved = memory.samples.points @ velo_SE3_then[:3, :3].T + velo_SE3_then[:3, 3]
             recalled = recalled.joined(HeightSamples(moved, memory.samples.weights))
         inside = self._cells_of(recalled.points) >= 0
         weights = _MEMORY_WEIGHT * recalled.weights
@@ -186,7 +187,3 @@ def _footing(height_m: float) -> HeightSamples:
     x, y = np.meshgrid([-1.5, 0.0, 1.5], [-0.75, 0.0, 0.75])
     z = np.full(x.size, -height_m)
     return HeightSamples(np.column_stack([x.ravel(), y.ravel(), z]), np.ones(x.size))
-
-
-def _moved(points: Float64, dst_SE3_src: Float64) -> Float64:
-    return points @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]

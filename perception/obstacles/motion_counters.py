@@ -112,9 +112,9 @@ def column_counter(grid: VoxelGrid, voxels: KeyCounts) -> Int:
     return total.astype(np.int64).reshape(across)
 
 
-def log_ratio(moving: Int, static: Int, epsilon: float = 1.0) -> Float64:
-    """Return log(max(C_d, ε) / max(C_s, ε)), negative where static (5.4)."""
-    return np.asarray(np.log(np.maximum(moving, epsilon)) - np.log(np.maximum(static, epsilon)))
+def log_ratio(moving: Int, static: Int) -> Float64:
+    """Return log(max(C_d, ε) / max(C_s, ε)) with ε = 1, negative where static (5.4)."""
+    return np.asarray(np.log(np.maximum(moving, 1.0)) - np.log(np.maximum(static, 1.0)))
 
 
 def classify_columns(

@@ -17,7 +17,7 @@ from perception.detection.onnx_model import shipped_model
 from perception.detection.vehicles.camera_joining import join_cameras
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
-from perception.health.all_cameras import AllCameraMonitors, without_failed_cameras
+from perception.health.camera_monitors import AllCameraMonitors, without_failed_cameras
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
 from perception.health.monitors import is_scan_usable
 from perception.health.stage_times import StageTimeMonitor

@@ -35,15 +35,12 @@ def fill_canvas(canvas: UInt8, color: Color) -> None:
     cv2.rectangle(canvas, (0, 0), canvas.shape[1::-1], color, cv2.FILLED)
 
 
-def is_inside(pixels: Float64 | Int, size_px: tuple[int, int], margin_px: float | Int = 0) -> Bool:
-    """Return an (N,) mask of the (N, 2) pixels that round to one of the canvas, grown by a margin; false for NaN."""
+def is_inside(pixels: Float64 | Int, size_px: tuple[int, int]) -> Bool:
+    """Return an (N,) mask of the (N, 2) pixels that round to one of the canvas; false for NaN."""
     column, row = pixels[:, 0], pixels[:, 1]
     with np.errstate(invalid="ignore"):
         return np.asarray(
-            (column > -0.5 - margin_px)
-            & (row > -0.5 - margin_px)
-            & (column < size_px[0] - 0.5 + margin_px)
-            & (row < size_px[1] - 0.5 + margin_px)
+            (column > -0.5) & (row > -0.5) & (column < size_px[0] - 0.5) & (row < size_px[1] - 0.5)
         )
 
 

@@ -14,7 +14,6 @@ from perception.render.birds_eye import draw_birds_eye, draw_scale, view_of_area
 from perception.render.camera_grid import CameraGrid, camera_grid
 from perception.render.canvas import blank_canvas, fill_canvas
 from perception.render.detector_views import draw_detector_boxes, map_insets
-from perception.render.health_lines import draw_health
 from perception.render.labels import Label, draw_labels
 from perception.render.object_figures import object_figures
 from perception.render.objects import draw_objects
@@ -30,7 +29,7 @@ from perception.render.panels import (
 )
 from perception.render.perspective import chase_camera, draw_perspective
 from perception.render.scene import Scene
-from perception.render.strip import draw_strip, inset_height_px
+from perception.render.strip import draw_health, draw_strip, inset_height_px
 from perception.render.tracked_object_views import draw_tracked_in_image
 from perception.types import Calibration, Int, Result, UInt8
 

@@ -70,7 +70,6 @@ class CurvePanel:
         shaded: Intervals of x with a grey background.
         legend_title: Title of the legend.
         empty_text: Text of a panel without curves.
-        is_log_y: Whether the y axis is logarithmic.
     """
 
     title: str
@@ -83,7 +82,6 @@ class CurvePanel:
     shaded: Sequence[tuple[float, float]] = ()
     legend_title: str = ""
     empty_text: str = "no frames"
-    is_log_y: bool = False
 
 
 def precision_panel(
@@ -257,7 +255,7 @@ def curve_figure(
     for axes, panel in zip(grid.flat, panels, strict=False):
         _draw_panel(axes, panel, names)
     for axes, panel in zip(grid.flat, panels, strict=False):
-        if panel.y_limits is None and not panel.is_log_y:
+        if panel.y_limits is None:
             _include_zero(axes)
     for axes in grid.flat[len(panels) :]:
         axes.set_axis_off()
@@ -289,10 +287,6 @@ def _draw_panel(axes: "Axes", panel: CurvePanel, names: Sequence[str]) -> None:
         axes.set_xticks(panel.x_ticks, [f"{value:g}" for value in panel.x_ticks])
     if panel.x_limits is not None:
         axes.set_xlim(*panel.x_limits)
-    if panel.is_log_y:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
     if panel.y_limits is not None:
         axes.set_ylim(*panel.y_limits)
 

@@ -13,8 +13,8 @@ from perception.render import palette
 from perception.render.figure import new_figure, rgb, save_figure
 from perception.render.perspective import chase_camera
 from perception.tracking.single_object.config import PitchGroundConfig
+from perception.tracking.single_object.localizer import Window
 from perception.tracking.single_object.pitch_ground import PitchedPlane, angle_density, side_view
-from perception.tracking.single_object.window import Window
 from perception.types import Boxes3D, Float, Float32, Float64, UInt8
 
 if TYPE_CHECKING:

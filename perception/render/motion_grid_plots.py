@@ -10,9 +10,10 @@ from perception.datmo.grid_detector import MotionGrids
 from perception.geometry.boxes import corners
 from perception.geometry.camera import project
 from perception.render import palette
-from perception.render.cubes import render_cubes
+from perception.render.camera_grid import aspect_of
 from perception.render.ego_vehicle import vehicle_outline_m
 from perception.render.figure import new_figure, rgb, save_figure
+from perception.render.overlay import render_cubes
 from perception.types import Boxes3D, Float, Float32, Float64, GroundModel, UInt8, Voxels
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def plot_motion_grids(path: Path, title: str, scene: MotionGridScene) -> None:
     The figure repeats Fig. 5.10 with the grids on the camera's image; without a camera, from above.
     """
     from_above = scene.grids.cells.shape[0] / scene.grids.cells.shape[1]
-    shares = (_aspect(scene.camera.image) if scene.camera else from_above, from_above)
+    shares = (aspect_of(scene.camera.image) if scene.camera else from_above, from_above)
     row_in = (_WIDTH_IN - _BESIDE_IN) / sum(shares)
     figure = new_figure(_WIDTH_IN, 3 * row_in + _ABOVE_IN, title)
     axes = figure.subplots(3, 2, width_ratios=shares)
@@ -106,10 +107,6 @@ def plot_motion_grids(path: Path, title: str, scene: MotionGridScene) -> None:
     axes[2, 1].set_xlabel("ahead [m]")
     figure.colorbar(heights, ax=axes[:, 1], label="height [m]", shrink=0.5, pad=0.02, aspect=30)
     save_figure(figure, path)
-
-
-def _aspect(image: UInt8) -> float:
-    return float(image.shape[1] / image.shape[0])
 
 
 def _steps(grids: MotionGrids, boxes: Boxes3D) -> list[_Step]:

@@ -8,12 +8,12 @@ import numpy as np
 
 from perception.geometry.camera import project
 from perception.geometry.grids import LocalArea
-from perception.kernels.drawing import blend_overlay
+from perception.kernels.drawing import blend_overlay, faces_of_cubes, splat_cubes
 from perception.render import palette
 from perception.render.canvas import FIXED_POINT_BITS, fixed_point
-from perception.render.cubes import CubeImage, render_cubes
-from perception.types import Float64, GroundModel, Int, Obstacles, UInt8, Voxels
+from perception.types import Bool, Float64, GroundModel, Int, Obstacles, UInt8, Voxels
 
+_NO_CUBE = -1
 _NEAREST_M = 0.7
 # Brightness of the faces across x, y and z: the light comes from high in front of the vehicle.
 _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
@@ -21,6 +21,35 @@ _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
 _FULL_COUNT = 8
 _FULLNESS = (0.8 + 0.2 * np.arange(_FULL_COUNT + 1) / _FULL_COUNT).astype(np.float32)
 _MESH_COLORS = np.array([palette.GROUND, palette.GROUND_MESH], np.float64)
+
+
+@dataclass(frozen=True)
+class CubeImage:
+    """What each pixel of an image shows.
+
+    Attributes:
+        cubes: (H, W) index of the nearest cube, -1 without one.
+        faces: (H, W) visible face of that cube: 0 across x, 1 across y, 2 across z; 0 without one.
+    """
+
+    cubes: Int
+    faces: UInt8
+
+    @property
+    def is_cube(self) -> Bool:
+        """(H, W) mask of the pixels that show a cube."""
+        return np.asarray(self.cubes != _NO_CUBE)
+
+
+def render_cubes(image_P_velo: Float64, size_px: tuple[int, int], voxels: Voxels) -> CubeImage:
+    """Render cubes into an image of (width, height) pixels; cubes behind the camera are left out."""
+    cubes = np.full(size_px[::-1], _NO_CUBE, np.int32)
+    faces = np.zeros(size_px[::-1], np.uint8)
+    projection = np.ascontiguousarray(image_P_velo, np.float64)
+    centers_m = np.ascontiguousarray(voxels.centers_m, np.float32)
+    splat_cubes(cubes, projection, centers_m, voxels.size_m)
+    faces_of_cubes(faces, cubes, projection, centers_m, voxels.size_m)
+    return CubeImage(cubes, faces)
 
 
 @dataclass(frozen=True)
@@ -49,23 +78,16 @@ class GroundMesh:
         return np.asarray(along_x), np.asarray(along_y)
 
 
-def sample_surface(ground: GroundModel, area: LocalArea, step_m: float = 1.0) -> GroundMesh:
-    """Sample the ground over the local area, its edges included.
-
-    Args:
-        ground: Ground surface in the LiDAR frame.
-        area: Local area.
-        step_m: Maximum distance of two nodes in metres.
-    """
-    x_m = _ticks(-area.behind_m, area.ahead_m, step_m)
-    y_m = _ticks(-area.side_m, area.side_m, step_m)
+def sample_surface(ground: GroundModel, area: LocalArea) -> GroundMesh:
+    """Sample the ground over the local area, its edges included, each metre or more often."""
+    x_m, y_m = _ticks(-area.behind_m, area.ahead_m), _ticks(-area.side_m, area.side_m)
     x, y = np.meshgrid(x_m, y_m, indexing="ij")
     height_m = ground.height_m(np.column_stack([x.ravel(), y.ravel()]))
     return GroundMesh(x_m, y_m, np.asarray(height_m, np.float64).reshape(x.shape))
 
 
-def _ticks(start_m: float, stop_m: float, step_m: float) -> Float64:
-    return np.linspace(start_m, stop_m, int(np.ceil((stop_m - start_m) / step_m - 1e-9)) + 1)
+def _ticks(start_m: float, stop_m: float) -> Float64:
+    return np.linspace(start_m, stop_m, int(np.ceil(stop_m - start_m - 1e-9)) + 1)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from perception.render.canvas import (
     fill_canvas,
     fixed_point,
 )
-from perception.render.ego_vehicle import Face, vehicle_faces
+from perception.render.ego_vehicle import vehicle_faces
 from perception.render.overlay import GroundMesh, OverlayStyle, draw_overlay
 from perception.types import Float64, PointState, Result, UInt8
 
@@ -89,19 +89,12 @@ def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) ->
     image_P_ground = image_P_velo.copy()
     image_P_ground[:, 3] += ground_height_m * image_P_velo[:, 2]
     eye_m = np.asarray(-np.linalg.solve(image_P_ground[:, :3], image_P_ground[:, 3]), np.float64)
-    faces = [face for face in vehicle_faces() if _faces(face, eye_m)]
-    for face in sorted(faces, key=lambda face: (-_distance_m(face, eye_m), face.is_glass)):
+    faces = [face for face in vehicle_faces() if face.outward @ (eye_m - face.corners_m[0]) > 0]
+    faces.sort(key=lambda one: (-np.linalg.norm(one.corners_m.mean(axis=0) - eye_m), one.is_glass))
+    for face in faces:
         pixels, _ = project(image_P_ground, face.corners_m)
         corners = fixed_point(pixels)
         light = 0.55 + 0.45 * max(float(face.outward @ _TO_LIGHT), 0.0)
         tint = palette.GLASS if face.is_glass else palette.VEHICLE
         color = [int(channel * light) for channel in tint]
         cv2.fillPoly(image, [corners], color, cv2.LINE_AA, FIXED_POINT_BITS)
-
-
-def _faces(face: Face, eye_m: Float64) -> bool:
-    return bool(face.outward @ (eye_m - face.corners_m[0]) > 0)
-
-
-def _distance_m(face: Face, eye_m: Float64) -> float:
-    return float(np.linalg.norm(face.corners_m.mean(axis=0) - eye_m))

@@ -10,13 +10,37 @@ from perception.render import palette
 from perception.render.canvas import Align, blank_canvas, draw_text, text_width_px
 from perception.render.panels import LegendEntry, draw_legend
 from perception.render.scene import Scene
-from perception.types import StageSpan, UInt8, relative_to_start
+from perception.types import Health, HealthLevel, StageSpan, UInt8, relative_to_start
 
+_MAX_LINES = 3
+_MARGIN, _LINE = 0.8, 1.9  # in heights of the text
+# Orange and red that the colour blind tell apart (Okabe and Ito 2008).
+_COLORS = {HealthLevel.WARN: (230, 159, 0), HealthLevel.ERROR: (255, 96, 64)}
 _TOP, _BOTTOM = 0.16, 0.40  # ends of all bars, shares of the canvas' height
 _LINE_TEXTS = 1.7  # distance of two lines of text below the bars, in heights of the text
 _CLOCK_TEXTS = 13  # width of the clock, in heights of the text
 _ROW_TEXTS = 2.3  # distance of two rows of the legend
 _GUTTER_PX = 4
+
+
+def draw_health(canvas: UInt8, health: Health, text_px: int) -> None:
+    """Write level and name of the worst faults, upper left, on a dark ground.
+
+    Args:
+        canvas: (H, W, 3) image.
+        health: Health of the frame.
+        text_px: Height of capitals.
+    """
+    levels: dict[str, HealthLevel] = {}
+    for one in health.findings:
+        levels.setdefault(one.fault, one.level)
+    margin, line = round(_MARGIN * text_px), round(_LINE * text_px)
+    for row, (fault, level) in enumerate(list(levels.items())[:_MAX_LINES]):
+        text = f"{level.name}  {fault}"
+        top, width = margin + row * line, text_width_px(text, text_px)
+        canvas[top : top + line, margin : 3 * margin + width] = palette.BACKGROUND
+        at = (2 * margin, top + (line + text_px) / 2)
+        draw_text(canvas, text, at, color=_COLORS[level], height_px=text_px)
 
 
 def draw_strip(

@@ -14,10 +14,20 @@ from perception.tracking.config import BoxTrackerConfig
 from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import reported_yaws, update_from_course
 from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
-from perception.tracking.track_lifecycle import is_alive, is_confirmed, is_reported, may_be_static
-from perception.tracking.track_table import TrackTable
-from perception.tracking.track_uncertainty import reported_covariances, reported_deviations
-from perception.tracking.track_update import init_tracks, measure_boxes, update_tracks
+from perception.tracking.track_table import (
+    TrackTable,
+    is_alive,
+    is_confirmed,
+    is_reported,
+    may_be_static,
+)
+from perception.tracking.track_update import (
+    init_tracks,
+    measure_boxes,
+    reported_covariances,
+    reported_deviations,
+    update_tracks,
+)
 from perception.tracking.tracker import covariances_velo
 from perception.types import Bool, Float64, Int, Tracks
 

@@ -26,7 +26,7 @@ _VEHICLE_LENGTH_M = 2.4  # minimum length of an object that may drive backwards
 UNKNOWN_VARIANCE = np.pi**2 / 3  # of a uniformly distributed angle
 
 
-def yaws_of_shape(clusters: Footprints, steps: int = 45) -> Float64:
+def yaws_of_shape(clusters: Footprints) -> Float64:
     """Return (F,) the direction, 0 to pi, of the longer side of the rectangle of least perimeter around each outline.
 
     The outline of two observed sides is a right triangle: its rectangles along a side and along the hypotenuse have
@@ -34,7 +34,7 @@ def yaws_of_shape(clusters: Footprints, steps: int = 45) -> Float64:
     """
     if len(clusters) == 0:
         return np.zeros(0)
-    yaws_rad = np.arange(steps) * np.pi / 2 / steps
+    yaws_rad = np.arange(45) * np.pi / 2 / 45
     sizes_m = measure_extents(clusters, yaws_rad, np.zeros(2)).sizes_m
     best = np.argmin(sizes_m.sum(axis=2), axis=0)
     length_m, width_m = sizes_m[best, np.arange(len(clusters))].T

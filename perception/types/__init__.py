@@ -4,16 +4,6 @@ N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, 
 Other packages import all of it from here: `from perception.types import Frame`.
 """
 
-from perception.types.arrays import (
-    Bool,
-    Complex64,
-    Float,
-    Float32,
-    Float64,
-    Int,
-    UInt8,
-    require_shape,
-)
 from perception.types.detections import (
     MAP_MODALITIES,
     MODALITIES,
@@ -50,7 +40,18 @@ from perception.types.stages import (
     StageSpan,
     relative_to_start,
 )
-from perception.types.table import SHARED, ArrayTable
+from perception.types.table import (
+    SHARED,
+    ArrayTable,
+    Bool,
+    Complex64,
+    Float,
+    Float32,
+    Float64,
+    Int,
+    UInt8,
+    require_shape,
+)
 
 __all__ = [
     "CALIBRATION", "CAMERA", "INS", "LIDAR", "MAP_MODALITIES", "MODALITIES", "SENSOR_PARTS",

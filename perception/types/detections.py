@@ -7,8 +7,7 @@ from typing import Annotated, Literal, Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.types.arrays import Float64, Int
-from perception.types.table import ArrayTable
+from perception.types.table import ArrayTable, Float64, Int
 
 # Input of a detector: the camera image, the depth map, or the reflectance map.
 Modality = Literal["rgb", "dm", "rm"]

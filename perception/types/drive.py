@@ -8,11 +8,10 @@ from typing import Annotated, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.types.arrays import Bool, Float64, Int
 from perception.types.frame import Calibration, Frame
 from perception.types.lidar import LidarModel
 from perception.types.objects import Boxes3D
-from perception.types.table import SHARED, ArrayTable
+from perception.types.table import SHARED, ArrayTable, Bool, Float64, Int
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from perception.errors import CalibrationError, ImageError, PoseError, ScanError, UsageError
-from perception.types.arrays import Float32, Float64, UInt8, require_shape
+from perception.types.table import Float32, Float64, UInt8, require_shape
 
 _MAX_COORDINATE_M = 10_000.0  # far beyond any LiDAR; larger numbers overflow where they are squared
 _MAX_POINT_TIME_S = 1.0  # sweeps take 0.05 to 0.2 s; larger numbers are of another unit or origin

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import UsageError
-from perception.types.arrays import Float64
+from perception.types.table import Float64
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.types.arrays import Bool, Float64, Int, require_shape
 from perception.types.detections import FusedDetections
-from perception.types.table import ArrayTable
+from perception.types.table import ArrayTable, Bool, Float64, Int, require_shape
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
-from perception.types.arrays import Float, Float32, Float64, Int, UInt8, require_shape
+from perception.types.table import Float, Float32, Float64, Int, UInt8, require_shape
 
 
 class GroundModel(Protocol):

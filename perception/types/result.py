@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from perception.types.arrays import Float64, UInt8
 from perception.types.detections import Detections, Modality, ModalityDetections
 from perception.types.frame import Frame
 from perception.types.health import Health
 from perception.types.objects import Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles
 from perception.types.stages import StageSpan, relative_to_start
+from perception.types.table import Float64, UInt8
 
 
 @dataclass(frozen=True)

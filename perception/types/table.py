@@ -1,16 +1,33 @@
-"""Tables: frozen dataclasses of parallel arrays with one row for each object."""
+"""Array types, the validation of shapes, and tables: frozen dataclasses of parallel arrays with one row for each object."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Final, Self, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.errors import PerceptionError
-from perception.types.arrays import Bool, Int
 
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Complex64 = NDArray[np.complex64]
+Float = NDArray[np.float32] | NDArray[np.float64]
+Int = NDArray[np.int32] | NDArray[np.int64]
+UInt8 = NDArray[np.uint8]
+Bool = NDArray[np.bool_]
 # Metadata of a field that belongs to the whole table: selecting rows leaves it as it is.
 SHARED: Final = "shared"
+
+
+def require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:
+    """Validate the shape of an array; a letter, such as N, stands for any length."""
+    fits = array.ndim == len(expected)
+    for have, want in zip(array.shape, expected, strict=False):
+        fits &= have == want or isinstance(want, str)
+    if not fits:
+        shape = "(" + ", ".join(map(str, expected)) + ")"
+        raise PerceptionError(what, expected=f"shape {shape}", found=f"shape {array.shape}")
 
 
 @dataclass(frozen=True)

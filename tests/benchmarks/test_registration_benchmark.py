@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.registration import motion_errors
-from data.derived.true_poses import true_poses
+from data.derived.moving_methods import true_poses
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.geometry.se3 import from_euler, from_rotation_translation

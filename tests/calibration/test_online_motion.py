@@ -7,9 +7,8 @@ import pytest
 
 from perception.calibration.grey_image import GreyImage
 from perception.calibration.offset import UNKNOWN, OffsetEstimate
-from perception.calibration.online import OnlineCalibration
+from perception.calibration.online import OnlineCalibration, OnlineMotion
 from perception.calibration.online_edges import OnlineEdges
-from perception.calibration.online_motion import OnlineMotion
 from perception.calibration.surface_corners import (
     CornerTracks,
     ScanView,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, rosen, rosen_der
 
-from perception.calibration.quasi_newton import minimize_loss
+from perception.calibration.edge_alignment import minimize_loss
 
 
 def test_it_ends_where_scipy_does():

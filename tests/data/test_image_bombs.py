@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from data.image_decoder import decode_image
-from data.kitti.image_header import MAX_PIXELS, stated_size_px
+from data.image_decoder import MAX_PIXELS, decode_image, stated_size_px
 from data.kitti.sensor_files import read_image
 from perception.errors import ImageError
 from tests.faults import fault

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.reference.datmo import elevation_by_loop
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.config import AUTHOR, THESIS
 from perception.datmo.elevation import LevelPlane, elevation_grid
 from perception.geometry.grids import LocalArea
+from tests.reference.datmo import elevation_by_loop
 
 ROAD = LevelPlane(-1.7)
 CELLS = CellGrid.covering(LocalArea(ahead_m=4.0, behind_m=2.0, side_m=3.0), 0.2)

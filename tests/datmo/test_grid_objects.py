@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from benchmarks.reference.datmo import fill_holes_by_flooding
 from perception.datmo.config import THESIS
 from perception.datmo.grid_objects import fill_holes, find_objects, join_cells
+from tests.reference.datmo import fill_holes_by_flooding
 
 
 def motion(*blocks, shape=(60, 50)):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.datmo import motion_by_windows
-from perception.datmo.motion_grid import motion_grid
+from perception.datmo.grid_objects import motion_grid
+from tests.reference.datmo import motion_by_windows
 
 
 def grids(newest_m, background_m, at=(4, 4), of=(4, 4)):

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from perception.datmo.detector import DetectedObjects, SegmentedScan
-from perception.datmo.point_detector import PointDetector
-from perception.datmo.static_cells import StaticCells
+from perception.datmo.point_detector import PointDetector, StaticCells
 from perception.sensor import HDL_64E, VLP_16, LidarModel
 from perception.types import Float, Float64, PointState
 

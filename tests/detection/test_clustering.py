@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from sklearn.cluster import DBSCAN
 
-from benchmarks.reference.dbscan import cluster_by_definition
+from benchmarks.reference.proposals import cluster_by_definition
 from perception.detection.clustering import cluster
 from perception.errors import UsageError
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.evaluation.box_intervals import BoxIntervals, box_intervals
+from perception.evaluation.intervals import BoxIntervals, box_intervals
 from perception.types import Boxes3D
 from tests.known_result import VEHICLES
 

@@ -1,6 +1,6 @@
 """Faults of a drive in one line."""
 
-from perception.evaluation.health_summary import HealthSummary
+from perception.evaluation.run_summary import HealthSummary
 from perception.types import Health, HealthFinding, HealthLevel
 
 

@@ -17,13 +17,13 @@ from perception.evaluation.single_object.metrics import (
     single_object_metrics,
     success_curve,
 )
-from perception.evaluation.single_object.parameters import fusion_parameters
 from perception.evaluation.single_object.track import (
     ObjectSequence,
     PredictedTrack,
     TargetObject,
     TrueTrack,
 )
+from perception.evaluation.single_object.tracker_runs import fusion_parameters
 from perception.tracking.single_object.config import (
     FusionTrackerConfig,
     ImageMeanShiftConfig,

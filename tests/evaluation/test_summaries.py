@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.evaluation.detection.detector_measure import FrameDetections
-from perception.evaluation.detection.detector_summary import DetectorSummary
+from perception.evaluation.detection.detector_measure import DetectorSummary, FrameDetections
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Detections

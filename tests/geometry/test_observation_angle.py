@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from perception.geometry.observation_angle import (
+from perception.geometry.boxes import (
     observation_angles_rad,
     usual_observation_angles_rad,
 )

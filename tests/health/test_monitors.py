@@ -11,9 +11,8 @@ from data.faults.kinds import FAULT_KINDS
 from data.synthetic.rig import default_calibration
 from perception.health.camera_monitors import CameraMonitors
 from perception.health.ins_monitor import InsMonitor
-from perception.health.monitors import ScanAndInsMonitors
+from perception.health.monitors import ScanAndInsMonitors, ScanTimeMonitor
 from perception.health.scan_statistics import ScanMeter
-from perception.health.scan_times import ScanTimeMonitor
 from perception.health.stage_times import StageTimeMonitor
 from perception.types import CALIBRATION, CAMERA, HealthLevel, StageSpan
 from tests.health.scenes import SENSOR, frames, image, pose

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from benchmarks.maps import fill_by_morphology, fill_nearest_by_chamfer
-from perception.maps.column_filling import ColumnFillingConfig, fill_columns
-from perception.maps.densify import FILL_METHODS, densify
-from perception.maps.distance_filling import fill_natural, fill_nearest
+from perception.maps.densify import (
+    FILL_METHODS,
+    ColumnFillingConfig,
+    densify,
+    fill_columns,
+    fill_natural,
+    fill_nearest,
+)
 from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps
 from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex

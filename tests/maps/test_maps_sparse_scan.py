@@ -5,8 +5,7 @@ import pytest
 
 from benchmarks.maps import held_out_errors
 from data.synthetic.drive import SyntheticDrive
-from perception.maps.column_filling import ColumnFillingConfig, fill_columns
-from perception.maps.densify import densify
+from perception.maps.densify import ColumnFillingConfig, densify, fill_columns
 from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps, project_frame
 from perception.sensor import VLP_16

@@ -3,12 +3,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from benchmarks.reference.voxels import (
-    count_columns_by_loop,
-    log_ratio_by_loop,
-    masks_by_loop,
-    subtract_dense,
-)
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
 from perception.localization.scan_window import PosedScan, ScanWindow
@@ -21,6 +15,12 @@ from perception.obstacles.motion_counters import (
 )
 from perception.obstacles.voxels import KeyCounts, VoxelGrid
 from perception.types import PointState
+from tests.reference.voxels import (
+    count_columns_by_loop,
+    log_ratio_by_loop,
+    masks_by_loop,
+    subtract_dense,
+)
 
 
 @dataclass(frozen=True)

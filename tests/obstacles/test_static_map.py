@@ -2,7 +2,7 @@ import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
-from perception.obstacles.static_map import StaticMap
+from perception.obstacles.motion_segmentation import StaticMap
 from perception.obstacles.voxels import KeyCounts, VoxelGrid
 
 GRID = VoxelGrid(np.array([-100.0, -100, -10]), (2000, 2000, 200), 0.1)

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.voxels import count_voxels_by_loop, count_voxels_by_unique_rows
+from benchmarks.reference.voxels import count_voxels_by_unique_rows
 from perception.errors import UsageError
 from perception.obstacles.voxels import VoxelGrid, count_keys, count_voxels
+from tests.reference.voxels import count_voxels_by_loop
 
 
 def test_counts_by_hand():

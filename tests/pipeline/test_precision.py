@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data.synthetic.drive import SyntheticDrive
-from perception.datmo.clustering import cluster_moving_points
+from perception.datmo.point_detector import cluster_moving_points
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.obstacles.voxels import count_voxels
 from perception.pipeline import Pipeline, PipelineConfig

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from perception.geometry.camera import project
-from perception.maps.column_filling import ColumnFillingConfig
+from perception.maps.densify import ColumnFillingConfig
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.types import Bool, Calibration, Float

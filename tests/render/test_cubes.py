@@ -1,6 +1,6 @@
 import numpy as np
 
-from perception.render.cubes import render_cubes
+from perception.render.overlay import render_cubes
 from tests.render.conftest import FORWARD_CAMERA, voxels_at
 
 SIZE_PX = (200, 100)

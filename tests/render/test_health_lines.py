@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.render.health_lines import draw_health
+from perception.render.strip import draw_health
 from perception.types import Health, HealthFinding, HealthLevel
 
 

@@ -9,8 +9,8 @@ from perception.render.localization_plots import (
     plot_point_mean_shift,
 )
 from perception.tracking.single_object.config import PitchGroundConfig, PointMeanShiftConfig
+from perception.tracking.single_object.localizer import Window, mean_shift_3d
 from perception.tracking.single_object.pitch_ground import PitchedPlane
-from perception.tracking.single_object.window import Window, mean_shift_3d
 from perception.types import Boxes3D
 
 BOX = Boxes3D(np.array([[12.0, 0, -1.7]]), np.array([[4.0, 1.8, 1.6]]), np.zeros(1))

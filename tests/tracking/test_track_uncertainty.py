@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.tracking.track_table import TrackTable
-from perception.tracking.track_uncertainty import reported_covariances, reported_deviations
+from perception.tracking.track_update import reported_covariances, reported_deviations
 from perception.tracking.vehicles.class_sizes import SizePriors
 
 

@@ -41,11 +41,9 @@ def scaled_sizes(
     )
 
 
-def size_of_batch(
-    sizes: Sequence[InputSize], batch_index: int, seed: int, every: int = 10
-) -> InputSize:
-    """Return the size of one batch: a matter of its number alone, so that resumed training draws the same."""
-    rng = np.random.default_rng([seed, batch_index // every])
+def size_of_batch(sizes: Sequence[InputSize], batch_index: int, seed: int) -> InputSize:
+    """Return the size of one batch, another for every ten: a matter of its number alone, so that resumed training draws the same."""
+    rng = np.random.default_rng([seed, batch_index // 10])
     return sizes[int(rng.integers(len(sizes)))]
 
 

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor, nn
 from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
 
+from perception.detection.depthcn.crops import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.verifier import CONTRACT, KIND
-from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import UsageError
 from perception.types import Method
 from train.checkpoints import Content, load_network

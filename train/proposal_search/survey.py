@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from data.open_drive import open_drive, sequences_in
-from data.samples.labelled_classes import require_classes
+from data.samples.labelled_parts import require_classes
 from perception.errors import DriveError, UsageError
 from perception.types import Bool, Drive, Labels, Progress
 

@@ -14,9 +14,9 @@ from data.array_store import Arrays, ArrayStore
 from data.frame_fingerprint import code_fingerprint
 from data.samples.cached_frames import CachedFrames
 from perception.detection.config import ProposalConfig
+from perception.detection.depthcn.crops import WindowKind
 from perception.detection.depthcn.image import CHANNELS, encode_channels
 from perception.detection.depthcn.proposals import propose
-from perception.detection.depthcn.windows import WindowKind
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
 from perception.maps.densify import densify

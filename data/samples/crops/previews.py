@@ -19,12 +19,13 @@ from perception.types import Float, UInt8
 
 _BOX_RGB = (0, 255, 0)
 _GAP_PX = 2
+_DRAWS = 6  # augmented rows below the unchanged one
 _SCALE = 2  # of the previews over the crops
 _ROAD, _MAN_HIGH = 52, 90  # the road, and 1.8 m above it, as the image encodes heights
 
 
 def augmentation_previews(
-    dataset: CropDataset, magnitudes: CropAugmentationConfig, rows: Sequence[int], draws: int = 6
+    dataset: CropDataset, magnitudes: CropAugmentationConfig, rows: Sequence[int]
 ) -> Mapping[str, UInt8]:
     """Return an (H, W, 3) RGB image for `none`, for each operation alone, and for `all`.
 
@@ -32,17 +33,16 @@ def augmentation_previews(
         dataset: Dataset of the samples.
         magnitudes: Magnitudes of the operations.
         rows: Rows of the samples, one for each column.
-        draws: Number of augmented rows below the unchanged one.
     """
     chosen = {"none": CropAugmentationConfig.none()}
     chosen |= {operation: magnitudes.only(operation) for operation in OPERATIONS}
     chosen["all"] = magnitudes
-    return {name: _grid(dataset, one, rows, draws) for name, one in chosen.items()}
+    return {name: _grid(dataset, one, rows) for name, one in chosen.items()}
 
 
-def preview_rows(dataset: CropDataset, count: int, seed: int = 0) -> list[int]:
+def preview_rows(dataset: CropDataset, count: int) -> list[int]:
     """Draw samples to preview, vehicles first, then as many others."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     is_vehicle = dataset.crops.is_vehicle
     classes = [np.flatnonzero(is_vehicle), np.flatnonzero(~is_vehicle)]
     counts = [(count + 1) // 2, count // 2]
@@ -77,11 +77,9 @@ def render_crop(crop: UInt8, normalized_box: Float, depth_m: float) -> UInt8:
     return image
 
 
-def _grid(
-    dataset: CropDataset, magnitudes: CropAugmentationConfig, rows: Sequence[int], draws: int
-) -> UInt8:
+def _grid(dataset: CropDataset, magnitudes: CropAugmentationConfig, rows: Sequence[int]) -> UInt8:
     lines = [[_render_view(dataset, row, CropTransform()) for row in rows]]
-    for draw in range(draws):
+    for draw in range(_DRAWS):
         lines.append(
             [
                 _render_view(

@@ -10,8 +10,8 @@ import numpy as np
 
 from data.samples.crops.config import CropSamplingConfig
 from data.samples.crops.labelled_frames import CropConfig, LabelledFrames, ProposalScene
-from data.samples.labelled_classes import require_classes
-from perception.detection.depthcn.windows import WindowKind, windows_px
+from data.samples.labelled_parts import require_classes
+from perception.detection.depthcn.crops import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError
 from perception.evaluation.detection.protocol import kitti_class
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px

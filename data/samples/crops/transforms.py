@@ -12,8 +12,13 @@ import cv2
 import numpy as np
 
 from data.samples.crops.config import CropAugmentationConfig
-from perception.detection.depthcn.crops import MIN_EDGE_PX, warp, window_maps
-from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
+from perception.detection.depthcn.crops import (
+    CROP_HEIGHT_PX,
+    CROP_WIDTH_PX,
+    MIN_EDGE_PX,
+    warp,
+    window_maps,
+)
 from perception.maps.encoding import decode_depth, encode_depth
 from perception.types import Float, Float64, Method, UInt8
 

@@ -16,10 +16,8 @@ from data.samples.images.config import ImageDataConfig
 from data.samples.images.dataset import ImageDataset, Samples, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
-from data.samples.labelled_classes import require_classes, warn_of_few
-from data.samples.labelled_parts import LabelledParts
-from data.samples.shards.dataset import ShardedImages, ShardSet
-from data.samples.shards.sampler import ShardSampler
+from data.samples.labelled_parts import LabelledParts, require_classes, warn_of_few
+from data.samples.shards.dataset import ShardedImages, ShardSampler, ShardSet
 from perception.errors import PerceptionError
 from perception.types import Drive, Int
 

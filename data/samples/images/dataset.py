@@ -11,16 +11,57 @@ from torch.nn.utils.rnn import pad_sequence
 from torch.utils.data import Dataset
 
 from data.samples.epoch_samplers import SampleIndex
-from data.samples.images.augmentation import augment
 from data.samples.images.config import ImageAugmentationConfig
+from data.samples.images.darknet import augment_as_darknet
+from data.samples.images.geometric import (
+    crop_size_px,
+    draw_crop_column,
+    draw_geometric_transform,
+    transform_targets,
+    warp_image,
+)
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
+from data.samples.images.map_transforms import transform_depth_map, transform_reflectance_map
+from data.samples.images.photometric import transform_image
 from data.samples.images.targets import DetectionTargets
 from perception.detection.detectors.network_input import ImagePlacement
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Float64, Int, UInt8
 
 Sample = Mapping[str, Tensor]
+
+
+def augment(
+    image: UInt8,
+    labels: DetectionTargets,
+    config: ImageConfig,
+    magnitudes: ImageAugmentationConfig,
+    rng: np.random.Generator,
+) -> tuple[UInt8, DetectionTargets]:
+    """Return an augmented image and its targets: (h, w, C), or narrower where images are cropped."""
+    if magnitudes.method == "thesis":
+        return augment_as_darknet(image, labels, magnitudes.darknet, rng)
+    modality, is_filled = config.modality, config.filling != "sparse"
+    size_px = image.shape[1], image.shape[0]
+    geometric_transform = draw_geometric_transform(magnitudes.geometric, size_px, rng)
+    seen_px = crop_size_px(size_px, magnitudes.geometric.crop)
+    if seen_px != size_px:
+        moved = transform_targets(labels, geometric_transform, size_px)
+        left_px = draw_crop_column(moved, (size_px[0], seen_px[0]), rng)
+        geometric_transform = geometric_transform.from_column(left_px)
+    warped_image = warp_image(image, geometric_transform, modality, rng, seen_px)
+    if modality == "rgb":
+        warped_image = transform_image(warped_image, magnitudes.photometric, rng)
+    elif modality == "dm":
+        warped_image = transform_depth_map(
+            warped_image, geometric_transform.zoom, magnitudes.maps, rng, is_filled=is_filled
+        )
+    else:
+        warped_image = transform_reflectance_map(
+            warped_image, magnitudes.maps, rng, is_filled=is_filled
+        )
+    return warped_image, transform_targets(labels, geometric_transform, seen_px)
 
 
 class Samples(Dataset[Sample], ABC):

@@ -10,18 +10,40 @@ be wrong. The thesis' crops are resized as images are, by cubic interpolation (t
 """
 
 from collections.abc import Mapping
+from typing import Literal
 
 import cv2
 import numpy as np
 
-from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.errors import PerceptionError
 from perception.kernels.crops import crop_nearest
 from perception.types import Float, Float64, Method, UInt8
 
+CROP_HEIGHT_PX, CROP_WIDTH_PX = 66, 112  # the network's input (6.1.3)
+WindowKind = Literal["box", "metric"]
+
+_WIDTH_M = 7.0  # a car from the side, with a margin
+_MARGIN = 0.15  # below the box, share of the window's height
 # Minimum width of a window: a cluster of one column of points has no width.
 MIN_EDGE_PX = 1.0
 _INTERPOLATIONS: Mapping[Method, int] = {"default": cv2.INTER_NEAREST, "thesis": cv2.INTER_CUBIC}
+
+
+def windows_px(kind: WindowKind, boxes_px: Float64, depths_m: Float, focal_px: float) -> Float64:
+    """Return the (M, 4) windows x1 y1 x2 y2, which may extend beyond the image.
+
+    Args:
+        kind: Kind of window: `box` is the proposal (thesis), `metric` has a fixed size in metres.
+        boxes_px: (M, 4) boxes x1 y1 x2 y2 of the proposals.
+        depths_m: (M,) depths of the proposals in metres.
+        focal_px: Focal length of the camera in pixels.
+    """
+    if kind == "box":
+        return boxes_px.astype(np.float64)
+    width = _WIDTH_M * focal_px / np.maximum(depths_m, 1.0)
+    height = width * CROP_HEIGHT_PX / CROP_WIDTH_PX
+    center, bottom = (boxes_px[:, 0] + boxes_px[:, 2]) / 2, boxes_px[:, 3] + _MARGIN * height
+    return np.stack([center - width / 2, bottom - height, center + width / 2, bottom], axis=1)
 
 
 def crop_windows(image: UInt8, windows_px: Float, method: Method = "default") -> UInt8:

@@ -11,10 +11,10 @@ from importlib.resources.abc import Traversable
 import numpy as np
 
 from perception.detection.config import DEFAULT_NMS, PROPOSAL_CONFIGS, NmsConfig, ProposalOverrides
+from perception.detection.depthcn.crops import windows_px
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals, propose
 from perception.detection.depthcn.verifier import Verifier, VerifierPrediction
-from perception.detection.depthcn.windows import windows_px
 from perception.detection.suppression import suppress
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_frame

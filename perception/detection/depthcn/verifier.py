@@ -7,9 +7,13 @@ from typing import Annotated, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.detection.depthcn.crops import crop_windows
+from perception.detection.depthcn.crops import (
+    CROP_HEIGHT_PX,
+    CROP_WIDTH_PX,
+    WindowKind,
+    crop_windows,
+)
 from perception.detection.depthcn.image import CHANNELS
-from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.detection.onnx_model import (
     Array,
     ModelContract,

@@ -12,7 +12,7 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
-from perception.geometry.observation_angle import (
+from perception.geometry.boxes import (
     observation_angles_rad,
     usual_observation_angles_rad,
 )

@@ -86,7 +86,6 @@ def proposal_recall(
     boxes: EvaluationBoxes,
     class_name: str,
     overlaps: Sequence[float] = IOU_THRESHOLDS,
-    difficulties: Sequence[Difficulty] = (*DIFFICULTIES, EVERY_LABEL),
 ) -> ProposalRecall:
     """Return the recall of the proposals for the objects of a class.
 
@@ -94,7 +93,6 @@ def proposal_recall(
         boxes: Labelled boxes and proposals, ranked by their scores; their classes are not used.
         class_name: Class of the objects, in any case.
         overlaps: IoU thresholds from which on a proposal recalls an object.
-        difficulties: Difficulties, each with its limits.
 
     Raises:
         PerceptionError: an IoU is out of range.
@@ -107,7 +105,8 @@ def proposal_recall(
     np.maximum.at(best_iou, boxes.overlaps.truths, boxes.overlaps.iou)
     target_class = DetectionClass(class_name, iou=0)
     is_valid_truth = {
-        one.name: evaluation_mask(boxes, target_class, one).is_valid_truth for one in difficulties
+        one.name: evaluation_mask(boxes, target_class, one).is_valid_truth
+        for one in (*DIFFICULTIES, EVERY_LABEL)
     }
     return ProposalRecall(
         frames=boxes.frames,

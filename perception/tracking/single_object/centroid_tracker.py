@@ -10,6 +10,7 @@ from perception.tracking.single_object.config import CentroidTrackerConfig
 from perception.tracking.single_object.localizer import (
     LocalizerInput,
     ObjectLocalizer,
+    Window,
     obstacles_near,
 )
 from perception.tracking.single_object.pitch_ground import PitchFilter
@@ -27,7 +28,6 @@ from perception.tracking.single_object.tracker import (
     not_initialized,
     validate_initial_box,
 )
-from perception.tracking.single_object.window import Window
 from perception.types import Boxes3D, Float64, GroundModel
 
 

@@ -16,14 +16,13 @@ from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking import motion_model
 from perception.tracking.association import assign_with_max_cost
-from perception.tracking.track_lifecycle import ROUNDING_S
+from perception.tracking.track_table import ROUNDING_S
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
 from perception.tracking.vehicles.evidence import likeliest_classes, probability
-from perception.tracking.vehicles.hidden_sides import hidden_sides
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
     FrameGeometry,
@@ -40,7 +39,7 @@ from perception.tracking.vehicles.track_update import (
     position_distances,
     update_tracks,
 )
-from perception.tracking.vehicles.vehicle_table import VehicleTable
+from perception.tracking.vehicles.vehicle_table import VehicleTable, hidden_sides
 from perception.types import (
     BoxDeviations,
     Boxes3D,

@@ -10,8 +10,8 @@ import pyarrow
 import pytest
 from pyarrow import feather
 
+from data.argoverse2.annotations import CATEGORIES, category
 from data.argoverse2.calibration import AXLE_HEIGHT_M
-from data.argoverse2.categories import CATEGORIES, category
 from data.layouts import OpenConfig
 from data.open_drive import open_drive
 from data.recorded_drive import RecordedDrive

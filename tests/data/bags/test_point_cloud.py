@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data.bags.point_cloud import read_point_cloud
-from data.bags.sweeps import BagLidar, point_times_s, points_velo
+from data.bags.sweeps import BagLidar, point_times_s, points_velo, read_point_cloud
 from data.clouds.cloud import Cloud
 from perception.errors import ScanError
 from perception.geometry.se3 import from_euler

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from data.batch.batch_run import OutcomeRows, run_tasks
-from data.batch.cluster import open_cluster
+from data.batch.cluster import ClusterConfig, open_cluster
 from data.batch.drive_sources import DriveSource, chunks, find_drives, folder_names
 from data.batch.drive_task import DriveOutcome, DriveTask
 from perception.errors import DriveError, PerceptionError, UsageError
@@ -22,7 +22,7 @@ from tests.faults import fault
 
 @pytest.fixture(scope="module")
 def cluster():
-    with open_cluster(workers=2) as client:
+    with open_cluster(ClusterConfig(workers=2)) as client:
         yield client
 
 
@@ -71,7 +71,7 @@ def test_a_scheduler_is_found_by_its_file(cluster, tmp_path):
     # As ``dask scheduler --scheduler-file`` writes it, shortened; the client's own
     # ``write_scheduler_file`` fails once a worker has metrics of a task (tuples as keys).
     path.write_text(json.dumps({"type": "Scheduler", "address": cluster.scheduler.address}))
-    with open_cluster(scheduler=str(path)) as client:
+    with open_cluster(ClusterConfig(scheduler=str(path))) as client:
         assert client.scheduler.address == cluster.scheduler.address
 
 
@@ -82,7 +82,7 @@ def test_a_file_of_no_scheduler_is_named(tmp_path, content):
         path.write_text(content)
     with (
         fault(UsageError, f"--scheduler {path}", advice="dask scheduler --scheduler-file"),
-        open_cluster(scheduler=str(path)),
+        open_cluster(ClusterConfig(scheduler=str(path))),
     ):
         pass
 
@@ -187,10 +187,10 @@ def test_a_silent_scheduler_is_named(monkeypatch):
     monkeypatch.setattr("data.batch.cluster._CONNECT_S", 0.5)
     with (
         fault(UsageError, "--scheduler tcp://127.0.0.1:9", advice="dask scheduler"),
-        open_cluster(scheduler="tcp://127.0.0.1:9"),
+        open_cluster(ClusterConfig(scheduler="tcp://127.0.0.1:9")),
     ):
         pass
-    with fault(UsageError, "--workers", found="0"), open_cluster(workers=0):
+    with fault(UsageError, "--workers", found="0"), open_cluster(ClusterConfig(workers=0)):
         pass
 
 
@@ -218,7 +218,7 @@ def test_a_scheduler_that_is_lost_ends_the_batch(tmp_path):
                 assert scheduler.poll() is None
                 time.sleep(0.05)
             tasks = [task_in(tmp_path, name, str(scheduler.pid)) for name in "ab"]
-            with open_cluster(scheduler=str(file)) as client:
+            with open_cluster(ClusterConfig(scheduler=str(file))) as client:
                 client.wait_for_workers(1)
                 ended = run_tasks(client, end_scheduler, tasks)
                 assert next(ended) == outcome_of(tasks[0])

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from data.live.server import ResultServer
+from data.live.serve import ResultServer
 from data.messages.definitions import definition_of
 from data.results.objects import FrameTracks
 from perception.errors import MissingDependencyError, UsageError

@@ -9,9 +9,8 @@ import pytest
 
 from data.messages import geometry, images, motion, objects
 from data.messages.definitions import definition_of, encoded, message, typestore
-from data.messages.diagnostics import diagnostics
 from data.messages.points import point_cloud
-from data.messages.topics import topics
+from data.messages.topics import diagnostics, topics
 from perception.errors import MissingDependencyError
 from perception.geometry import se3
 from perception.geometry.boxes import corners

@@ -10,7 +10,7 @@ import pytest
 from data.frames import frame_period_s
 from data.layouts import OpenConfig
 from data.nuscenes import json_tables
-from data.nuscenes.categories import LIDARSEG_NAMES, category
+from data.nuscenes.boxes import LIDARSEG_NAMES, category
 from data.nuscenes.json_tables import read_records
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive

@@ -23,8 +23,8 @@ from perception.evaluation.detection.box_rows import (
     LocatedDetections,
     TrueBoxes,
 )
+from perception.geometry.boxes import usual_observation_angles_rad
 from perception.geometry.camera import box_outlines_px
-from perception.geometry.observation_angle import usual_observation_angles_rad
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import (
     BoxDeviations,

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.synthetic import lamps, meshes
+from data.synthetic import meshes
 from data.synthetic.camera import Camera
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.exposure import Exposure, develop, draw_exposure
 from data.synthetic.lidar import velo_poses
-from data.synthetic.light import Daylight, draw_daylight
+from data.synthetic.light import Daylight, draw_daylight, glow, headlight
 from data.synthetic.materials import Slot, palette
 from data.synthetic.rig import PinholeCamera, default_calibration
 from data.synthetic.street import Part
@@ -148,14 +148,14 @@ def test_at_night_the_road_is_lit_ahead_and_dark_beside_and_far_away(flat_world)
 def test_headlights_fade_with_the_square_of_distance_and_light_little_above_their_edge():
     places = np.array([[11.6, 0, -1.05], [21.6, 0, -1.05], [21.6, 0, 3.0], [-10, 0, 0]], np.float32)
     towards = np.tile(np.array([[-1.0, 0, 0]], np.float32), (4, 1))
-    light = lamps.headlight(places, towards, np.eye(4))[:, 0]
+    light = headlight(places, towards, np.eye(4))[:, 0]
     assert light[0] / light[1] == pytest.approx(4.0, rel=0.05)
     assert light[2] < 0.05 * light[1]
     assert light[3] == 0.0
 
 
 def test_lamps_shine_by_themselves():
-    shining = lamps.glow(np.array([Slot.HEADLIGHT, Slot.TAILLIGHT, Slot.ASPHALT], np.uint8))
+    shining = glow(np.array([Slot.HEADLIGHT, Slot.TAILLIGHT, Slot.ASPHALT], np.uint8))
     assert shining[0].min() > 3
     assert shining[1, 0] > 10 * shining[1, 1]
     assert not shining[2].any()

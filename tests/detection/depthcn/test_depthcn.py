@@ -8,10 +8,10 @@ import pytest
 from benchmarks.reference.depthcn import detect_one_by_one, suppress_by_loop, verify_one_by_one
 from data.open_drive import open_drive
 from perception.detection.config import NmsConfig
+from perception.detection.depthcn.crops import windows_px
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals
-from perception.detection.depthcn.windows import windows_px
 from perception.errors import ModelError, PerceptionError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import VIRTUAL_CAMERA, project_frame

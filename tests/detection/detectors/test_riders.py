@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.detection.detectors.riders import join_riders
+from perception.detection.detectors.modality_detector import join_riders
 from perception.types import Detections
 
 RIDERS = {"Cyclist": "Pedestrian"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.detection.vehicles.height_classes import classes_by_height
+from perception.detection.vehicles.box_heights import classes_by_height
 from perception.detection.vehicles.locate import locate
 from perception.types import Detections
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, road, sides

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from perception.tracking.single_object.config import PointMeanShiftConfig
-from perception.tracking.single_object.window import Window, mean_shift_3d
+from perception.tracking.single_object.localizer import Window, mean_shift_3d
 
 CAR = np.array([4.0, 2.0])
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.tracking.vehicles.hidden_sides import hidden_sides
+from perception.tracking.vehicles.vehicle_table import hidden_sides
 
 _FAR_PX = [100.0, 50.0, 200.0, 100.0]
 _RIGHT, _LEFT, _NONE = [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 0]

@@ -220,7 +220,7 @@ def test_loading_that_cannot_be_is_refused(loading: dict[str, int]):
 def test_grids_show_every_operation(dataset: CropDataset):
     rows = preview_rows(dataset, 4)
     draws = 6
-    grids = augmentation_previews(dataset, CropAugmentationConfig(), rows, draws)
+    grids = augmentation_previews(dataset, CropAugmentationConfig(), rows)
     assert list(grids) == ["none", *OPERATIONS, "all"]
     columns = 2 + min(2, int((~dataset.crops.is_vehicle).sum()))
     for name, grid in grids.items():

@@ -11,7 +11,7 @@ from data.open_drive import open_drive
 from data.samples.crops.config import CropSamplingConfig
 from data.samples.crops.labelled_frames import CropConfig, LabelledFrames
 from data.samples.crops.sampling import CropSet, collect_crops
-from perception.detection.depthcn.windows import WindowKind
+from perception.detection.depthcn.crops import WindowKind
 from perception.errors import DriveError, LabelError, ScanError, UsageError
 from perception.geometry.box_overlap_px import iou_px
 from tests.faults import fault

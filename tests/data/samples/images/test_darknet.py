@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from data.samples.images.augmentation import augment
 from data.samples.images.config import DarknetAugmentationConfig, ImageAugmentationConfig
 from data.samples.images.darknet import augment_as_darknet
+from data.samples.images.dataset import augment
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.targets import DetectionTargets
 from perception.errors import UsageError

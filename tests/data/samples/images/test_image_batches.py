@@ -16,7 +16,6 @@ from data.array_store import ArrayStore
 from data.open_drive import open_drive, open_drives
 from data.samples.config import TrainingDrives
 from data.samples.epoch_samplers import DistributedBatchSampler, SampleIndex, ShuffledSampler
-from data.samples.images.augmentation import augment
 from data.samples.images.config import (
     GeometricConfig,
     ImageAugmentationConfig,
@@ -25,7 +24,7 @@ from data.samples.images.config import (
     PhotometricConfig,
 )
 from data.samples.images.datamodule import ImageDataModule
-from data.samples.images.dataset import ImageDataset, collate
+from data.samples.images.dataset import ImageDataset, augment, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.splits.draw import draw_split

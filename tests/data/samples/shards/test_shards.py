@@ -18,9 +18,8 @@ from data.samples.images.datamodule import ImageDataModule
 from data.samples.images.dataset import ImageDataset, collate
 from data.samples.images.input_images import ImageConfig
 from data.samples.images.labelled_images import LabelledImages
-from data.samples.shards.dataset import ShardedImages, ShardSet
+from data.samples.shards.dataset import WINDOW, ShardedImages, ShardSampler, ShardSet
 from data.samples.shards.index import NAME, ShardIndex
-from data.samples.shards.sampler import WINDOW, ShardSampler
 from data.samples.shards.writer import ShardSource, write_shards
 from data.splits.training_frames import TrainingFrames
 from perception.detection.detectors.input_size import InputSize

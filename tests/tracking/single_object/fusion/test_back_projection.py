@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from perception.geometry.camera import project
-from perception.tracking.single_object.fusion.back_projection import back_project
+from perception.tracking.single_object.fusion.fusion_tracker import back_project
 
 # Looks along +x from 30 cm before the LiDAR and 20 cm to its side; x right is -y, y down is -z.
 FOCAL_PX = 700.0

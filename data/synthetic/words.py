@@ -1,4 +1,4 @@
-"""Words of `trifuse synth`: folder layouts and cameras of the synthetic vehicle."""
+"""Words of `trifuse synth`: kinds of streets, folder layouts, and cameras of the synthetic vehicle."""
 
 from typing import Literal, get_args
 
@@ -8,3 +8,7 @@ from perception.types import KittiLayout
 SynthLayout = KittiLayout | Literal["folder"]
 SYNTH_LAYOUTS: tuple[str, ...] = (*get_args(KittiLayout), "folder")
 CameraName = Literal["front", "front_left", "front_right", "left", "right", "rear"]
+StreetKind = Literal[
+    "town", "housing", "main-road", "junction", "country",
+    "industrial", "cycling", "shopping", "park", "jam", "field", "tunnel",
+]  # fmt: skip
