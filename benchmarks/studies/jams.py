@@ -19,7 +19,6 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion
-from perception.evaluation.obstacles import motion_confusions
 from perception.evaluation.report import SummedMetrics
 from perception.geometry.threads import limit_blas_threads, usable_cores
 from perception.pipeline import PipelineConfig
@@ -188,6 +187,7 @@ def measure_drive(drive: "SyntheticDrive", config: JamsConfig, *, has_ins: bool)
         has_ins: Whether frames carry the pose of the INS.
     """
     from data.derived.moving_truth import moving_truth
+    from perception.evaluation.obstacles import motion_confusions
     from perception.pipeline.lidar_stages import LidarStages
 
     truth, targets = moving_truth(drive, PROTOCOL.view, PROTOCOL.motion), PROTOCOL.targets

@@ -185,9 +185,9 @@ def first_azimuth_rad(packet: bytes) -> float:
 
 def _elevations_rad(calibration: str) -> Float64:
     """Return the elevations of the beams of a calibration, the highest first."""
-    import yaml
+    from perception.yaml_text import read_yaml
 
-    beams = yaml.safe_load(calibration)["lasers"]
+    beams = read_yaml(calibration)["lasers"]
     return np.sort(np.array([one["vert_correction"] for one in beams], np.float64))[::-1]
 
 

@@ -215,7 +215,7 @@ class KnownNetwork:
     size: InputSize = field(default_factory=lambda: InputSize(64, 96))
 
     def __post_init__(self):
-        self.model = SimpleNamespace(name="known.onnx")
+        self.title = "known.onnx"
         self.metadata = {"training_data": "no street"}
 
     def detect(self, image, region=None, first_row=0):

@@ -7,7 +7,7 @@ from data.packets.velodyne import VelodyneDecoder, first_azimuth_rad
 from perception.errors import ScanError
 from perception.sensor import HDL_32E, HDL_64E, SENSORS
 from perception.sensor import VLP_16 as VLP_16_MODEL
-from perception.sensor.beam_tables import VLP_32C_BY_LASER_DEG, VLS_128_BY_LASER_DEG
+from perception.sensor.models import VLP_32C_BY_LASER_DEG, VLS_128_BY_LASER_DEG
 from tests.packet_writer import (
     BANKS,
     PAIRS,
