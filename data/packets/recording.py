@@ -191,6 +191,7 @@ def _first_lidar(
                 misfits.append(
                     CalibrationError(file, expected=expected, found=misfit, advice=advice)
                 )
+        fitting = [f for f in fitting if f.metadata.stem.startswith(path.stem)] or fitting
         if len(fitting) > 1:
             raise DriveError(
                 path,
