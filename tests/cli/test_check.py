@@ -24,7 +24,10 @@ def scans_only(tmp_path):
 def test_a_drive_without_faults_passes(scans_only, capsys):
     assert main(["check", str(scans_only)]) == 0
     table = capsys.readouterr().out
-    assert "2011_09_26_drive_0042_sync: 4 frames, 0.3 s, HDL-64E (64 beams, 10 Hz) with 3,600 points" in table
+    assert (
+        "2011_09_26_drive_0042_sync: 4 frames, 0.3 s, HDL-64E (64 beams, 10 Hz) with 3,600 points"
+        in table
+    )
     assert "note  no images" in table
     assert "no faults" in table
 
