@@ -129,7 +129,8 @@ def _recorded_sensor(
     """Return the model that was asked for or is stated, else that of the packets, at its height and rate."""
     names = [None if name and _beams_file(root, name) else name for name in (asked, lidar.sensor)]
     if names[0] or names[1] or lidar.elevations_deg is not None:
-        return _sensor(root, replace(lidar, sensor=names[1]), names[0])
+        rate_hz = lidar.rate_hz or recording.sensor.rate_hz
+        return _sensor(root, replace(lidar, sensor=names[1], rate_hz=rate_hz), names[0])
     model = recording.sensor
     return replace(
         model, height_m=lidar.height_m or model.height_m, rate_hz=lidar.rate_hz or model.rate_hz

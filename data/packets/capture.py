@@ -81,7 +81,7 @@ def _ticks_per_s(data: Data, order: str, place: int, end: int) -> int:
         option, length = unpack_from(f"{order}2H", data, place)
         if option == _RESOLUTION:
             power = data[place + 4]
-            return 1 << (power & 127) if power & 128 else int(10**power)
+            return int(2 ** (power & 127) if power & 128 else 10**power)
         place += 4 + (length + 3 & ~3)
     return 10**6
 

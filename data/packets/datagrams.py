@@ -21,12 +21,16 @@ class Sender(NamedTuple):
     port: int
 
     def __str__(self) -> str:
-        return f"{ip_address(self.address)}:{self.port}"
+        address = ip_address(self.address)
+        return f"{address}:{self.port}" if address.version == 4 else f"[{address}]:{self.port}"
 
     def is_named(self, name: str) -> bool:
         """Return whether a name is the address, a port, or both."""
-        address, ports = str(ip_address(self.address)), {str(self.source_port), str(self.port)}
-        return name in {address, *ports, *(f"{address}:{port}" for port in ports)}
+        return name in {
+            str(ip_address(self.address)),
+            *(str(port) for port in self[1:]),
+            *(str(self._replace(port=port)) for port in (self.source_port, self.port)),
+        }
 
 
 @dataclass

@@ -15,6 +15,7 @@ from perception.errors import CalibrationError, ScanError, optional_package
 from perception.sensor import SENSORS, LidarModel
 
 _MARK = b"beam_altitude_angles"  # in the metadata of every sensor, and in no other file
+_MAX_METADATA_BYTES = 1 << 22
 _FAMILY = re.compile(r"OS-?([0-2])")
 # Firmware before has 16 bits of reflectance in the lower half of this word, of which ouster-sdk takes 8 for its own.
 _CALIBRATED, _LOW_WORD = (2, 1), 0xFFFF
@@ -135,7 +136,10 @@ class _Opened:
 
 def is_metadata(path: Path) -> bool:
     """Return whether a file is the metadata of an Ouster, by a word in it."""
-    return path.is_file() and _MARK in path.read_bytes()
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return _MARK in file.read(_MAX_METADATA_BYTES)
 
 
 def _opened(path: Path) -> _Opened:
@@ -151,11 +155,11 @@ def _opened_once(path: Path, _: int) -> _Opened:
         MissingDependencyError: ouster-sdk is not installed.
     """
     with optional_package("ouster-sdk", needed_for=str(path), extra="packets"):
-        from ouster.sdk.core import LidarFrame, PacketFormat, SensorInfo, XYZLut
+        from ouster.sdk.core import PacketFormat, SensorInfo, XYZLut
     try:
         info = SensorInfo(path.read_text())
         sensor = _sensor(info)
-        packets = int(LidarFrame(info).packet_count)
+        packets = int(info.format.lidar_packets_per_frame())
         version = info.get_version()
         is_calibrated = (version.major, version.minor) >= _CALIBRATED or version.major == 0
         reflectance = "REFLECTIVITY" if is_calibrated else "RAW32_WORD2"

@@ -191,6 +191,7 @@ def _first_lidar(
                 misfits.append(
                     CalibrationError(file, expected=expected, found=misfit, advice=advice)
                 )
+        fitting = [f for f in fitting if f.metadata.stem.startswith(path.stem)] or fitting
         if len(fitting) > 1:
             raise DriveError(
                 path,
@@ -200,9 +201,9 @@ def _first_lidar(
             )
         if fitting:
             return sender, fitting[0]
-    if misfits:
+    if misfits and (beams is not None or misfits[0].where == str(path.with_suffix(".json"))):
         raise misfits[0]
-    raise _no_lidar(capture, senders)
+    raise _no_lidar(capture, senders, misfits)
 
 
 def _misfit(decoder: OusterDecoder, packet: bytes, datagrams: Datagrams) -> str | None:
@@ -230,17 +231,21 @@ def _metadata_files(path: Path, stated: Path | None) -> list[Path]:
     return [one for one in sorted(path.parent.glob("*.json")) if is_metadata(one)]
 
 
-def _no_lidar(capture: Capture, senders: Sequence[Sender]) -> DriveError:
+def _no_lidar(
+    capture: Capture, senders: Sequence[Sender], misfits: Sequence[CalibrationError]
+) -> DriveError:
     """Return the error of a capture of which no packets can be decoded, with what there is in it."""
     found = [
         f"{len(capture.senders[one])} packets of {max(capture.senders[one].lengths)} bytes from {one}"
         for one in senders[:_MAX_NAMED]
     ]
     if found:
+        others = [f"{one.where} is {one.found}" for one in misfits[:_MAX_NAMED]]
+        metadata = f"no metadata that fits: {', '.join(others)}" if others else "no metadata"
         return DriveError(
             capture.path,
             expected="packets of a Velodyne, or of an Ouster with its metadata beside them",
-            found=f"{', '.join(found)}, and no metadata",
+            found=f"{', '.join(found)}, and {metadata}",
             advice=_ADVICE.format(capture.path.with_suffix(".json").name),
         )
     count = sum(map(len, capture.senders.values()))

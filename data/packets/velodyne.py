@@ -167,7 +167,7 @@ class VelodyneDecoder:
             points = points[points["return_type"] != velodyne.ReturnMode.STRONGEST.value]
         return Cloud(
             np.column_stack([points[name] for name in "xyz"]),
-            points["intensity"],
+            points["intensity"].astype(np.float32),
             points["ring"].astype(np.int64),
             stamp.device + points["time"].astype(np.float64),
         )

@@ -1,5 +1,6 @@
 """Memory of the process: few heaps, so that one thread uses what another has freed, and what nothing uses given back."""
 
+import atexit
 import ctypes
 import gc
 import sys
@@ -54,6 +55,7 @@ def exempt_from_collection() -> None:
     frame in about 50 waited 51 ms for a full collection; without them it takes 1 ms.
     """
     gc.freeze()
+    atexit.register(gc.unfreeze)  # libraries report what is left at the end as lost
 
 
 def _call_glibc(name: str, *arguments: int | ctypes.c_void_p | ctypes.c_size_t) -> None:

@@ -1,5 +1,7 @@
 """Captures of every form, with the same datagrams."""
 
+import struct
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,21 @@ def test_fragments_are_joined_in_any_order(tmp_path, order):
     packets = [one for payload in PAYLOADS for one in udp(payload, mtu=1500)[::order]]
     assert len(packets) == 1 + 6 + 1
     assert only(read_capture(pcap(packets, tmp_path / "a.pcap")))[0] == PAYLOADS
+
+
+def test_fragments_of_ip_version_6(tmp_path):
+    data = struct.pack(">4H", 2368, 2368, 8 + len(PAYLOADS[1]), 0) + PAYLOADS[1]
+    addresses = bytes(15) + b"\x01" + bytes(15) + b"\x02"
+    packets = []
+    for start in range(0, len(data), 1448):
+        part = data[start : start + 1448]
+        where = start | (start + 1448 < len(data))
+        fragment = struct.pack(">BBHI", 17, 0, where, 7)
+        head = struct.pack(">IHBB", 6 << 28, len(fragment) + len(part), 44, 64)
+        packets.append(head + addresses + fragment + part)
+    capture = read_capture(pcap(packets, tmp_path / "a.pcap", link="raw IP"))
+    assert only(capture)[0] == PAYLOADS[1:2]
+    assert str(next(iter(capture.senders))) == "[::1]:2368"
 
 
 def test_a_datagram_of_which_a_fragment_is_lost_is_left_out(tmp_path):

@@ -1,7 +1,9 @@
 """Recordings of packets as drives: those of a Velodyne made by hand, and those of real Ousters."""
 
 import os
+import pickle
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +78,8 @@ def test_a_part_of_a_drive_keeps_its_sweeps(tmp_path):
     part = drive.select([2])
     assert (part[0].name, part[0].stamp_s) == ("000002", drive[2].stamp_s)
     assert (part[0].points_velo == drive[2].points_velo).all()
+    elsewhere = pickle.loads(pickle.dumps(part))
+    assert (elsewhere[0].points_velo == drive[2].points_velo).all()
 
 
 def test_the_sensors_hour_ends_and_its_clock_is_set(tmp_path):
@@ -279,6 +283,20 @@ def test_missing_metadata_and_metadata_of_another_sensor(ousters, capsys):
 def test_captures_without_a_lidar(tmp_path, capsys, packets, found):
     path = pcap(packets, tmp_path / "a.pcap")
     assert found in sentence(path, capsys)
+
+
+@pytest.mark.parametrize(
+    ("module", "package"), [("velodyne_decoder", "velodyne-decoder"), ("ouster.sdk.core", "ouster-sdk")]
+)  # fmt: skip
+def test_a_decoder_that_is_not_installed(tmp_path, capsys, monkeypatch, module, package):
+    monkeypatch.setitem(sys.modules, module, None)
+    (tmp_path / "a.json").write_text('{"beam_altitude_angles": []}')
+    payloads = turns(0.1) if package == "velodyne-decoder" else [bytes(8448)]
+    path = recorded(tmp_path / "a.pcap", payloads)
+    found = sentence(path, capsys)
+    assert f"expected the Python package {package}" in found
+    assert "pip install" in found
+    assert "[packets]" in found
 
 
 def test_an_empty_file(tmp_path, capsys):
