@@ -9,6 +9,7 @@ from perception.errors import UsageError
 from perception.evaluation.detection.class_precision import ClassPrecision, PrecisionMetrics
 from perception.evaluation.detection.config import CorruptionLevels, PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
+from perception.evaluation.detection.fusion_measure import ClassFusionReport, FusionRow
 from perception.evaluation.detection.protocol import KITTI_CLASSES, kitti_class
 from perception.evaluation.detection.robustness_measure import RobustnessReport
 from perception.types import Boxes3D, Detections, Labels
@@ -126,3 +127,23 @@ def test_curves_over_the_levels_of_a_corruption():
     (table,) = report.tables()
     assert table.title == "shift [pixels]: AP R40 [%], moderate"
     assert list(table.rows) == ["0", "2"]
+
+
+def test_tables_of_a_fusion_name_metric_and_iou():
+    nothing = {level: PrecisionMetrics(3, (40,), None) for level in ("easy", "moderate", "hard")}
+    single = FusionRow(ClassPrecision("Car", {0.5: nothing}))
+    joined = FusionRow(single.precision, (single.precision, single.precision))
+    report = ClassFusionReport({"color": single, "fused": joined}, {"rgb+dm": joined}, {}, {})
+    first, gain, missing, missing_gain = report.tables()
+    assert first.title == "AP R40 [%], IoU over 0.5"
+    assert gain.title == "Gain over the best modality [points], IoU over 0.5"
+    assert missing.title == (
+        "Missing modalities: AP R40 [%] of Trifuse's fusion of the remaining, IoU over 0.5"
+    )
+    assert missing_gain.title == (
+        "Missing modalities: gain over the best remaining modality [points], IoU over 0.5"
+    )
+    assert list(first.rows) == ["color", "fused", "perfect detector"]
+    assert list(gain.rows) == ["fused"]
+    assert list(missing.rows) == list(missing_gain.rows) == ["color + depth"]
+    assert missing_gain.notes[0] == "Objects: 3 easy, 3 moderate, 3 hard"
