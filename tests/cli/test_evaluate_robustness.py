@@ -14,7 +14,6 @@ from perception.cli.main import main
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.nms_fusion import NmsFusion
 from perception.errors import UsageError
-from perception.evaluation.detection.config import CorruptionLevels
 from perception.types import MODALITIES, Detections
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.faults import command, fault
@@ -106,15 +105,6 @@ def test_darkness_is_left_out_of_drives_without_images(bright_cars, capsys):
     assert "darkness of" not in printed
     assert "color" not in printed
     assert "LiDAR point dropout" in printed
-
-
-def test_levels_that_do_not_rise():
-    with pytest.raises(UsageError) as error:
-        CorruptionLevels(shift=(4, 2))
-    assert (error.value.where, error.value.found) == ("--levels.shift", "4, 2")
-    with pytest.raises(UsageError) as error:
-        CorruptionLevels((), (), (), ())
-    assert (error.value.where, error.value.found) == ("--levels", "none")
 
 
 def test_a_dropout_of_all_points_is_an_error(bright_cars):

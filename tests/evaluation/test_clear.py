@@ -5,7 +5,10 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from perception.errors import PerceptionError
 from perception.evaluation.multi_object.clear import Clear, clear
+from perception.evaluation.multi_object.sequence import TrackedFrame
+from tests.faults import fault
 from tests.reference import tracking_metrics as naive
 
 
@@ -135,3 +138,13 @@ def test_the_counts_of_a_sequence_add_up(crowd):
     boxes = sum(len(frame.truth_ids) for frame in crowd)
     assert result.true_positives + result.false_negatives == boxes
     assert result.mota <= result.moda <= 1
+
+
+def test_a_similarity_of_another_shape_is_an_error():
+    with fault(
+        PerceptionError,
+        where="TrackedFrame.similarity",
+        expected="shape (1, 2)",
+        found="shape (2, 1)",
+    ):
+        TrackedFrame(np.array([1]), np.array([5, 6]), np.ones((2, 1)))

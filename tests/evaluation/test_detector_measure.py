@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from perception.errors import UsageError
-from perception.evaluation.detection.config import PrecisionConfig
+from perception.evaluation.detection.class_precision import ClassPrecision, PrecisionMetrics
+from perception.evaluation.detection.config import CorruptionLevels, PrecisionConfig
 from perception.evaluation.detection.detector_measure import DetectorMeasure, FrameDetections
+from perception.evaluation.detection.fusion_measure import ClassFusionReport, FusionRow
 from perception.evaluation.detection.protocol import KITTI_CLASSES, kitti_class
+from perception.evaluation.detection.robustness_measure import RobustnessReport
 from perception.types import Boxes3D, Detections, Labels
+from tests.faults import fault
 
 BOXES_PX = np.array([[0.0, 100, 100, 150], [200, 100, 300, 150]])
 CAR = KITTI_CLASSES[:1]
@@ -87,3 +91,59 @@ def test_a_metric_out_of_range(values, where, found):
     with pytest.raises(UsageError) as error:
         PrecisionConfig(**values)
     assert (error.value.where, error.value.found) == (where, found)
+
+
+def test_levels_that_do_not_rise():
+    rising = "levels that rise from above 0"
+    with fault(UsageError, where="--levels.shift", expected=rising, found="4, 2"):
+        CorruptionLevels(shift=(4, 2))
+    with fault(UsageError, where="--levels.point-dropout", expected=rising, found="0, 0.5"):
+        CorruptionLevels(point_dropout=(0, 0.5))
+    some = "levels of one corruption or more"
+    with fault(UsageError, where="--levels", expected=some, found="none"):
+        CorruptionLevels((), (), (), ())
+
+
+def test_curves_over_the_levels_of_a_corruption():
+    def row(**objects: int) -> dict[str, ClassPrecision]:
+        found = {n: PrecisionMetrics(count, (40,), None) for n, count in objects.items()}
+        return {n: ClassPrecision("Car", {0.7: {"moderate": one}}) for n, one in found.items()}
+
+    # Nothing is detected: 0 %, and of no object unknown.
+    levels = {0.0: row(color=0, fused=3), 2.0: row(color=3, fused=3)}
+    report = RobustnessReport(PrecisionConfig(), {"shift [pixels]": levels})
+    (panel,) = report.panels()
+    assert (panel.title, panel.x_label, panel.y_label) == (
+        "",
+        "shift [pixels]",
+        "AP R40 [%], moderate",
+    )
+    color, fused = panel.curves
+    assert (color.name, fused.name, color.is_emphasised, fused.is_emphasised) == (
+        "color", "fused", False, True,
+    )  # fmt: skip
+    assert color.x == fused.x == panel.x_ticks == [0.0, 2.0]
+    np.testing.assert_array_equal([color.y, fused.y], [[np.nan, 0], [0, 0]])
+    (table,) = report.tables()
+    assert table.title == "shift [pixels]: AP R40 [%], moderate"
+    assert list(table.rows) == ["0", "2"]
+
+
+def test_tables_of_a_fusion_name_metric_and_iou():
+    nothing = {level: PrecisionMetrics(3, (40,), None) for level in ("easy", "moderate", "hard")}
+    single = FusionRow(ClassPrecision("Car", {0.5: nothing}))
+    joined = FusionRow(single.precision, (single.precision, single.precision))
+    report = ClassFusionReport({"color": single, "fused": joined}, {"rgb+dm": joined}, {}, {})
+    first, gain, missing, missing_gain = report.tables()
+    assert first.title == "AP R40 [%], IoU over 0.5"
+    assert gain.title == "Gain over the best modality [points], IoU over 0.5"
+    assert missing.title == (
+        "Missing modalities: AP R40 [%] of Trifuse's fusion of the remaining, IoU over 0.5"
+    )
+    assert missing_gain.title == (
+        "Missing modalities: gain over the best remaining modality [points], IoU over 0.5"
+    )
+    assert list(first.rows) == ["color", "fused", "perfect detector"]
+    assert list(gain.rows) == ["fused"]
+    assert list(missing.rows) == list(missing_gain.rows) == ["color + depth"]
+    assert missing_gain.notes[0] == "Objects: 3 easy, 3 moderate, 3 hard"

@@ -5,6 +5,7 @@ from perception.errors import PerceptionError
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.objects import LabelledObjects, MotionState
+from perception.evaluation.obstacle_measure import ObstacleMeasure
 from perception.evaluation.obstacles import (
     ObjectObservations,
     count_objects,
@@ -16,6 +17,7 @@ from perception.evaluation.obstacles import (
 from perception.geometry.grids import LocalArea
 from perception.types import Boxes3D, Labels, PointState, PointTruth
 from tests.faults import fault
+from tests.known_result import TRACKS, known_result
 
 AREA = LocalArea()
 OUTSIDE, GROUND = PointState.OUTSIDE, PointState.GROUND
@@ -172,3 +174,43 @@ def test_moving_points_are_compared_by_the_length_of_their_object():
         "2 to 6 m": Confusion(1, 0, 0),
         "over 6 m": Confusion(1, 0, 2),
     }
+
+
+class MovesFromFrame7:
+    """Motion of an object that is static at first."""
+
+    def of(self, frame: int, track_ids: np.ndarray) -> np.ndarray:
+        return np.full(len(track_ids), MotionState.MOVING if frame >= 7 else MotionState.STATIC)
+
+
+def test_objects_of_a_drive_are_counted_by_points_shares_and_frames():
+    labels = Labels(
+        TRACKS.boxes[:1], np.array([[500.0, 150, 620, 240]]), np.array(["Van"]), TRACKS.ids[:1],
+        np.zeros(1), np.zeros(1, np.int64), np.zeros((0, 4)),
+    )  # fmt: skip
+    config = ObjectMatchConfig(min_points=1, moving_share=0.3)
+    measure = ObstacleMeasure(AREA, config, MovesFromFrame7())
+    for index in (0, 7):  # its one point is called moving in both
+        measure.update(known_result(index), labels, None)
+    report = measure.compute()
+    assert report.object_motions == {"4": "moving"}
+    assert report.objects == report.objects_by_min_points["1 points and more"]
+    assert (report.objects.moving, report.objects.static, report.objects.false_moving) == (1, 1, 1)
+    by_points = {name: one.objects for name, one in report.objects_by_min_points.items()}
+    assert by_points == {
+        "1 points and more": 2, "5 points and more": 0, "50 points and more": 0,
+    }  # fmt: skip
+    assert list(report.objects_by_moving_share) == ["any", "10 %", "30 %", "50 %"]
+    by_frames = {name: (one.static, one.moving) for name, one in report.objects_by_frames.items()}
+    assert by_frames == {"first 1": (1, 0), "all others": (0, 1)}
+    false = report.false_clusters["1 points and more"]
+    assert (false.clusters, false.per_frame, false.on_static_objects) == (1, 0.5, 1)
+    assert (false.in_warm_up, false.with_dont_care) == (1, 1)
+    assert [(one.moving, one.obstacles) for one in report.counts.values()] == [(0, 1), (1, 1)]
+    titles = [table.title for table in report.tables()]
+    assert titles[0] == "Obstacles in the columns of Table 7.2, of labelled objects"
+    assert titles[1] == "Labelled objects, once per frame; found moving at 30 % moving points"
+    assert titles[2:4] == [
+        "Labelled objects of 1 points and more, by required share of moving points",
+        "Labelled objects of 1 points and more, by frames",
+    ]

@@ -17,6 +17,13 @@ CAMERA = Calibration(
 SIZE_PX = (1000, 400)
 
 
+def test_the_edge_of_a_region_is_in_it():
+    view = LabelledView(CAMERA, SIZE_PX, np.array([[450.0, 150, 550, 250], [0, 0, 10, 10]]))
+    # 500 px ahead and 200 px down is straight ahead: the corners, then points beside them.
+    points = np.array([[10, 1, 1], [10, -1, -1], [10, 1.01, 0], [10, 0, -1.01], [10, -1.01, 0]])
+    assert view.is_dont_care(points).tolist() == [True, True, False, False, False]
+
+
 def clump(x_m: float, y_m: float, count: int = 6) -> np.ndarray:
     """Return points within one cell of 0.2 m, 1 m below the LiDAR."""
     spread = np.linspace(0.01, 0.05, count)

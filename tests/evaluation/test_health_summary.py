@@ -6,7 +6,7 @@ from perception.types import Health, HealthFinding, HealthLevel
 
 def test_a_drive_is_summed_up_in_one_line():
     summary = HealthSummary()
-    late = HealthFinding("lidar", HealthLevel.WARN, "scan late", "0.2 s")
+    late = HealthFinding("lidar", HealthLevel.WARN, "beams lost", "2 of 64")
     dim = HealthFinding("camera", HealthLevel.WARN, "camera dark", "dim")
     dark = HealthFinding("camera", HealthLevel.ERROR, "camera dark", "black")
     summary.update(4, Health())
@@ -15,8 +15,14 @@ def test_a_drive_is_summed_up_in_one_line():
         summary.update(frame, Health.of(findings))
     assert summary.text() == (
         "health: OK in 2 of 5 frames; camera dark in 2 from frame 6 on (ERROR), "
-        "scan late in 1 from frame 5 on (WARN)"
+        "beams lost in 1 from frame 5 on (WARN)"
     )
-    assert summary.to_json()["faults"]["camera dark"] == {
+    written = summary.to_json()
+    assert (written["frames"], summary.healthy, list(written["faults"])) == (
+        5,
+        2,
+        ["beams lost", "camera dark"],
+    )
+    assert written["faults"]["camera dark"] == {
         "part": "camera", "level": "ERROR", "frames": 2, "first": 6, "reason": "dim",
     }  # fmt: skip

@@ -124,6 +124,9 @@ def test_who_must_be_tracked():
     assert not is_target(scene_of(boxes, MotionState.STATIC), CONFIG).any()
     in_view = is_target(scene_of(boxes, view=view_of()), CONFIG)
     assert in_view.tolist() == [True, False, False, False]
+    # The bottom of a near box is below the image, its middle is in it.
+    assert is_target(scene_of(boxes_at((0.8, 0)), view=view_of()), CONFIG).all()
+    assert not is_target(scene_of(boxes_at((0.2, 0)), view=view_of()), CONFIG).any()
 
 
 @pytest.mark.parametrize(
@@ -241,6 +244,17 @@ def test_errors_of_place_velocity_heading_and_extent():
         assign_tracks(scene, tracks, CONFIG),
     )
     assert np.isnan(slow.summary().heading_rad)
+    values = TargetErrors.concatenate([rows, rows, slow]).summary()
+    assert (values.velocity_m_s, values.mean_velocity_m_s) == pytest.approx((2.0, 8.5 / 3))
+    assert (values.heading_rad, values.width_m) == pytest.approx((2 * np.pi - 6, 0.2))
+    assert np.isnan([values.center_coverage, values.velocity_coverage]).all()
+    certain = np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (1, 1, 1))
+    known = replace(tracks, covariances=certain)
+    spread = target_errors(0.0, scene, known, assign_tracks(scene, known, CONFIG))
+    assert (spread.center_spread[0], spread.velocity_spread[0]) == pytest.approx((0.25, 4.0))
+    share = spread.of_object("Car")
+    assert (share.length_m, share.speed_m_s, share.tracked_percent) == (4.0, 5.0, 100.0)
+    assert (share.center_m, share.velocity_m_s) == pytest.approx((0.5, 2.0))
     assert slow.summary().length_m == pytest.approx(1.0)
 
 

@@ -103,9 +103,9 @@ def test_errors_of_boxes_in_space():
 
 
 def test_height_counts_in_the_distance_of_the_centres():
-    high = Boxes3D(np.array([[12.0, 0, -0.25]]), np.array([[4.0, 2.0, 2.5]]), np.zeros(1))
+    high = Boxes3D(np.array([[12.0, 0, -0.25]]), np.array([[5.0, 3.0, 2.5]]), np.zeros(1))
     one = TrackedObject(TrackStatus.SEEN, high, np.zeros(2), None)
-    # The bottom is 0.5 m higher and the box 1 m taller: the centre is 1 m higher.
+    # The bottom is 0.5 m higher and the box 1 m taller: the centre is 1 m higher. Length and width do not move it.
     assert errors_of([one]).center_m.tolist() == [1.0]
 
 

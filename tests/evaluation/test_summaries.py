@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from perception.evaluation.detection.detector_measure import DetectorSummary, FrameDetections
+from perception.evaluation.run_summary import RunSummary
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
+from perception.geometry.grids import LocalArea
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
-from perception.types import Boxes3D, Detections
+from perception.types import Boxes3D, Detections, PointTruth
 from tests.known_result import known_result
 
 
@@ -32,6 +34,34 @@ def test_a_detector_is_summed_up_by_its_counts_and_times():
         "3.5 proposals/frame, 2.0 detections/frame, 1.0 of these with a score of 0.5 or more; "
         "333 frames/s for the stages, 4.0 with reading, drawing and writing"
     )
+
+
+def test_a_run_is_summed_up_by_its_points_tracks_and_vehicles():
+    summary = RunSummary("drive", Path("out"), LocalArea(), period_s=0.1, elapsed_s=0.5)
+    assert summary.to_json()["tracks"] == {"ids": 0, "per_frame": None}
+    assert summary.to_json()["vehicles"] is summary.to_json()["points_against_truth"] is None
+    # A road, a wall, and a car that moves: each point is called what it is.
+    truth = PointTruth(np.array([40, 50, 10]), np.zeros(3, int), np.array([0, 0, 1], bool))
+    summary.update(known_result(7), truth)
+    summary.update(
+        known_result(8, has_camera=False), PointTruth(*(one[:2] for one in vars(truth).values()))
+    )
+    values = summary.to_json()
+    assert (values["drive"], values["frames"], values["is_complete"]) == ("drive", 2, False)
+    assert (values["elapsed_s"], values["period_ms"]) == (0.5, 100.0)
+    assert values["tracks"] == {"ids": 2, "per_frame": 2.0}
+    assert values["vehicles"] == {"ids": 1, "per_frame": 1.0}
+    assert values["points"] == {"outside": 0, "ground": 2, "static": 2, "moving": 2}
+    assert values["health"] == {"frames": 2, "healthy": 2, "faults": {}}
+    against = values["points_against_truth"]
+    assert list(against) == ["ground", "static", "moving"]
+    assert [one["true_positives"] for one in against.values()] == [1, 1, 1]
+    text = summary.text(stages=True)
+    assert text.startswith("drive: 2 frames\n\ntimes of the stages")
+    assert "points against the truth of this drive" in text
+    assert "points/frame: 1 ground, 1 static, 1 moving\ntracks: 2, 2.0/frame\n" in text
+    assert "vehicles: 1 tracked, 1.0/frame with a score of at least 0.5\n" in text
+    assert text.endswith("drawing and writing, 4.0 frames/s\nresults: out")
 
 
 def box(x_m: float) -> Boxes3D:

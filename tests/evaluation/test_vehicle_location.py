@@ -7,7 +7,9 @@ import pytest
 
 from data.results.kitti_rows import vehicle_rows
 from perception.detection.vehicles.locate import locate
-from perception.evaluation.vehicle_measure import location_errors
+from perception.evaluation.vehicle_measure import VehicleMeasure, location_errors
+from perception.types import Labels
+from tests.known_result import VEHICLES, known_result
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
 
 
@@ -25,6 +27,27 @@ def test_errors_are_those_that_were_made():
     np.testing.assert_allclose(errors.yaw_rad, 3.0)
     np.testing.assert_allclose(errors.axis_rad, np.pi - 3.0)
     np.testing.assert_allclose(errors.distance_m, 0.2, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "name"),
+    [(24.5, "0 to 25 m"), (25.0, "25 to 50 m"), (0.0, "0 to 25 m"), (50.0, "from 50 m")],
+)
+def test_each_car_is_in_one_range(x_m, name):
+    boxes = replace(VEHICLES.boxes[:1], bottom_m=np.array([[x_m, 0.0, -1.7]]))
+    labels = Labels(
+        boxes, VEHICLES.fused.detections.boxes_px[:1], np.array(["Car"]), np.array([3]),
+        np.zeros(1), np.zeros(1, np.int64), np.zeros((0, 4)),
+    )  # fmt: skip
+    measure = VehicleMeasure(0.5)
+    measure.update(known_result(), labels, None)
+    report = measure.compute()
+    assert {key: one.detected for key, one in report.location.items() if one.detected} == {name: 1}
+    assert report.location[name].center_p50_m == pytest.approx(np.hypot(x_m - 10, 2))
+    held = {key: one.boxes for key, one in report.intervals.items()}
+    assert held == dict.fromkeys(("Car", name), 1) | {k: 0 for k in held if k not in ("Car", name)}
+    assert report.tracking["car"].clear.true_positives == 1
+    assert list(report.ground_tracking) == ["Car"]
 
 
 def test_rows_hold_what_is_known_and_the_formats_words_for_what_is_not():

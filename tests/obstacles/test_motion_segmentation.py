@@ -6,6 +6,7 @@ from itertools import compress
 import numpy as np
 import pytest
 
+from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
 from perception.localization.scan_window import PosedScan, ScanWindow
@@ -413,6 +414,13 @@ def test_each_method_makes_its_segmenter():
 )
 def test_static_threshold_follows_the_window_and_the_sensor(sensor, previous_scans, expected):
     assert static_threshold(MotionConfig(previous_scans=previous_scans), sensor) == expected
+
+
+@pytest.mark.parametrize("name", ["voxel_size_m", "previous_scans"])
+def test_sizes_of_nothing_are_refused(name):
+    with pytest.raises(UsageError) as error:
+        MotionConfig(**{name: 0})
+    assert (error.value.where, error.value.found) == (name, "0")
 
 
 def test_a_given_static_threshold_holds_for_every_sensor():
