@@ -43,8 +43,12 @@ def document_markup(title: str, document: Document, plots: Plots) -> str:
 
 
 def figures_markup(title: str, document: Document, plots: Plots) -> str:
-    """Return the figures of what a document holds: precision and recall, reliability, relative times."""
-    found = [*_precision_plots(document, plots), *_section_plots(title, document, plots)]
+    """Return the figures of what a document holds: precision and recall, paths, reliability, relative times."""
+    found = [
+        *_precision_plots(document, plots),
+        *_path_plots(document, plots),
+        *_section_plots(title, document, plots),
+    ]
     return f'<div class="plots">{"".join(found)}</div>' if found else ""
 
 
@@ -149,6 +153,14 @@ def _precision_plots(document: Document, plots: Plots) -> Iterator[str]:
         title = ", ".join(heading(name) for name in names if name not in _UNNAMED)
         figure = curves_figure(precision_panel(title, curves))
         yield plots.add(f"Precision-recall: {title}", figure)
+
+
+def _path_plots(document: Document, plots: Plots) -> Iterator[str]:
+    """Yield a figure of the paths from above."""
+    if paths := document.get("paths"):
+        curves = [Curve(name, one["x_m"], one["y_m"]) for name, one in paths.items()]
+        panel = CurvePanel("Path", "x [m]", "y [m]", curves)
+        yield plots.add("Path", curves_figure(panel))
 
 
 def _curves(document: Document, path: tuple[str, ...] = ()) -> Iterator[tuple[list[str], Document]]:

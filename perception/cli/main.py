@@ -163,6 +163,7 @@ SUMMARIES: Mapping[str, str] = {
     "evaluate": "measure a stage against labels or exact truth",
     "evaluate ground": "error of the estimated ground at labelled objects",
     "evaluate obstacles": "objects missed, false moving clusters",
+    "evaluate poses": "poses beside those of the drive, with and without INS",
     "evaluate datmo": "tracks of moving objects, several methods compared",
     "evaluate otd": "trackers of one object, on the sequences of the thesis",
     "evaluate vehicles": "detected vehicles as objects on the road",

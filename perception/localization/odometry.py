@@ -82,7 +82,7 @@ _MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
 # What a vehicle changes its motion by, in m/s2 and rad/s2: a guess by velocity may be corrected by as much more.
 _MANOEUVRE_M_S2, _MANOEUVRE_RAD_S2 = 5.0, 1.0
 # Without INS, where no alignment is accepted: starts around the guess, and how many times as many points must speak for the
-# best alignment as for any other that is so far from it.
+# best alignment as for any that is turned; even walls and the ground speak for any distance along them almost as well.
 _START_STEP_M, _START_STEP_RAD = 1.5, float(np.radians(8))
 _MIN_CONTRAST, _APART_M, _APART_RAD = 1.3, 0.3, float(np.radians(2))
 _MIN_SEARCHED_RATIO = 0.3
@@ -540,8 +540,12 @@ class LidarOdometry:
             motion = align(target, sample, start, _REACH_M).target_SE3_source
             found.append((self._share(sample, target, motion), motion))
         share, motion = max(found, key=itemgetter(0))
-        others = [one for one, other in found if _is_other(motion, other)]
-        if share < _MIN_CONTRAST * max(others, default=0.0):
+        between = [(one, inverse(motion) @ other) for one, other in found]
+        turned = [one for one, other in between if rotation_angle_rad(other) > _APART_RAD]
+        displaced = [one for one, other in between if _length_m(other) > _APART_M]
+        if share < _MIN_CONTRAST * max(turned, default=0.0):
+            return None
+        if share < _SEARCH_LOSS + max(displaced, default=0.0):
             return None
         best = align(target, points, motion, _REACH_M)
         is_proven = best.is_converged and best.inlier_ratio >= _MIN_SEARCHED_RATIO
@@ -577,11 +581,6 @@ class LidarOdometry:
 def _around(reach: float, step: float) -> Float64:
     """Return values from minus to plus a reach, in steps from 0."""
     return step * np.arange(-np.ceil(reach / step), np.ceil(reach / step) + 1)
-
-
-def _is_other(motion: Float64, other: Float64) -> bool:
-    between = inverse(motion) @ other
-    return _length_m(between) > _APART_M or rotation_angle_rad(between) > _APART_RAD
 
 
 def _motion(earlier: _LocatedScan, scan: _LocatedScan) -> Float64:

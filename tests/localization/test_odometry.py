@@ -447,3 +447,43 @@ def test_scans_without_points_are_met_in_silence(points, capfd):
     for number, scan in enumerate([points, street(), points, points]):
         odometry.update(scan.astype(np.float32), number * STEP_S)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_turn_that_begins_between_distant_scans_is_found_without_ins() -> None:
+    # Twice a second; from the fourth scan on 12 degrees a step, where a constant velocity goes straight on.
+    truth = [np.eye(4)]
+    for index in range(7):
+        turn_rad = np.radians(0 if index < 3 else 12)
+        truth.append(truth[-1] @ from_euler(0, 0, turn_rad, np.array([1.5, 0, 0])))
+    odometry = LidarOdometry()
+    for index, pose in enumerate(truth):
+        found = odometry.update(observed_from(pose, index), 0.5 * index)
+        assert found.origin is (PoseOrigin.REGISTERED if index else PoseOrigin.START)
+        assert not (index and found.is_reset)
+        away_m, turned_deg = apart(pose, found.world_SE3_velo)
+        assert away_m < 0.05
+        assert turned_deg < 0.3
+
+
+def test_a_lost_pose_is_found_again_while_the_keyframe_is_seen() -> None:
+    odometry, truth = LidarOdometry(), path(16)
+    found = []
+    for index, pose in enumerate(truth):
+        points = observed_from(pose, index)
+        found.append(odometry.update(points[:20] if 3 < index < 7 else points, index * STEP_S))
+    assert [one.origin for one in found[4:7]] == [PoseOrigin.EXTRAPOLATED] * 3
+    assert not any(one.is_reset for one in found[1:])
+    assert found[7].origin is PoseOrigin.REGISTERED
+    assert apart(truth[7], found[7].world_SE3_velo)[0] < 0.03
+
+
+def test_the_world_begins_anew_where_a_pose_is_lost_for_long() -> None:
+    odometry, truth = LidarOdometry(), path(16)
+    found = []
+    for index, pose in enumerate(truth):
+        points = observed_from(pose, index)
+        found.append(odometry.update(points[:20] if index > 2 else points, index * STEP_S))
+    resets = [index for index, one in enumerate(found) if one.is_reset]
+    # The keyframe is the first scan: a second later it is given up.
+    assert resets == [0, 11, *range(12, 16)][: len(resets)]
+    assert resets[1] == 11

@@ -1,0 +1,59 @@
+"""Poses of the pipeline beside those of a drive, with the INS as prior and by scans alone."""
+
+from pathlib import Path
+
+from data.derived.moving_methods import true_poses
+from data.faults.injection import Fault
+from data.frames import frame_count
+from data.labelled_drives import LabelledDrives
+from data.open_drive import open_drive
+from data.results.evaluated import EvaluatedDrive
+from perception.errors import DriveError
+from perception.evaluation.pose_errors import PoseMeasure, PoseReport
+from perception.pipeline import PipelineConfig
+
+
+def measure_poses(
+    root: Path, reader: LabelledDrives, pipeline: PipelineConfig
+) -> tuple[EvaluatedDrive, str, PoseReport]:
+    """Run the pipeline over a drive twice; return its frames, what the poses are compared with, and their errors.
+
+    Args:
+        root: Drive with poses.
+        reader: How the drive is read.
+        pipeline: Configuration of the pipeline up to the segmented scan.
+
+    Raises:
+        DriveError: The drive has no poses, a frame has none, or the frames do not follow each other.
+        PerceptionError: A frame cannot be read or used.
+    """
+    drive = open_drive(root, sequence=reader.sequence, config=reader.reading, images=False)
+    if not (drive.has_poses and drive.is_sequence) or len(drive) < 2:
+        raise DriveError(
+            drive.root,
+            expected="two frames or more with poses that follow each other",
+            found="poses of no sequence" if drive.has_poses else "a drive without poses",
+        )
+    count = frame_count(drive, reader.frames)
+    exact = true_poses(drive)
+    stated = exact or [drive.world_SE3_velo(index) for index in range(count)]
+    known = [pose for pose in stated if pose is not None]
+    if len(known) < len(stated):
+        found = f"{len(stated) - len(known)} without"
+        raise DriveError(drive.root, expected=f"poses of all {count} frames", found=found)
+    measures = {name: PoseMeasure(known) for name in ("with INS", "scans alone")}
+    for name, measure in measures.items():
+        faults = [Fault("ins-absent", 0, count - 1)] if name == "scans alone" else []
+        for result in reader.results(drive, pipeline, faults):
+            measure.update(result, None, None)
+    first = measures["with INS"]
+    reference = "exact poses" if exact else "poses of the drive"
+    paths_m = {reference: first.reference_m}
+    paths_m |= {name: measure.joined_m for name, measure in measures.items()}
+    report = PoseReport(
+        {name: measure.compute() for name, measure in measures.items()},
+        paths_m,
+        first.lengths_m,
+        first.is_flat,
+    )
+    return EvaluatedDrive.of(drive, reader.frames, len(first.reference_m)), reference, report

@@ -1,0 +1,234 @@
+"""Poses beside those of a drive: single steps, heading, end of the path, and drift as KITTI's odometry measures it."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Final
+
+import numpy as np
+
+from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table, value_table
+from perception.geometry.se3 import inverse, rotation_angle_rad
+from perception.types import Float64, Labels, PointTruth, Result
+
+# Sub-paths of KITTI's odometry benchmark, and those of a drive that is shorter than all of them.
+_LENGTHS_M: Final = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
+_SHORT_LENGTHS_M: Final = (10.0, 20.0, 50.0)
+_START_S: Final = 1.0  # between the starts of sub-paths: ten frames of KITTI
+# Height of a point of the vehicle that never changes, though it moves, and the fewest poses that tell it.
+_FLAT_M, _MIN_WAY_M, _MIN_POSES = 1e-5, 1.0, 8
+
+PROTOCOL = {
+    "step": "motion from a frame to the next beside that of the reference: rotation angle and distance",
+    "yaw": "largest error of the heading, poses joined to the reference at the first frame",
+    "end": "distance and angle between the last poses, joined in the same way",
+    "drift": "mean error over sub-paths, a start a second, divided by their length (KITTI odometry)",
+    "lengths_m": _LENGTHS_M,
+    "lengths_m_of_short_drives": _SHORT_LENGTHS_M,
+    "height": "of poses of constant height, which is none that was measured, errors are those in the plane",
+}
+
+
+@dataclass(frozen=True)
+class PoseErrors(Metrics):
+    """Errors of the poses of one run.
+
+    Attributes:
+        step_p50_deg: Median rotation error of a step.
+        step_max_deg: Largest one.
+        step_yaw_max_deg: Largest error of the heading in a step.
+        step_p50_cm: Median error of the distance of a step.
+        step_max_cm: Largest one.
+        yaw_deg: Largest error of the heading over the drive.
+        end_m: Distance from the end of the path.
+        end_deg: Rotation error there.
+        drift_percent: Error of the position over sub-paths, a share of their length.
+        drift_deg_100m: Error of the rotation over 100 m of sub-paths.
+        p50_ms: Median time of registration.
+        p99_ms: Its 99th percentile.
+        faults: Number of frames with each finding of LiDAR, INS and registration.
+    """
+
+    step_p50_deg: Annotated[float, Metric("step p50 [°]", ".3f")]
+    step_max_deg: Annotated[float, Metric("max [°]", ".2f")]
+    step_yaw_max_deg: Annotated[float, Metric("yaw max [°]", ".2f")]
+    step_p50_cm: Annotated[float, Metric("step p50 [cm]", ".1f")]
+    step_max_cm: Annotated[float, Metric("max [cm]", ".1f")]
+    yaw_deg: Annotated[float, Metric("yaw [°]", ".2f")]
+    end_m: Annotated[float, Metric("end [m]", ".2f")]
+    end_deg: Annotated[float, Metric("end [°]", ".2f")]
+    drift_percent: Annotated[float, Metric("drift [%]", ".2f")]
+    drift_deg_100m: Annotated[float, Metric("[°/100 m]", ".2f")]
+    p50_ms: Annotated[float, Metric("p50 [ms]", ".1f")]
+    p99_ms: Annotated[float, Metric("p99 [ms]", ".1f")]
+    faults: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PoseReport(Report):
+    """Errors of several runs over one drive.
+
+    Attributes:
+        runs: Errors by run.
+        paths_m: (F, 2) path of each run and of the reference, from the first frame on.
+        lengths_m: Lengths of the sub-paths.
+        is_flat: Whether the poses of the drive have no height.
+    """
+
+    runs: dict[str, PoseErrors]
+    paths_m: Annotated[Mapping[str, Float64], CONTEXT]
+    lengths_m: tuple[float, ...]
+    is_flat: bool
+
+    def tables(self) -> Sequence[Table[Any]]:
+        """Return the errors, and the findings of the monitors where there are any."""
+        notes = []
+        if self.lengths_m != _LENGTHS_M:
+            lengths = ", ".join(f"{one:g}" for one in self.lengths_m)
+            notes.append(f"The drive is shorter than 100 m: drift over sub-paths of {lengths} m.")
+        if self.is_flat:
+            notes.append(
+                "Its poses have one height: errors of the position are those in the plane."
+            )
+        tables: list[Table[Any]] = [Table("", PoseErrors.columns(), self.runs, notes=notes)]
+        faults = {name: one.faults for name, one in self.runs.items()}
+        if any(faults.values()):
+            tables.append(value_table("Frames with a finding", faults))
+        return tables
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the errors, and the paths as a figure draws them."""
+        paths = {name: {"x_m": way[:, 0], "y_m": way[:, 1]} for name, way in self.paths_m.items()}
+        return {**super().to_json(), "paths": paths}
+
+
+class PoseMeasure:
+    """Collects the poses of one run, and compares them with those of the drive."""
+
+    def __init__(self, reference: Sequence[Float64]) -> None:
+        """Start without a frame.
+
+        Args:
+            reference: (4, 4) pose of the LiDAR in the world of each frame of the drive.
+        """
+        self._all = reference
+        self._reference: list[Float64] = []
+        self._poses: list[Float64] = []
+        self._stamps_s: list[float] = []
+        self._seconds: list[float] = []
+        self._faults: Counter[str] = Counter()
+        self._is_flat = False
+
+    def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
+        """Add one frame; labels and truth tell nothing of poses."""
+        del labels, truth
+        self._reference.append(self._all[result.frame.index])
+        self._poses.append(result.world_SE3_velo)
+        self._stamps_s.append(result.frame.stamp_s)
+        self._seconds.append(result.timings_s.get("registration", np.nan))
+        self._faults.update(result.health.faults)
+
+    @property
+    def joined_m(self) -> Float64:
+        """(F, 2) path, joined to that of the reference at the first frame."""
+        return np.array(self._joined())[:, :2, 3]
+
+    @property
+    def reference_m(self) -> Float64:
+        """(F, 2) path of the reference."""
+        return np.array(self._reference)[:, :2, 3]
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether the poses of the drive have no height."""
+        return is_flat(self._reference)
+
+    @property
+    def lengths_m(self) -> tuple[float, ...]:
+        """Lengths of the sub-paths."""
+        is_long = _travelled_m(self._reference)[-1] >= _LENGTHS_M[0]
+        return _LENGTHS_M if is_long else _SHORT_LENGTHS_M
+
+    def compute(self) -> PoseErrors:
+        """Return the errors of all frames so far."""
+        joined, reference = self._joined(), self._reference
+        self._is_flat = self.is_flat
+        steps = [
+            _motion(_motion(reference[k - 1], reference[k]), _motion(joined[k - 1], joined[k]))
+            for k in range(1, len(joined))
+        ]
+        angles_deg = np.degrees([rotation_angle_rad(one) for one in steps])
+        distances_cm = 100 * np.array([self._distance_m(one) for one in steps])
+        errors = [_motion(*pair) for pair in zip(reference, joined, strict=True)]
+        drift = np.array(list(self._drift(joined))).reshape(-1, 2)
+        drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
+        return PoseErrors(
+            step_p50_deg=_percentile(angles_deg, 50),
+            step_max_deg=_percentile(angles_deg, 100),
+            step_yaw_max_deg=_percentile(np.degrees([abs(_yaw_rad(one)) for one in steps]), 100),
+            step_p50_cm=_percentile(distances_cm, 50),
+            step_max_cm=_percentile(distances_cm, 100),
+            yaw_deg=float(np.degrees(max(abs(_yaw_rad(one)) for one in errors))),
+            end_m=self._distance_m(errors[-1]),
+            end_deg=float(np.degrees(rotation_angle_rad(errors[-1]))),
+            drift_percent=100 * float(drift_percent),
+            drift_deg_100m=100 * float(np.degrees(drift_rad)),
+            p50_ms=1e3 * _percentile(self._seconds, 50),
+            p99_ms=1e3 * _percentile(self._seconds, 99),
+            faults=dict(self._faults),
+        )
+
+    def _joined(self) -> list[Float64]:
+        """Return the poses in the world of the reference."""
+        world_SE3_own = self._reference[0] @ inverse(self._poses[0])
+        return [world_SE3_own @ pose for pose in self._poses]
+
+    def _drift(self, poses: Sequence[Float64]) -> Iterator[tuple[float, float]]:
+        """Yield the error of position and rotation of each sub-path, in m and rad per m of its length."""
+        reference, travelled_m = self._reference, _travelled_m(self._reference)
+        start_s = -np.inf
+        for first, stamp_s in enumerate(self._stamps_s):
+            if stamp_s - start_s < _START_S - 1e-3:
+                continue
+            start_s = stamp_s
+            for length_m in self.lengths_m:
+                last = int(np.searchsorted(travelled_m, travelled_m[first] + length_m))
+                if last == len(reference):
+                    break
+                error = _motion(
+                    _motion(reference[first], reference[last]), _motion(poses[first], poses[last])
+                )
+                yield self._distance_m(error) / length_m, rotation_angle_rad(error) / length_m
+
+    def _distance_m(self, error: Float64) -> float:
+        return float(np.linalg.norm(error[: 2 if self._is_flat else 3, 3]))
+
+
+def is_flat(poses: Sequence[Float64]) -> bool:
+    """Return whether a point of a vehicle that moves keeps its height to the last digits, in (4, 4) poses of its LiDAR."""
+    stacked = np.array(poses)
+    if len(stacked) < _MIN_POSES or _travelled_m(poses)[-1] < _MIN_WAY_M:
+        return False
+    # Height of the LiDAR: that of the point, and its own above it by the tilt.
+    terms = np.column_stack([np.ones(len(stacked)), stacked[:, 2, :3]])
+    parts = np.linalg.lstsq(terms, stacked[:, 2, 3], rcond=None)[0]
+    return bool((np.abs(terms @ parts - stacked[:, 2, 3]) <= _FLAT_M).all())
+
+
+def _travelled_m(poses: Sequence[Float64]) -> Float64:
+    steps_m = np.linalg.norm(np.diff(np.array(poses)[:, :3, 3], axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
+
+
+def _motion(before: Float64, after: Float64) -> Float64:
+    return inverse(before) @ after
+
+
+def _yaw_rad(motion: Float64) -> float:
+    return float(np.arctan2(motion[1, 0], motion[0, 0]))
+
+
+def _percentile(values: Sequence[float] | Float64, percent: float) -> float:
+    known = np.asarray(values, np.float64)
+    known = known[np.isfinite(known)]
+    return float(np.percentile(known, percent)) if len(known) else float("nan")
