@@ -30,7 +30,7 @@ PROTOCOL = {
 
 
 @dataclass(frozen=True)
-class PoseErrors(Metrics):
+class PoseAccuracy(Metrics):
     """Errors of the poses of one run.
 
     Attributes:
@@ -75,7 +75,7 @@ class PoseReport(Report):
         is_flat: Whether the poses of the drive have no height.
     """
 
-    runs: dict[str, PoseErrors]
+    runs: dict[str, PoseAccuracy]
     paths_m: Annotated[Mapping[str, Float64], CONTEXT]
     lengths_m: tuple[float, ...]
     is_flat: bool
@@ -90,7 +90,7 @@ class PoseReport(Report):
             notes.append(
                 "Its poses have one height: errors of the position are those in the plane."
             )
-        tables: list[Table[Any]] = [Table("", PoseErrors.columns(), self.runs, notes=notes)]
+        tables: list[Table[Any]] = [Table("", PoseAccuracy.columns(), self.runs, notes=notes)]
         faults = {name: one.faults for name, one in self.runs.items()}
         if any(faults.values()):
             tables.append(value_table("Frames with a finding", faults))
@@ -149,7 +149,7 @@ class PoseMeasure:
         is_long = _travelled_m(self._reference)[-1] >= _LENGTHS_M[0]
         return _LENGTHS_M if is_long else _SHORT_LENGTHS_M
 
-    def compute(self) -> PoseErrors:
+    def compute(self) -> PoseAccuracy:
         """Return the errors of all frames so far."""
         joined, reference = self._joined(), self._reference
         self._is_flat = self.is_flat
@@ -162,7 +162,7 @@ class PoseMeasure:
         errors = [_motion(*pair) for pair in zip(reference, joined, strict=True)]
         drift = np.array(list(self._drift(joined))).reshape(-1, 2)
         drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
-        return PoseErrors(
+        return PoseAccuracy(
             step_p50_deg=_percentile(angles_deg, 50),
             step_max_deg=_percentile(angles_deg, 100),
             step_yaw_max_deg=_percentile(np.degrees([abs(_yaw_rad(one)) for one in steps]), 100),

@@ -363,7 +363,7 @@ class LidarOdometry:
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
-        # Later scans may still find the keyframe; when that is too long ago, the world begins anew.
+        # Later scans may still find the keyframe; when that is too long ago, the poses are reset.
         is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
         uncertainty = last.localization.uncertainty.unregistered(last_pose, pose, gap_s)

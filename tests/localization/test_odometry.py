@@ -477,7 +477,7 @@ def test_a_lost_pose_is_found_again_while_the_keyframe_is_seen() -> None:
     assert apart(truth[7], found[7].world_SE3_velo)[0] < 0.03
 
 
-def test_the_world_begins_anew_where_a_pose_is_lost_for_long() -> None:
+def test_the_world_is_reset_where_a_pose_is_lost_for_long() -> None:
     odometry, truth = LidarOdometry(), path(16)
     found = []
     for index, pose in enumerate(truth):
