@@ -1,5 +1,6 @@
 """Poses of the pipeline beside those of a drive, with the INS as prior and by scans alone."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from data.derived.moving_methods import true_poses
@@ -11,6 +12,7 @@ from data.results.evaluated import EvaluatedDrive
 from perception.errors import DriveError
 from perception.evaluation.pose_errors import PoseMeasure, PoseReport
 from perception.pipeline import PipelineConfig
+from perception.types import Float64
 
 
 def measure_poses(
@@ -36,7 +38,9 @@ def measure_poses(
         )
     count = frame_count(drive, reader.frames)
     exact = true_poses(drive)
-    stated = exact or [drive.world_SE3_velo(index) for index in range(count)]
+    stated: Sequence[Float64 | None] = exact or [
+        drive.world_SE3_velo(index) for index in range(count)
+    ]
     known = [pose for pose in stated if pose is not None]
     if len(known) < len(stated):
         found = f"{len(stated) - len(known)} without"
