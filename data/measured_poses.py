@@ -51,13 +51,15 @@ def measure_poses(
         for result in reader.results(drive, pipeline, faults):
             measure.update(result, None, None)
     first = measures["with INS"]
-    reference = "exact poses" if exact else "poses of the drive"
+    reference = "exact poses" if exact else "INS"
     paths_m = {reference: first.reference_m}
     paths_m |= {name: measure.joined_m for name, measure in measures.items()}
     report = PoseReport(
         {name: measure.compute() for name, measure in measures.items()},
         paths_m,
         first.lengths_m,
+        exact is not None,
         first.is_flat,
+        first.is_level,
     )
     return EvaluatedDrive.of(drive, reader.frames, len(first.reference_m)), reference, report

@@ -14,18 +14,19 @@ from perception.types import Float64, Labels, PointTruth, Result
 # Sub-paths of KITTI's odometry benchmark, and those of a drive that is shorter than all of them.
 _LENGTHS_M: Final = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 _SHORT_LENGTHS_M: Final = (10.0, 20.0, 50.0)
-_START_S: Final = 1.0  # between the starts of sub-paths: ten frames of KITTI
-# Height of a point of the vehicle that never changes, though it moves, and the fewest poses that tell it.
-_FLAT_M, _MIN_WAY_M, _MIN_POSES = 1e-5, 1.0, 8
+_START_FRAMES: Final = 10  # between the starts of sub-paths
+# Height of a point of the vehicle and its tilt that never change, though it moves, and the fewest poses that tell it.
+_FLAT_M, _LEVEL, _MIN_WAY_M, _MIN_POSES = 1e-5, 1e-6, 1.0, 8
 
 PROTOCOL = {
     "step": "motion from a frame to the next beside that of the reference: rotation angle and distance",
     "yaw": "largest error of the heading, poses joined to the reference at the first frame",
     "end": "distance and angle between the last poses, joined in the same way",
-    "drift": "mean error over sub-paths, a start a second, divided by their length (KITTI odometry)",
+    "drift": "mean error over sub-paths, a start every tenth frame, divided by their length (KITTI odometry)",
     "lengths_m": _LENGTHS_M,
     "lengths_m_of_short_drives": _SHORT_LENGTHS_M,
     "height": "of poses of constant height, which is none that was measured, errors are those in the plane",
+    "tilt": "of poses of constant height and tilt, rotation errors are those of the heading",
 }
 
 
@@ -35,6 +36,7 @@ class PoseAccuracy(Metrics):
 
     Attributes:
         step_p50_deg: Median rotation error of a step.
+        step_p90_deg: Its 90th percentile.
         step_max_deg: Largest one.
         step_yaw_max_deg: Largest error of the heading in a step.
         step_p50_cm: Median error of the distance of a step.
@@ -50,6 +52,7 @@ class PoseAccuracy(Metrics):
     """
 
     step_p50_deg: Annotated[float, Metric("step p50 [°]", ".3f")]
+    step_p90_deg: Annotated[float, Metric("p90 [°]", ".3f")]
     step_max_deg: Annotated[float, Metric("max [°]", ".2f")]
     step_yaw_max_deg: Annotated[float, Metric("yaw max [°]", ".2f")]
     step_p50_cm: Annotated[float, Metric("step p50 [cm]", ".1f")]
@@ -72,24 +75,30 @@ class PoseReport(Report):
         runs: Errors by run.
         paths_m: (F, 2) path of each run and of the reference, from the first frame on.
         lengths_m: Lengths of the sub-paths.
-        is_flat: Whether the poses of the drive have no height.
+        is_exact: Whether the poses of the drive are the truth.
+        is_flat: Whether they have no height.
+        is_level: Whether they have no tilt either.
     """
 
     runs: dict[str, PoseAccuracy]
     paths_m: Annotated[Mapping[str, Float64], CONTEXT]
     lengths_m: tuple[float, ...]
+    is_exact: bool
     is_flat: bool
+    is_level: bool
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return the errors, and the findings of the monitors where there are any."""
         notes = []
+        if not self.is_exact:
+            notes.append("The INS is no truth: its own errors are among these.")
         if self.lengths_m != _LENGTHS_M:
             lengths = ", ".join(f"{one:g}" for one in self.lengths_m)
             notes.append(f"The drive is shorter than 100 m: drift over sub-paths of {lengths} m.")
         if self.is_flat:
-            notes.append(
-                "Its poses have one height: errors of the position are those in the plane."
-            )
+            notes.append("Its poses have one height: errors of position are those in the plane.")
+        if self.is_level:
+            notes.append("They have one tilt, too: errors of rotation are those of the heading.")
         tables: list[Table[Any]] = [Table("", PoseAccuracy.columns(), self.runs, notes=notes)]
         faults = {name: one.faults for name, one in self.runs.items()}
         if any(faults.values()):
@@ -114,17 +123,15 @@ class PoseMeasure:
         self._all = reference
         self._reference: list[Float64] = []
         self._poses: list[Float64] = []
-        self._stamps_s: list[float] = []
         self._seconds: list[float] = []
         self._faults: Counter[str] = Counter()
-        self._is_flat = False
+        self._is_flat = self._is_level = False
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame; labels and truth tell nothing of poses."""
         del labels, truth
         self._reference.append(self._all[result.frame.index])
         self._poses.append(result.world_SE3_velo)
-        self._stamps_s.append(result.frame.stamp_s)
         self._seconds.append(result.timings_s.get("registration", np.nan))
         self._faults.update(result.health.faults)
 
@@ -144,6 +151,12 @@ class PoseMeasure:
         return is_flat(self._reference)
 
     @property
+    def is_level(self) -> bool:
+        """Whether they have no tilt either: the world's vertical keeps its direction in the LiDAR frame."""
+        vertical = np.array(self._reference)[:, 2, :3]
+        return self.is_flat and bool((np.ptp(vertical, axis=0) <= _LEVEL).all())
+
+    @property
     def lengths_m(self) -> tuple[float, ...]:
         """Lengths of the sub-paths."""
         is_long = _travelled_m(self._reference)[-1] >= _LENGTHS_M[0]
@@ -152,25 +165,26 @@ class PoseMeasure:
     def compute(self) -> PoseAccuracy:
         """Return the errors of all frames so far."""
         joined, reference = self._joined(), self._reference
-        self._is_flat = self.is_flat
+        self._is_flat, self._is_level = self.is_flat, self.is_level
         steps = [
             _motion(_motion(reference[k - 1], reference[k]), _motion(joined[k - 1], joined[k]))
             for k in range(1, len(joined))
         ]
-        angles_deg = np.degrees([rotation_angle_rad(one) for one in steps])
+        angles_deg = np.degrees([self._angle_rad(one) for one in steps])
         distances_cm = 100 * np.array([self._distance_m(one) for one in steps])
         errors = [_motion(*pair) for pair in zip(reference, joined, strict=True)]
         drift = np.array(list(self._drift(joined))).reshape(-1, 2)
         drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
         return PoseAccuracy(
             step_p50_deg=_percentile(angles_deg, 50),
+            step_p90_deg=_percentile(angles_deg, 90),
             step_max_deg=_percentile(angles_deg, 100),
             step_yaw_max_deg=_percentile(np.degrees([abs(_yaw_rad(one)) for one in steps]), 100),
             step_p50_cm=_percentile(distances_cm, 50),
             step_max_cm=_percentile(distances_cm, 100),
             yaw_deg=float(np.degrees(max(abs(_yaw_rad(one)) for one in errors))),
             end_m=self._distance_m(errors[-1]),
-            end_deg=float(np.degrees(rotation_angle_rad(errors[-1]))),
+            end_deg=float(np.degrees(self._angle_rad(errors[-1]))),
             drift_percent=100 * float(drift_percent),
             drift_deg_100m=100 * float(np.degrees(drift_rad)),
             p50_ms=1e3 * _percentile(self._seconds, 50),
@@ -186,11 +200,7 @@ class PoseMeasure:
     def _drift(self, poses: Sequence[Float64]) -> Iterator[tuple[float, float]]:
         """Yield the error of position and rotation of each sub-path, in m and rad per m of its length."""
         reference, travelled_m = self._reference, _travelled_m(self._reference)
-        start_s = -np.inf
-        for first, stamp_s in enumerate(self._stamps_s):
-            if stamp_s - start_s < _START_S - 1e-3:
-                continue
-            start_s = stamp_s
+        for first in range(0, len(reference), _START_FRAMES):
             for length_m in self.lengths_m:
                 last = int(np.searchsorted(travelled_m, travelled_m[first] + length_m))
                 if last == len(reference):
@@ -198,10 +208,13 @@ class PoseMeasure:
                 error = _motion(
                     _motion(reference[first], reference[last]), _motion(poses[first], poses[last])
                 )
-                yield self._distance_m(error) / length_m, rotation_angle_rad(error) / length_m
+                yield self._distance_m(error) / length_m, self._angle_rad(error) / length_m
 
     def _distance_m(self, error: Float64) -> float:
         return float(np.linalg.norm(error[: 2 if self._is_flat else 3, 3]))
+
+    def _angle_rad(self, error: Float64) -> float:
+        return abs(_yaw_rad(error)) if self._is_level else rotation_angle_rad(error)
 
 
 def is_flat(poses: Sequence[Float64]) -> bool:

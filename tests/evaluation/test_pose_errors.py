@@ -16,10 +16,10 @@ def pose(x_m, y_m=0.0, z_m=0.0, yaw_deg=0.0, pitch_deg=0.0):
     return matrix
 
 
-def measured(reference, poses, step_s=0.1, findings=()):
+def measured(reference, poses, findings=()):
     measure = PoseMeasure(reference)
     for index, one in enumerate(poses):
-        frame = SimpleNamespace(index=index, stamp_s=step_s * index)
+        frame = SimpleNamespace(index=index)
         health = Health.of(findings if index == 1 else ())
         timings_s = {"registration": 0.01 * (1 + index % 2)}
         result = SimpleNamespace(
@@ -53,6 +53,7 @@ def test_a_turn_and_a_longer_step():
     poses.append(poses[-1] @ (np.linalg.inv(reference[2]) @ reference[3]))
     found = measured(reference, poses).compute()
     assert (found.step_p50_deg, found.step_max_deg) == pytest.approx((0, 2), abs=1e-6)
+    assert found.step_p90_deg == pytest.approx(1.6, abs=1e-5)  # 0, 0, 2: at 0.9 of the way
     assert (found.step_yaw_max_deg, found.yaw_deg, found.end_deg) == pytest.approx((2, 2, 2))
     assert (found.step_p50_cm, found.step_max_cm) == pytest.approx((0, 30), abs=1e-6)
     end_m = np.hypot(0.3 + np.cos(np.radians(2)) - 1, np.sin(np.radians(2)))
@@ -87,6 +88,34 @@ def test_a_constant_height_is_none_that_was_measured():
     found = measured(level, raised).compute()
     assert found.step_max_cm < 0.5
     assert found.end_m < 0.05
+
+
+def test_of_poses_without_tilt_the_heading_alone_is_measured():
+    level = [pose(k, yaw_deg=3.0 * k) for k in range(12)]
+    tilted = [one @ pose(0.0, yaw_deg=0.5 * k, pitch_deg=2.0 * k) for k, one in enumerate(level)]
+    measure = measured(level, tilted)
+    assert measure.is_level
+    found = measure.compute()
+    assert found.end_deg == pytest.approx(found.yaw_deg)
+    assert found.yaw_deg == pytest.approx(5.5)
+    swaying = [one @ pose(0.0, pitch_deg=np.sin(k)) for k, one in enumerate(level)]
+    measure = measured(swaying, swaying)
+    assert measure.is_flat
+    assert not measure.is_level
+    # Errors of the tilt count where it is one that was measured: 22 degrees at the last frame.
+    uneven = straight(12)
+    pitched = [one @ pose(0.0, pitch_deg=2.0 * k) for k, one in enumerate(uneven)]
+    assert measured(uneven, pitched).compute().end_deg == pytest.approx(22)
+
+
+def test_sub_paths_start_at_every_tenth_frame():
+    reference = straight(31)
+    # Two metres too far in the step to frame 15: of the sub-paths of 10 m from frames 0, 10 and 20, and that of 20 m from 0
+    # and 10, those from 10 and of 20 m from 0 hold it.
+    poses = [pose(one[0, 3] + 2.0 * (k >= 15), z_m=one[2, 3]) for k, one in enumerate(reference)]
+    found = measured(reference, poses).compute()
+    # Errors 0, 10 % (from 0); 20, 10 % (from 10); 0 (from 20).
+    assert found.drift_percent == pytest.approx(100 * (0 + 0.1 + 0.2 + 0.1 + 0) / 5)
 
 
 def test_findings_are_counted_by_frame():
