@@ -32,7 +32,7 @@ def measure_methods(drive: Drive) -> Mapping[str, "DatmoReport"]:
     from perception.cli.progress import progress_bar
 
     config, reader = PipelineConfig.for_motion(), LabelledDrives(progress=progress_bar)
-    return compare_methods(drive, reader, config, METHODS, PROTOCOL).reports
+    return compare_methods(drive, reader, config, METHODS, PROTOCOL)[1].reports
 
 
 def total(drives: Sequence[Mapping[str, "DatmoReport"]]) -> MethodMetrics:

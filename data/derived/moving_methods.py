@@ -9,6 +9,7 @@ from data.derived.moving_truth import moving_truth
 from data.frames import frame_count, read_frames
 from data.labelled_drives import LabelledDrives
 from data.recorded_drive import RecordedDrive
+from data.results.evaluated import EvaluatedDrive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
 from perception.datmo.stage import datmo_stage
@@ -39,8 +40,8 @@ def compare_methods(
     pipeline: PipelineConfig,
     methods: Sequence[MotionMethod],
     protocol: DatmoProtocol,
-) -> DatmoComparison:
-    """Measure the tracks of several methods.
+) -> tuple[EvaluatedDrive, DatmoComparison]:
+    """Measure the tracks of several methods; return frames and metrics.
 
     Args:
         drive: Labelled drive.
@@ -70,6 +71,7 @@ def compare_methods(
                 timings_s = {"moving objects": time.perf_counter() - start_s}
             result = replace(segmented, tracks=tracks, timings_s=timings_s)
             measures[method].update(result, truth=drive.point_truth(frame.index))
-    return DatmoComparison(
-        {method: one.compute() for method, one in measures.items()}, poses.compute()
-    )
+    reports = {method: one.compute() for method, one in measures.items()}
+    count = next(iter(reports.values())).frames
+    evaluated = EvaluatedDrive.of(drive, reader.frames, count)
+    return evaluated, DatmoComparison(reports, poses.compute())

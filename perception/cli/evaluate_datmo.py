@@ -1,19 +1,15 @@
 """`trifuse evaluate datmo`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 from data.derived.obstacle_sequences import SequenceSet, table_3_1
 from data.results.command_config import CommandConfig
-from data.results.evaluated import EvaluatedDrive, EvaluationDocument
+from data.results.evaluated import EvaluationDocument
 from perception.cli.flags import LabelledDriveFlags, ReportFlags
 from perception.errors import UsageError
 from perception.evaluation.config import DatmoProtocol
 from perception.pipeline import PipelineConfig
-from perception.types import Drive
-
-if TYPE_CHECKING:
-    from perception.evaluation.datmo_measure import DatmoComparison
 
 Method = Literal["default", "thesis", "author"]
 
@@ -54,14 +50,11 @@ def evaluate_datmo(
             "--methods", expected=f"some of {known}, each once", found=repr(",".join(methods))
         )
     reader = drive.reader()
-
-    def evaluate(labelled: Drive) -> "tuple[EvaluatedDrive, DatmoComparison]":
-        comparison = compare_methods(labelled, reader, pipeline, methods, protocol)
-        frames = next(iter(comparison.reports.values())).frames
-        return EvaluatedDrive.of(labelled, drive.frames, frames), comparison
-
     data, metrics = reader.evaluate_set(
-        root, set, evaluate, lambda reports: DatmoSetReport(reports, table_3_1())
+        root,
+        set,
+        lambda labelled: compare_methods(labelled, reader, pipeline, methods, protocol),
+        lambda reports: DatmoSetReport(reports, table_3_1()),
     )
     document = EvaluationDocument("datmo", data, {**PROTOCOL_WORDS, "values": protocol})
     heading = f"{data}, method {pipeline.method}, evaluated view: {protocol.view}"

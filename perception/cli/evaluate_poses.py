@@ -26,14 +26,9 @@ def evaluate_poses(
         root: Drive of any layout with poses.
         pipeline: Pipeline configuration.
     """
-    from data.labelled_drives import LabelledDrives
     from data.measured_poses import measure_poses
-    from perception.cli.progress import progress_bar
     from perception.evaluation.pose_errors import PROTOCOL
 
-    reader = LabelledDrives(
-        drive.sequence, drive.reading, drive.frames, drive.on_bad_frame, progress=progress_bar
-    )
-    data, reference, errors = measure_poses(root, reader, pipeline)
+    data, reference, errors = measure_poses(root, drive.reader(), pipeline)
     document = EvaluationDocument("poses", data, PROTOCOL)
     report.publish(f"{data}, beside the {reference}", errors, document, config)

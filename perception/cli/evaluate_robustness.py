@@ -69,25 +69,20 @@ def evaluate_robustness(
         fault_runs = FaultRuns(opened, reader, detection, metric.seed)
         costs, document, heading = fault_runs.measure(faults, values, runs)
         report.publish(heading, costs, document, config)
-        if plot is not None:
-            from perception.render.curve_plots import plot_curves
+        title, panels = f"{opened.name}: cost of faults", costs.panels()
+    else:
+        from data.detections.corrupted_drive import measure_corruptions
 
-            title = f"{opened.name}: cost of faults"
-            panels = costs.panels()
-            plot_curves(plot, title, panels, columns=min(4, len(panels)))
-        return
-    from data.detections.corrupted_drive import measure_corruptions
-
-    classes = [kitti_class(class_name)]
-    measured, networks = measure_corruptions(root, reader, classes, metric, levels, detection)
-    document = EvaluationDocument.of_networks(
-        "robustness", measured.data, metric.protocol(levels=levels), networks
-    )
-    heading = f"{class_name}, IoU over {metric.iou[0]:g}"
-    report.publish(f"{heading}\n{measured.seen_in_training}", measured, document, config)
+        classes = [kitti_class(class_name)]
+        measured, networks = measure_corruptions(root, reader, classes, metric, levels, detection)
+        document = EvaluationDocument.of_networks(
+            "robustness", measured.data, metric.protocol(levels=levels), networks
+        )
+        heading = f"{class_name}, IoU over {metric.iou[0]:g}"
+        report.publish(f"{heading}\n{measured.seen_in_training}", measured, document, config)
+        info, robustness = measured.drives[0]
+        title, panels = f"{info.title}, {heading}", robustness.panels()
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 
-        info, robustness = measured.drives[0]
-        panels = robustness.panels()
-        plot_curves(plot, f"{info.title}, {heading}", panels, columns=len(panels), share_y="all")
+        plot_curves(plot, title, panels, columns=4, share_y="all")

@@ -1,6 +1,5 @@
 """Flags that several commands share, each declared once."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,6 +72,15 @@ class DriveFlags(SourceFlags):
         """Validate the number of frames."""
         require_positive("--frames", self.frames)
 
+    def reader(self) -> "DriveReader":
+        """Return what opens and reads the drives, with a progress bar."""
+        from data.detections.measured_drives import DriveReader
+        from perception.cli.progress import progress_bar
+
+        same = ("sequence", "frames", "on_bad_frame", "split", "part")
+        values = {name: value for name, value in vars(self).items() if name in same}
+        return DriveReader(**values, reading=self.reading, progress=progress_bar)
+
 
 @dataclass(frozen=True)
 class PartOfDriveFlags(DriveFlags):
@@ -106,15 +114,6 @@ class LabelledDriveFlags(DriveFlags):
         """Validate the number of frames, and that a part is one of a split."""
         super().__post_init__()
         require_split(self.part, self.split)
-
-    def reader(self) -> "DriveReader":
-        """Return what opens and reads the drives, with a progress bar."""
-        from data.detections.measured_drives import DriveReader
-        from perception.cli.progress import progress_bar
-
-        same = ("sequence", "frames", "on_bad_frame", "split", "part")
-        values = {name: getattr(self, name) for name in same}
-        return DriveReader(**values, reading=self.reading, progress=progress_bar)
 
 
 @dataclass(frozen=True)
@@ -222,13 +221,3 @@ def require_split(part: Part | None, split: Path | None) -> None:
     """
     if part is not None and split is None:
         raise UsageError(f"--part {part}", expected="--split FILE beside it", found="none")
-
-
-def require_drives(drives: Sequence[Path]) -> None:
-    """Validate that there is a drive.
-
-    Raises:
-        UsageError: there is none.
-    """
-    if not drives:
-        raise UsageError("drives", expected="at least one", found="none")

@@ -315,7 +315,11 @@ def run_command_line(words: Sequence[str]) -> None:
         print(f"trifuse {__version__}")
         return
     if (name := _command_of(words)) is not None:
-        _run_command(name, words[len(name.split()) :])
+        rest = words[len(name.split()) :]
+        if {"-h", "--help", "--help-all"} & set(rest):
+            print(COMMANDS[name].help(name, everything="--help-all" in rest))
+        else:
+            COMMANDS[name].run(name, rest)
         return
     group, *rest = words
     subcommands = {name: one for name, one in COMMANDS.items() if name.startswith(f"{group} ")}
@@ -344,13 +348,6 @@ def _how_to_go_on(words: Sequence[str]) -> str:
     if "resume" in flags:
         return "repeat the command with --resume to go on, or with --overwrite"
     return "repeat the command" + (" with --overwrite" if "overwrite" in flags else "")
-
-
-def _run_command(name: str, words: Sequence[str]) -> None:
-    if {"-h", "--help", "--help-all"} & set(words):
-        print(COMMANDS[name].help(name, everything="--help-all" in words))
-    else:
-        COMMANDS[name].run(name, words)
 
 
 def _top_level() -> dict[str, str]:

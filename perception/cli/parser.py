@@ -22,6 +22,7 @@ from data.results.command_config import CommandConfig, read_known
 from perception.atomic_file import require_writable
 from perception.cli.help import help_formatter, place_words
 from perception.cli.words import flag_words, read_words, usage_error
+from perception.errors import UsageError
 
 CommandFunction = Callable[..., None]
 
@@ -31,7 +32,7 @@ _OUTPUTS = {
     *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "runs", "stages", "view",
     "worst_frames",
 }  # fmt: skip
-_PRINT_CONFIG = {"--print-config", "--print_config"}
+PRINT_CONFIG = {"--print-config", "--print_config"}
 
 
 class FlagGroup:
@@ -45,7 +46,7 @@ def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
         UsageError: A flag is unknown, or its value is not of its type.
         WriteError: A file that is asked for could not be written.
     """
-    asked = [word for word in words if word not in _PRINT_CONFIG]
+    asked = [word for word in words if word not in PRINT_CONFIG]
     arguments, config = parse(prog, function, asked)
     if len(asked) < len(words):
         print(config.text(), end="")
@@ -77,6 +78,9 @@ def parse(
     except argparse.ArgumentError as error:
         raise usage_error(prog, str(error), types, places) from error
     arguments = _arguments(function, parser.instantiate(parsed))
+    for name in places:
+        if arguments[name] == []:
+            raise UsageError(name.upper(), expected="at least one", found="none")
     values = {
         name: value for name, value in _flat_values(function, arguments) if name not in _OUTPUTS
     }

@@ -22,6 +22,7 @@ def progress_bar(
     *,
     unit: str = "frame",
     delay_s: float = 0,
+    done: int = 0,
 ) -> Iterable[Step]:
     """Iterate over steps and show how many are done.
 
@@ -31,14 +32,25 @@ def progress_bar(
         total: Number of steps, where the iterable has no length.
         unit: Unit of a step.
         delay_s: Time before the bar is shown.
+        done: Number of steps that were done before.
     """
-    shown: Iterable[Step] = _open(steps, description, total, unit, delay_s)
-    return shown
+    bar: Iterable[Step] = tqdm(
+        steps,
+        description,
+        total,
+        initial=done,
+        unit=unit,
+        file=sys.stderr,
+        delay=delay_s,
+        mininterval=_TERMINAL_S if sys.stderr.isatty() else _LOG_S,
+    )
+    _OPEN.add(bar)
+    return bar
 
 
 def counting_bar(description: str, total: int) -> "tqdm[Any]":
     """Return a bar that is a context manager and moves by `update(count)`."""
-    return _open(None, description, total, "frame", 0)
+    return progress_bar((), description, total)
 
 
 def frame_progress_bar(description: str, delay_s: float = 2) -> Progress:
@@ -60,31 +72,7 @@ def resample_bar(resamples: Iterable[int]) -> Iterable[int]:
 
 def search_bar(finished: Iterable[Step], done: int, parts: int) -> Iterable[Step]:
     """Show the progress of a search, of which some parts were done before."""
-    shown: Iterable[Step] = _open(finished, "search", parts, "part", 0, done)
-    return shown
-
-
-def _open(
-    steps: Iterable[Any] | None,
-    description: str,
-    total: int | None,
-    unit: str,
-    delay_s: float,
-    initial: int = 0,
-) -> "tqdm[Any]":
-    every_s = _TERMINAL_S if sys.stderr.isatty() else _LOG_S
-    bar = tqdm(
-        steps,
-        description,
-        total,
-        initial=initial,
-        unit=unit,
-        file=sys.stderr,
-        delay=delay_s,
-        mininterval=every_s,
-    )
-    _OPEN.add(bar)
-    return bar
+    return progress_bar(finished, "search", parts, unit="part", done=done)
 
 
 def close_bars() -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from perception.cli.flags import require_drives, require_positive
+from perception.cli.flags import require_positive
 from perception.types import Fit, MapFilling, Modality, OnBadFrame
 
 
@@ -54,7 +54,6 @@ def shards(
     from perception.detection.detectors.input_size import InputSize
     from perception.geometry.threads import usable_cores
 
-    require_drives(roots)
     require_positive("--samples", samples)
     config = ImageConfig(
         modality, size=InputSize.parse(size), filling=filling, jpeg_quality=jpeg_quality, fit=fit

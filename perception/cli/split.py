@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from data.splits.parts import SplitBy
-from perception.cli.flags import require_drives
 
 _SHARES = (60.0, 20.0, 20.0)
 
@@ -39,7 +38,6 @@ def split(
     from perception.cli.progress import frame_progress_bar
     from perception.evaluation.report import Table
 
-    require_drives(roots)
     require_writable(out)
     drives = open_drives(roots, images=False)
     require_labels(drives)

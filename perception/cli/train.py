@@ -14,7 +14,7 @@ from jsonargparse import ArgumentParser
 
 from data.results.command_config import read_config
 from perception.cli.help import help_formatter
-from perception.cli.parser import nested_types
+from perception.cli.parser import PRINT_CONFIG, nested_types
 from perception.cli.words import read_words, usage_error
 from train.trainings import FULL_NAMES, TRAININGS, EverydayFlags
 
@@ -35,7 +35,6 @@ Groups of Lightning's command line, of which --help-all lists every flag:
 _STAGES = ("fit", "validate", "test")
 _CHECKPOINT = ("resume", "ckpt_path")
 _GROUP_HELP = {"--trainer.help", "--model.help", "--data.help"}
-_PRINT_CONFIG = {"--print-config", "--print_config"}
 
 
 def train(name: str, words: Sequence[str]) -> None:
@@ -45,7 +44,7 @@ def train(name: str, words: Sequence[str]) -> None:
         PerceptionError: The user has to act.
         KeyboardInterrupt: The training is stopped; the message says how to go on.
     """
-    asked = [word for word in words if word not in _PRINT_CONFIG]
+    asked = [word for word in words if word not in PRINT_CONFIG]
     if set(words) & _GROUP_HELP:
         print(help_text(name, everything=True))
         return

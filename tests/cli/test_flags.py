@@ -2,7 +2,9 @@
 
 import pytest
 
-from perception.cli.flags import require_drives, require_positive
+from perception.cli.flags import require_positive
+from perception.cli.parser import parse
+from perception.cli.split import split
 from perception.errors import UsageError
 
 
@@ -19,7 +21,9 @@ def test_one_is_enough_and_none_is_no_limit(count):
     require_positive("--frames", count)
 
 
-def test_no_drive_is_refused():
+def test_no_drive_is_refused(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text("roots: []\nout: split.json\n")
     with pytest.raises(UsageError) as caught:
-        require_drives(())
-    assert (caught.value.where, caught.value.found) == ("drives", "none")
+        parse("trifuse split", split, ["--config", str(path)])
+    assert (caught.value.where, caught.value.found) == ("ROOTS", "none")
