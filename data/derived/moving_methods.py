@@ -14,7 +14,7 @@ from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
 from perception.datmo.stage import datmo_stage
 from perception.evaluation.config import DatmoProtocol
-from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
+from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure, DatmoReport
 from perception.evaluation.pose_intervals import PoseIntervals
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
@@ -71,7 +71,7 @@ def compare_methods(
                 timings_s = {"moving objects": time.perf_counter() - start_s}
             result = replace(segmented, tracks=tracks, timings_s=timings_s)
             measures[method].update(result, truth=drive.point_truth(frame.index))
-    reports = {method: one.compute() for method, one in measures.items()}
+    reports: dict[str, DatmoReport] = {method: one.compute() for method, one in measures.items()}
     count = next(iter(reports.values())).frames
     evaluated = EvaluatedDrive.of(drive, reader.frames, count)
     return evaluated, DatmoComparison(reports, poses.compute())
