@@ -165,7 +165,7 @@ def draw_worker_bars(
     turn_px = round(period_s / full_s * width)
     color = palette.STATIC if turn_px < width else palette.FAINT_TEXT
     canvas[round(0.08 * height) : round(0.46 * height), turn_px - 2 : turn_px] = color
-    text = f"{period_s * 1e3:.0f} ms: one next scan"
+    text = f"{period_s * 1e3:.0f} ms: the next scan"
     taken_px = text_width_px(text, text_px) + _gap_px(text_px)
     at = (width - 2, _write_stages(canvas, spans, taken_px, text_px))
     draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)
