@@ -80,7 +80,7 @@ def _ticks_per_s(data: Data, order: str, place: int, end: int) -> int:
     while place + 4 < end:
         option, length = unpack_from(f"{order}2H", data, place)
         if option == _RESOLUTION:
-            power = data[place + 4]
+            (power,) = unpack_from("B", data, place + 4)
             return int(2 ** (power & 127) if power & 128 else 10**power)
         place += 4 + (length + 3 & ~3)
     return 10**6

@@ -103,3 +103,14 @@ def test_other_files_are_refused(tmp_path, content, found):
     path.write_bytes(content)
     with pytest.raises(DriveError, match=f"a.pcap: expected a capture as pcap or pcapng, found {found}"):  # fmt: skip
         read_capture(path)
+
+
+def test_a_capture_may_end_within_the_options_of_an_interface(tmp_path):
+    path = pcapng(udp(PAYLOADS[0]), tmp_path / "a.pcap")
+    data = path.read_bytes()
+    resolution = data.index(struct.pack("<HHB", 9, 1, 9))
+    for end in range(resolution, resolution + 5):
+        path.write_bytes(data[:end])
+        capture = read_capture(path)
+        assert capture.is_cut
+        assert not capture.senders
