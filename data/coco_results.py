@@ -39,6 +39,7 @@ class CocoDetections:
         boxes_px: (N, 4) x1 y1 x2 y2.
         scores: (N,) scores.
         note: Sentence on the classes that categories count as.
+        noun: What the numbers of frames are called.
     """
 
     path: Path

@@ -127,9 +127,9 @@ def _parse_header(data: bytes, path: Path) -> _Header:
 def _point_type(rows: Mapping[str, list[str]]) -> np.dtype[Any]:
     names = unique_names(rows["FIELDS"])
     usual = {"TYPE": "F", "SIZE": "4", "COUNT": "1"}
-    facts = (rows.get(key, [value] * len(names)) for key, value in usual.items())
+    stated = (rows.get(key, [value] * len(names)) for key, value in usual.items())
     fields: list[Any] = []
-    for name, kind, size, count in zip(names, *facts, strict=True):
+    for name, kind, size, count in zip(names, *stated, strict=True):
         one = np.dtype(f"<{_KINDS[kind.upper()]}{int(size)}")
         if int(count) < 0:
             raise ValueError(f"COUNT {count}")

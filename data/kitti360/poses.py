@@ -104,7 +104,7 @@ class StatedPoses:
         )
         first, second = self.world_SE3_body[[after - 1, after]]
         is_near = end_s - start_s <= _MAX_GAP_S
-        if not (is_near or _stands(first, second)):
+        if not (is_near or _is_static(first, second)):
             return None, False
         share = (time_s - start_s) / max(end_s - start_s, _MIN_GAP_S)
         return interpolate(first, second, float(np.clip(share, 0, 1))), is_near
@@ -167,7 +167,7 @@ class ScanPoses(PerFrame):
         return replace(self, world_SE3_velo=poses, has_near=has_near)
 
 
-def _stands(before: Float64, after: Float64) -> bool:
+def _is_static(before: Float64, after: Float64) -> bool:
     motion = inverse(before) @ after
     is_near = float(np.linalg.norm(motion[:3, 3])) <= _MAX_STEP_M
     return is_near and rotation_angle_rad(motion) <= _MAX_STEP_RAD

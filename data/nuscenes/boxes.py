@@ -143,14 +143,14 @@ def _between(first: Annotation, second: Annotation, share: float) -> Annotation:
 def _boxes_world(boxes: list[Annotation]) -> Boxes3D:
     if not boxes:
         return Boxes3D.empty()
-    return standing_boxes(
+    return upright_boxes(
         np.stack([box.centre_m for box in boxes]),
         np.stack([box.size_m for box in boxes]),
         np.stack([box.world_R_box.as_matrix() for box in boxes]),
     )
 
 
-def standing_boxes(centres_m: Float64, size_m: Float64, world_R_box: Float64) -> Boxes3D:
+def upright_boxes(centres_m: Float64, size_m: Float64, world_R_box: Float64) -> Boxes3D:
     """Return upright boxes in the world of the tables.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data.layouts import OpenConfig
-from data.nuscenes.boxes import category, standing_boxes
+from data.nuscenes.boxes import category, upright_boxes
 from data.nuscenes.scene import NuScenesScene, open_scene, scenes_of_samples
 from data.result_files import ResultFiles, ResultKind
 from perception.errors import CalibrationError, DriveError, LabelError
@@ -192,7 +192,7 @@ def parse_sample(files: ResultFiles, sample: str) -> SampleBoxes:
     turned = Rotation.from_quat(numbers[:, [7, 8, 9, 6]]) if boxes else Rotation.identity(0)
     return SampleBoxes(
         types=np.array([box.type for box in boxes], np.str_),
-        boxes_world=standing_boxes(numbers[:, :3], numbers[:, [4, 3, 5]], turned.as_matrix()),
+        boxes_world=upright_boxes(numbers[:, :3], numbers[:, [4, 3, 5]], turned.as_matrix()),
         scores=np.array([box.score for box in boxes], np.float64),
         track_ids=np.array([box.track_id for box in boxes], np.str_),
     )

@@ -45,6 +45,7 @@ class VelodyneDecoder:
         model: Name of the model in velodyne-decoder.
         calibration: Text of the calibration of an HDL-64E, else none.
         notes: Sentences on what was assumed.
+        clock_s: Time after which the clock begins again, an hour.
     """
 
     sensor: LidarModel

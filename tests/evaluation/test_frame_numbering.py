@@ -45,7 +45,7 @@ def test_errors_of_detectors_are_not_another_numbering():
     assert numbering_notes({"0000": fit(0)}) == []
 
 
-def test_standing_objects_tell_nothing():
+def test_static_objects_do_not_tell_the_numbering():
     standing = np.tile(BOXES[:2], (10, 1))
     assert numbering_fit(FRAMES, standing, FRAMES + 1, standing).offset == 0
 
@@ -55,7 +55,7 @@ def test_few_rows_may_be_chance():
     assert (found.rows, found.better.tolist(), found.offset) == (8, [0, 8, 0], 0)
 
 
-def test_nothing_fits_nothing():
+def test_without_rows_no_numbering_fits():
     none = np.zeros(0, np.int64)
     assert numbering_fit(none, np.zeros((0, 4)), FRAMES, BOXES).offset == 0
     assert numbering_fit(FRAMES, BOXES, none, np.zeros((0, 4))).offset == 0

@@ -417,7 +417,7 @@ def test_static_threshold_follows_the_window_and_the_sensor(sensor, previous_sca
 
 
 @pytest.mark.parametrize("name", ["voxel_size_m", "previous_scans"])
-def test_sizes_of_nothing_are_refused(name):
+def test_empty_sizes_are_refused(name):
     with pytest.raises(UsageError) as error:
         MotionConfig(**{name: 0})
     assert (error.value.where, error.value.found) == (name, "0")
