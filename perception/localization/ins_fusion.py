@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.se3 import cross_matrix, from_motion_vector, inverse, motion_vector
-from perception.types import Float64
+from perception.types import Float64, Frame
 
 # Standard deviations before any is learned, in rad and m, and for how many steps they count: of a pose of the INS, of a step
 # of odometry, and of what either wanders by in 5 s. The last steps are those over which the averages reach.
@@ -57,33 +57,25 @@ class InsFusion:
         self._filtered: Float64 | None = None  # (6, 6) covariance in the LiDAR frame
         self._is_flat = False
 
-    def update(
-        self,
-        stamp_s: float,
-        odom_SE3_velo: Float64,
-        ins_world_SE3_velo: Float64 | None,
-        *,
-        is_continuous: bool,
-    ) -> None:
+    def update(self, frame: Frame, odom_SE3_velo: Float64, *, is_continuous: bool) -> None:
         """Take the poses of the next scan.
 
         Args:
-            stamp_s: Time of the scan.
+            frame: Frame of the scan; its INS is one that can be trusted.
             odom_SE3_velo: (4, 4) pose by odometry.
-            ins_world_SE3_velo: (4, 4) pose by the INS; None where there is none that can be trusted.
             is_continuous: Whether the step of the odometry since the scan before is one that scans gave.
         """
         if not is_continuous:
             self._past.clear()
             self._disagreement = None
         last = self._past[-1] if self._past else None
-        now = _Moment(stamp_s, odom_SE3_velo, ins_world_SE3_velo)
+        now = _Moment(frame.stamp_s, odom_SE3_velo, frame.world_SE3_velo)
         self._past.append(now)
         if last is not None and self._filtered is not None:
             self._learn(last, now)
             self._filtered = self._filter(last, now, self._filtered)
-        elif ins_world_SE3_velo is not None:
-            self.world_SE3_odom = ins_world_SE3_velo @ inverse(odom_SE3_velo)
+        elif now.ins is not None:
+            self.world_SE3_odom = now.ins @ inverse(odom_SE3_velo)
             self._filtered = np.diag(self._variances()[0])
         self._rotation = (self.world_SE3_odom @ odom_SE3_velo)[:3, :3]
 

@@ -35,7 +35,7 @@ from perception.localization.alignment import (
     share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
-from perception.localization.pose_covariance import PoseUncertainty
+from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
 from perception.types import Bool, Float32, Float64
 
 
@@ -60,19 +60,15 @@ class Localization:
         origin: Source of the pose.
         inlier_ratio: Share of the scan that matched; 0 where nothing was registered.
         is_reset: Whether poses of earlier scans no longer fit to this one.
-        uncertainty: Uncertainty of the pose since the first scan.
+        covariance: (6, 6) covariance since the first scan, position in m and rotation vector in rad along the axes of the
+            world.
     """
 
     world_SE3_velo: Float64
     origin: PoseOrigin
     inlier_ratio: float = 0.0
     is_reset: bool = False
-    uncertainty: PoseUncertainty = field(default_factory=PoseUncertainty.none)
-
-    @property
-    def covariance(self) -> Float64:
-        """(6, 6) covariance since the first scan, position in m and rotation vector in rad along the axes of the world."""
-        return self.uncertainty.covariance
+    covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 # Alignments. A longer reach would match what moved.
@@ -360,8 +356,11 @@ class LidarOdometry:
                     PoseOrigin.REGISTERED,
                     best.inlier_ratio,
                     is_reset=other is not None,
-                    uncertainty=self._keyframe.localization.uncertainty.registered(
-                        world_SE3_keyframe, best, pose
+                    covariance=registered_covariance(
+                        self._keyframe.localization.covariance,
+                        world_SE3_keyframe,
+                        best.covariance,
+                        pose,
                     ),
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
@@ -369,9 +368,9 @@ class LidarOdometry:
         # Later scans may still find the keyframe; when that is too long ago, the poses are reset.
         is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
-        uncertainty = last.localization.uncertainty.unregistered(last_pose, pose, gap_s)
+        covariance = unregistered_covariance(last.localization.covariance, last_pose, pose, gap_s)
         is_reset = not is_near or is_lost
-        return Localization(pose, origin, is_reset=is_reset, uncertainty=uncertainty)
+        return Localization(pose, origin, is_reset=is_reset, covariance=covariance)
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""

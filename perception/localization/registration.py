@@ -74,18 +74,14 @@ class Registration:
         pose = self._odometry.update(points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source)
         if pose.is_reset:
             self._window.clear()
+        is_extrapolated, fusion = pose.origin is PoseOrigin.EXTRAPOLATED, self._fusion
         # A scan that is given twice is no independent observation.
         if pose.origin is PoseOrigin.REPEATED:
             self._window.pop()
+        else:
+            is_continuous = not (pose.is_reset or is_extrapolated)
+            fusion.update(frame, pose.world_SE3_velo, is_continuous=is_continuous)
         self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
-        is_extrapolated = pose.origin is PoseOrigin.EXTRAPOLATED
-        fusion, ins = self._fusion, frame.world_SE3_velo
-        fusion.update(
-            frame.stamp_s,
-            pose.world_SE3_velo,
-            ins,
-            is_continuous=not (pose.is_reset or is_extrapolated),
-        )
         return RegisteredScans(
             self._window,
             rows,
