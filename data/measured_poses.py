@@ -1,7 +1,10 @@
-"""Poses of the pipeline beside those of a drive, with the INS as prior and by scans alone."""
+"""Poses of the pipeline beside those of a drive: drawn to the INS, by odometry, and by scans alone."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from data.derived.moving_methods import true_poses
 from data.faults.injection import Fault
@@ -45,12 +48,15 @@ def measure_poses(
     if len(known) < len(stated):
         found = f"{len(stated) - len(known)} without"
         raise DriveError(drive.root, expected=f"poses of all {count} frames", found=found)
-    measures = {name: PoseMeasure(known) for name in ("with INS", "scans alone")}
-    for name, measure in measures.items():
-        faults = [Fault("ins-absent", 0, count - 1)] if name == "scans alone" else []
-        for result in reader.results(drive, pipeline, faults):
-            measure.update(result, None, None)
-    first = measures["with INS"]
+    names = ("with INS", "its odometry", "scans alone")
+    measures = {name: PoseMeasure(known) for name in names}
+    first, odometry, alone = measures.values()
+    for result in reader.results(drive, pipeline):
+        first.update(result, None, None)
+        by_odometry = replace(result, world_SE3_velo=result.odom_SE3_velo, world_SE3_odom=np.eye(4))
+        odometry.update(by_odometry, None, None)
+    for result in reader.results(drive, pipeline, [Fault("ins-absent", 0, count - 1)]):
+        alone.update(result, None, None)
     reference = "exact poses" if exact else "INS"
     paths_m = {reference: first.reference_m}
     paths_m |= {name: measure.joined_m for name, measure in measures.items()}

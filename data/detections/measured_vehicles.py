@@ -58,7 +58,7 @@ class OpenedVehicleDetector:
             columns = np.full(len(found), MODALITIES.index("dm"))
             fused = FusedDetections(found, sources, columns, found.scores)
             located = locate(fused, result.frame, result.ground, config)
-            tracked = tracker.update(located, result.frame, result.world_SE3_velo, result.tracks)
+            tracked = tracker.update(located, result.frame, result.odom_SE3_velo, result.tracks)
             yield replace(result, vehicles=tracked.vehicles, tracks=tracked.tracks)
 
 

@@ -138,7 +138,7 @@ class ShadowDetector:
     def update(self, result: Result, objects: LabelledObjects, view: LabelledView) -> Shadows:
         """Find the shadows among the static voxels of one frame, then remember its moving objects."""
         static_velo, stamp_s = result.obstacles.static.centers_m, result.frame.stamp_s
-        world_SE3_velo = result.world_SE3_velo
+        world_SE3_velo = result.odom_SE3_velo
         while self._past and self._past[0][0] < stamp_s - self._memory_s:
             self._past.popleft()
         lies_in_shadow = np.zeros(len(static_velo), bool)

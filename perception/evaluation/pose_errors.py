@@ -9,14 +9,14 @@ import numpy as np
 
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table, value_table
 from perception.geometry.se3 import inverse, rotation_angle_rad
+from perception.localization.ins_fusion import is_flat
 from perception.types import Float64, Labels, PointTruth, Result
 
 # Sub-paths of KITTI's odometry benchmark, and those of a drive that is shorter than all of them.
 _LENGTHS_M: Final = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 _SHORT_LENGTHS_M: Final = (10.0, 20.0, 50.0)
 _START_FRAMES: Final = 10  # between the starts of sub-paths
-# Height of a point of the vehicle and its tilt that never change, though it moves, and the fewest poses that tell it.
-_FLAT_M, _LEVEL, _MIN_WAY_M, _MIN_POSES = 1e-5, 1e-6, 1.0, 8
+_LEVEL: Final = 1e-6  # change of a tilt that never changes
 
 PROTOCOL = {
     "step": "motion from a frame to the next beside that of the reference: rotation angle and distance",
@@ -215,17 +215,6 @@ class PoseMeasure:
 
     def _angle_rad(self, error: Float64) -> float:
         return abs(_yaw_rad(error)) if self._is_level else rotation_angle_rad(error)
-
-
-def is_flat(poses: Sequence[Float64]) -> bool:
-    """Return whether a point of a vehicle that moves keeps its height to the last digits, in (4, 4) poses of its LiDAR."""
-    stacked = np.array(poses)
-    if len(stacked) < _MIN_POSES or _travelled_m(poses)[-1] < _MIN_WAY_M:
-        return False
-    # Height of the LiDAR: that of the point, and its own above it by the tilt.
-    terms = np.column_stack([np.ones(len(stacked)), stacked[:, 2, :3]])
-    parts = np.linalg.lstsq(terms, stacked[:, 2, 3], rcond=None)[0]
-    return bool((np.abs(terms @ parts - stacked[:, 2, 3]) <= _FLAT_M).all())
 
 
 def _travelled_m(poses: Sequence[Float64]) -> Float64:

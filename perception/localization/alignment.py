@@ -20,10 +20,9 @@ _SURFACE_REACH = 4.0  # voxels in which the surface at a point is looked for
 # A smaller step ends the alignment. What it leaves is of the order of its square (measured: with steps a
 # third as small, poses stay as far from the truth, for another quarter of the time).
 _STEPS = (1e-3, 3e-3)  # rad, m
-# Ratio of the variance of a pose to that by the eighths of the surroundings. Intervals of three values by eight samples are
-# wider by 2.4 (Hotelling); the rest is what all eighths err alike in, as voxel means lock onto their grid. Measured with
-# six LiDARs on synthetic streets of many kinds, it is one number for all of them.
-_INFLATION = 3.0
+# Ratio of the variance of a pose to that by the eighths of the surroundings, which err alike in part, as voxel means lock
+# onto their grid; one number for all LiDARs.
+_INFLATION = 2.0
 _UNKNOWN = np.full((6, 6), np.nan)
 
 

@@ -35,7 +35,7 @@ from perception.localization.alignment import (
     share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
-from perception.localization.pose_covariance import PoseUncertainty
+from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
 from perception.types import Bool, Float32, Float64
 
 
@@ -60,19 +60,15 @@ class Localization:
         origin: Source of the pose.
         inlier_ratio: Share of the scan that matched; 0 where nothing was registered.
         is_reset: Whether poses of earlier scans no longer fit to this one.
-        uncertainty: Uncertainty of the pose since the first scan.
+        covariance: (6, 6) covariance since the first scan, position in m and rotation vector in rad along the axes of the
+            world.
     """
 
     world_SE3_velo: Float64
     origin: PoseOrigin
     inlier_ratio: float = 0.0
     is_reset: bool = False
-    uncertainty: PoseUncertainty = field(default_factory=PoseUncertainty.none)
-
-    @property
-    def covariance(self) -> Float64:
-        """(6, 6) covariance since the first scan, position in m and rotation vector in rad along the axes of the world."""
-        return self.uncertainty.covariance
+    covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 # Alignments. A longer reach would match what moved.
@@ -81,11 +77,13 @@ _MIN_INLIER_RATIO = 0.4  # of an accepted alignment, and how far it may correct 
 _MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
 # What a vehicle changes its motion by, in m/s2 and rad/s2: a guess by velocity may be corrected by as much more.
 _MANOEUVRE_M_S2, _MANOEUVRE_RAD_S2 = 5.0, 1.0
-# Without INS, where no alignment is accepted: starts around the guess, and how many times as many points must speak for the
-# best alignment as for any that is turned; even walls and the ground speak for any distance along them almost as well.
+# Without INS, where no alignment is accepted: starts around the guess, how many of the motions found from them are looked
+# at closely, and how many times as many points must speak for the best as for any other. The ground speaks for every motion:
+# wherever the vehicle is, its rings lie on its surface.
 _START_STEP_M, _START_STEP_RAD = 1.5, float(np.radians(8))
-_MIN_CONTRAST, _APART_M, _APART_RAD = 1.3, 0.3, float(np.radians(2))
-_MIN_SEARCHED_RATIO = 0.3
+_MIN_CONTRAST, _APART_M, _APART_RAD = 1.1, 0.3, float(np.radians(2))
+_MIN_SEARCHED_RATIO, _SEARCH_CANDIDATES = 0.3, 6
+_MAX_UPRIGHT = 0.8  # vertical part of the normal of a surface that stands
 # Where much moves, only points so near to the surfaces of the keyframe take part.
 _SURFACE_M = 0.1
 # Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
@@ -105,8 +103,9 @@ _MIN_MOVING_RATIO = 0.1
 # Points this near to the surfaces of the keyframe speak for a motion. Another motion is a correction where this share of
 # the scan's points more speak for it; the INS is believed where no more than that share fewer do.
 _TIGHT_M, _MIN_SURFACE_GAIN, _MAX_INS_LOSS = 0.05, 0.025, 0.04
-# First guesses without INS and history; the step is less where scans are so far apart that they would miss it.
-_INITIAL_SPEEDS_M_S, _INITIAL_STEP_M = (10.0, 30.0), 2.0
+# First guesses without INS and history: speeds and turns that a vehicle may have, in steps that an alignment bridges.
+_INITIAL_SPEED_M_S, _INITIAL_STEP_M = 30.0, 1.5
+_INITIAL_TURN_RAD_S = float(np.radians(40))
 # Without INS: distances ahead of the keyframe at which the scan may be, too; a part of them is tried at each scan.
 _SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
 _SEARCH_BACK_M = 3.0
@@ -357,8 +356,11 @@ class LidarOdometry:
                     PoseOrigin.REGISTERED,
                     best.inlier_ratio,
                     is_reset=other is not None,
-                    uncertainty=self._keyframe.localization.uncertainty.registered(
-                        world_SE3_keyframe, best, pose
+                    covariance=registered_covariance(
+                        self._keyframe.localization.covariance,
+                        world_SE3_keyframe,
+                        best.covariance,
+                        pose,
                     ),
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
@@ -366,9 +368,9 @@ class LidarOdometry:
         # Later scans may still find the keyframe; when that is too long ago, the poses are reset.
         is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
-        uncertainty = last.localization.uncertainty.unregistered(last_pose, pose, gap_s)
+        covariance = unregistered_covariance(last.localization.covariance, last_pose, pose, gap_s)
         is_reset = not is_near or is_lost
-        return Localization(pose, origin, is_reset=is_reset, uncertainty=uncertainty)
+        return Localization(pose, origin, is_reset=is_reset, covariance=covariance)
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""
@@ -497,10 +499,15 @@ class LidarOdometry:
     ) -> list[_Guess]:
         """Return guesses of the motion since the last scan, and since when the velocity is unknown."""
         if velocity is None and step_ins is None:
-            step_m_s, fastest_m_s = _INITIAL_SPEEDS_M_S
-            step_m_s = min(step_m_s, _INITIAL_STEP_M / gap_s)
-            speeds = np.arange(0.0, fastest_m_s + step_m_s / 2, step_m_s)
-            return [_Guess(_ahead(speed * gap_s), gap_s=unknown_s) for speed in speeds.tolist()]
+            turns_rad = _around(_INITIAL_TURN_RAD_S * gap_s, _START_STEP_RAD)
+            ways_m = np.arange(0.0, _INITIAL_SPEED_M_S * gap_s + _INITIAL_STEP_M, _INITIAL_STEP_M)
+            return [
+                _Guess(
+                    from_motion_vector(np.array([0, 0, turn_rad, way_m, turn_rad * way_m / 2, 0])),
+                    gap_s=unknown_s,
+                )
+                for turn_rad, way_m in product(turns_rad, ways_m)
+            ]
         guesses = [] if step_ins is None else [_Guess(step_ins, _INS_PRIOR_SHARE)]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
@@ -514,42 +521,40 @@ class LidarOdometry:
     ) -> Alignment | None:
         """Align with the keyframe from each guess, and return the best accepted alignment."""
         target = self._surroundings
-        if len(guesses) > 2:  # at the start they are metres apart: match far before matching near
-            guesses = [
-                replace(
-                    one, motion=align(target, source, one.motion, 3 * _REACH_M).target_SE3_source
-                )
-                for one in guesses
-            ]
+        if len(guesses) > 2:  # at the start
+            return self._searched_alignment(source, [one.motion for one in guesses])
         alignments = [self._align(target, source, guess) for guess in guesses]
         accepted = [alignment for alignment in alignments if alignment is not None]
         best = min(accepted, key=lambda alignment: alignment.cost, default=None)
         has_prior = any(guess.prior_share for guess in guesses)
-        return best if best or has_prior else self._searched_alignment(source, guesses[0])
+        return best if best or has_prior else self._searched_alignment(source, _starts(guesses[0]))
 
-    def _searched_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
-        """Align from starts around a guess, and return the one that far more points speak for than for any other."""
+    def _searched_alignment(
+        self, points: PreprocessedPoints, starts: Sequence[Float64]
+    ) -> Alignment | None:
+        """Align from many motions, and return the alignment that clearly more of them speak for than for any other."""
         target, sample = self._surroundings, points.thinned(_SEARCH_POINTS)
-        steps = (
-            _around(_MANOEUVRE_RAD_S2 * guess.gap_s**2, _START_STEP_RAD),
-            _around(_MANOEUVRE_M_S2 * guess.gap_s**2, _START_STEP_M),
-        )
-        found = []
-        for turn_rad, ahead_m in product(*steps):
-            start = guess.motion @ from_motion_vector(np.array([0, 0, turn_rad, ahead_m, 0, 0]))
-            motion = align(target, sample, start, _REACH_M).target_SE3_source
-            found.append((self._share(sample, target, motion), motion))
-        share, motion = max(found, key=itemgetter(0))
-        between = [(one, inverse(motion) @ other) for one, other in found]
-        turned = [one for one, other in between if rotation_angle_rad(other) > _APART_RAD]
-        displaced = [one for one, other in between if _length_m(other) > _APART_M]
-        if share < _MIN_CONTRAST * max(turned, default=0.0):
-            return None
-        if share < _SEARCH_LOSS + max(displaced, default=0.0):
-            return None
-        best = align(target, points, motion, _REACH_M)
+        motions = [align(target, sample, start, _REACH_M).target_SE3_source for start in starts]
+        motions.sort(key=lambda motion: _standing_share(sample, target, motion), reverse=True)
+        found: list[tuple[float, Alignment]] = []
+        for motion in motions:
+            if all(_is_another(motion, one.target_SE3_source) for _, one in found):
+                close = align(target, points, motion, _REACH_M)
+                found.append((_standing_share(points, target, close.target_SE3_source), close))
+            if len(found) == _SEARCH_CANDIDATES:
+                break
+        share, best = max(found, key=itemgetter(0))
         is_proven = best.is_converged and best.inlier_ratio >= _MIN_SEARCHED_RATIO
-        return best if is_proven else None
+        return (
+            best
+            if is_proven
+            and all(
+                share >= _MIN_CONTRAST * other
+                for other, one in found
+                if _is_another(one.target_SE3_source, best.target_SE3_source)
+            )
+            else None
+        )
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
@@ -576,6 +581,32 @@ class LidarOdometry:
             <= _MAX_CORRECTION_RAD + _MANOEUVRE_RAD_S2 * guess.gap_s**2
         )
         return found if is_accepted else None
+
+
+def _standing_share(
+    points: PreprocessedPoints, target: PreprocessedPoints, motion: Float64
+) -> float:
+    """Return the share of the points off the ground that a motion brings onto surfaces."""
+    standing = replace(
+        points, surfaces=points.surfaces[np.abs(points.surfaces[:, 5]) < _MAX_UPRIGHT]
+    )
+    return share_on_surfaces(standing, target, motion, _SURFACE_M)
+
+
+def _is_another(motion: Float64, other: Float64) -> bool:
+    """Return whether two alignments found different motions."""
+    between = inverse(motion) @ other
+    return _length_m(between) > _APART_M or rotation_angle_rad(between) > _APART_RAD
+
+
+def _starts(guess: _Guess) -> list[Float64]:
+    """Return motions around a guess, as far as a vehicle may change its motion in the gap."""
+    turns_rad = _around(_MANOEUVRE_RAD_S2 * guess.gap_s**2, _START_STEP_RAD)
+    ways_m = _around(_MANOEUVRE_M_S2 * guess.gap_s**2, _START_STEP_M)
+    return [
+        guess.motion @ from_motion_vector(np.array([0, 0, turn_rad, way_m, 0, 0]))
+        for turn_rad, way_m in product(turns_rad, ways_m)
+    ]
 
 
 def _around(reach: float, step: float) -> Float64:

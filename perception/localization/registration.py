@@ -8,6 +8,7 @@ from perception.geometry.grids import CroppedScan
 from perception.geometry.se3 import inverse
 from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig, WindowIcpConfig
+from perception.localization.ins_fusion import InsFusion
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.types import Bool, Float64, Frame, Int, Method
@@ -22,13 +23,16 @@ class RegisteredScans:
         rows: Indices of the newest scan's points in its frame.
         is_reset: Whether poses of earlier scans no longer fit to the newest.
         is_extrapolated: Whether the newest pose is that of a constant velocity, as neither scans nor INS tell it.
-        covariance: (6, 6) covariance of the newest pose, as of `Localization`; NaN by the thesis' method.
+        world_SE3_odom: (4, 4) correction that draws the poses to the INS.
+        covariance: (6, 6) covariance of the newest pose so drawn, without INS since the first scan; NaN by the thesis'
+            method.
     """
 
     window: ScanWindow
     rows: Int
     is_reset: bool
     is_extrapolated: bool = False
+    world_SE3_odom: Float64 = field(default_factory=lambda: np.eye(4))
     covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
 
 
@@ -44,7 +48,7 @@ class Registration:
             previous_scans: Number of scans before the newest in the window (m).
         """
         self._config, self._method = config, method
-        self._odometry = LidarOdometry(config)
+        self._odometry, self._fusion = LidarOdometry(config), InsFusion()
         self._window = ScanWindow(previous_scans)
 
     @property
@@ -70,13 +74,21 @@ class Registration:
         pose = self._odometry.update(points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source)
         if pose.is_reset:
             self._window.clear()
+        is_extrapolated, fusion = pose.origin is PoseOrigin.EXTRAPOLATED, self._fusion
         # A scan that is given twice is no independent observation.
         if pose.origin is PoseOrigin.REPEATED:
             self._window.pop()
+        else:
+            is_continuous = not (pose.is_reset or is_extrapolated)
+            fusion.update(frame, pose.world_SE3_velo, is_continuous=is_continuous)
         self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
-        is_extrapolated = pose.origin is PoseOrigin.EXTRAPOLATED
         return RegisteredScans(
-            self._window, rows, pose.is_reset, is_extrapolated, covariance=pose.covariance
+            self._window,
+            rows,
+            pose.is_reset,
+            is_extrapolated,
+            fusion.world_SE3_odom,
+            pose.covariance if fusion.covariance is None else fusion.covariance,
         )
 
     def mark_moving(self, is_moving: Bool) -> None:

@@ -49,14 +49,15 @@ class LidarResult:
     """Result of the LiDAR stages for one frame.
 
     Attributes:
-        world_SE3_velo: (4, 4) refined pose of the LiDAR.
+        world_SE3_velo: (4, 4) pose of the LiDAR by odometry: of scans of some seconds it agrees to centimetres.
         ground: Ground surface in the LiDAR frame.
         obstacles: Static and moving obstacles.
         tracks: Moving objects with their ids.
         is_reset: Whether poses of earlier scans no longer fit to this one.
         spans: Start and end of each stage.
         scan: Input of DATMO.
-        pose_covariance: (6, 6) covariance of the pose.
+        world_SE3_odom: (4, 4) correction that draws the pose to the INS.
+        pose_covariance: (6, 6) covariance of the pose so drawn.
         snapshot: Memory of the stages after the frame, where it was asked for.
         health: Health of LiDAR and INS.
     """
@@ -68,6 +69,7 @@ class LidarResult:
     is_reset: bool
     spans: tuple[StageSpan, ...]
     scan: SegmentedScan
+    world_SE3_odom: Float64
     pose_covariance: Float64
     snapshot: bytes | None = None
     health: Health = field(default_factory=Health)
@@ -81,12 +83,13 @@ class LidarResult:
         """Return it as the result of a frame without detectors."""
         return Result(
             frame,
-            self.world_SE3_velo,
+            self.world_SE3_odom @ self.world_SE3_velo,
             self.ground,
             self.obstacles,
             self.tracks,
             timings_s={span.stage: span.stop_s - span.start_s for span in self.spans},
             spans=self.spans,
+            world_SE3_odom=self.world_SE3_odom,
             pose_covariance=self.pose_covariance,
             health=self.health,
         )
@@ -164,10 +167,10 @@ class LidarStages(Restorable):
             tracks = clock.run("moving objects", self._datmo.update, scan)
         obstacles = _of_whole_scan(frame, scans, obstacles)
         pose, is_reset = scan.world_SE3_velo, scans.is_reset
-        spans, covariance = clock.spans, scans.covariance
+        spans, drawn, covariance = clock.spans, scans.world_SE3_odom, scans.covariance
         self._monitors.register(measured, pose, is_reset=is_reset or scans.is_extrapolated)
         result = LidarResult(
-            pose, ground, obstacles, tracks, is_reset, spans, scan, covariance, health=health
+            pose, ground, obstacles, tracks, is_reset, spans, scan, drawn, covariance, health=health
         )
         self._remember(result, frame)
         return result

@@ -95,8 +95,8 @@ class SceneHistory:
             objects: (T) objects that are drawn.
         """
         self._forget(result)
-        bottoms_world = _transform(result.world_SE3_velo, objects.boxes.bottom_m)
-        velocities_rad = _yaw_rad(result.world_SE3_velo) + np.arctan2(
+        bottoms_world = _transform(result.odom_SE3_velo, objects.boxes.bottom_m)
+        velocities_rad = _yaw_rad(result.odom_SE3_velo) + np.arctan2(
             *objects.velocities_m_s.T[::-1]
         )
         is_moving, colors = np.zeros(len(objects), bool), objects.colors.copy()
@@ -111,7 +111,7 @@ class SceneHistory:
                 headings_rad[row] = memory.heading_rad
                 path_world = [*(point for _, point in memory.path), bottoms_world[row]]
                 paths[row] = _to_velo(result, path_world)
-        boxes, headings_rad = _turn_fronts(objects.boxes, headings_rad, result.world_SE3_velo)
+        boxes, headings_rad = _turn_fronts(objects.boxes, headings_rad, result.odom_SE3_velo)
         for track, heading_rad in zip(objects.ids.tolist(), headings_rad.tolist(), strict=True):
             if np.isfinite(heading_rad):
                 self._memories[track].heading_rad = heading_rad
@@ -158,7 +158,7 @@ class SceneHistory:
 
     def _ego_speed_m_s(self, result: Result) -> float:
         """Return the speed of the vehicle over the last moments, NaN in the first frame."""
-        now_s, position_world = self._now_s, result.world_SE3_velo[:3, 3]
+        now_s, position_world = self._now_s, result.odom_SE3_velo[:3, 3]
         window_s = min(_EGO_SPEED_S, self._duration_s) + 1e-6
         self._ego_path = [point for point in self._ego_path if now_s - point[0] <= window_s]
         self._ego_path.append((now_s, position_world))
@@ -208,7 +208,7 @@ class TrackedObjectTrail:
 
     def add(self, result: Result, tracked: TrackedObject) -> None:
         """Add one frame."""
-        world_SE3_velo = result.world_SE3_velo
+        world_SE3_velo = result.odom_SE3_velo
         ground_velo = [0.0, 0.0, float(result.ground.height_m(np.zeros((1, 2)))[0])]
         self._ego_path_world.append(_transform(world_SE3_velo, np.array([ground_velo]))[0])
         self.states.append(tracked.status)
@@ -229,7 +229,7 @@ class TrackedObjectTrail:
 
 
 def _to_velo(result: Result, points_world: Sequence[Float64] | Float64) -> Float64:
-    return _transform(se3.inverse(result.world_SE3_velo), np.array(points_world).reshape(-1, 3))
+    return _transform(se3.inverse(result.odom_SE3_velo), np.array(points_world).reshape(-1, 3))
 
 
 def _yaw_rad(world_SE3_velo: Float64) -> float:
@@ -239,7 +239,7 @@ def _yaw_rad(world_SE3_velo: Float64) -> float:
 def _is_reset(before: Result, after: Result) -> bool:
     """Return whether time runs backwards or the vehicle jumps."""
     passed_s = after.frame.stamp_s - before.frame.stamp_s
-    travelled_m = float(np.linalg.norm((after.world_SE3_velo - before.world_SE3_velo)[:3, 3]))
+    travelled_m = float(np.linalg.norm((after.odom_SE3_velo - before.odom_SE3_velo)[:3, 3]))
     return passed_s < 0 or travelled_m > _JUMP_M + _FASTEST_M_S * passed_s
 
 

@@ -33,7 +33,7 @@ class Result:
 
     Attributes:
         frame: Frame that was processed.
-        world_SE3_velo: (4, 4) refined pose of the LiDAR.
+        world_SE3_velo: (4, 4) pose of the LiDAR: as smooth as the scans say, where the INS says.
         ground: Ground surface in the LiDAR frame.
         obstacles: Static and moving obstacles.
         tracks: Moving objects with their ids.
@@ -44,8 +44,9 @@ class Result:
         timings_s: Duration of each stage in seconds; stages that overlap count more than once.
         spans: Start and end of each stage, stages of one worker in their order.
         skipped: Stages that were left out to keep the time budget.
-        pose_covariance: (6, 6) covariance of the pose since the first scan, position in m and rotation vector in rad
-            along the axes of the world frame; NaN where the method gives none.
+        world_SE3_odom: (4, 4) correction that drew the pose to the INS; the identity without one.
+        pose_covariance: (6, 6) covariance of the pose, without INS since the first scan, position in m and rotation
+            vector in rad along the axes of the world frame; NaN where the method gives none.
         health: Findings on sensors and stages.
         further_detections: Detections of each modality in each of the frame's further cameras.
         snapshot: State of the pipeline after the frame, where it was asked for.
@@ -63,10 +64,16 @@ class Result:
     timings_s: dict[str, float] = field(default_factory=dict)
     spans: tuple[StageSpan, ...] = ()
     skipped: tuple[str, ...] = ()
+    world_SE3_odom: Float64 = field(default_factory=lambda: np.eye(4))
     pose_covariance: Float64 = field(default_factory=lambda: np.full((6, 6), np.nan))
     health: Health = field(default_factory=Health)
     further_detections: tuple[ModalityDetections, ...] = ()
     snapshot: PipelineSnapshot | None = None
+
+    @property
+    def odom_SE3_velo(self) -> Float64:
+        """(4, 4) pose of the LiDAR by odometry alone, in which scans of some seconds agree to centimetres."""
+        return np.linalg.solve(self.world_SE3_odom, self.world_SE3_velo)
 
     def detections_in(self, camera: int) -> ModalityDetections:
         """Return the detections of each modality in a camera, 0 for the main one."""

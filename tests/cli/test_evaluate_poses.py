@@ -16,8 +16,8 @@ def test_poses_of_a_street_are_near_the_exact_ones(street, tmp_path, capsys):
     assert "4 of " in printed
     assert "beside the exact poses" in printed
     results = json.loads(path.read_text())["results"]
-    assert list(results["paths"]) == ["exact poses", "with INS", "scans alone"]
-    for name in ("with INS", "scans alone"):
+    assert list(results["paths"]) == ["exact poses", "with INS", "its odometry", "scans alone"]
+    for name in ("its odometry", "scans alone"):
         errors = results["runs"][name]
         assert errors["step_max_deg"] < 0.3, name
         assert errors["step_max_cm"] < 5, name

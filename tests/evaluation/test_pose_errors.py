@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from perception.evaluation.pose_errors import PoseMeasure, is_flat
+from perception.evaluation.pose_errors import PoseMeasure
+from perception.localization.ins_fusion import is_flat
 from perception.geometry.se3 import from_euler
 from perception.types import Health, HealthFinding, HealthLevel
 

@@ -449,6 +449,21 @@ def test_scans_without_points_are_met_in_silence(points, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(("speed_m_s", "turn_rad_s"), [(0.0, 0.0), (6.0, 0.5), (25.0, -0.2)])
+def test_the_first_motion_is_found_at_two_scans_a_second(
+    speed_m_s: float, turn_rad_s: float
+) -> None:
+    poses = path(16, speed_m_s, turn_rad_s)[::5]
+    odometry = LidarOdometry()
+    found = [
+        odometry.update(observed_from(pose, seed), 0.5 * seed) for seed, pose in enumerate(poses)
+    ]
+    assert all(one.origin is PoseOrigin.REGISTERED for one in found[1:])
+    for one, pose in zip(found, poses, strict=True):
+        off_m, off_deg = apart(pose, one.world_SE3_velo)
+        assert off_m < 0.05 and off_deg < 0.2
+
+
 def test_a_turn_that_begins_between_distant_scans_is_found_without_ins() -> None:
     # Twice a second; from the fourth scan on 12 degrees a step, where a constant velocity goes straight on.
     truth = [np.eye(4)]

@@ -61,7 +61,7 @@ class TrajectorySummary:
         self.seconds.append(seconds)
         self.stamps_s.append(result.frame.stamp_s)
         if tracked.box_velo is not None and tracked.status is not TrackStatus.LOST:
-            box_world = transform_boxes(result.world_SE3_velo, tracked.box_velo)
+            box_world = transform_boxes(result.odom_SE3_velo, tracked.box_velo)
             self.positions_world.append(box_world.bottom_m[0])
 
     @property

@@ -23,7 +23,7 @@ def tracker_input_of(result: Result, ego_vehicle: EgoVehicle) -> TrackerInput:
     return TrackerInput(
         stamp_s=frame.stamp_s,
         points_velo=frame.points_velo[~ego_vehicle.contains_xy(frame.points_velo)],
-        world_SE3_velo=result.world_SE3_velo,
+        world_SE3_velo=result.odom_SE3_velo,
         ground=result.ground,
         image=frame.image,
         image_P_velo=None if frame.calibration is None else frame.calibration.image_P_velo,
