@@ -205,7 +205,7 @@ def _sensor(root: Path, lidar: LidarConfig, asked: str | None) -> LidarModel:
         model = HDL_64E
     else:
         own = root / name
-        model = load_sensor(str(own) if asked is None and own.is_file() else name)
+        model = load_sensor(own if asked is None and own.is_file() else name)
         if name not in SENSORS and asked is not None:
             return model  # a file has its own height
     height_m, rate_hz = lidar.height_m or model.height_m, lidar.rate_hz or model.rate_hz
