@@ -175,7 +175,10 @@ def _description(
         notes.append(
             f"{root / observed.images[0]}: images are not used, as no {FILE_NAME} has a camera"
         )
-    return observed.config, tuple(notes)
+    lidar = observed.config.lidar
+    # A VIEWPOINT has been looked for, and is among the guesses.
+    lidar = replace(lidar, viewpoint=lidar.viewpoint or "ignored")
+    return replace(observed.config, lidar=lidar), tuple(notes)
 
 
 def _existing(root: Path, name: str | None, key: str) -> Path | None:
