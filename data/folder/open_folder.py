@@ -176,7 +176,7 @@ def _description(
             f"{root / observed.images[0]}: images are not used, as no {FILE_NAME} has a camera"
         )
     lidar = observed.config.lidar
-    # A VIEWPOINT has been looked for, and is among the guesses.
+    # The headers have been read for a VIEWPOINT, which is among the guesses.
     lidar = replace(lidar, viewpoint=lidar.viewpoint or "ignored")
     return replace(observed.config, lidar=lidar), tuple(notes)
 

@@ -105,7 +105,7 @@ def test_a_viewpoint_is_used_as_stated_and_else_said(stated, moved, tmp_path):
 
 
 @pytest.mark.parametrize("viewpoint", ["0 0 0 1 0 0 0", "1 2 3 1 0 0 0"])
-def test_a_viewpoint_is_looked_for_once(viewpoint, tmp_path, monkeypatch):
+def test_the_headers_of_scans_are_read_for_a_viewpoint_once(viewpoint, tmp_path, monkeypatch):
     (tmp_path / "lidar").mkdir()
     for index in range(3):
         write_pcd(tmp_path / "lidar" / f"{index:06d}.pcd", road_scan(index, columns=90), viewpoint)

@@ -125,7 +125,9 @@ def test_one_logit_more_than_names_is_no_object(tmp_path, number_of_classes):
         ([24, 24, 72, 40, 0.8, 1], "ultralytics-end-to-end", [48, 48, 144, 80], 0.8),
     ],
 )
-def test_two_scores_are_told_from_a_score_and_a_class(tmp_path, row, form, expected_px, score):
+def test_two_scores_are_distinguished_from_a_score_and_a_class(
+    tmp_path, row, form, expected_px, score
+):
     path = write_constant_network(
         tmp_path / "two.onnx",
         {"output0": np.array([[row]], np.float32)},
