@@ -6,6 +6,7 @@ straight ahead. An HDL-64E has no number of its model, but blocks of two flags i
 """
 
 import atexit
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -197,11 +198,9 @@ def first_azimuth_rad(packet: bytes) -> float:
 
 
 def _elevations_rad(calibration: str) -> Float64:
-    """Return the elevations of the beams of a calibration, the highest first."""
-    from perception.yaml_text import read_yaml
-
-    beams = read_yaml(calibration)["lasers"]
-    return np.sort(np.array([one["vert_correction"] for one in beams], np.float64))[::-1]
+    """Return the elevations of the beams of a calibration as the library writes it, the highest first."""
+    beams_rad = re.findall(r"\bvert_correction: (\S+)", calibration)
+    return np.sort(np.array(beams_rad, np.float64))[::-1]
 
 
 def _vector(velodyne: ModuleType, packets: Sequence[bytes]) -> Any:  # noqa: ANN401 - a class of velodyne-decoder
