@@ -78,7 +78,7 @@ class OpenConfig:
         if self.sensor is not None:
             return load_sensor(self.sensor)
         own = folder / "sensor.json"
-        return load_sensor(str(own)) if own.is_file() else HDL_64E
+        return load_sensor(own) if own.is_file() else HDL_64E
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ _DEFAULT = OpenConfig()
 
 
 def open_drive(
-    path: Path,
+    path: str | Path,
     *,
     sequence: str | None = None,
-    sensor: str | None = None,
+    sensor: str | Path | None = None,
     images: bool = True,
     config: OpenConfig = _DEFAULT,
 ) -> RecordedDrive:
@@ -36,7 +36,8 @@ def open_drive(
         DriveError: The path holds no drive, or several and no sequence is given, or it cannot be read.
         UsageError: It has no frame behind those that are left out.
     """
-    config = replace(config, sensor=sensor or config.sensor, images=images and config.images)
+    path, sensor = Path(path), str(sensor) if sensor else config.sensor
+    config = replace(config, sensor=sensor, images=images and config.images)
     with _readable(path):
         layout, sequences = _recognise(path)
         drive = _open(layout, path, _choose(path, sequences, sequence), config)
@@ -75,7 +76,7 @@ def _without_start(drive: RecordedDrive, start: int) -> RecordedDrive:
 
 
 def open_drives(
-    paths: Sequence[Path], *, images: bool = True, config: OpenConfig = _DEFAULT
+    paths: Sequence[str | Path], *, images: bool = True, config: OpenConfig = _DEFAULT
 ) -> list[RecordedDrive]:
     """Open every drive of every path; arguments as of `open_drive`.
 
@@ -89,12 +90,13 @@ def open_drives(
     ]
 
 
-def sequences_in(path: Path) -> list[str | None]:
+def sequences_in(path: str | Path) -> list[str | None]:
     """Return the values of `sequence` with which `open_drive` opens each drive of a path in turn.
 
     Raises:
         DriveError: The path holds no drive, or cannot be read.
     """
+    path = Path(path)
     with _readable(path):
         return list(_recognise(path)[1]) or [None]
 

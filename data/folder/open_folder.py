@@ -175,7 +175,10 @@ def _description(
         notes.append(
             f"{root / observed.images[0]}: images are not used, as no {FILE_NAME} has a camera"
         )
-    return observed.config, tuple(notes)
+    lidar = observed.config.lidar
+    # The headers have been read for a VIEWPOINT, which is among the guesses.
+    lidar = replace(lidar, viewpoint=lidar.viewpoint or "ignored")
+    return replace(observed.config, lidar=lidar), tuple(notes)
 
 
 def _existing(root: Path, name: str | None, key: str) -> Path | None:
@@ -205,7 +208,7 @@ def _sensor(root: Path, lidar: LidarConfig, asked: str | None) -> LidarModel:
         model = HDL_64E
     else:
         own = root / name
-        model = load_sensor(str(own) if asked is None and own.is_file() else name)
+        model = load_sensor(own if asked is None and own.is_file() else name)
         if name not in SENSORS and asked is not None:
             return model  # a file has its own height
     height_m, rate_hz = lidar.height_m or model.height_m, lidar.rate_hz or model.rate_hz

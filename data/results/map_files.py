@@ -1,11 +1,14 @@
 """Files of dense maps, as `trifuse maps` writes them."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 
 from data.frames import file_number
+from data.further_cameras import FurtherCameras
+from data.recorded_drive import RecordedDrive
 from data.results.folder import ResultsFolder, started
 from perception.atomic_file import write_atomically
 from perception.errors import UsageError
@@ -20,6 +23,14 @@ _COLUMNS = (
     Column[DenseMaps]("measured [%]", lambda dense: 100 * dense.is_measured.mean(), ".1f"),
     Column[DenseMaps]("filled [%]", lambda dense: 100 * dense.is_filled.mean(), ".1f"),
 )
+
+
+def without_unused_images(drive: RecordedDrive) -> RecordedDrive:
+    """Return a drive without the images of further cameras, and of the main one where its calibration has their size."""
+    calibration = drive.calibration
+    is_size_known = calibration is not None and calibration.image_size_px is not None
+    images = None if is_size_known else drive.images
+    return replace(drive, images=images, further_cameras=FurtherCameras())
 
 
 def write_all_maps(frames: Iterable[Frame], method: MapMethod, folder: ResultsFolder) -> str:

@@ -5,7 +5,6 @@ python docs/examples/robot_stream.py DRIVE plays a drive in the place of the rob
 
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 
@@ -34,5 +33,5 @@ def drive_by(frames: Iterable[Frame], sensor: LidarModel) -> None:
 
 
 if __name__ == "__main__":
-    drive = open_drive(Path(sys.argv[1]))
+    drive = open_drive(sys.argv[1])
     drive_by(next(PacedDrive(drive).laps()), drive.sensor)

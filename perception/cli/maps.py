@@ -29,14 +29,14 @@ def maps(
     """
     from data.frames import frame_count, read_frames
     from data.open_drive import open_drive
-    from data.results.map_files import compare_methods_on, write_all_maps
+    from data.results.map_files import compare_methods_on, without_unused_images, write_all_maps
     from perception.cli.progress import progress_bar
 
     opened = open_drive(root, sequence=drive.sequence, config=drive.reading)
-    folder = results.folder(config)
     if all:
         count = frame_count(opened, drive.frames)
-        frames = read_frames(opened, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
-        print(write_all_maps(progress_bar(frames, "frames", count), method, folder))
+        seen = without_unused_images(opened)
+        frames = read_frames(seen, on_bad_frame=drive.on_bad_frame, limit=drive.frames)
+        print(write_all_maps(progress_bar(frames, "frames", count), method, results.folder(config)))
     else:
-        print(compare_methods_on(opened, frame, method, folder))
+        print(compare_methods_on(opened, frame, method, results.folder(config)))

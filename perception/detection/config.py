@@ -122,6 +122,10 @@ class DepthCnConfig:
     model: Path | None = None
     proposals: ProposalOverrides = field(default_factory=ProposalOverrides)
 
+    def __post_init__(self) -> None:
+        """Take the name of a file as its path."""
+        _take_as_paths(self, "model")
+
 
 @dataclass(frozen=True)
 class TriBoxOverrides:
@@ -206,7 +210,8 @@ class DetectionConfig:
     display_score: float = 0.5
 
     def __post_init__(self) -> None:
-        """Validate modalities and display score."""
+        """Validate modalities and display score; take names of files as paths."""
+        _take_as_paths(self, "rgb_model", "dm_model", "rm_model", "fusion_model")
         if self.modalities is not None and len(set(self.modalities)) < len(self.modalities):
             raise UsageError(
                 "modalities",
@@ -222,6 +227,12 @@ class DetectionConfig:
     def models(self) -> dict[Modality, Path | None]:
         """ONNX file of each modality's detector, where one is named."""
         return {"rgb": self.rgb_model, "dm": self.dm_model, "rm": self.rm_model}
+
+
+def _take_as_paths(config: DepthCnConfig | DetectionConfig, *names: str) -> None:
+    for name in names:
+        if (file := getattr(config, name)) is not None:
+            object.__setattr__(config, name, Path(file))
 
 
 NO_DETECTION = DetectionConfig(modalities=(), depthcn=DepthCnConfig(enabled=False))

@@ -125,7 +125,10 @@ class PoseMeasure:
         self._poses: list[Float64] = []
         self._seconds: list[float] = []
         self._faults: Counter[str] = Counter()
-        self._is_flat = self._is_level = False
+        self.is_flat = is_flat(reference)
+        """Whether the poses of the drive have no height."""
+        self.is_level = self.is_flat and _is_level(reference)
+        """Whether they have no tilt either."""
 
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame; labels and truth tell nothing of poses."""
@@ -146,17 +149,6 @@ class PoseMeasure:
         return np.array(self._reference)[:, :2, 3]
 
     @property
-    def is_flat(self) -> bool:
-        """Whether the poses of the drive have no height."""
-        return is_flat(self._reference)
-
-    @property
-    def is_level(self) -> bool:
-        """Whether they have no tilt either: the world's vertical keeps its direction in the LiDAR frame."""
-        vertical = np.array(self._reference)[:, 2, :3]
-        return self.is_flat and bool((np.ptp(vertical, axis=0) <= _LEVEL).all())
-
-    @property
     def lengths_m(self) -> tuple[float, ...]:
         """Lengths of the sub-paths."""
         is_long = _travelled_m(self._reference)[-1] >= _LENGTHS_M[0]
@@ -165,7 +157,6 @@ class PoseMeasure:
     def compute(self) -> PoseAccuracy:
         """Return the errors of all frames so far."""
         joined, reference = self._joined(), self._reference
-        self._is_flat, self._is_level = self.is_flat, self.is_level
         steps = [
             _motion(_motion(reference[k - 1], reference[k]), _motion(joined[k - 1], joined[k]))
             for k in range(1, len(joined))
@@ -211,10 +202,15 @@ class PoseMeasure:
                 yield self._distance_m(error) / length_m, self._angle_rad(error) / length_m
 
     def _distance_m(self, error: Float64) -> float:
-        return float(np.linalg.norm(error[: 2 if self._is_flat else 3, 3]))
+        return float(np.linalg.norm(error[: 2 if self.is_flat else 3, 3]))
 
     def _angle_rad(self, error: Float64) -> float:
-        return abs(_yaw_rad(error)) if self._is_level else rotation_angle_rad(error)
+        return abs(_yaw_rad(error)) if self.is_level else rotation_angle_rad(error)
+
+
+def _is_level(poses: Sequence[Float64]) -> bool:
+    """Return whether the world's vertical keeps its direction in the frame of the LiDAR."""
+    return bool((np.ptp(np.array(poses)[:, 2, :3], axis=0) <= _LEVEL).all())
 
 
 def _travelled_m(poses: Sequence[Float64]) -> Float64:

@@ -20,7 +20,7 @@ _KEYS = ("model", *_FIELDS, *(name.replace("_rad", "_deg") for name in _ANGLES))
 _SHAPE = ("elevations_rad", "azimuth_step_rad")  # what a sensor without a model must state
 
 
-def load_sensor(name: str) -> LidarModel:
+def load_sensor(name: str | Path) -> LidarModel:
     """Return the sensor of that name, in any case, or the one described by that YAML or JSON file.
 
     A file holds the fields of `LidarModel`, angles in radians or, with _deg in place of _rad, in degrees; elevations in any
@@ -35,7 +35,7 @@ def load_sensor(name: str) -> LidarModel:
     path = Path(name)
     if path.suffix.lower() in _SUFFIXES and path.is_file():
         return _from_mapping(_read_mapping(path), path)
-    return _known(name, f"sensor {name}")
+    return _known(str(name), f"sensor {name}")
 
 
 def sensor_to_json(sensor: LidarModel) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data.layouts import OpenConfig
-from data.open_drive import open_drive, sequences_in
+from data.open_drive import open_drive, open_drives, sequences_in
 from perception.errors import CalibrationError, DriveError, UsageError
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
@@ -24,6 +24,17 @@ def test_a_raw_drive_has_scans_images_and_poses(raw_drive):
     assert frame.points_velo.shape == (3600, 4)
     assert frame.image[0, 0].tolist() == [255, 0, 0]  # RGB
     assert frame.source.endswith("0000000003.bin")
+
+
+def test_a_path_may_be_a_text(raw_drive, tmp_path):
+    (tmp_path / "mine.json").write_text(sensor_to_json(VLP_16))
+    for sensor in (tmp_path / "mine.json", str(tmp_path / "mine.json")):
+        drive = open_drive(str(raw_drive), sensor=sensor)
+        assert (drive.root, drive.sensor.name) == (raw_drive, "VLP-16")
+    assert sequences_in(str(raw_drive.parent)) == [raw_drive.name]
+    assert [one.root for one in open_drives([str(raw_drive)])] == [raw_drive]
+    with fault(UsageError, where="sensor none.json", found="'none.json'"):
+        open_drive(raw_drive, sensor=Path("none.json"))
 
 
 def test_the_pose_is_that_of_the_lidar(raw_drive):

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from perception.detection.config import (
+    DepthCnConfig,
     DetectionConfig,
     NmsConfig,
     ProposalConfig,
@@ -35,6 +37,14 @@ def test_values_out_of_range(config, fields, where, found):
     with pytest.raises(UsageError) as caught:
         config(**fields)
     assert (caught.value.where, caught.value.found) == (where, found)
+
+
+def test_a_model_is_a_path_or_its_text():
+    config = DetectionConfig(rgb_model="a.onnx", depthcn=DepthCnConfig(model="b.onnx"))
+    assert config == DetectionConfig(
+        rgb_model=Path("a.onnx"), depthcn=DepthCnConfig(model=Path("b.onnx"))
+    )
+    assert (config.models["rgb"], config.fusion_model) == (Path("a.onnx"), None)
 
 
 def test_import_needs_no_heavy_library():

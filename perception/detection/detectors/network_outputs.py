@@ -112,6 +112,12 @@ class NetworkOutputs:
             np.abs(tables(self.arrays)[0][..., :2]).max(initial=0) < max(self.size) / 2
         )
 
+    @property
+    def has_class_numbers(self) -> bool:
+        """Whether the sixth column of the only table holds numbers of classes, and not scores of one."""
+        column = tables(self.arrays)[0][..., 5]
+        return bool((column == np.rint(column)).all())
+
 
 def cell_count(size: InputSize, strides_px: tuple[int, ...]) -> int:
     """Return the number of cells of an input."""

@@ -188,6 +188,7 @@ FORMS: Mapping[OutputFormName, OutputForm] = {
         lambda found: (
             found.table[-1] == 6 + found.further_columns
             and (len(found.table) == 3 or found.table[0] != 1)
+            and found.has_class_numbers
         ),
         decode_rows,
         _CENTERED,

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from data.clouds.pcd import read_viewpoint
+from data.folder import observation
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError, ImageError, PerceptionError, PoseError, UsageError
@@ -100,6 +102,23 @@ def test_a_viewpoint_is_used_as_stated_and_else_said(stated, moved, tmp_path):
     assert [("3.74 m and 90.0 degrees" in note) for note in drive.notes] == (
         [] if stated else [True]
     )
+
+
+@pytest.mark.parametrize("viewpoint", ["0 0 0 1 0 0 0", "1 2 3 1 0 0 0"])
+def test_the_headers_of_scans_are_read_for_a_viewpoint_once(viewpoint, tmp_path, monkeypatch):
+    (tmp_path / "lidar").mkdir()
+    for index in range(3):
+        write_pcd(tmp_path / "lidar" / f"{index:06d}.pcd", road_scan(index, columns=90), viewpoint)
+    read = []
+
+    def read_once(path):
+        read.append(path.stem)
+        return read_viewpoint(path)
+
+    monkeypatch.setattr(observation, "read_viewpoint", read_once)
+    drive = open_drive(tmp_path)
+    assert read == ["000000", "000001", "000002"]
+    assert sum("VIEWPOINT" in note for note in drive.notes) == (viewpoint[0] == "1")
 
 
 def test_scans_of_one_folder_may_have_other_fields(tmp_path):

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from data.packets.velodyne import VelodyneDecoder, first_azimuth_rad
+from data.packets.velodyne import VelodyneDecoder, _scan_decoder, first_azimuth_rad
 from perception.errors import ScanError
 from perception.sensor import HDL_32E, HDL_64E, SENSORS
 from perception.sensor import VLP_16 as VLP_16_MODEL
 from perception.sensor.models import VLP_32C_BY_LASER_DEG, VLS_128_BY_LASER_DEG
 from tests.packet_writer import (
+    ALIKE,
     BANKS,
     PAIRS,
     STILL,
@@ -105,6 +106,39 @@ def test_an_hdl_64e_is_known_by_its_blocks_and_read_with_the_usual_beams():
     assert order == pytest.approx(decoder.sensor.elevations_rad[::-1], abs=np.radians(0.7))
     # A block is half a firing, and a firing takes 57.6 us.
     assert np.ptp(cloud.times_s) == pytest.approx(169.4e-6, abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("model", "flags", "modes"),
+    [
+        (VLP_16, ALIKE, (0x37, 0x38, 0x39)),
+        (HDL, ALIKE, (0x37, 0x38, 0x39)),
+        (VLP_32C, ALIKE, (0x37, 0x38, 0x39)),
+        (VLS_128, BANKS, (0x37, 0x38, 0x39)),
+        (0x31, PAIRS, (HDL_64E_MODE,)),
+    ],
+    ids=["VLP-16", "HDL-32E", "VLP-32C", "VLS-128", "HDL-64E"],
+)
+def test_points_do_not_depend_on_the_packets_before(model, flags, modes):
+    generator = np.random.default_rng(0)
+    sweeps = []
+    for number, step_deg in enumerate([0.2, 0.4, -0.2, 0.0, 1.0, 0.1]):
+        azimuths_deg = generator.uniform(0, 360) + step_deg * np.arange(12 * (number + 1))
+        kept = {"model": model, "flags": flags, "mode": modes[number % len(modes)]}
+        sweeps.append(
+            [packet(one, generator.uniform(5, 60, (12, 32)), time_us=1300 * index, **kept)
+             for index, one in enumerate(azimuths_deg.reshape(-1, 12))]
+        )  # fmt: skip
+    decoder = decoder_of(sweeps[0][0])
+    alone = []
+    for packets in sweeps:
+        _scan_decoder.cache_clear()
+        alone.append(decode(packets, decoder))
+    for number in (3, 0, 5, 4, 2, 1, 3):
+        cloud = decode(sweeps[number], decoder)
+        np.testing.assert_array_equal(cloud.xyz, alone[number].xyz)
+        np.testing.assert_array_equal(cloud.times_s, alone[number].times_s)
+        np.testing.assert_array_equal(cloud.ring, alone[number].ring)
 
 
 def test_straight_ahead_is_x_and_clockwise_is_to_the_right():

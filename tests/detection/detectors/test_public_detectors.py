@@ -117,6 +117,30 @@ def test_one_logit_more_than_names_is_no_object(tmp_path, number_of_classes):
     assert found.types[first] == "Car"
 
 
+@pytest.mark.parametrize(
+    ("row", "form", "expected_px", "score"),
+    [
+        # Center and size from 0 to 1, and two scores; or corners in pixels, score and number of the class.
+        ([0.5, 0.5, 0.5, 0.25, 0.1, 0.8], "ultralytics-detr", [48, 48, 144, 80], 0.8),
+        ([24, 24, 72, 40, 0.8, 1], "ultralytics-end-to-end", [48, 48, 144, 80], 0.8),
+    ],
+)
+def test_two_scores_are_distinguished_from_a_score_and_a_class(
+    tmp_path, row, form, expected_px, score
+):
+    path = write_constant_network(
+        tmp_path / "two.onnx",
+        {"output0": np.array([[row]], np.float32)},
+        metadata={"names": "{0: 'van', 1: 'car'}"},
+    )
+    detector = ModalityDetector(path)
+    assert detector.title == f"two.onnx ({form})"
+    found = detector.detect(IMAGE)
+    best = np.argmax(found.scores)
+    np.testing.assert_allclose(found.boxes_px[best], expected_px, atol=1e-4)
+    assert (found.types[best], found.scores[best]) == ("Car", pytest.approx(score))
+
+
 @pytest.mark.parametrize("suppresses", [False, True])
 def test_a_pose_network_needs_no_file_of_classes(tmp_path, suppresses):
     person_px, keypoints = [40.0, 20.0, 70.0, 80.0], np.full((1, CELLS, 51), 33, np.float32)
