@@ -8,6 +8,7 @@ from data.faults.injection import Fault
 from data.frames import frame_count
 from data.labelled_drives import LabelledDrives
 from data.open_drive import open_drive
+from data.recorded_drive import RecordedDrive
 from data.results.evaluated import EvaluatedDrive
 from perception.errors import DriveError
 from perception.evaluation.pose_errors import PoseMeasure, PoseReport
@@ -30,13 +31,44 @@ def measure_poses(
         PerceptionError: A frame cannot be read or used.
     """
     drive = open_drive(root, sequence=reader.sequence, config=reader.reading, images=False)
+    count = frame_count(drive, reader.frames)
+    known, is_exact = reference_poses(drive, count)
+    measures = {name: PoseMeasure(known) for name in ("with INS", "scans alone")}
+    for name, measure in measures.items():
+        faults = [Fault("ins-absent", 0, count - 1)] if name == "scans alone" else []
+        for result in reader.results(drive, pipeline, faults):
+            measure.update(result, None, None)
+    first = measures["with INS"]
+    reference = "exact poses" if is_exact else "INS"
+    paths_m = {reference: first.reference_m}
+    paths_m |= {name: measure.joined_m for name, measure in measures.items()}
+    report = PoseReport(
+        {name: measure.compute() for name, measure in measures.items()},
+        paths_m,
+        first.lengths_m,
+        is_exact,
+        first.is_flat,
+        first.is_level,
+    )
+    return EvaluatedDrive.of(drive, reader.frames, len(first.reference_m)), reference, report
+
+
+def reference_poses(drive: RecordedDrive, count: int) -> tuple[list[Float64], bool]:
+    """Return the (4, 4) poses of the first frames of a drive, and whether they are exact: else they are the INS's.
+
+    Args:
+        drive: Drive with poses.
+        count: Number of frames.
+
+    Raises:
+        DriveError: The drive has no poses, a frame has none, or the frames do not follow each other.
+    """
     if not (drive.has_poses and drive.is_sequence) or len(drive) < 2:
         raise DriveError(
             drive.root,
             expected="two frames or more with poses that follow each other",
             found="poses of no sequence" if drive.has_poses else "a drive without poses",
         )
-    count = frame_count(drive, reader.frames)
     exact = true_poses(drive)
     stated: Sequence[Float64 | None] = exact or [
         drive.world_SE3_velo(index) for index in range(count)
@@ -45,21 +77,4 @@ def measure_poses(
     if len(known) < len(stated):
         found = f"{len(stated) - len(known)} without"
         raise DriveError(drive.root, expected=f"poses of all {count} frames", found=found)
-    measures = {name: PoseMeasure(known) for name in ("with INS", "scans alone")}
-    for name, measure in measures.items():
-        faults = [Fault("ins-absent", 0, count - 1)] if name == "scans alone" else []
-        for result in reader.results(drive, pipeline, faults):
-            measure.update(result, None, None)
-    first = measures["with INS"]
-    reference = "exact poses" if exact else "INS"
-    paths_m = {reference: first.reference_m}
-    paths_m |= {name: measure.joined_m for name, measure in measures.items()}
-    report = PoseReport(
-        {name: measure.compute() for name, measure in measures.items()},
-        paths_m,
-        first.lengths_m,
-        exact is not None,
-        first.is_flat,
-        first.is_level,
-    )
-    return EvaluatedDrive.of(drive, reader.frames, len(first.reference_m)), reference, report
+    return known, exact is not None
