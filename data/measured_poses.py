@@ -16,6 +16,33 @@ from perception.pipeline import PipelineConfig
 from perception.types import Float64
 
 
+def reference_poses(drive: RecordedDrive, count: int) -> tuple[list[Float64], bool]:
+    """Return the (4, 4) poses of the first frames of a drive, and whether they are exact: else they are the INS's.
+
+    Args:
+        drive: Drive with poses.
+        count: Number of frames.
+
+    Raises:
+        DriveError: The drive has no poses, a frame has none, or the frames do not follow each other.
+    """
+    if not (drive.has_poses and drive.is_sequence) or len(drive) < 2:
+        raise DriveError(
+            drive.root,
+            expected="two frames or more with poses that follow each other",
+            found="poses of no sequence" if drive.has_poses else "a drive without poses",
+        )
+    exact = true_poses(drive)
+    stated: Sequence[Float64 | None] = exact or [
+        drive.world_SE3_velo(index) for index in range(count)
+    ]
+    known = [pose for pose in stated if pose is not None]
+    if len(known) < len(stated):
+        found = f"{len(stated) - len(known)} without"
+        raise DriveError(drive.root, expected=f"poses of all {count} frames", found=found)
+    return known, exact is not None
+
+
 def measure_poses(
     root: Path, reader: LabelledDrives, pipeline: PipelineConfig
 ) -> tuple[EvaluatedDrive, str, PoseReport]:
@@ -51,30 +78,3 @@ def measure_poses(
         first.is_level,
     )
     return EvaluatedDrive.of(drive, reader.frames, len(first.reference_m)), reference, report
-
-
-def reference_poses(drive: RecordedDrive, count: int) -> tuple[list[Float64], bool]:
-    """Return the (4, 4) poses of the first frames of a drive, and whether they are exact: else they are the INS's.
-
-    Args:
-        drive: Drive with poses.
-        count: Number of frames.
-
-    Raises:
-        DriveError: The drive has no poses, a frame has none, or the frames do not follow each other.
-    """
-    if not (drive.has_poses and drive.is_sequence) or len(drive) < 2:
-        raise DriveError(
-            drive.root,
-            expected="two frames or more with poses that follow each other",
-            found="poses of no sequence" if drive.has_poses else "a drive without poses",
-        )
-    exact = true_poses(drive)
-    stated: Sequence[Float64 | None] = exact or [
-        drive.world_SE3_velo(index) for index in range(count)
-    ]
-    known = [pose for pose in stated if pose is not None]
-    if len(known) < len(stated):
-        found = f"{len(stated) - len(known)} without"
-        raise DriveError(drive.root, expected=f"poses of all {count} frames", found=found)
-    return known, exact is not None

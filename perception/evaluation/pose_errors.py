@@ -113,6 +113,21 @@ class PoseReport(Report):
         return {**super().to_json(), "paths": paths}
 
 
+@dataclass(frozen=True)
+class _DriveErrors:
+    """Errors of one run over one drive: of each step, of the heading of each frame, of the end, of each sub-path."""
+
+    steps_deg: Float64
+    steps_yaw_deg: Float64
+    steps_cm: Float64
+    yaws_deg: Float64
+    end_m: float
+    end_deg: float
+    drift: Float64
+    seconds: Float64
+    faults: Counter[str]
+
+
 class PoseMeasure:
     """Collects the poses of one run, and compares them with those of the drive."""
 
@@ -179,7 +194,7 @@ class PoseMeasure:
         """Return the errors of all frames so far."""
         return pooled([self])
 
-    def errors(self) -> "_DriveErrors":
+    def errors(self) -> _DriveErrors:
         """Return the errors of all frames so far, one by one."""
         joined, reference = self._joined(), self._reference
         self._is_flat, self._is_level = self.is_flat, self.is_level
@@ -225,48 +240,6 @@ class PoseMeasure:
         return abs(_yaw_rad(error)) if self._is_level else rotation_angle_rad(error)
 
 
-@dataclass(frozen=True)
-class _DriveErrors:
-    """Errors of one run over one drive: of each step, of the heading of each frame, of the end, of each sub-path."""
-
-    steps_deg: Float64
-    steps_yaw_deg: Float64
-    steps_cm: Float64
-    yaws_deg: Float64
-    end_m: float
-    end_deg: float
-    drift: Float64
-    seconds: Float64
-    faults: Counter[str]
-
-
-def pooled(measures: Sequence[PoseMeasure]) -> PoseAccuracy:
-    """Return the errors of runs over several drives: percentiles of all steps together, the largest of the ends."""
-    drives = [one.errors() for one in measures]
-    steps_deg = np.concatenate([one.steps_deg for one in drives])
-    steps_cm = np.concatenate([one.steps_cm for one in drives])
-    drift = np.concatenate([one.drift for one in drives])
-    drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
-    seconds = np.concatenate([one.seconds for one in drives])
-    return PoseAccuracy(
-        step_p50_deg=_percentile(steps_deg, 50),
-        step_p90_deg=_percentile(steps_deg, 90),
-        step_max_deg=_percentile(steps_deg, 100),
-        step_yaw_max_deg=_percentile(np.concatenate([one.steps_yaw_deg for one in drives]), 100),
-        step_p50_cm=_percentile(steps_cm, 50),
-        step_p90_cm=_percentile(steps_cm, 90),
-        step_max_cm=_percentile(steps_cm, 100),
-        yaw_deg=float(max(one.yaws_deg.max() for one in drives)),
-        end_m=max(one.end_m for one in drives),
-        end_deg=max(one.end_deg for one in drives),
-        drift_percent=100 * float(drift_percent),
-        drift_deg_100m=100 * float(np.degrees(drift_rad)),
-        p50_ms=1e3 * _percentile(seconds, 50),
-        p99_ms=1e3 * _percentile(seconds, 99),
-        faults=dict(sum((one.faults for one in drives), Counter[str]())),
-    )
-
-
 def is_flat(poses: Sequence[Float64]) -> bool:
     """Return whether a point of a vehicle that moves keeps its height to the last digits, in (4, 4) poses of its LiDAR."""
     stacked = np.array(poses)
@@ -295,3 +268,30 @@ def _percentile(values: Sequence[float] | Float64, percent: float) -> float:
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     return float(np.percentile(known, percent)) if len(known) else float("nan")
+
+
+def pooled(measures: Sequence[PoseMeasure]) -> PoseAccuracy:
+    """Return the errors of runs over several drives: percentiles of all steps together, the largest of the ends."""
+    drives = [one.errors() for one in measures]
+    steps_deg = np.concatenate([one.steps_deg for one in drives])
+    steps_cm = np.concatenate([one.steps_cm for one in drives])
+    drift = np.concatenate([one.drift for one in drives])
+    drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
+    seconds = np.concatenate([one.seconds for one in drives])
+    return PoseAccuracy(
+        step_p50_deg=_percentile(steps_deg, 50),
+        step_p90_deg=_percentile(steps_deg, 90),
+        step_max_deg=_percentile(steps_deg, 100),
+        step_yaw_max_deg=_percentile(np.concatenate([one.steps_yaw_deg for one in drives]), 100),
+        step_p50_cm=_percentile(steps_cm, 50),
+        step_p90_cm=_percentile(steps_cm, 90),
+        step_max_cm=_percentile(steps_cm, 100),
+        yaw_deg=float(max(one.yaws_deg.max() for one in drives)),
+        end_m=max(one.end_m for one in drives),
+        end_deg=max(one.end_deg for one in drives),
+        drift_percent=100 * float(drift_percent),
+        drift_deg_100m=100 * float(np.degrees(drift_rad)),
+        p50_ms=1e3 * _percentile(seconds, 50),
+        p99_ms=1e3 * _percentile(seconds, 99),
+        faults=dict(sum((one.faults for one in drives), Counter[str]())),
+    )
