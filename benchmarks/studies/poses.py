@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.measure import processor_clock
 from benchmarks.studies.frame_rate import frame_step
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from perception.cli.flags import SourceFlags
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _RATES_HZ = (2.0, 5.0, 10.0, 20.0)
-Locate = Callable[[Frame], Float64]  # a frame, the next of a drive, to its (4, 4) world_SE3_velo
+# Locates a frame, the next of a drive, and adds its pose to the measure.
+Method = Callable[[Frame, "PoseMeasure"], None]
 # Errors that the figure shows, and their names there.
 _DRAWN = {
     "step_p90_cm": "step p90 [cm]",
@@ -143,50 +145,35 @@ def _measure(
     """Locate the frames of a drive at each rate by each method, and add a measure of each."""
     from perception.evaluation.pose_errors import PoseMeasure
 
-    runs = list[_Run]()
+    runs = list[tuple[int, Method, PoseMeasure]]()
     for rate_hz in rates:
-        methods = measured.setdefault(round(rate_hz, 1), {})
-        for name, locate in _methods(drive.sensor.height_m).items():
+        measures = measured.setdefault(round(rate_hz, 1), {})
+        for name, locate in _methods(drive.sensor).items():
             measure = PoseMeasure(reference)
-            methods.setdefault(name, []).append(measure)
-            runs.append(_Run(locate, frame_step(drive, rate_hz), measure))
-    for frame in progress_bar(drive, f"{drive.sensor.name} {drive.name}", len(drive)):
-        for run in runs:
-            run.update(frame)
+            measures.setdefault(name, []).append(measure)
+            runs.append((frame_step(drive, rate_hz), locate, measure))
+    with processor_clock():
+        for frame in progress_bar(drive, f"{drive.sensor.name} {drive.name}", len(drive)):
+            for step, locate, measure in runs:
+                if frame.index % step == 0:
+                    locate(frame, measure)
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One method on every n-th frame of a drive."""
-
-    locate: Locate
-    step: int
-    measure: "PoseMeasure"
-
-    def update(self, frame: Frame) -> None:
-        """Locate a frame, where it is one of these."""
-        if frame.index % self.step:
-            return
-        start_s = time.process_time()
-        pose = self.locate(frame)
-        self.measure.add(frame.index, pose, time.process_time() - start_s)
-
-
-def _methods(height_m: float) -> Mapping[str, Locate]:
-    """Return Trifuse with each prior, and the odometries that are installed."""
+def _methods(sensor: LidarModel) -> Mapping[str, Method]:
+    """Return Trifuse with each prior, and the peers that are installed."""
     from benchmarks.registration import kiss_icp_odometry, one_call_small_gicp
-    from perception.localization.frame_registration import FrameRegistration
 
-    with_ins, planar, alone = FrameRegistration(), FrameRegistration(), FrameRegistration()
-    methods: dict[str, Locate] = {
-        "Trifuse, INS": with_ins.update,
-        "Trifuse, planar INS": lambda frame: planar.update(
-            replace(frame, world_SE3_velo=planar_pose(_pose_of(frame), height_m))
-        ),
-        "Trifuse, no INS": lambda frame: alone.update(replace(frame, world_SE3_velo=None)),
+    def planar(frame: Frame) -> Frame:
+        pose = planar_pose(_pose_of(frame), sensor.height_m)
+        return replace(frame, world_SE3_velo=pose)
+
+    methods = {
+        "Trifuse, INS": _trifuse(sensor, lambda frame: frame),
+        "Trifuse, planar INS": _trifuse(sensor, planar),
+        "Trifuse, no INS": _trifuse(sensor, lambda frame: replace(frame, world_SE3_velo=None)),
     }
-    peers: dict[str, Callable[[], Locate]] = {
-        "KISS-ICP": lambda: _of_points(kiss_icp_odometry()),
+    peers: dict[str, Callable[[], Method]] = {
+        "KISS-ICP": lambda: _odometry(kiss_icp_odometry()),
         "small_gicp, scan to scan, INS": lambda: _scan_to_scan(one_call_small_gicp()),
     }
     for name, make in peers.items():
@@ -197,22 +184,39 @@ def _methods(height_m: float) -> Mapping[str, Locate]:
     return methods
 
 
-def _of_points(update: Callable[[Float32], Float64]) -> Locate:
-    return lambda frame: update(frame.points_velo)
+def _trifuse(sensor: LidarModel, prior: Callable[[Frame], Frame]) -> Method:
+    """Return the stages of the LiDAR up to static and moving, on frames with another INS."""
+    from perception.pipeline import PipelineConfig
+    from perception.pipeline.lidar_stages import LidarStages
+
+    stages = LidarStages(sensor, PipelineConfig.for_obstacles())
+    return lambda frame, measure: measure.update(stages.segment(prior(frame))[0], None, None)
 
 
-def _scan_to_scan(register: "Register") -> Locate:
+def _odometry(update: Callable[[Float32], Float64]) -> Method:
+    """Return an odometry by scans alone."""
+
+    def locate(frame: Frame, measure: "PoseMeasure") -> None:
+        start_s = time.perf_counter()
+        pose = update(frame.points_velo)
+        measure.add(frame.index, pose, time.perf_counter() - start_s)
+
+    return locate
+
+
+def _scan_to_scan(register: "Register") -> Method:
     """Return a library's call on each scan and the one before, which starts at the step of the INS."""
     last: Frame | None = None
     pose = np.eye(4)
 
-    def locate(frame: Frame) -> Float64:
+    def locate(frame: Frame, measure: "PoseMeasure") -> None:
         nonlocal last, pose
+        start_s = time.perf_counter()
         if last is not None:
             step = inverse(_pose_of(last)) @ _pose_of(frame)
             pose = pose @ register(last.points_velo, frame.points_velo, step)
         last = frame
-        return pose
+        measure.add(frame.index, pose, time.perf_counter() - start_s)
 
     return locate
 
