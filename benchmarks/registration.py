@@ -105,8 +105,12 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
         lambda: _scan_to_scan("Open3D, point to plane", open3d_point_to_plane(), prepared),
     )
     add_peer(contenders, lambda: _kiss_icp(prepared))
-    columns = _drift_columns(prepared)
-    return compare("registration", contenders, len(prepared.frames), *columns)
+    known = true_poses(prepared.drive)
+    title = "registration" if known else "registration, errors beside the INS"
+    poses = [known[f.index] if known else f.world_SE3_velo for f in prepared.frames]
+    truth = [pose for pose in poses if pose is not None]
+    columns = _drift_columns(np.array(truth)) if len(truth) == len(poses) else []
+    return compare(title, contenders, len(prepared.frames), *columns)
 
 
 def _odometry(name: str, prepared: PreparedDrive, *, has_ins: bool) -> Contender:
@@ -146,12 +150,12 @@ def _kiss_icp(prepared: PreparedDrive) -> Contender:
     return Contender("KISS-ICP, without INS", lambda i: odometry(prepared.frames[i].points_velo))
 
 
-def _drift_columns(prepared: PreparedDrive) -> list[Column[Measurement]]:
-    """Return the errors of the motion over a second, where the poses are known exactly."""
-    known = true_poses(prepared.drive)
-    if known is None:
-        return []
-    truth = np.array([known[frame.index] for frame in prepared.frames])
+def _drift_columns(truth: Float64) -> list[Column[Measurement]]:
+    """Return the errors of the motion over a second.
+
+    Args:
+        truth: (F, 4, 4) poses that are exact, or those of the INS.
+    """
 
     def of_motions(value: Callable[[Float64, Float64], float]) -> Callable[[list[Any]], Any]:
         return lambda poses: None if poses[0] is None else value(motion_errors(poses, truth), truth)

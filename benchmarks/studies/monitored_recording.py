@@ -1,19 +1,23 @@
 """Frames of a drive in memory, and what the monitors of each part say of them, clean or with a fault."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from data.faults.injection import Fault, inject
+from perception.geometry.grids import EgoVehicle
 from perception.health.camera_monitors import CameraMonitors
 from perception.health.ins_monitor import InsMonitor
 from perception.health.miscalibration import MiscalibrationMonitor
 from perception.health.monitors import ScanAndInsMonitors
 from perception.health.scan_statistics import ScanMeter
+from perception.localization.config import RegistrationConfig
 from perception.localization.frame_registration import FrameRegistration
+from perception.localization.registration import Registration
+from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel
 from perception.types import (
     CALIBRATION,
@@ -51,11 +55,17 @@ class MonitoredRecording:
     sensor: LidarModel
 
     @classmethod
-    def of(cls, drive: Drive, limit: int) -> "MonitoredRecording":
-        """Read and register the first frames of a drive, all where the limit is 0."""
+    def of(cls, drive: Drive, limit: int, step: int = 1) -> "MonitoredRecording":
+        """Read and register the first frames of a drive.
+
+        Args:
+            drive: Drive.
+            limit: Number of frames; 0 for all.
+            step: Step from one frame to the next.
+        """
         registration = FrameRegistration()
-        count = min(limit or len(drive), len(drive))
-        frames = [drive[index] for index in range(count)]
+        rows = range(0, len(drive), step)[: limit or None]
+        frames = [replace(drive[row], index=index) for index, row in enumerate(rows)]
         poses = [registration.update(one) for one in frames]
         return cls(drive.name, frames, poses, drive.sensor)
 
@@ -78,11 +88,11 @@ class MonitoredRecording:
         return float(step / (self.frames[row].stamp_s - self.frames[row - 1].stamp_s))
 
     def alarms(self) -> Iterator[str]:
-        """Yield the beginning of each finding in the clean drive."""
-        for part in self.parts:
-            monitor, before = self._monitor(part), set[str]()
-            for frame, pose in zip(self.frames, self.poses, strict=True):
-                found = monitor(frame, pose)
+        """Yield the beginning of each finding of the pipeline, without detectors, in the clean drive."""
+        before = set[str]()
+        with Pipeline(self.sensor, PipelineConfig.for_obstacles()) as pipeline:
+            for frame in self.frames:
+                found = pipeline.step(frame).health.findings
                 yield from (
                     f"{self.name} frame {frame.index}: {one}"
                     for one in found
@@ -115,18 +125,22 @@ class MonitoredRecording:
         if part == CALIBRATION:
             return MiscalibrationMonitor(self.sensor).update
         if part == INS:
-            return _InsOfRegisteredScans().update
+            return _InsBesideScans().update
         scans = ScanAndInsMonitors(self._meter)
         return lambda frame, _: scans.update(frame).findings
 
 
-class _InsOfRegisteredScans:
-    """The monitor of the INS beside poses of scans without a fault."""
+class _InsBesideScans:
+    """The monitor of the INS with registration as the pipeline has it: from the INS, but not from one that has failed."""
 
     def __init__(self) -> None:
-        self._ins = InsMonitor()
+        self._ins, self._ego = InsMonitor(), EgoVehicle()
+        self._registration = Registration(RegistrationConfig(), "default", previous_scans=0)
 
-    def update(self, frame: Frame, pose: Float64) -> Sequence[HealthFinding]:
+    def update(self, frame: Frame, _: Float64) -> Sequence[HealthFinding]:
         found = self._ins.update(frame)
-        self._ins.register(frame, pose, is_trusted=True)
+        used = replace(frame, world_SE3_velo=None) if found else frame
+        scans = self._registration.update(used, self._ego.crop(frame.points_velo))
+        is_trusted = not (scans.is_reset or scans.is_extrapolated)
+        self._ins.register(frame, scans.window.newest.world_SE3_velo, is_trusted=is_trusted)
         return found

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.studies.frame_rate import frame_step
 from benchmarks.studies.report import RESULTS, StreetFlags, formatted_table, publish
 from data.synthetic.words import StreetKind
 from perception.cli.parser import FlagGroup
@@ -15,7 +16,7 @@ from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.report import Table
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
-from perception.types import Result
+from perception.types import Float64, Frame, Result
 
 if TYPE_CHECKING:
     from data.synthetic.drive import SyntheticDrive
@@ -24,13 +25,9 @@ if TYPE_CHECKING:
     from perception.evaluation.pose_intervals import PoseErrors
 
 _PROTOCOL = DatmoProtocol(view="all")
-# Time since the first scan in periods of the sensor, by name.
-_SPANS = {
-    "1 scan": (0.5, 1.5),
-    "to 1 s": (1.5, 10.5),
-    "1 to 5 s": (10.5, 50.5),
-    "8 to 12 s": (79.5, 120.5),
-}
+# Time since the first scan, from its second one on, in seconds, by name.
+_SPANS_S = {"to 1 s": (0.0, 1.05), "1 to 5 s": (1.05, 5.05), "8 to 12 s": (7.95, 12.05)}
+_COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
 # Shares within intervals by the name of the part, by row.
 Shares = Mapping[str, dict[str, float]]
 
@@ -42,12 +39,14 @@ class UncertaintyConfig(FlagGroup):
     Attributes:
         sensors: LiDAR models.
         kinds: Kinds of streets, in turn; none for drawn ones.
+        rates: Frame rates in Hz at which poses are estimated; none for that of the LiDAR.
         start_every: Number of scans from one start of the odometry to the next.
         images: Whether boxes are detected in images, too, or by LiDAR alone.
     """
 
     sensors: tuple[str, ...] = ("VLP-16", "HDL-32E", "HDL-64E", "VLS-128")
     kinds: tuple[StreetKind, ...] = ()
+    rates: tuple[float, ...] = ()
     start_every: int = 20
     images: bool = True
 
@@ -57,14 +56,14 @@ class _Errors:
     """Errors of the drives of one LiDAR, in standard deviations.
 
     Attributes:
-        poses: Errors of poses with and without INS.
+        poses: Errors of poses, by the name of prior and frame rate.
         tracks: Errors of moving objects.
         track_boxes: Errors of their boxes.
         vehicles: Errors of boxes of confirmed vehicles and people.
         single: The same of those that are not confirmed.
     """
 
-    poses: "dict[bool, list[PoseErrors]]" = field(default_factory=lambda: {True: [], False: []})
+    poses: "dict[str, list[PoseErrors]]" = field(default_factory=dict)
     tracks: "list[TargetErrors]" = field(default_factory=list)
     track_boxes: "list[BoxIntervals]" = field(default_factory=list)
     vehicles: "list[BoxIntervals]" = field(default_factory=list)
@@ -79,7 +78,9 @@ def uncertainty(
 ) -> None:
     """Measure how much of the truth lies within the 90 % intervals of poses, moving objects and boxes, by LiDAR.
 
-    Example: trifuse study uncertainty --frames 40 --drives 2 --sensors VLP-16,HDL-64E
+    Beside the shares of poses stands, for each component, the RMS error over the mean deviation.
+
+    Example: trifuse study uncertainty --frames 40 --drives 2 --sensors VLP-16,HDL-64E --rates 2,5,10
 
     Args:
         out: Figure; a JSON file with the numbers is written beside it.
@@ -98,7 +99,9 @@ def uncertainty(
     }
     plot_groups(out, title, list(found), panels)
     tables = {
-        "poses": _table(f"{title}: poses since a start", "LiDAR", _joined(poses)),
+        "poses": _table(
+            f"{title}: poses since a start, and errors over deviations", "LiDAR", _joined(poses)
+        ),
         "objects": _table("Moving objects and boxes", "LiDAR", _joined(objects)),
         "classes": _table("Boxes of confirmed objects", "class", kinds),
     }
@@ -131,13 +134,12 @@ def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) 
     from perception.evaluation.intervals import box_intervals
     from perception.evaluation.multi_object.track_assignment import assign_tracks
     from perception.evaluation.multi_object.track_errors import target_errors
-    from perception.evaluation.pose_intervals import PoseIntervals
-    from perception.localization.odometry import LidarOdometry
     from perception.pipeline import Pipeline
 
     truth, targets = moving_truth(drive, _PROTOCOL.view, _PROTOCOL.motion), _PROTOCOL.targets
     true_poses = [drive.true_world_SE3_velo(index) for index in range(len(drive))]
-    started: list[tuple[bool, LidarOdometry, PoseIntervals]] = []
+    steps = {rate_hz: frame_step(drive, rate_hz) for rate_hz in config.rates or (None,)}
+    started: list[_Started] = []
     with Pipeline(drive.sensor) as pipeline:
         for frame in progress_bar(drive, f"{drive.sensor.name} {drive.name}", len(drive)):
             result = pipeline.step(frame)
@@ -153,16 +155,42 @@ def _drive(drive: "SyntheticDrive", config: UncertaintyConfig, errors: _Errors) 
             _add_vehicles(result, drive, errors)
             if frame.index % config.start_every == 0:
                 started += [
-                    (ins, LidarOdometry(), PoseIntervals(true_poses)) for ins in (True, False)
+                    _Started(frame.index, step, rate_hz, has_ins, true_poses)
+                    for rate_hz, step in steps.items()
+                    for has_ins in (True, False)
                 ]
-            for has_ins, odometry, intervals in started:
-                pose = frame.world_SE3_velo if has_ins else None
-                located = odometry.update(frame.points_velo, frame.stamp_s, pose)
-                intervals.add(
-                    frame.index, frame.stamp_s, located.world_SE3_velo, located.covariance
-                )
-    for has_ins, _, intervals in started:
-        errors.poses[has_ins].append(intervals.errors)
+            for one in started:
+                one.update(frame)
+    for one in started:
+        errors.poses.setdefault(one.name, []).append(one.intervals.errors)
+
+
+class _Started:
+    """Odometry from one scan of a drive on, on every n-th scan, with or without INS."""
+
+    def __init__(
+        self,
+        first: int,
+        step: int,
+        rate_hz: float | None,
+        has_ins: bool,
+        true_poses: Sequence[Float64],
+    ) -> None:
+        from perception.evaluation.pose_intervals import PoseIntervals
+        from perception.localization.odometry import LidarOdometry
+
+        self.name = ("INS" if has_ins else "no INS") + (f", {rate_hz:g} Hz" if rate_hz else "")
+        self.intervals = PoseIntervals(true_poses)
+        self._odometry, self._has_ins = LidarOdometry(), has_ins
+        self._first, self._step = first, step
+
+    def update(self, frame: Frame) -> None:
+        """Estimate the pose of a scan, where it is one of these."""
+        if (frame.index - self._first) % self._step:
+            return
+        pose = frame.world_SE3_velo if self._has_ins else None
+        located = self._odometry.update(frame.points_velo, frame.stamp_s, pose)
+        self.intervals.add(frame.index, frame.stamp_s, located.world_SE3_velo, located.covariance)
 
 
 def _add_vehicles(result: Result, drive: "SyntheticDrive", errors: _Errors) -> None:
@@ -183,22 +211,25 @@ def _add_vehicles(result: Result, drive: "SyntheticDrive", errors: _Errors) -> N
 
 
 def _pose_shares(errors: _Errors) -> Shares:
-    """Return the shares of poses with and without INS by the time since their start."""
+    """Return the shares of poses by prior and frame rate, and by the time since their start."""
     from perception.evaluation.pose_intervals import PoseErrors
 
     shares = {}
-    for has_ins, drives in errors.poses.items():
+    for case, drives in errors.poses.items():
         every = PoseErrors.concatenate(drives)
-        period_s = every.ages_s.min(initial=np.inf)
-        for name, (low, high) in _SPANS.items():
-            within = every[(every.ages_s > low * period_s) & (every.ages_s < high * period_s)]
+        second_s = 1.5 * every.ages_s.min(initial=np.inf)
+        spans_s = {"1 scan": (0.0, second_s)}
+        spans_s |= {name: (max(low, second_s), high) for name, (low, high) in _SPANS_S.items()}
+        for name, (low_s, high_s) in spans_s.items():
+            within = every[(every.ages_s > low_s) & (every.ages_s < high_s)]
             if not len(within):
                 continue
             one = within.summary()
-            shares[f"{'INS' if has_ins else 'no INS'}, {name}"] = {
+            shares[f"{case}, {name}"] = {
                 "number": float(one.frames),
                 "position": one.position_coverage,
                 "rotation": one.rotation_coverage,
+                **dict(zip(_COMPONENTS, within.deviation_ratios().tolist(), strict=True)),
             }
     return shares
 

@@ -194,6 +194,7 @@ SUMMARIES: Mapping[str, str] = {
     "study datmo-film": "film of the 2.5D motion grids on a highway, at a junction and at a crossing (Fig. 7.6)",
     "study ins-error": "tracks of moving objects over the error of the INS (7.1.1)",
     "study sensors": "tracks of moving objects by LiDAR",
+    "study poses": "poses over LiDAR, frame rate and INS, beside KISS-ICP and small_gicp",
     "study uncertainty": "share of exact truth within the 90 % intervals of poses, moving objects and boxes, by LiDAR",
     "study false-movers": "false movers at fences, hedges and rows of trees over speed and distance",
     "study jams": "long vehicles in traffic jams, with and without INS: moving points, ids and poses",

@@ -32,7 +32,7 @@ PROTOCOL = {
 
 @dataclass(frozen=True)
 class PoseAccuracy(Metrics):
-    """Errors of the poses of one run.
+    """Errors of the poses of one run, or of runs over several drives together.
 
     Attributes:
         step_p50_deg: Median rotation error of a step.
@@ -40,9 +40,10 @@ class PoseAccuracy(Metrics):
         step_max_deg: Largest one.
         step_yaw_max_deg: Largest error of the heading in a step.
         step_p50_cm: Median error of the distance of a step.
+        step_p90_cm: Its 90th percentile.
         step_max_cm: Largest one.
         yaw_deg: Largest error of the heading over the drive.
-        end_m: Distance from the end of the path.
+        end_m: Distance from the end of the path, the largest of several drives.
         end_deg: Rotation error there.
         drift_percent: Error of the position over sub-paths, a share of their length.
         drift_deg_100m: Error of the rotation over 100 m of sub-paths.
@@ -56,6 +57,7 @@ class PoseAccuracy(Metrics):
     step_max_deg: Annotated[float, Metric("max [°]", ".2f")]
     step_yaw_max_deg: Annotated[float, Metric("yaw max [°]", ".2f")]
     step_p50_cm: Annotated[float, Metric("step p50 [cm]", ".1f")]
+    step_p90_cm: Annotated[float, Metric("p90 [cm]", ".1f")]
     step_max_cm: Annotated[float, Metric("max [cm]", ".1f")]
     yaw_deg: Annotated[float, Metric("yaw [°]", ".2f")]
     end_m: Annotated[float, Metric("end [m]", ".2f")]
@@ -111,6 +113,21 @@ class PoseReport(Report):
         return {**super().to_json(), "paths": paths}
 
 
+@dataclass(frozen=True)
+class _DriveErrors:
+    """Errors of one run over one drive: of each step, of the heading of each frame, of the end, of each sub-path."""
+
+    steps_deg: Float64
+    steps_yaw_deg: Float64
+    steps_cm: Float64
+    yaws_deg: Float64
+    end_m: float
+    end_deg: float
+    drift: Float64
+    seconds: Float64
+    faults: Counter[str]
+
+
 class PoseMeasure:
     """Collects the poses of one run, and compares them with those of the drive."""
 
@@ -133,10 +150,21 @@ class PoseMeasure:
     def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
         """Add one frame; labels and truth tell nothing of poses."""
         del labels, truth
-        self._reference.append(self._all[result.frame.index])
-        self._poses.append(result.world_SE3_velo)
-        self._seconds.append(result.timings_s.get("registration", np.nan))
+        seconds = result.timings_s.get("registration", np.nan)
+        self.add(result.frame.index, result.world_SE3_velo, seconds)
         self._faults.update(result.health.faults)
+
+    def add(self, index: int, world_SE3_velo: Float64, seconds: float) -> None:
+        """Add a pose.
+
+        Args:
+            index: Number of the frame in the drive.
+            world_SE3_velo: (4, 4) pose.
+            seconds: Time that it took.
+        """
+        self._reference.append(self._all[index])
+        self._poses.append(world_SE3_velo)
+        self._seconds.append(seconds)
 
     @property
     def joined_m(self) -> Float64:
@@ -156,31 +184,26 @@ class PoseMeasure:
 
     def compute(self) -> PoseAccuracy:
         """Return the errors of all frames so far."""
+        return pooled([self])
+
+    def errors(self) -> _DriveErrors:
+        """Return the errors of all frames so far, one by one."""
         joined, reference = self._joined(), self._reference
         steps = [
             _motion(_motion(reference[k - 1], reference[k]), _motion(joined[k - 1], joined[k]))
             for k in range(1, len(joined))
         ]
-        angles_deg = np.degrees([self._angle_rad(one) for one in steps])
-        distances_cm = 100 * np.array([self._distance_m(one) for one in steps])
         errors = [_motion(*pair) for pair in zip(reference, joined, strict=True)]
-        drift = np.array(list(self._drift(joined))).reshape(-1, 2)
-        drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
-        return PoseAccuracy(
-            step_p50_deg=_percentile(angles_deg, 50),
-            step_p90_deg=_percentile(angles_deg, 90),
-            step_max_deg=_percentile(angles_deg, 100),
-            step_yaw_max_deg=_percentile(np.degrees([abs(_yaw_rad(one)) for one in steps]), 100),
-            step_p50_cm=_percentile(distances_cm, 50),
-            step_max_cm=_percentile(distances_cm, 100),
-            yaw_deg=float(np.degrees(max(abs(_yaw_rad(one)) for one in errors))),
-            end_m=self._distance_m(errors[-1]),
-            end_deg=float(np.degrees(self._angle_rad(errors[-1]))),
-            drift_percent=100 * float(drift_percent),
-            drift_deg_100m=100 * float(np.degrees(drift_rad)),
-            p50_ms=1e3 * _percentile(self._seconds, 50),
-            p99_ms=1e3 * _percentile(self._seconds, 99),
-            faults=dict(self._faults),
+        return _DriveErrors(
+            np.degrees([self._angle_rad(one) for one in steps]),
+            np.degrees([abs(_yaw_rad(one)) for one in steps]),
+            100 * np.array([self._distance_m(one) for one in steps]),
+            np.degrees([abs(_yaw_rad(one)) for one in errors]),
+            self._distance_m(errors[-1]),
+            float(np.degrees(self._angle_rad(errors[-1]))),
+            np.array(list(self._drift(joined))).reshape(-1, 2),
+            np.array(self._seconds),
+            self._faults,
         )
 
     def _joined(self) -> list[Float64]:
@@ -230,3 +253,30 @@ def _percentile(values: Sequence[float] | Float64, percent: float) -> float:
     known = np.asarray(values, np.float64)
     known = known[np.isfinite(known)]
     return float(np.percentile(known, percent)) if len(known) else float("nan")
+
+
+def pooled(measures: Sequence[PoseMeasure]) -> PoseAccuracy:
+    """Return the errors of runs over several drives: percentiles of all steps together, the largest of the ends."""
+    drives = [one.errors() for one in measures]
+    steps_deg = np.concatenate([one.steps_deg for one in drives])
+    steps_cm = np.concatenate([one.steps_cm for one in drives])
+    drift = np.concatenate([one.drift for one in drives])
+    drift_percent, drift_rad = drift.mean(axis=0) if len(drift) else (np.nan, np.nan)
+    seconds = np.concatenate([one.seconds for one in drives])
+    return PoseAccuracy(
+        step_p50_deg=_percentile(steps_deg, 50),
+        step_p90_deg=_percentile(steps_deg, 90),
+        step_max_deg=_percentile(steps_deg, 100),
+        step_yaw_max_deg=_percentile(np.concatenate([one.steps_yaw_deg for one in drives]), 100),
+        step_p50_cm=_percentile(steps_cm, 50),
+        step_p90_cm=_percentile(steps_cm, 90),
+        step_max_cm=_percentile(steps_cm, 100),
+        yaw_deg=float(max(one.yaws_deg.max() for one in drives)),
+        end_m=max(one.end_m for one in drives),
+        end_deg=max(one.end_deg for one in drives),
+        drift_percent=100 * float(drift_percent),
+        drift_deg_100m=100 * float(np.degrees(drift_rad)),
+        p50_ms=1e3 * _percentile(seconds, 50),
+        p99_ms=1e3 * _percentile(seconds, 99),
+        faults=dict(sum((one.faults for one in drives), Counter[str]())),
+    )

@@ -69,6 +69,16 @@ class PoseErrors(ArrayTable):
             rotation_coverage=interval_coverage(spread[1], 3),
         )
 
+    def deviation_ratios(self) -> Float64:
+        """Return the (6,) root mean square of the errors over the mean of the reported deviations, x y z and about x y z.
+
+        Deviations that are right make 1, those that are too small more.
+        """
+        known = np.isfinite(self.covariances).all(axis=(1, 2))
+        errors = np.hstack([self.position_m, self.rotation_rad])[known]
+        variances = np.diagonal(self.covariances[known], axis1=1, axis2=2)
+        return np.asarray(np.sqrt(np.square(errors).mean(axis=0)) / np.sqrt(variances).mean(axis=0))
+
 
 class PoseIntervals:
     """Accumulates the errors of the poses of one drive."""

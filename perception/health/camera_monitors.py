@@ -28,7 +28,8 @@ _MAX_DETAIL = 0.75  # of what the cell has had; a blur of 2 pixels leaves 0.6, o
 _MIN_USUAL_COARSE = 6.0
 _MAX_CHANGE = 20.0  # grey levels, of a covered cell
 _MAX_COVERED = 0.45  # of the coarse detail that the cell has had
-_MIN_CELLS = 10  # side by side, of 96; clean frames have up to 7
+# Cells side by side, of 96: clean frames at 10 Hz have up to 7, at 5 Hz up to 10; the longer from frame to frame, the more.
+_MIN_CELLS, _CELLS_1_S, _USUAL_PERIOD_S = 10, 20.0, 0.1
 # At the mouth of a tunnel walls fill the view more and more, and light changes all over the image: cells are lost one
 # after another. Of all that are lost for two frames, those of a fault are such a share, or they are a quarter of the image.
 _MIN_AT_ONCE, _LOST_FRAMES, _MANY_CELLS = 0.375, 2, 24
@@ -102,7 +103,7 @@ class CameraMonitors:
         repeats = self._frozen.update(image.sample)
         finding = _dark(image) or repeats or _washed_out(image)
         if finding is None or finding[0] < HealthLevel.ERROR:
-            blurred = self._blurred.update(image, SampledReturns.of(frame))
+            blurred = self._blurred.update(image, SampledReturns.of(frame), frame.stamp_s)
             if finding and blurred:  # which it explains, and which makes it worse
                 finding = (blurred[0], *finding[1:])
             finding = finding or blurred
@@ -175,15 +176,21 @@ class _BlurredImage:
         self._mean: Float = self._coarse
         self._held: Bool = np.zeros(0, bool)
         self._recovered = 0
+        self._last_s, self._min_cells = np.inf, float(_MIN_CELLS)
         self._returns: deque[SampledReturns] = deque(maxlen=_KEPT_FRAMES)
 
-    def update(self, image: ImageStatistics, returns: SampledReturns) -> _Fault | None:
+    def update(
+        self, image: ImageStatistics, returns: SampledReturns, stamp_s: float
+    ) -> _Fault | None:
         """Return the fault where so many cells have lost their detail in the same frame.
 
         Args:
             image: Statistics of the image.
             returns: Returns of the scan.
+            stamp_s: Time of the image.
         """
+        longer_s = max(stamp_s - self._last_s - _USUAL_PERIOD_S, 0.0)
+        self._last_s, self._min_cells = stamp_s, _MIN_CELLS + _CELLS_1_S * longer_s
         self._returns.append(returns)
         has_edges: Bool = image.coarse >= _MIN_COARSE
         detail = image.fine / np.maximum(image.coarse, 1e-3)
@@ -231,13 +238,13 @@ class _BlurredImage:
         together = np.append(ages[:-1] + ages[1:], ages[-1])
         together[:_DETAIL_FRAMES] = 0
         age = int(together.argmax())
-        if together[age] < _MIN_CELLS:
+        if together[age] < self._min_cells:
             return np.zeros(lasts.shape, bool)
         largest = _largest_group((lasts == age) | (lasts == age + 1))
         count = int(largest.sum())
         lost = int((lasts >= _LOST_FRAMES).sum())
         is_at_once = count >= min(_MIN_AT_ONCE * lost, _MANY_CELLS)
-        is_fault = is_at_once and count >= _MIN_CELLS and not self._is_hidden(largest, age)
+        is_fault = is_at_once and count >= self._min_cells and not self._is_hidden(largest, age)
         return largest if is_fault else np.zeros(lasts.shape, bool)
 
     def _is_hidden(self, cells: Bool, age: int) -> bool:

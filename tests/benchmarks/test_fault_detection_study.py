@@ -1,13 +1,16 @@
-"""`trifuse study fault-detection`: faults of the calibration are measured like the others, and drives are required."""
+"""`trifuse study fault-detection`: faults of the calibration like the others, frame rates, and what is required."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.studies.frame_rate import frame_step
 from benchmarks.studies.monitored_recording import MonitoredRecording
 from data.faults.injection import Fault
+from data.synthetic.drive import SyntheticDrive
 from perception.errors import UsageError
-from perception.sensor import HDL_64E
+from perception.sensor import HDL_64E, VLP_16
 from perception.types import Frame
 from tests.board_scenes import TRUE, Boards
 from tests.faults import command, fault
@@ -35,3 +38,28 @@ def test_a_turned_calibration_is_named_in_time():
 def test_neither_a_drive_nor_worlds_is_an_error():
     with fault(UsageError, where="ROOTS", found="neither", advice="--worlds 20"):
         command("study", "fault-detection")
+
+
+def test_faults_of_the_ins_are_named_at_two_frames_a_second(tmp_path):
+    out = tmp_path / "faults.png"
+    words = "--worlds 1 --world-sensors VLP-16 --world-images false --frames 22 --injections 1"
+    kinds = "--kinds ins-jumping,ins-turning --rates 2"
+    command("study", "fault-detection", *words.split(), *kinds.split(), "--out", str(out))
+    results = json.loads(out.with_suffix(".json").read_text())["results"]
+    assert {name: row["named"] for name, row in results["faults"].items()} == {
+        "ins-jumping 2, 2 Hz": 1,
+        "ins-turning 12, 2 Hz": 1,
+    }
+    assert results["faults"]["ins-turning 12, 2 Hz"]["mean_delay_s"] == 1.5
+    clean = results["clean"]["2 Hz"]
+    assert (clean["frames"], clean["seconds"], clean["false_alarms"]) == (22, 10.5, 0)
+
+
+def test_a_recording_is_thinned_to_a_frame_rate():
+    drive = SyntheticDrive(7, sensor=VLP_16, images=False)
+    assert [frame_step(drive, rate_hz) for rate_hz in (None, 10, 5, 2, 3.3)] == [1, 1, 2, 5, 3]
+    recording = MonitoredRecording.of(drive, 3, frame_step(drive, 5))
+    assert [one.index for one in recording.frames] == [0, 1, 2]
+    np.testing.assert_allclose([one.stamp_s for one in recording.frames], [0, 0.2, 0.4])
+    with fault(UsageError, where="--rates", expected="at most 10 Hz", found="25"):
+        frame_step(drive, 25)

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
-from benchmarks.registration import motion_errors
+from benchmarks.registration import compare_registration, motion_errors
+from benchmarks.stages import prepare
 from data.derived.moving_methods import true_poses
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
+from data.synthetic.drive import SyntheticDrive
 from perception.geometry.se3 import from_euler, from_rotation_translation
+from perception.pipeline import PipelineConfig
 from perception.sensor import VLP_16
 
 
@@ -38,3 +41,12 @@ def test_exact_poses_of_a_written_drive_are_those_of_its_ins_but_for_its_noise(t
     drive = open_drive(write_drives(tmp_path, config)[0])
     poses_ins = [frame.world_SE3_velo for frame in drive]
     assert np.array(true_poses(drive)) == pytest.approx(np.array(poses_ins), abs=0.2)
+
+
+def test_without_exact_poses_errors_are_those_beside_the_ins():
+    frames = list(SyntheticDrive(3, sensor=VLP_16, images=False))
+    prepared = prepare(frames, 3, PipelineConfig.for_obstacles())
+    table = compare_registration(prepared)
+    assert table.title == "registration, errors beside the INS"
+    rows = {name: dict(zip(table.header[1:], cells, strict=True)) for name, *cells in table.cells}
+    assert 0 < float(rows["Trifuse"]["1 s p50 [mm]"]) < 100

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from perception.evaluation.pose_errors import PoseMeasure
-from perception.localization.ins_fusion import is_flat
+from perception.evaluation.pose_errors import PoseMeasure, pooled
 from perception.geometry.se3 import from_euler
+from perception.localization.ins_fusion import is_flat
 from perception.types import Health, HealthFinding, HealthLevel
 
 
@@ -57,6 +57,7 @@ def test_a_turn_and_a_longer_step():
     assert found.step_p90_deg == pytest.approx(1.6, abs=1e-5)  # 0, 0, 2: at 0.9 of the way
     assert (found.step_yaw_max_deg, found.yaw_deg, found.end_deg) == pytest.approx((2, 2, 2))
     assert (found.step_p50_cm, found.step_max_cm) == pytest.approx((0, 30), abs=1e-6)
+    assert found.step_p90_cm == pytest.approx(24, abs=1e-6)
     end_m = np.hypot(0.3 + np.cos(np.radians(2)) - 1, np.sin(np.radians(2)))
     assert found.end_m == pytest.approx(end_m)
 
@@ -124,3 +125,14 @@ def test_findings_are_counted_by_frame():
     assert measured(straight(4), straight(4), findings=[finding]).compute().faults == {
         "pose lost": 1
     }
+
+
+def test_of_several_drives_steps_count_together_and_the_largest_end():
+    reference = straight(3)
+    turned = [reference[0], reference[1], reference[2] @ pose(0.4, yaw_deg=3.0)]
+    found = pooled([measured(reference, reference), measured(reference, turned)])
+    # Steps of both: 0, 0, 0 and 3 degrees with 40 cm.
+    assert (found.step_p50_deg, found.step_max_deg) == pytest.approx((0, 3), abs=1e-6)
+    assert found.step_p90_cm == pytest.approx(28)
+    assert (found.yaw_deg, found.end_m, found.end_deg) == pytest.approx((3, 0.4, 3))
+    assert found.p50_ms == pytest.approx(10)

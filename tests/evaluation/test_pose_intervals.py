@@ -58,6 +58,7 @@ def test_intervals_of_a_random_error_hold_what_they_say(ratio, expected):
         measured.update(result_at(index, found, np.diag((ratio * deviations) ** 2)))
     long = measured.compute()["from 5 s"]
     assert long.position_coverage == pytest.approx(expected, abs=0.04)
+    np.testing.assert_allclose(measured.errors.deviation_ratios(), 1 / ratio, rtol=0.1)
     assert long.rotation_coverage == pytest.approx(expected, abs=0.04)
 
 

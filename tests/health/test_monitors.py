@@ -165,16 +165,19 @@ def blurred_in_cells(frame, cells):
 
 
 @pytest.mark.parametrize(
-    ("cells", "reported"),
+    ("cells", "rate_hz", "reported"),
     [
-        (SIDE_BY_SIDE, {"camera blurred"}),
-        ([(row, column) for row in range(0, 6, 2) for column in range(0, 16, 2)], set()),
+        (SIDE_BY_SIDE, 10, {"camera blurred"}),
+        (SIDE_BY_SIDE, 5, {"camera blurred"}),
+        # In half a second a street hides as many.
+        (SIDE_BY_SIDE, 2, set()),
+        ([(row, column) for row in range(0, 6, 2) for column in range(0, 16, 2)], 10, set()),
     ],
 )
-def test_cells_side_by_side_are_dirt_and_scattered_ones_are_not(clean, cells, reported):
+def test_cells_side_by_side_are_dirt_and_scattered_ones_are_not(clean, cells, rate_hz, reported):
     monitors = CameraMonitors()
     drive = [*clean[:FIRST], *[blurred_in_cells(one, cells) for one in clean[FIRST:]]]
-    found = [monitors.update(frame) for frame in drive]
+    found = [monitors.update(replace(one, stamp_s=one.index / rate_hz)) for one in drive]
     assert {one.fault for findings in found for one in findings} == reported
 
 
