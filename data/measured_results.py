@@ -37,10 +37,7 @@ from perception.evaluation.vehicle_measure import labelled_boxes
 from perception.types import Progress
 
 _SPLIT = "the files under data; the training data of the program are not known"
-_NO_DISTANCE_METRICS = {
-    "detections": "nuScenes' own metrics, AP over centre distances and NDS, are not measured",
-    "tracks": "nuScenes' own metrics, AMOTA and AMOTP, are not measured",
-}
+_NO_AMOTA = "nuScenes' own metrics, AMOTA and AMOTP, are not measured"
 _NO_RIDERS = "cyclist"  # nuScenes' tracks do not state whether a bicycle has a rider
 
 
@@ -117,7 +114,7 @@ def _read_detections(
             numbers=tuple(range(len(cameras))),
             truths=TrueBoxes.of_frames([one.labels for one in scenes.frames], cameras),
             detections=DetectedBoxes.of_located([one.found for one in scenes.frames]),
-            notes=(*scenes.notes, _NO_DISTANCE_METRICS["detections"]),
+            notes=tuple(scenes.notes),
         )
     numbers = None if frame_list is None else read_frame_list(frame_list)
     if results.form == "COCO":
@@ -243,7 +240,7 @@ def _measure_scenes(
         measure.update(name, *_image_boxes(frames, tracks), len(frames))
         labels = [one.labels for one in frames]
         measure.update_ground(list(zip(labels, tracks, strict=True)))
-    notes = [*found.notes, _NO_DISTANCE_METRICS["tracks"]]
+    notes = [*found.notes, _NO_AMOTA]
     return _MeasuredTracks(measure, found.labelled, notes)
 
 
