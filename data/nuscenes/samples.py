@@ -51,8 +51,9 @@ def read_samples(drive: RecordedDrive, indices: Sequence[int] | None = None) -> 
     if not drive.has_labels:
         raise DriveError(drive.root, expected=f"labelled boxes of {drive.name}", found="none")
     chosen = range(len(drive)) if indices is None else indices
-    read = _scene_samples if isinstance(drive, NuScenesScene) else _labelled_samples
-    return list(read(drive, chosen))  # type: ignore[operator]
+    if isinstance(drive, NuScenesScene):
+        return list(_scene_samples(drive, chosen))
+    return list(_labelled_samples(drive, chosen))
 
 
 def _scene_samples(drive: NuScenesScene, indices: Sequence[int]) -> Iterator[Sample]:
@@ -145,7 +146,7 @@ def _labelled_samples(drive: RecordedDrive, indices: Sequence[int]) -> Iterator[
             yaw_rad=boxes.yaw_rad,
             velocities_m_s=velocities_m_s[np.array(rows, np.int64)],
             attributes=np.full(len(labels), ""),
-            has_points=inside.any(axis=1),
+            has_points=np.asarray(inside.any(axis=1)),
         )
         yield Sample(token, truths, Surroundings(pose[:2, 3], Racks.empty()))
 

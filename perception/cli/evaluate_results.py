@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from data.results.command_config import CommandConfig
 from perception.cli.evaluate_detection import PrecisionFlags
@@ -80,6 +80,7 @@ def evaluate_results(
     if found.kind == "tracks":
         report.publish(*measure_tracks(found, labels, classes, seqmap, bars), config)
         return
+    precision: Any  # a report that has curves
     if protocol == "nuscenes" or (found.form == "nuScenes" and protocol is None):
         require_unset(classes=classes, frame_list=frame_list, published=published)
         heading, precision, document = measure_task_results(found, labels, bars.sequences)
