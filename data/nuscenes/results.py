@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from data.layouts import OpenConfig
 from data.nuscenes.boxes import CATEGORIES, category, upright_boxes
+from data.nuscenes.samples import Sample, read_samples
 from data.nuscenes.scene import NuScenesScene, open_scene, scenes_of_samples
 from data.result_files import ResultFiles, ResultKind
 from perception.errors import CalibrationError, DriveError, LabelError
@@ -25,7 +26,7 @@ from perception.evaluation.nuscenes.protocol import ATTRIBUTES
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import inverse
-from perception.types import ArrayTable, Boxes3D, Calibration, Detections, Float64, Labels
+from perception.types import ArrayTable, Boxes3D, Calibration, Detections, Float64, Int, Labels
 
 # Category of each class, as the beginning of its name.
 _CATEGORIES = {one.task_class: name for name, one in CATEGORIES.items() if one.task_class}
@@ -61,13 +62,15 @@ class KeyFrame:
         labels: Labels with boxes in the image.
         found: Results with boxes in the image and in the LiDAR frame.
         track_ids: (M,) names of the tracks.
-        boxes: Number of boxes of the sample, seen or not.
+        sample: Sample with the objects all round.
+        results: Results all round.
     """
 
     labels: Labels
     found: LocatedDetections
     track_ids: np.ndarray
-    boxes: int
+    sample: Sample
+    results: SampleBoxes
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,10 @@ class SceneResults:
     @property
     def notes(self) -> list[str]:
         """Sentences on what of the results is scored, and how."""
-        boxes, seen = sum(f.boxes for f in self.frames), sum(len(f.track_ids) for f in self.frames)
+        boxes, seen = (
+            sum(len(f.results) for f in self.frames),
+            sum(len(f.track_ids) for f in self.frames),
+        )
         notes = [
             f"{', '.join(self.scenes)}: {len(self.frames)} key frames; scored is what lies in the image of the front "
             f"camera, {seen} of {boxes} boxes"
@@ -165,22 +171,22 @@ def _key_frames(drive: NuScenesScene, files: ResultFiles) -> Iterator[KeyFrame]:
         raise DriveError(drive.root, expected=f"labelled boxes of {drive.name}", found="none")
     if camera is None:
         raise CalibrationError(drive.root, expected=f"a camera of {drive.name}", found="none")
-    for index, scan in enumerate(drive.scans):
-        if scan.is_key_frame:
-            found = parse_sample(files, scan.sample)
-            pose = drive.map_SE3_velo(index)
-            yield _in_view(drive.labels(index), found, inverse(pose), camera)
+    keys = [index for index, scan in enumerate(drive.scans) if scan.is_key_frame]
+    for index, sample in zip(keys, read_samples(drive, keys), strict=True):
+        found, pose = parse_sample(files, sample.token), drive.map_SE3_velo(index)
+        located, rows = _in_view(found, inverse(pose), camera)
+        yield KeyFrame(drive.labels(index), located, found.track_ids[rows], sample, found)
 
 
 def _in_view(
-    labels: Labels, found: SampleBoxes, velo_SE3_world: Float64, camera: Calibration
-) -> KeyFrame:
+    found: SampleBoxes, velo_SE3_world: Float64, camera: Calibration
+) -> tuple[LocatedDetections, Int]:
+    """Return the boxes that reach into the image, and their rows."""
     boxes_velo = transform_boxes(velo_SE3_world, found.boxes_world)
     boxes_px = box_outlines_px(camera.image_P_velo, boxes_velo, camera.image_size_px)
     rows = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
     detections = Detections(boxes_px[rows], found.scores[rows], found.types[rows])
-    located = LocatedDetections(detections, boxes_velo[rows], camera)
-    return KeyFrame(labels, located, found.track_ids[rows], len(found))
+    return LocatedDetections(detections, boxes_velo[rows], camera), rows
 
 
 def parse_sample(files: ResultFiles, sample: str) -> SampleBoxes:

@@ -32,12 +32,16 @@ class Sample:
 
     Attributes:
         token: Name in results.
+        stamp_us: Time in microseconds.
         truths: Objects in the world of the results.
+        track_ids: (M,) track ids of the objects, -1 where they have none.
         surroundings: What tells which boxes count.
     """
 
     token: str
+    stamp_us: int
     truths: TaskObjects
+    track_ids: Int
     surroundings: Surroundings
 
 
@@ -78,7 +82,9 @@ def _scene_samples(drive: NuScenesScene, indices: Sequence[int]) -> Iterator[Sam
         here = [boxes[row][1] for row in rows]
         yield Sample(
             scan.sample,
+            tables.stamps_us[scan.sample],
             _annotated_objects(here, velocities_m_s[rows], f"{tables.folder} {scan.sample}"),
+            positions.track_ids[rows],
             Surroundings(scan.world_SE3_ego[:2, 3], _racks(here)),
         )
 
@@ -148,7 +154,9 @@ def _labelled_samples(drive: RecordedDrive, indices: Sequence[int]) -> Iterator[
             attributes=np.full(len(labels), ""),
             has_points=np.asarray(inside.any(axis=1)),
         )
-        yield Sample(token, truths, Surroundings(pose[:2, 3], Racks.empty()))
+        surroundings = Surroundings(pose[:2, 3], Racks.empty())
+        stamp_us = round(drive.stamp_s(index) * 1e6)
+        yield Sample(token, stamp_us, truths, labels.track_ids, surroundings)
 
 
 def central_velocities(positions: TrackPositions) -> Float64:

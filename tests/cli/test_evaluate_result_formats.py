@@ -314,15 +314,17 @@ def test_labels_as_tracks_are_perfect_until_an_id_changes(root, tmp_path, capsys
     cars = document["results"]["scene-0061"]["car"]
     assert (cars["HOTA"], cars["TP"], cars["IDSW"]) == (1.0, 12, 0)
     assert document["data"]["frames"] == {"scene-0061": 12}
-    assert (
-        document["data"]["notes"][-1] == "nuScenes' own metrics, AMOTA and AMOTP, are not measured"
-    )
+    task = document["results"]["nuscenes"]["classes"]["car"]
+    assert (task["amota"], task["amotp"], task["tp"], task["ids"]) == (1.0, 0.0, 12, 0)
     for number, (box,) in enumerate(samples.values()):
         box["tracking_id"] = "early" if number < 6 else "late"
     del samples["sample-22"]
     document = evaluate(write_scenes(tmp_path, samples), root)
     cars = document["results"]["scene-0061"]["car"]
     assert (cars["TP"], cars["FN"], cars["IDSW"]) == (11, 1, 1)
+    # The object is there in all samples; the last one has no entry, and the switch is no true positive.
+    task = document["results"]["nuscenes"]["classes"]["car"]
+    assert (task["tp"], task["fn"], task["ids"]) == (10, 1, 1)
     assert "1 key frames without an entry: counted as no detection" in capsys.readouterr().out
 
 

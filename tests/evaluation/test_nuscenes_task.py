@@ -3,7 +3,6 @@
 import json
 import lzma
 import math
-import tarfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -202,23 +201,13 @@ def test_the_score_is_mean_precision_and_errors():
 # --- the devkit -----------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the tables of the shared scene."""
-    archive = _SHARED / "nuscenes" / "scene-0916_lidar.tar.xz"
-    if not archive.is_file() or not (_SHARED / "oracle" / "nuscenes").is_dir():
-        pytest.skip("no shared nuScenes scene beside the checkout")
-    root = tmp_path_factory.mktemp("scene")
-    with tarfile.open(archive) as tar:
-        tar.extractall(root, [one for one in tar if one.name.endswith(".json")], filter="data")
-    return root
-
-
-def test_a_real_scene_has_the_devkits_values(scene, tmp_path):
+def test_a_real_scene_has_the_devkits_values(nuscenes_tables, tmp_path):
     folder = _SHARED / "oracle" / "nuscenes"
+    if not folder.is_dir():
+        pytest.skip("no shared results of nuscenes-devkit beside the checkout")
     path = tmp_path / "results.json"
     path.write_bytes(lzma.decompress((folder / "results_0916.json.xz").read_bytes()))
-    heading, report, _ = measure_task_results(find_results(path), scene)
+    heading, report, _ = measure_task_results(find_results(path), nuscenes_tables)
     assert heading == f"{path}: scene-0916, 41 samples all round"
     expected = json.loads((folder / "expected_0916.json").read_text())
     assert report.mean_ap == pytest.approx(expected["mean_ap"], abs=1e-9)
@@ -232,8 +221,8 @@ def test_a_real_scene_has_the_devkits_values(scene, tmp_path):
         assert ours.errors == pytest.approx(errors, abs=1e-9, nan_ok=True), name
 
 
-def test_labels_as_results_are_perfect_but_for_attributes(scene):
-    samples = read_samples(open_scene(scene, "scene-0916", OpenConfig(images=False)))
+def test_labels_as_results_are_perfect_but_for_attributes(nuscenes_tables):
+    samples = read_samples(open_scene(nuscenes_tables, "scene-0916", OpenConfig(images=False)))
     perfect = []
     for one in samples:
         seen = one.truths[one.truths.has_points]
