@@ -179,6 +179,7 @@ def test_an_object_keeps_its_track_while_it_is_near():
     car = measured(ROAD, own, near)
     assert (car.tp, car.ids, car.fp) == (10, 0, 9)
     far = tracks((0, 7, 1.5), *((frame, 7, 5.0 * frame + 2) for frame in range(1, 10)), score=0.9)
+    near.scores[:] = 0.85
     car = measured(ROAD, far, near)
     assert (car.tp, car.ids, car.fp) == (9, 1, 9)
 
