@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.evaluation.nuscenes.protocol import CLASSES
 from perception.geometry.boxes import points_inside
 from perception.types import Boxes3D, Float, Int, Labels
 
@@ -22,10 +23,30 @@ class ObjectCategory:
     Attributes:
         kind: Type of a label in KITTI; None of what has no box.
         point_class: Class of a point in SemanticKITTI.
+        task_class: Class in nuScenes' detection task; None of what it does not count.
     """
 
     kind: str | None
     point_class: int
+    task_class: str | None = None
+
+
+# Class in nuScenes' detection task of each type of KITTI's.
+_TASK_CLASSES = {
+    "Car": "car",
+    "Cyclist": "bicycle",
+    "Pedestrian": "pedestrian",
+    "Person": "pedestrian",
+    "Person_sitting": "pedestrian",
+    "Truck": "truck",
+    "Van": "car",
+}
+
+
+def task_classes(types: Sequence[str]) -> np.ndarray:
+    """Return (M,) classes in nuScenes' detection task of types of KITTI's, or of its own names in any case; else empty."""
+    names = [_TASK_CLASSES.get(one, one.lower().replace(" ", "_")) for one in types]
+    return np.array([one if one in CLASSES else "" for one in names], np.str_)
 
 
 def box_owners(boxes_velo: Boxes3D, points_velo: Float) -> Int:

@@ -18,6 +18,7 @@ from data.kitti.tracker_files import (
 )
 from data.kitti.tracking_rows import NO_TYPE, read_label_rows
 from data.nuscenes.results import KeyFrame, read_scene_results
+from data.nuscenes.task_tracks import tracked_scene
 from data.result_files import ResultFiles
 from data.results.evaluated import EvaluationDocument
 from perception.errors import UsageError
@@ -31,16 +32,13 @@ from perception.evaluation.detection.published import PublishedComparison
 from perception.evaluation.frame_numbering import numbering_fit, numbering_notes
 from perception.evaluation.multi_object.ground_protocol import GroundTracks
 from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS, ImageBoxes, KittiClass
+from perception.evaluation.nuscenes.tracking import measure_task_tracks
 from perception.evaluation.report import Report
 from perception.evaluation.tracking_measure import PROTOCOL, TrackingMeasure
 from perception.evaluation.vehicle_measure import labelled_boxes
 from perception.types import Progress
 
 _SPLIT = "the files under data; the training data of the program are not known"
-_NO_DISTANCE_METRICS = {
-    "detections": "nuScenes' own metrics, AP over centre distances and NDS, are not measured",
-    "tracks": "nuScenes' own metrics, AMOTA and AMOTP, are not measured",
-}
 _NO_RIDERS = "cyclist"  # nuScenes' tracks do not state whether a bicycle has a rider
 
 
@@ -117,7 +115,7 @@ def _read_detections(
             numbers=tuple(range(len(cameras))),
             truths=TrueBoxes.of_frames([one.labels for one in scenes.frames], cameras),
             detections=DetectedBoxes.of_located([one.found for one in scenes.frames]),
-            notes=(*scenes.notes, _NO_DISTANCE_METRICS["detections"]),
+            notes=tuple(scenes.notes),
         )
     numbers = None if frame_list is None else read_frame_list(frame_list)
     if results.form == "COCO":
@@ -157,7 +155,7 @@ def measure_tracks(
     else:
         labels = label_folder(labels)
         measured = _measure_sequences(results.path, labels, chosen, seqmap, bars)
-    computed = measured.measure.compute()
+    computed = replace(measured.measure.compute(), task=measured.task)
     data = {
         **_paths(results=results.path, labels=labels, seqmap=seqmap),
         "format": results.form,
@@ -180,11 +178,13 @@ class _MeasuredTracks:
         measure: Measure of the sequences.
         labelled: Number of sequences that have labels.
         notes: Sentences on how the results are read.
+        task: Metrics of nuScenes' tracking task, of its results.
     """
 
     measure: TrackingMeasure
     labelled: int
     notes: Sequence[str]
+    task: Report | None = None
 
 
 def _measure_sequences(
@@ -243,8 +243,10 @@ def _measure_scenes(
         measure.update(name, *_image_boxes(frames, tracks), len(frames))
         labels = [one.labels for one in frames]
         measure.update_ground(list(zip(labels, tracks, strict=True)))
-    notes = [*found.notes, _NO_DISTANCE_METRICS["tracks"]]
-    return _MeasuredTracks(measure, found.labelled, notes)
+    task = measure_task_tracks(
+        [tracked_scene([(one.sample, one.results) for one in of]) for of in found.scenes.values()]
+    )
+    return _MeasuredTracks(measure, found.labelled, found.notes, task)
 
 
 def _tracks(frames: Sequence[KeyFrame]) -> list[GroundTracks]:

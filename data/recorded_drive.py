@@ -7,9 +7,13 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from data.drive_images import DriveImages
 from data.further_cameras import FurtherCameras
 from data.kitti.oxts import InsPacket
+from data.labelled_objects import task_classes
 from data.per_frame import PerFrame
 from data.sweep_motion import SweepMotions
 from perception.errors import DriveError, ScanError, UsageError
@@ -217,6 +221,28 @@ class RecordedDrive(ABC):
             PoseError: The pose is missing or malformed.
         """
         return None
+
+    def map_SE3_velo(self, index: int) -> Float64:
+        """Return the (4, 4) pose of the LiDAR in the world of results in nuScenes' form; the LiDAR itself without poses.
+
+        Raises:
+            PoseError: The pose is missing or malformed.
+        """
+        pose = self.world_SE3_velo(index)
+        return np.eye(4) if pose is None else pose
+
+    def sample_token(self, index: int) -> str | None:
+        """Return the name of a frame in results of nuScenes' form; None of one that they leave out."""
+        return f"{self.frame_numbers[index]:06d}"
+
+    def task_classes(self, index: int, labels: Labels) -> NDArray[np.str_]:
+        """Return (M,) classes of the objects around in nuScenes' detection task; empty of what it does not count.
+
+        Args:
+            index: Index of the frame.
+            labels: Labels of the objects around.
+        """
+        return task_classes(labels.types.tolist())
 
     def ins_packet(self, index: int) -> InsPacket | None:
         """Read the INS packet of one frame, or None where poses come from something else.

@@ -17,29 +17,31 @@ from perception.geometry.se3 import inverse
 from perception.types import Boxes3D, Float64, Int, Labels
 
 _CAR, _TRUCK, _BUS = (
-    ObjectCategory("Car", 10),
-    ObjectCategory("Truck", 18),
-    ObjectCategory("Truck", 13),
+    ObjectCategory("Car", 10, "car"),
+    ObjectCategory("Truck", 18, "truck"),
+    ObjectCategory("Truck", 13, "bus"),
 )
-_TRAILER, _PERSON = ObjectCategory("Misc", 20), ObjectCategory("Pedestrian", 30)
+_TRAILER = ObjectCategory("Misc", 20, "trailer")
+_PERSON = ObjectCategory("Pedestrian", 30, "pedestrian")
 _OTHER = ObjectCategory("Misc", 99)  # SemanticKITTI: other-object
 
+# The box of a bicycle holds its rider too, in nuScenes' detection task; here a rider has one of its own.
 # In the order of the dataset: scene flow numbers them from 1, and 0 is no object.
 CATEGORIES = {
     "ANIMAL": _OTHER,
     "ARTICULATED_BUS": _BUS,
-    "BICYCLE": ObjectCategory("Misc", 11),
+    "BICYCLE": ObjectCategory("Misc", 11, "bicycle"),
     "BICYCLIST": ObjectCategory("Cyclist", 31),
     "BOLLARD": ObjectCategory("Misc", 80),
     "BOX_TRUCK": _TRUCK,
     "BUS": _BUS,
     "CONSTRUCTION_BARREL": _OTHER,
-    "CONSTRUCTION_CONE": _OTHER,
+    "CONSTRUCTION_CONE": ObjectCategory("Misc", 99, "traffic_cone"),
     "DOG": _OTHER,
     "LARGE_VEHICLE": _TRUCK,
     "MESSAGE_BOARD_TRAILER": _TRAILER,
     "MOBILE_PEDESTRIAN_CROSSING_SIGN": ObjectCategory("Misc", 81),
-    "MOTORCYCLE": ObjectCategory("Misc", 15),
+    "MOTORCYCLE": ObjectCategory("Misc", 15, "motorcycle"),
     "MOTORCYCLIST": ObjectCategory("Cyclist", 32),
     "OFFICIAL_SIGNALER": _PERSON,
     "PEDESTRIAN": _PERSON,
@@ -132,3 +134,8 @@ class Annotations:
         boxes_velo = transform_boxes(inverse(ego_SE3_velo), self.boxes_ego[rows])
         types = [str(category(str(name)).kind) for name in self.categories[rows]]
         return labels_of_boxes(boxes_velo, types, self.track_ids[rows])
+
+    def task_classes(self, stamp_ns: int) -> NDArray[np.str_]:
+        """Return the class of each of these boxes in nuScenes' detection task; empty of what it does not count."""
+        names = self.categories[self.rows_at(stamp_ns)]
+        return np.array([category(str(name)).task_class or "" for name in names], np.str_)

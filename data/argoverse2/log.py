@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data.argoverse2.annotations import Annotations
 from data.argoverse2.calibration import AXLE_HEIGHT_M, DEFAULT_CAMERA, Sensors
@@ -98,6 +99,12 @@ class Argoverse2Log(FileDrive):
         if self.annotations is None:
             raise DriveError(self.root, expected=f"a log with {_ANNOTATIONS}", found="none")
         return self.annotations.at(self._stamp_ns(index), self.ego_SE3_velo)
+
+    def task_classes(self, index: int, labels: Labels) -> NDArray[np.str_]:
+        """Return the classes of the objects around in nuScenes' detection task."""
+        if self.annotations is None:
+            return super().task_classes(index, labels)
+        return self.annotations.task_classes(self._stamp_ns(index))
 
     def other_labels(self) -> list[PosedLabels]:
         """Return the labels of the moments that have no sweep here, numbered down from -1."""

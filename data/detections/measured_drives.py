@@ -168,11 +168,31 @@ class DriveReader(LabelledDrives):
                 output = detect(frame)
             measure.update(output, drive.labels(frame.index))
             indices.append(frame.index)
+        return self.describe(name, drive, indices, networks), indices
+
+    def describe(
+        self,
+        name: str,
+        drive: RecordedDrive,
+        indices: Sequence[int],
+        networks: Mapping[str, Mapping[str, str]],
+    ) -> DriveInfo:
+        """Describe the frames of a drive that were evaluated, with a warning where networks learned from them.
+
+        Args:
+            name: Path and sequence as given.
+            drive: Labelled frames.
+            indices: Indices of the evaluated frames.
+            networks: Metadata of each network, which may state the frames that it learned from.
+
+        Raises:
+            DriveError: There is no frame.
+        """
         if not indices:
             raise DriveError(drive.root, expected="a frame that can be read", found="none")
         learned = count_learned_frames(networks, drive.select(indices))
         learned.warn(name)
-        info = DriveInfo(
+        return DriveInfo(
             name,
             drive_kind(drive),
             drive.root.resolve(),
@@ -182,7 +202,6 @@ class DriveReader(LabelledDrives):
             None if self.split is None else self.part or "test",
             learned,
         )
-        return info, indices
 
     def _open(self, path: Path, *, is_alone: bool) -> Iterator[tuple[str, RecordedDrive]]:
         names = sequences_in(path)

@@ -26,6 +26,8 @@ class RunExports:
         tables: Write frames, poses, tracks, vehicles and timings as Parquet files, for pandas and DuckDB.
         mcap: Write results.mcap for Foxglove and the tools of ROS 2.
         report: Write report.html, a page with a player of the drive and figures, where plotly is installed.
+        nuscenes: JSON file of the detected vehicles in the form of nuScenes' detection task, whose samples are the key frames
+            of a nuScenes scene, else frame numbers.
         rerun: Recording for the Rerun viewer, a file that ends in .rrd.
         view: Show the run live in the Rerun viewer.
     """
@@ -33,6 +35,7 @@ class RunExports:
     tables: bool = False
     mcap: bool = False
     report: bool = True
+    nuscenes: Path | None = None
     rerun: Path | None = None
     view: bool = False
 

@@ -12,28 +12,33 @@ from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse, wrap
 from perception.types import Boxes3D, Float64, Labels
 
-_PERSON, _OTHER = ObjectCategory("Pedestrian", 30), ObjectCategory("Misc", 99)
+_PERSON, _OTHER = ObjectCategory("Pedestrian", 30, "pedestrian"), ObjectCategory("Misc", 99)
 _OTHER_VEHICLE = ObjectCategory("Misc", 20)
 
 # By the beginning of the name, the longest that fits. KITTI knows no bus: buses are trucks. A bicycle is labelled
 # together with its rider, and whether it has one stands in its attribute.
-_CATEGORIES = {
+CATEGORIES = {
     "noise": ObjectCategory(None, 1),
     "animal": _OTHER,
     "human": _PERSON,
+    "human.pedestrian.personal_mobility": ObjectCategory("Pedestrian", 30),
     "human.pedestrian.stroller": _OTHER,
     "human.pedestrian.wheelchair": _OTHER,
     "movable_object": _OTHER,
+    "movable_object.barrier": ObjectCategory("Misc", 99, "barrier"),
+    "movable_object.trafficcone": ObjectCategory("Misc", 99, "traffic_cone"),
     "static_object": _OTHER,
     "vehicle": _OTHER_VEHICLE,
-    "vehicle.bicycle": ObjectCategory("Misc", 11),
-    "vehicle.bus": ObjectCategory("Truck", 13),
-    "vehicle.car": ObjectCategory("Car", 10),
+    "vehicle.bicycle": ObjectCategory("Misc", 11, "bicycle"),
+    "vehicle.bus": ObjectCategory("Truck", 13, "bus"),
+    "vehicle.car": ObjectCategory("Car", 10, "car"),
+    "vehicle.construction": ObjectCategory("Misc", 20, "construction_vehicle"),
     "vehicle.ego": ObjectCategory(None, 0),
     "vehicle.emergency.ambulance": ObjectCategory("Van", 18),
     "vehicle.emergency.police": ObjectCategory("Car", 10),
-    "vehicle.motorcycle": ObjectCategory("Misc", 15),
-    "vehicle.truck": ObjectCategory("Truck", 18),
+    "vehicle.motorcycle": ObjectCategory("Misc", 15, "motorcycle"),
+    "vehicle.trailer": ObjectCategory("Misc", 20, "trailer"),
+    "vehicle.truck": ObjectCategory("Truck", 18, "truck"),
     "flat.driveable_surface": ObjectCategory(None, 40),
     "flat.other": ObjectCategory(None, 49),
     "flat.sidewalk": ObjectCategory(None, 48),
@@ -43,8 +48,8 @@ _CATEGORIES = {
     "static.vegetation": ObjectCategory(None, 70),
 }
 _WITH_RIDER = {
-    "vehicle.bicycle": ObjectCategory("Cyclist", 31),
-    "vehicle.motorcycle": ObjectCategory("Cyclist", 32),
+    "vehicle.bicycle": ObjectCategory("Cyclist", 31, "bicycle"),
+    "vehicle.motorcycle": ObjectCategory("Cyclist", 32, "motorcycle"),
 }
 _RIDDEN = "cycle.with_rider"
 
@@ -73,8 +78,8 @@ def category(name: str, attributes: tuple[str, ...] = ()) -> ObjectCategory:
         return _WITH_RIDER[name]
     words = name.split(".")
     for count in range(len(words), 0, -1):
-        if (start := ".".join(words[:count])) in _CATEGORIES:
-            return _CATEGORIES[start]
+        if (start := ".".join(words[:count])) in CATEGORIES:
+            return CATEGORIES[start]
     return _OTHER
 
 

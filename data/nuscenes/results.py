@@ -15,28 +15,21 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from data.layouts import OpenConfig
-from data.nuscenes.boxes import category, upright_boxes
+from data.nuscenes.boxes import CATEGORIES, category, upright_boxes
+from data.nuscenes.samples import Sample, read_samples
 from data.nuscenes.scene import NuScenesScene, open_scene, scenes_of_samples
 from data.result_files import ResultFiles, ResultKind
 from perception.errors import CalibrationError, DriveError, LabelError
 from perception.evaluation.detection.box_rows import LocatedDetections
+from perception.evaluation.nuscenes.boxes import TaskDetections
+from perception.evaluation.nuscenes.protocol import ATTRIBUTES
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import inverse
-from perception.types import ArrayTable, Boxes3D, Calibration, Detections, Float64, Labels
+from perception.types import ArrayTable, Boxes3D, Calibration, Detections, Float64, Int, Labels
 
-_CATEGORIES = {
-    "barrier": "movable_object.barrier",
-    "bicycle": "vehicle.bicycle",
-    "bus": "vehicle.bus",
-    "car": "vehicle.car",
-    "construction_vehicle": "vehicle.construction",
-    "motorcycle": "vehicle.motorcycle",
-    "pedestrian": "human.pedestrian",
-    "traffic_cone": "movable_object.trafficcone",
-    "trailer": "vehicle.trailer",
-    "truck": "vehicle.truck",
-}
+# Category of each class, as the beginning of its name.
+_CATEGORIES = {one.task_class: name for name, one in CATEGORIES.items() if one.task_class}
 _NUMBERS = {"translation": 3, "size": 3, "rotation": 4}
 _MAX_NUMBER = 1e9  # beyond the coordinates of any map
 _MIN_NORM = 0.5  # of a rotation's quaternion
@@ -51,12 +44,14 @@ class SampleBoxes(ArrayTable):
         boxes_world: (M) boxes in the world of the tables.
         scores: (M,) scores.
         track_ids: (M,) names of the tracks; empty of detections.
+        objects: (M) the same as objects of the detection task.
     """
 
     types: np.ndarray
     boxes_world: Boxes3D
     scores: Float64
     track_ids: np.ndarray
+    objects: TaskDetections
 
 
 @dataclass(frozen=True)
@@ -67,13 +62,15 @@ class KeyFrame:
         labels: Labels with boxes in the image.
         found: Results with boxes in the image and in the LiDAR frame.
         track_ids: (M,) names of the tracks.
-        boxes: Number of boxes of the sample, seen or not.
+        sample: Sample with the objects all round.
+        results: Results all round.
     """
 
     labels: Labels
     found: LocatedDetections
     track_ids: np.ndarray
-    boxes: int
+    sample: Sample
+    results: SampleBoxes
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,10 @@ class SceneResults:
     @property
     def notes(self) -> list[str]:
         """Sentences on what of the results is scored, and how."""
-        boxes, seen = sum(f.boxes for f in self.frames), sum(len(f.track_ids) for f in self.frames)
+        boxes, seen = (
+            sum(len(f.results) for f in self.frames),
+            sum(len(f.track_ids) for f in self.frames),
+        )
         notes = [
             f"{', '.join(self.scenes)}: {len(self.frames)} key frames; scored is what lies in the image of the front "
             f"camera, {seen} of {boxes} boxes"
@@ -129,6 +129,31 @@ def read_scene_results(files: ResultFiles, root: Path, progress: Any = iter) -> 
         raise DriveError(
             root, expected="tables of nuScenes, as the results are of it", found="none"
         )
+    scenes = {}
+    missing = 0
+    for drive in progress(scenes_with_results(files, root, scene_of)):
+        name = drive.name
+        frames = list(_key_frames(drive, files))
+        missing += sum(scan.sample not in samples for scan in drive.scans if scan.is_key_frame)
+        scenes[name] = frames
+    others = sum(token not in scene_of for token in samples)
+    return SceneResults(scenes, len(set(scene_of.values())), missing, others)
+
+
+def scenes_with_results(
+    files: ResultFiles, root: Path, scene_of: Mapping[str, str]
+) -> list[NuScenesScene]:
+    """Open the scenes that have results.
+
+    Args:
+        files: Results in nuScenes' form.
+        root: Folder of the data set.
+        scene_of: Name of the scene of each sample.
+
+    Raises:
+        DriveError: There is none, or one cannot be opened.
+    """
+    samples = files.document["results"]
     names = sorted({scene_of[token] for token in samples if token in scene_of})
     if not names:
         raise DriveError(
@@ -136,15 +161,7 @@ def read_scene_results(files: ResultFiles, root: Path, progress: Any = iter) -> 
             expected=f"results of the {len(scene_of)} samples of {root}",
             found=f"{len(samples)} of other samples",
         )
-    scenes = {}
-    missing = 0
-    for name in progress(names):
-        drive = open_scene(root, name, OpenConfig(images=False))
-        frames = list(_key_frames(drive, files))
-        missing += sum(scan.sample not in samples for scan in drive.scans if scan.is_key_frame)
-        scenes[name] = frames
-    others = sum(token not in scene_of for token in samples)
-    return SceneResults(scenes, len(set(scene_of.values())), missing, others)
+    return [open_scene(root, name, OpenConfig(images=False)) for name in names]
 
 
 def _key_frames(drive: NuScenesScene, files: ResultFiles) -> Iterator[KeyFrame]:
@@ -154,22 +171,22 @@ def _key_frames(drive: NuScenesScene, files: ResultFiles) -> Iterator[KeyFrame]:
         raise DriveError(drive.root, expected=f"labelled boxes of {drive.name}", found="none")
     if camera is None:
         raise CalibrationError(drive.root, expected=f"a camera of {drive.name}", found="none")
-    for index, scan in enumerate(drive.scans):
-        if scan.is_key_frame:
-            found = parse_sample(files, scan.sample)
-            pose = drive.map_SE3_velo(index)
-            yield _in_view(drive.labels(index), found, inverse(pose), camera)
+    keys = [index for index, scan in enumerate(drive.scans) if scan.is_key_frame]
+    for index, sample in zip(keys, read_samples(drive, keys), strict=True):
+        found, pose = parse_sample(files, sample.token), drive.map_SE3_velo(index)
+        located, rows = _in_view(found, inverse(pose), camera)
+        yield KeyFrame(drive.labels(index), located, found.track_ids[rows], sample, found)
 
 
 def _in_view(
-    labels: Labels, found: SampleBoxes, velo_SE3_world: Float64, camera: Calibration
-) -> KeyFrame:
+    found: SampleBoxes, velo_SE3_world: Float64, camera: Calibration
+) -> tuple[LocatedDetections, Int]:
+    """Return the boxes that reach into the image, and their rows."""
     boxes_velo = transform_boxes(velo_SE3_world, found.boxes_world)
     boxes_px = box_outlines_px(camera.image_P_velo, boxes_velo, camera.image_size_px)
     rows = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
     detections = Detections(boxes_px[rows], found.scores[rows], found.types[rows])
-    located = LocatedDetections(detections, boxes_velo[rows], camera)
-    return KeyFrame(labels, located, found.track_ids[rows], len(found))
+    return LocatedDetections(detections, boxes_velo[rows], camera), rows
 
 
 def parse_sample(files: ResultFiles, sample: str) -> SampleBoxes:
@@ -188,21 +205,34 @@ def parse_sample(files: ResultFiles, sample: str) -> SampleBoxes:
         repeated = next(one for one in tracks if tracks.count(one) > 1)
         expected = "every tracking_id once in a sample"
         raise LabelError(where, expected=expected, found=f"{repeated!r} again")
-    numbers = np.array([box.numbers for box in boxes], np.float64).reshape(-1, 10)
+    numbers = np.array([box.numbers for box in boxes], np.float64).reshape(-1, 12)
     turned = Rotation.from_quat(numbers[:, [7, 8, 9, 6]]) if boxes else Rotation.identity(0)
+    scores = np.array([box.score for box in boxes], np.float64)
+    boxes_world = upright_boxes(numbers[:, :3], numbers[:, [4, 3, 5]], turned.as_matrix())
     return SampleBoxes(
         types=np.array([box.type for box in boxes], np.str_),
-        boxes_world=upright_boxes(numbers[:, :3], numbers[:, [4, 3, 5]], turned.as_matrix()),
-        scores=np.array([box.score for box in boxes], np.float64),
+        boxes_world=boxes_world,
+        scores=scores,
         track_ids=np.array([box.track_id for box in boxes], np.str_),
+        objects=TaskDetections(
+            types=np.array([box.name for box in boxes], np.str_),
+            centers_m=numbers[:, :3],
+            size_m=boxes_world.size_m,
+            yaw_rad=boxes_world.yaw_rad,
+            velocities_m_s=numbers[:, 10:],
+            attributes=np.array([box.attribute for box in boxes], np.str_),
+            scores=scores,
+        ),
     )
 
 
 @dataclass(frozen=True)
 class _Box:
-    """One box: class as KITTI has it, score, track, and the numbers of place, size and rotation."""
+    """One box: class as KITTI and as the file has it, score, track, and the numbers of place, size, rotation, velocity."""
 
     type: str
+    name: str
+    attribute: str
     score: float
     track_id: str
     numbers: Sequence[float]
@@ -224,14 +254,28 @@ class _Box:
         name: Any = fields.get(f"{prefix}_name")
         score: Any = fields.get(f"{prefix}_score")
         if type(name) is not str or name not in _CATEGORIES:
-            raise _error(where, f"{prefix}_name", f"one of {', '.join(_CATEGORIES)}", name)
+            raise _error(where, f"{prefix}_name", f"one of {', '.join(sorted(_CATEGORIES))}", name)
         if not _is_number(score):
             raise _error(where, f"{prefix}_score", "a number", score)
         track = fields.get("tracking_id")
         if kind == "tracks" and not isinstance(track, str | int):
             raise _error(where, "tracking_id", "the name of a track", track)
-        kitti = category(_CATEGORIES[name], (str(fields.get("attribute_name")),)).kind
-        return cls(str(kitti), float(score), str(track), (*place, *size, *rotation))
+        attribute = str(fields.get("attribute_name") or "")
+        if attribute not in ("", *ATTRIBUTES):
+            raise _error(
+                where, "attribute_name", f"none or one of {', '.join(ATTRIBUTES)}", attribute
+            )
+        kitti = category(_CATEGORIES[name], (attribute,)).kind
+        numbers = (*place, *size, *rotation, *_velocity(where, fields))
+        return cls(str(kitti), name, attribute, float(score), str(track), numbers)
+
+
+def _velocity(where: str, fields: Mapping[str, Any]) -> list[float]:
+    """Return the velocity of a box; NaN where it is not stated."""
+    value = fields.get("velocity") or [None, None]
+    if not isinstance(value, list) or any(one == one for one in value if one is not None):  # noqa: PLR0124 - NaN
+        return _numbers(where, fields, "velocity", 2)
+    return [float("nan")] * 2
 
 
 def _numbers(where: str, fields: Mapping[str, Any], name: str, count: int) -> list[float]:

@@ -116,6 +116,11 @@ class NuScenesScene(RecordedDrive):
         """Return the (4, 4) pose of the LiDAR in the world of the tables."""
         return np.asarray(self.scans[index].world_SE3_ego @ self.ego_SE3_velo)
 
+    def sample_token(self, index: int) -> str | None:
+        """Return the name of the sample of a key frame; None of a sweep."""
+        scan = self.scans[index]
+        return scan.sample if scan.is_key_frame else None
+
     def labels(self, index: int) -> Labels:
         """Return the labels of the objects in the view of the camera."""
         around = self.labels_around(index)

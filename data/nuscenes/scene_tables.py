@@ -75,6 +75,7 @@ class Annotation:
         centre_m: (3,) centre in the world of the tables.
         size_m: (3,) length, width, height.
         world_R_box: Rotation of the box, whose x is its heading.
+        points: Number of points of LiDAR and radar in the box; None where the table does not state it.
     """
 
     instance: str
@@ -83,6 +84,7 @@ class Annotation:
     centre_m: Float64
     size_m: Float64
     world_R_box: Rotation
+    points: int | None = None
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,12 @@ class SceneTables:
 def _image_size_px(record: Record) -> tuple[int, int] | None:
     width, height = record.get("width"), record.get("height")
     return (int(width), int(height)) if width and height else None
+
+
+def _point_count(record: Record) -> int | None:
+    counts = [record.get(f"num_{sensor}_pts") for sensor in ("lidar", "radar")]
+    known = [one for one in counts if isinstance(one, int)]
+    return sum(known) if known else None
 
 
 @dataclass(frozen=True)
@@ -267,6 +275,7 @@ class _Tables:
                 centre_m=pose[:3, 3],
                 size_m=np.array([length_m, width_m, height_m]),
                 world_R_box=Rotation.from_matrix(pose[:3, :3]),
+                points=_point_count(one),
             )
             found.setdefault(one["sample_token"], []).append(box)
         return found

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from data.frames import clock_origin_ns, frame_count, frame_period_s, further_camera_names
+from data.recorded_drive import RecordedDrive
 from data.report.page import can_write_report
 from data.results.process_writer import ProcessWriter
 from data.results.result_writer import ResultWriter
@@ -112,6 +113,10 @@ def run_writers(
         from data.exports.table_writer import TableWriter
 
         yield TableWriter(out, config.min_vehicle_score)
+    if config.exports.nuscenes is not None and isinstance(drive, RecordedDrive):
+        from data.exports.nuscenes_writer import NuScenesWriter
+
+        yield NuScenesWriter(config.exports.nuscenes, drive)
     if config.exports.rerun is not None or config.exports.view:
         from data.exports.rerun_writer import RerunWriter
 

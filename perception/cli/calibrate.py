@@ -24,9 +24,6 @@ def calibrate(
     Args:
         root: Folder or file of a drive with a camera, in any layout.
         frames: Number of frames, spread evenly over the drive.
-
-    Raises:
-        CalibrationError: The drive has no camera, or its scenes do not determine the calibration.
     """
     from data.calibration_files import (
         read_calibrated_frames,

@@ -1,4 +1,4 @@
-"""`trifuse evaluate detection`: detectors on labelled drives, by KITTI's object benchmark."""
+"""`trifuse evaluate detection`: detectors on labelled drives, by the protocols of KITTI and nuScenes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from perception.cli.parser import FlagGroup
 from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
+from perception.evaluation.nuscenes.protocol import Protocol
 
 _DETECTION = DetectionConfig()
 
@@ -28,6 +29,7 @@ def evaluate_detection(
     metric: PrecisionFlags,
     report: ReportFlags,
     config: CommandConfig,
+    protocol: Protocol = "kitti",
     detector: tuple[str, ...] = ("fusion",),
     classes: tuple[str, ...] = (),
     fusions: tuple[Path, ...] = (),
@@ -38,7 +40,7 @@ def evaluate_detection(
     worst_count: int = 12,
     detection: DetectionConfig = _DETECTION,
 ) -> None:
-    """Measure detectors on labelled drives by KITTI's object benchmark: average precision.
+    """Measure detectors on labelled drives: average precision in the image and of 3D boxes.
 
     Each drive is measured by itself. The fusion has scores of its 3D boxes, too, located in each scan by itself, and
     is measured beside each modality alone, and with modalities missing (Table 7.10).
@@ -46,7 +48,8 @@ def evaluate_detection(
     Example: trifuse evaluate detection kitti/object --detector fusion --bootstrap 1000
 
     Args:
-        drives: Object folder, tracking folder or synthetic drive; one or several.
+        drives: Labelled drive of any layout; one or several.
+        protocol: KITTI's object benchmark, or nuScenes' detection task: 3D boxes of the whole pipeline all round, by distance.
         detector: Detector: fusion, depthcn, rgb, dm, rm, or a file of any, ONNX or YAML; several with commas.
         classes: Classes to measure, several with commas; by default all of the network, for the fusion those of
             KITTI's benchmark.
@@ -61,22 +64,27 @@ def evaluate_detection(
     from data.detections.compared_detectors import open_compared
     from data.detections.measured_detectors import DetectorOptions
     from data.detections.measured_drives import measure_drives
+    from data.measured_task import measure_task_drives, require_unset
     from perception.cli.progress import resample_bar
 
     require_positive("--worst-count", worst_count)
-    if reliability_plot is not None and detector != ("fusion",):
-        named = ",".join(detector)
-        raise UsageError("--reliability-plot", expected="--detector fusion", found=named)
-    options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar)
-    opened = open_compared(detector, options)
     worst = None if worst_frames is None else (worst_frames, worst_count)
-    measured = measure_drives(opened, drives, drive.reader(), worst)
-    document = EvaluationDocument.of_networks(
-        "detection", measured.data, metric.protocol(), opened.metadata
-    )
-    heading = f"{opened.title}\n{measured.seen_in_training}"
-    report.publish(heading, measured, document, config)
+    if protocol == "nuscenes":
+        require_unset(classes=classes, fusions=fusions, cache=cache, worst_frames=worst_frames)
+        require_unset(detector=detector != ("fusion",), reliability_plot=reliability_plot)
+        title = "nuScenes' detection task, all round"
+        measured, document = measure_task_drives(drives, drive.reader(), detection)
+    else:
+        if reliability_plot is not None and detector != ("fusion",):
+            named = ",".join(detector)
+            raise UsageError("--reliability-plot", expected="--detector fusion", found=named)
+        options = DetectorOptions(detection, classes, metric, fusions, cache, resample_bar)
+        opened = open_compared(detector, options)
+        title, words, metadata = opened.title, metric.protocol(), opened.metadata
+        measured = measure_drives(opened, drives, drive.reader(), worst)
+        document = EvaluationDocument.of_networks("detection", measured.data, words, metadata)
+    report.publish(f"{title}\n{measured.seen_in_training}", measured, document, config)
     if plot is not None:
-        measured.plot(plot, opened.title)
+        measured.plot(plot, title)
     if reliability_plot is not None:
         measured.plot_reliability(reliability_plot, metric.iou[0])

@@ -20,8 +20,6 @@ class CorruptionPrecisionFlags(PrecisionFlags):
 
     Attributes:
         iou: IoU that a detection must exceed to match an object, several with commas; the tables show the first.
-        recall_points: Number of recall points over which precision is averaged: 40 or 11.
-        bootstrap: Number of bootstrap resamples of the frames for 95 % intervals; 0 for none.
         seed: Seed of the corruptions and of the resamples.
     """
 

@@ -26,7 +26,7 @@ from perception.errors import UsageError
 
 CommandFunction = Callable[..., None]
 
-_OUTPUT_FILES = {"json", "html", "plot", "reliability_plot", "rerun"}
+_OUTPUT_FILES = {"json", "html", "plot", "reliability_plot", "nuscenes", "rerun"}
 # Flags that name outputs, or what happens to earlier ones; they belong to no configuration.
 _OUTPUTS = {
     *_OUTPUT_FILES, "counting_sheet", "out", "overwrite", "plots", "resume", "runs", "stages", "view",

@@ -31,11 +31,7 @@ class RunResultsFlags(ResultsFlags):
     resume: bool = False
 
     def __post_init__(self) -> None:
-        """Validate that results are gone on with or replaced, and not both.
-
-        Raises:
-            UsageError: Both are asked for.
-        """
+        """Validate that results are gone on with or replaced, and not both."""
         if self.resume and self.overwrite:
             raise UsageError("--resume", expected="no --overwrite beside it", found="both")
 

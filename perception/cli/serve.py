@@ -37,9 +37,6 @@ def serve(
         loop: Restart at the end of the drive.
         udp_port: Port at which packets of the LiDAR arrive.
         pipeline: Pipeline configuration.
-
-    Raises:
-        UsageError: There is no drive or one too many, or a port is not free.
     """
     from data.frames import further_camera_names
     from data.live.serve import ServerAddress, serve_live

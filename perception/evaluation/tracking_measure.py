@@ -42,11 +42,13 @@ class TrackingReport(Report):
         frame_counts: Number of frames of each sequence.
         by_class: Metrics by class, then by sequence.
         ground: Metrics of all sequences on the ground by class, where tracks have 3D boxes.
+        task: Metrics of nuScenes' tracking task, where the tracks are of its scenes.
     """
 
     frame_counts: dict[str, int]
     by_class: dict[KittiClass, dict[str, MotMetrics]]
     ground: dict[str, MotMetrics] = field(default_factory=dict)
+    task: Report | None = None
 
     def combined(self, class_name: KittiClass) -> MotMetrics:
         """Return the metrics of all sequences together."""
@@ -65,7 +67,7 @@ class TrackingReport(Report):
             tables.append(
                 mot_table("tracks on the ground: boxes from above, ratios in percent", self.ground)
             )
-        return tables
+        return [*(self.task.tables() if self.task else ()), *tables]
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics by sequence, COMBINED and ground, then by class."""
@@ -76,6 +78,8 @@ class TrackingReport(Report):
         document[_COMBINED] = {name: self.combined(name).to_json() for name in self.by_class}
         if self.ground:
             document["ground"] = {name: metrics.to_json() for name, metrics in self.ground.items()}
+        if self.task:
+            document["nuscenes"] = self.task.to_json()
         return document
 
 

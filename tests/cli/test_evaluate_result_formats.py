@@ -231,11 +231,10 @@ def test_labels_as_detections_are_perfect(root, tmp_path, capsys):
     samples = annotations(root, "detection")
     behind = [{**samples["sample-0"][0], "translation": [-20, 0, 0]}]
     samples = {**samples, "sample-0": samples["sample-0"] + behind, "elsewhere": []}
-    document = evaluate(write_scenes(tmp_path, samples), root)
+    document = evaluate(write_scenes(tmp_path, samples), root, "--protocol", "kitti")
     assert document["data"]["notes"] == [
         "scene-0061: 12 key frames; scored is what lies in the image of the front camera, 12 of 13 boxes",
         "1 samples of other scenes: not read",
-        "nuScenes' own metrics, AP over centre distances and NDS, are not measured",
     ]
     scores = document["results"]["benchmark"]["Car"]
     for name in ("image", "bev", "3d"):
@@ -247,15 +246,65 @@ def test_labels_as_detections_are_perfect(root, tmp_path, capsys):
     assert "12 detections in 12 frames" in capsys.readouterr().out
 
 
+def test_detections_are_measured_by_nuscenes_own_protocol(root, tmp_path, capsys):
+    samples = annotations(root, "detection")
+    behind = [{**samples["sample-0"][0], "translation": [-20, 0, 0], "detection_score": 0.4}]
+    moved = {**samples["sample-22"][0], "velocity": [5.0, 0.0]}
+    moved["translation"] = [moved["translation"][0] + 1.5, *moved["translation"][1:]]
+    samples = {
+        **samples,
+        "sample-0": samples["sample-0"] + behind,
+        "elsewhere": [],
+        "sample-22": [moved],
+    }
+    del samples["sample-2"]
+    document = evaluate(write_scenes(tmp_path, samples), root)
+    assert document["protocol"]["name"] == "nuScenes detection task, detection_cvpr_2019"
+    assert document["data"]["notes"] == [
+        "1 key frames without an entry: counted as no detection",
+        "1 samples of other scenes: not read",
+    ]
+    results = document["results"]
+    car = results["classes"]["car"]
+    assert (car["objects"], car["detections"]) == (12, 12)
+    # 10 of 12 are found nearer than 1 m; the first in the order of scores is the one that is 1.5 m away.
+    near, far = car["AP"]["0.5"], car["AP"]["2.0"]
+    assert car["AP"]["1.0"] == near < far == car["AP"]["4.0"]
+    recalls = np.linspace(0, 1, 101)[11:]
+    assert far == pytest.approx(0.9 / 0.9 * (recalls <= 11 / 12).mean())
+    assert car["trans_err"] > 0.1 and car["scale_err"] == pytest.approx(0)
+    assert results["classes"]["bus"]["mean_ap"] == 0
+    assert results["mean_ap"] == pytest.approx((2 * near + 2 * far) / 40)
+    errors = results["tp_errors"].values()
+    assert results["nd_score"] == pytest.approx(
+        (5 * results["mean_ap"] + sum(max(1 - one, 0) for one in errors)) / 10
+    )
+    assert "NDS " in capsys.readouterr().out
+
+
+def test_boxes_beyond_the_limit_and_negative_scores(root, tmp_path):
+    samples = annotations(root, "detection")
+    words = ("evaluate", "results", tmp_path / "results.json", "--labels", root)
+    box = samples["sample-2"][0]
+    write_scenes(tmp_path, {**samples, "sample-2": [box] * 501})
+    with fault(LabelError, "results.sample-2", "at most 500 boxes", "501"):
+        command(*words)
+    write_scenes(tmp_path, {**samples, "sample-2": [{**box, "detection_score": -0.5}]})
+    with fault(LabelError, "results.sample-2", "scores from 0 on", "-0.5"):
+        command(*words)
+
+
 def test_detections_two_metres_farther_on(root, tmp_path):
     samples = annotations(root, "detection")
     for (box,) in samples.values():
         box["translation"][0] += 2.0  # half of the length of 4 m
-    cars = evaluate(write_scenes(tmp_path, samples), root)["results"]["benchmark"]["Car"]
+    path = write_scenes(tmp_path, samples)
+    cars = evaluate(path, root, "--protocol", "kitti")["results"]["benchmark"]["Car"]
     assert cars["bev"]["0.7"]["easy"]["found"] == cars["bev"]["0.5"]["easy"]["found"] == 0
     for (box,) in samples.values():
         box["translation"][0] -= 1.0  # 3 m of 5 m are shared
-    cars = evaluate(write_scenes(tmp_path, samples), root)["results"]["benchmark"]["Car"]
+    path = write_scenes(tmp_path, samples)
+    cars = evaluate(path, root, "--protocol", "kitti")["results"]["benchmark"]["Car"]
     assert (cars["bev"]["0.7"]["easy"]["found"], cars["bev"]["0.5"]["easy"]["found"]) == (0, 12)
 
 
@@ -265,15 +314,17 @@ def test_labels_as_tracks_are_perfect_until_an_id_changes(root, tmp_path, capsys
     cars = document["results"]["scene-0061"]["car"]
     assert (cars["HOTA"], cars["TP"], cars["IDSW"]) == (1.0, 12, 0)
     assert document["data"]["frames"] == {"scene-0061": 12}
-    assert (
-        document["data"]["notes"][-1] == "nuScenes' own metrics, AMOTA and AMOTP, are not measured"
-    )
+    task = document["results"]["nuscenes"]["classes"]["car"]
+    assert (task["amota"], task["amotp"], task["tp"], task["ids"]) == (1.0, 0.0, 12, 0)
     for number, (box,) in enumerate(samples.values()):
         box["tracking_id"] = "early" if number < 6 else "late"
     del samples["sample-22"]
     document = evaluate(write_scenes(tmp_path, samples), root)
     cars = document["results"]["scene-0061"]["car"]
     assert (cars["TP"], cars["FN"], cars["IDSW"]) == (11, 1, 1)
+    # The object is there in all samples; the last one has no entry, and the switch is no true positive.
+    task = document["results"]["nuscenes"]["classes"]["car"]
+    assert (task["tp"], task["fn"], task["ids"]) == (10, 1, 1)
     assert "1 key frames without an entry: counted as no detection" in capsys.readouterr().out
 
 
@@ -301,6 +352,10 @@ def test_flags_that_do_not_apply(root, tmp_path):
     path = write_scenes(tmp_path, annotations(root, "detection"))
     with fault(UsageError, "--frame-list", "none, as nuScenes'"):
         command(*words, "--frame-list", path)
+    with fault(UsageError, "--frame-list", "none, as nuScenes' results"):
+        command(*words, "--frame-list", path, "--protocol", "kitti")
+    with fault(UsageError, "--classes", "none, as nuScenes' detection task measures all classes"):
+        command(*words, "--classes", "car")
 
 
 def test_samples_of_other_tables(root, tmp_path):
@@ -320,6 +375,14 @@ def test_samples_of_other_tables(root, tmp_path):
         ({"size": [1, 0, 1]}, "size", "width, length and height above 0", "[1.0, 0.0, 1.0]"),
         ({"detection_name": "vehicle.car"}, "detection_name", "one of barrier", "'vehicle.car'"),
         ({"detection_score": "high"}, "detection_score", "a number", "'high'"),
+        (
+            {"attribute_name": "vehicle.red"},
+            "attribute_name",
+            "none or one of vehicle.moving",
+            "'vehicle.red'",
+        ),
+        ({"velocity": [1]}, "velocity", "2 numbers", "[1]"),
+        ({"velocity": [float("nan"), 1]}, "velocity", "2 numbers", "[nan, 1]"),
     ],
 )
 def test_boxes_that_cannot_be_read(root, tmp_path, change, where, expected, given):

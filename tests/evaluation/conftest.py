@@ -1,6 +1,8 @@
-"""Sequences for the tracking measures."""
+"""Sequences for the tracking measures, and a real scene of nuScenes."""
 
+import tarfile
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from perception.evaluation.multi_object.sequence import TrackedFrame
 
 Frames = list[TrackedFrame]
+_SHARED = Path(__file__).parents[3] / "shared"
 
 
 @pytest.fixture
@@ -36,3 +39,15 @@ def crowd(request: pytest.FixtureRequest) -> Frames:
         similarity = np.where(is_own, 0.4 + 0.6 * alike, np.clip(1.3 * alike - 0.5, 0, 1))
         frames.append(TrackedFrame(10 * truths + 7, 3 * tracks + 100, similarity))
     return frames
+
+
+@pytest.fixture(scope="session")
+def nuscenes_tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the root of the tables of a real scene, without its scans."""
+    archive = _SHARED / "nuscenes" / "scene-0916_lidar.tar.xz"
+    if not archive.is_file():
+        pytest.skip("no shared nuScenes scene beside the checkout")
+    root = tmp_path_factory.mktemp("scene")
+    with tarfile.open(archive) as tar:
+        tar.extractall(root, [one for one in tar if one.name.endswith(".json")], filter="data")
+    return root

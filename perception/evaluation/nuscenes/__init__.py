@@ -1,0 +1,1 @@
+"""nuScenes' detection task: boxes matched by the distance of their centres, true-positive errors, NDS."""
