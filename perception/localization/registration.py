@@ -19,7 +19,7 @@ class RegisteredScans:
     """The newest scan and those before it, with consistent poses.
 
     Attributes:
-        window: Scans and poses, the newest last.
+        window: Scans and poses, the newest last; that scan alone where its pose is extrapolated.
         rows: Indices of the newest scan's points in its frame.
         is_reset: Whether poses of earlier scans no longer fit to the newest.
         is_extrapolated: Whether the newest pose is that of a constant velocity, as neither scans nor INS tell it.
@@ -81,9 +81,11 @@ class Registration:
         else:
             is_continuous = not (pose.is_reset or is_extrapolated)
             fusion.update(frame, pose.world_SE3_velo, is_continuous=is_continuous)
-        self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
+        # One whose pose is not known stays out of the window.
+        window = ScanWindow(0) if is_extrapolated and not pose.is_reset else self._window
+        window.push(PosedScan(points_velo, pose.world_SE3_velo))
         return RegisteredScans(
-            self._window,
+            window,
             rows,
             pose.is_reset,
             is_extrapolated,

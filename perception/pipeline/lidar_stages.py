@@ -1,6 +1,7 @@
 """The stages that need the scans alone: registration, ground, voxels, static and moving, moving objects."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from perception.health.monitors import ScanAndInsMonitors, is_clock_set, is_scan
 from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
 from perception.localization.registration import RegisteredScans, Registration
-from perception.obstacles.ground import ground_estimator
-from perception.obstacles.motion_segmentation import motion_segmenter
+from perception.obstacles.ground import GroundEstimator, ground_estimator
+from perception.obstacles.motion_segmentation import MotionSegmenter, motion_segmenter
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
@@ -119,15 +120,25 @@ class LidarStages(Restorable):
         self._last_s = self._now_s = -np.inf
         self._last_ins: Float64 | None = None
         self._velocity: Float64 = np.zeros(6)  # rotation vector and translation a second
-        registration, ground, motion = config.registration, config.ground, config.motion
+        registration = config.registration
         self._registration = Registration(
-            registration, config.method_of(registration), motion.previous_scans
+            registration, config.method_of(registration), config.motion.previous_scans
         )
-        self._ground = ground_estimator(
-            ground, config.method_of(ground), sensor, config.area, config.seed
-        )
-        self._motion = motion_segmenter(motion, config.method_of(motion), sensor, config.area)
+        self._ground, self._motion = self._make_segmentation()
         self._datmo = datmo_stage(config.datmo, sensor, config.area)
+
+    def _make_segmentation(self) -> tuple[GroundEstimator, MotionSegmenter[Any]]:
+        """Return ground and motion segmentation without memory."""
+        sensor, config, ground, motion = (
+            self._sensor,
+            self._config,
+            self._config.ground,
+            self._config.motion,
+        )
+        return (
+            ground_estimator(ground, config.method_of(ground), sensor, config.area, config.seed),
+            motion_segmenter(motion, config.method_of(motion), sensor, config.area),
+        )
 
     def check(self, frame: Frame, clock: StageClock) -> Health:
         """Return the health of LiDAR and INS in a frame, by which its scan is used or not."""
@@ -157,6 +168,8 @@ class LidarStages(Restorable):
         scans = clock.run("registration", self._register, frame)
         if scans.is_extrapolated:
             health = health.joined([_POSE_LOST])
+            if self._last is not None and not scans.is_reset:
+                return self._segment_alone(frame, self._last, scans, health, clock)
         ground = clock.run("ground", self._ground.update, scans.window)
         voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
         obstacles = clock.run("static and moving", self._motion.segment, voxels)
@@ -212,6 +225,23 @@ class LidarStages(Restorable):
             scan=scan,
             health=health,
         )
+
+    def _segment_alone(
+        self,
+        frame: Frame,
+        last: LidarResult,
+        scans: RegisteredScans,
+        health: Health,
+        clock: StageClock,
+    ) -> LidarResult:
+        """Take ground and obstacles, all of them static, from a scan whose pose is not known; the memory stays as it is."""
+        estimator, motion = self._make_segmentation()
+        ground = clock.run("ground", estimator.update, scans.window)
+        voxels = clock.run("voxels", motion.voxelize, scans.window, ground)
+        obstacles = clock.run("static and moving", motion.segment, voxels)
+        obstacles = _of_whole_scan(frame, scans, obstacles)
+        predicted = self._predict(frame, last, health, clock)
+        return replace(predicted, ground=ground, obstacles=obstacles)
 
     def _motion_since(self, last: LidarResult, frame: Frame, stamp_s: float) -> Float64:
         """Return the (4, 4) motion since the last scan by the INS, else at constant velocity."""

@@ -73,7 +73,7 @@ class Result:
     @property
     def odom_SE3_velo(self) -> Float64:
         """(4, 4) pose of the LiDAR by odometry alone, in which scans of some seconds agree to centimetres."""
-        return np.linalg.solve(self.world_SE3_odom, self.world_SE3_velo)
+        return np.asarray(np.linalg.solve(self.world_SE3_odom, self.world_SE3_velo), np.float64)
 
     def detections_in(self, camera: int) -> ModalityDetections:
         """Return the detections of each modality in a camera, 0 for the main one."""
