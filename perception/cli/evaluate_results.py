@@ -45,8 +45,8 @@ def evaluate_results(
     """Measure result files of any program: average precision of detections, or HOTA, CLEAR and IDF1 of tracks.
 
     Detections: KITTI's NNNNNN.txt (3D boxes also from above, in space, and their orientation; a missing file has none) or
-    COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either: detections
-    all round, tracks within the view of the front camera.
+    COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either, all
+    round; tracks also within the view of the front camera.
 
     Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
 
