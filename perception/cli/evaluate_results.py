@@ -83,7 +83,7 @@ def evaluate_results(
     precision: Any  # a report that has curves
     if protocol == "nuscenes" or (found.form == "nuScenes" and protocol is None):
         require_unset(classes=classes, frame_list=frame_list, published=published)
-        heading, precision, document = measure_task_results(found, labels, bars.sequences)
+        heading, precision, document = measure_task_results(found, labels, bars.reading)
     else:
         chosen = [class_of_name(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
         heading, precision, document = measure_detections(
