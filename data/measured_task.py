@@ -1,6 +1,7 @@
 """Detections measured by nuScenes' detection task: results of any program, and the pipeline's on any labelled drive."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from data.layouts import OpenConfig
 from data.nuscenes.result_entries import ResultEntries
 from data.nuscenes.results import parse_sample, scenes_with_results
 from data.nuscenes.samples import Sample, read_samples
-from data.nuscenes.scene import scenes_of_samples
+from data.nuscenes.scene import open_scene, scenes_of_samples
 from data.open_drive import open_drive, sequences_in
 from data.recorded_drive import RecordedDrive
 from data.result_files import ResultFiles
@@ -48,8 +49,12 @@ def measure_task_results(
             expected="detections in nuScenes' JSON",
             found=f"{results.kind} of {results.form}",
         )
-    drives = _drives(results, labels)
-    samples = {one.token: one for drive in progress(drives) for one in read_samples(drive)}
+    samples: dict[str, Sample] = {}
+    names: list[str] = []
+    for open_one in progress(_drives(results, labels)):
+        drive = open_one()
+        names.append(drive.name)
+        samples |= {one.token: one for one in read_samples(drive)}
     stated: Mapping[str, Any] = results.document["results"]
     named = [token for token in stated if token in samples]
     if not named:
@@ -72,8 +77,7 @@ def measure_task_results(
         "frames": len(samples),
         "notes": notes,
     }
-    names = ", ".join(drive.name for drive in drives)
-    heading = f"{results.path}: {names}, {len(samples)} samples all round"
+    heading = f"{results.path}: {', '.join(names)}, {len(samples)} samples all round"
     document = EvaluationDocument("detections", data, PROTOCOL, _SPLIT)
     return "\n".join([heading, *notes]), report, document
 
@@ -123,17 +127,19 @@ def require_unset(**flags: object) -> None:
             raise UsageError(f"--{name.replace('_', '-')}", expected=expected, found="one")
 
 
-def _drives(results: ResultFiles, labels: Path) -> list[RecordedDrive]:
-    """Open the scenes of nuScenes that have results, or the drive that wrote them."""
+def _drives(results: ResultFiles, labels: Path) -> list[Callable[[], RecordedDrive]]:
+    """Return what opens the scenes of nuScenes that have results, or the drive that wrote them."""
+    config = OpenConfig(images=False)
     if scene_of := scenes_of_samples(labels):
-        return [*scenes_with_results(results, labels, scene_of)]
+        names = scenes_with_results(results, labels, scene_of)
+        return [partial(open_scene, labels, name, config) for name in names]
     meta = results.document.get("meta")
     wrote = meta.get("drive") if isinstance(meta, dict) else None
     if wrote is None:
         expected = "tables of nuScenes, as the results are of it"
         raise DriveError(labels, expected=expected, found="none")
     name = None if sequences_in(labels) == [None] else str(wrote)
-    return [open_drive(labels, sequence=name, config=OpenConfig(images=False))]
+    return [partial(open_drive, labels, sequence=name, config=config)]
 
 
 def _measure(results: ResultFiles, samples: Sequence[Sample]) -> TaskReport:

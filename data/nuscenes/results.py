@@ -6,6 +6,7 @@
 Tracks have tracking_name, tracking_score and tracking_id instead.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,8 +132,8 @@ def read_scene_results(files: ResultFiles, root: Path, progress: Any = iter) -> 
         )
     scenes = {}
     missing = 0
-    for drive in progress(scenes_with_results(files, root, scene_of)):
-        name = drive.name
+    for name in progress(scenes_with_results(files, root, scene_of)):
+        drive = open_scene(root, name, OpenConfig(images=False))
         frames = list(_key_frames(drive, files))
         missing += sum(scan.sample not in samples for scan in drive.scans if scan.is_key_frame)
         scenes[name] = frames
@@ -140,10 +141,8 @@ def read_scene_results(files: ResultFiles, root: Path, progress: Any = iter) -> 
     return SceneResults(scenes, len(set(scene_of.values())), missing, others)
 
 
-def scenes_with_results(
-    files: ResultFiles, root: Path, scene_of: Mapping[str, str]
-) -> list[NuScenesScene]:
-    """Open the scenes that have results.
+def scenes_with_results(files: ResultFiles, root: Path, scene_of: Mapping[str, str]) -> list[str]:
+    """Return the names of the scenes that have results.
 
     Args:
         files: Results in nuScenes' form.
@@ -151,7 +150,7 @@ def scenes_with_results(
         scene_of: Name of the scene of each sample.
 
     Raises:
-        DriveError: There is none, or one cannot be opened.
+        DriveError: There is none.
     """
     samples = files.document["results"]
     names = sorted({scene_of[token] for token in samples if token in scene_of})
@@ -161,7 +160,7 @@ def scenes_with_results(
             expected=f"results of the {len(scene_of)} samples of {root}",
             found=f"{len(samples)} of other samples",
         )
-    return [open_scene(root, name, OpenConfig(images=False)) for name in names]
+    return names
 
 
 def _key_frames(drive: NuScenesScene, files: ResultFiles) -> Iterator[KeyFrame]:
@@ -271,11 +270,16 @@ class _Box:
 
 
 def _velocity(where: str, fields: Mapping[str, Any]) -> list[float]:
-    """Return the velocity of a box; NaN where it is not stated."""
-    value = fields.get("velocity") or [None, None]
-    if not isinstance(value, list) or any(one == one for one in value if one is not None):  # noqa: PLR0124 - NaN
-        return _numbers(where, fields, "velocity", 2)
-    return [float("nan")] * 2
+    """Return the velocity of a box; NaN where it is not stated, or stated as such."""
+    value = fields.get("velocity")
+    is_pair = isinstance(value, list) and len(value) == 2
+    if value is None or (is_pair and all(_is_unknown(one) for one in value)):
+        return [float("nan")] * 2
+    return _numbers(where, fields, "velocity", 2)
+
+
+def _is_unknown(value: Any) -> bool:  # noqa: ANN401 - whatever the file holds
+    return value is None or (type(value) is float and math.isnan(value))
 
 
 def _numbers(where: str, fields: Mapping[str, Any], name: str, count: int) -> list[float]:

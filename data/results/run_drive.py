@@ -13,7 +13,7 @@ from data.results.process_writer import ProcessWriter
 from data.results.result_writer import open_writers
 from data.results.run_config import RunConfig
 from data.results.run_writers import run_writers
-from perception.errors import PerceptionError
+from perception.errors import PerceptionError, UsageError
 from perception.evaluation.run_summary import RunSummary
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline.memory import release_free_memory
@@ -47,6 +47,7 @@ def run_drive(
 
     Raises:
         PerceptionError: A frame cannot be used; the results of the frames before it stay.
+        UsageError: The run goes on with other outputs.
     """
     start_s = time.perf_counter()
     handover = _handover(drive, config) if checkpoint is None else checkpoint.handover
@@ -64,6 +65,9 @@ def run_drive(
     checkpoints = Checkpoints(out, handover)
     with open_writers(run_writers(drive, out, config, drawing, report_progress)) as writers:
         if checkpoint is not None:
+            if len(writers) != len(checkpoint.writers):
+                expected = "--nuscenes as of the run that was stopped"
+                raise UsageError("--resume", expected=expected, found="another number of outputs")
             for writer, snapshot in zip(writers, checkpoint.writers, strict=True):
                 writer.restore(snapshot)
         try:

@@ -45,8 +45,8 @@ def evaluate_results(
     """Measure result files of any program: average precision of detections, or HOTA, CLEAR and IDF1 of tracks.
 
     Detections: KITTI's NNNNNN.txt (3D boxes also from above, in space, and their orientation; a missing file has none) or
-    COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either: detections
-    all round, tracks within the view of the front camera.
+    COCO's JSON. Tracks: SSSS.txt of a sequence in KITTI's or MOTChallenge's columns. Or nuScenes' JSON of either, all
+    round; tracks also within the view of the front camera.
 
     Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
 
@@ -83,7 +83,7 @@ def evaluate_results(
     precision: Any  # a report that has curves
     if protocol == "nuscenes" or (found.form == "nuScenes" and protocol is None):
         require_unset(classes=classes, frame_list=frame_list, published=published)
-        heading, precision, document = measure_task_results(found, labels, bars.sequences)
+        heading, precision, document = measure_task_results(found, labels, bars.reading)
     else:
         chosen = [class_of_name(name, metric.iou) for name in classes] or list(KITTI_CLASSES)
         heading, precision, document = measure_detections(

@@ -19,12 +19,14 @@ from perception.evaluation.multi_object.kitti_protocol import (
     kitti_frames,
 )
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
+from perception.evaluation.nuscenes import tracking
 from perception.evaluation.report import Report, Table
 from perception.types import Labels
 
 PROTOCOL = {
     "boxes": kitti_protocol.__doc__,
     "ground": ground_protocol.__doc__,
+    "nuscenes": tracking.__doc__,
     "neighbours": NEIGHBOURS,
     "values": {"threshold": MIN_IOU, "alphas": ALPHAS},
 }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perception.errors import DriveError
+from perception.errors import DriveError, UsageError
 from tests.faults import command, fault
 from tests.other_layouts import write_all
 
@@ -147,3 +147,22 @@ def test_detection(name, evaluate, capsys):
 def test_datmo_takes_boxes(evaluate):
     with fault(DriveError, "08", "labels with tracks", advice="labelled boxes"):
         evaluate("datmo", "SemanticKITTI")
+
+
+@pytest.mark.parametrize(("name", "frames"), [("Argoverse 2", 4), ("nuScenes", 2), ("KITTI", 4)])
+def test_detection_by_the_protocol_of_nuscenes(name, frames, evaluate):
+    (drive,) = evaluate("detection", name, "--protocol", "nuscenes", "--no-report").values()
+    assert drive["frames"] == frames
+    car, bus = (drive["classes"][one] for one in ("car", "bus"))
+    assert (car["objects"] > 10 * frames, bus["objects"]) == (name != "KITTI", 0)
+    assert car["mean_ap"] > 0.05
+    assert car["trans_err"] < 0.3
+    # A bicycle with its rider is one box of nuScenes and KITTI; in Argoverse 2 each has its own.
+    assert (drive["classes"]["bicycle"]["objects"] > 0) == (name == "nuScenes")
+
+
+def test_flags_of_kittis_protocol_alone(root):
+    words = ("evaluate", "detection", root / "KITTI", "--protocol", "nuscenes")
+    for flag, value in (("--classes", "Car"), ("--detector", "dm"), ("--worst-frames", "frames")):
+        with fault(UsageError, flag, "none, as nuScenes' detection task measures all classes"):
+            command(*words, flag, value)

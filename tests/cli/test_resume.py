@@ -29,7 +29,8 @@ def drive(make_once) -> Path:
 def words_of(drive: Path, out: Path) -> list[str]:
     """Return a run with what needs no images, and a checkpoint every other frame."""
     return ["run", str(drive), "--sequence", "0000", "--out", str(out), "--tables",
-            "--checkpoint-frames", "3", "--pipeline.detection.modalities", "dm"]  # fmt: skip
+            "--checkpoint-frames", "3", "--pipeline.detection.modalities", "dm",
+            "--nuscenes", str(out / "nuscenes.json")]  # fmt: skip
 
 
 @pytest.fixture(scope="module")

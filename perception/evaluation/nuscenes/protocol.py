@@ -67,6 +67,10 @@ PROTOCOL: Mapping[str, Any] = {
         "objects and detections below the maximum distance of the class from the vehicle; objects with a point; bicycles "
         "and motorcycles outside of bicycle racks"
     ),
+    "drives": (
+        "of other data sets: all labelled boxes, in KITTI those in the image; distances from the LiDAR, velocities from the "
+        "labels before and behind, no attributes and no racks"
+    ),
     "precision": (
         "AP: mean precision above 0.1 at recall 0.11, 0.12 .. 1, scaled to 1; mAP: mean over classes and distances"
     ),

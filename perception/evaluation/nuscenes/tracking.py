@@ -1,6 +1,8 @@
 """nuScenes' tracking task: AMOTA and AMOTP over thresholds of the score, and CLEAR at the best of them.
 
-X. Weng et al., "3D multi-object tracking: a baseline and new evaluation metrics", IROS 2020; values of tracking_nips_2019.
+Objects and tracks below the maximum distance of the class count all round, with boxes where a track has a gap. Matches are
+nearer than 2 m, the score of a track is its mean. X. Weng et al., "3D multi-object tracking: a baseline and new evaluation
+metrics", IROS 2020; values of tracking_nips_2019.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
