@@ -51,8 +51,7 @@ def evaluate_detection(
         drives: Labelled drive of any layout; one or several.
         protocol: KITTI's object benchmark, or nuScenes' detection task: 3D boxes of the whole pipeline all round, by distance.
         detector: Detector: fusion, depthcn, rgb, dm, rm, or a file of any, ONNX or YAML; several with commas.
-        classes: Classes to measure, several with commas; by default all of the network, for the fusion those of
-            KITTI's benchmark.
+        classes: Classes to measure, several with commas; by default all of the network, of the fusion KITTI's.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.
         cache: Folder for the detections of the modalities before fusion; by default the user's cache folder.
         plot: PNG file for the precision-recall curves.
