@@ -1,14 +1,13 @@
 """Odometry drawn to the INS: poses as smooth as the scans say, on the earth as the INS says.
 
-Odometry drifts, an INS jitters. Where their steps d from scan to scan disagree, what comes back at the next scan is the
-jitter of the INS, and what adds up is the drift of the odometry:
+Odometry drifts, an INS wanders around the truth. How far both come apart, squared, over a time t, is
 
-    E[d(k) d(k+1)] = -R        E[d(k)^2] = 2 R + Q
+    S(t) = 2 R + Q t
 
-R is the variance of the position of the INS and Q that of a step of the odometry, both learned over the drive in each
-direction of the LiDAR frame; a Kalman filter weighs them. An INS whose height never changes states none: it is that of
-the scans. What wanders over some seconds neither tells from the other: by how far both come apart, the error of either
-is bounded; all of it counts.
+What has come back after some seconds is R, the variance of the INS; what still grows is Q, that of the odometry a second.
+Both are learned over the drive from S at two times, in each direction of the LiDAR frame, and a Kalman filter weighs them.
+An error of the INS lasts for some scans, which together tell as much as one that is independent. An INS whose height
+never changes states none: it is that of the scans.
 """
 
 from collections import deque
@@ -20,13 +19,14 @@ import numpy as np
 from perception.geometry.se3 import cross_matrix, from_motion_vector, inverse, motion_vector
 from perception.types import Float64, Frame
 
-# Standard deviations before any is learned, in rad and m, and for how many steps they count: of a pose of the INS, of a step
-# of odometry, and of what either wanders by in 5 s. The last steps are those over which the averages reach.
-_INS, _STEP, _WANDER = (np.radians(0.05), 0.05), (np.radians(0.05), 0.02), (np.radians(0.1), 0.05)
-_PRIOR_STEPS, _MEMORY_STEPS = 10, 200
-_WANDER_S, _MIN_WANDER_S = 5.0, 0.95
-# No INS is better than this.
-_LEAST = (np.radians(0.005), 0.005)
+# The two times in seconds, how far they may be off where scans are far apart; an error of the INS lasts for the later one.
+_SOON_S, _LATER_S, _TOLERANCE_S = 1.0, 3.0, 0.35
+# Standard deviations before any is learned, in rad and m: of the INS, and of the odometry in a second; for how many seconds
+# they count, and over how many the averages reach.
+_INS, _DRIFT = (np.radians(0.1), 0.05), (np.radians(0.2), 0.2)
+_PRIOR_S, _MEMORY_S = 4.0, 60.0
+# No INS and no odometry is better than this.
+_LEAST_INS, _LEAST_DRIFT = (np.radians(0.005), 0.005), (np.radians(0.01), 0.005)
 # Height of a point of the vehicle that never changes, though it moves: metres, way and number of poses that tell it.
 _FLAT_M, _MIN_WAY_M, _MIN_POSES, _MAX_POSES = 1e-5, 1.0, 8, 128
 
@@ -47,11 +47,10 @@ class InsFusion:
 
     def __init__(self) -> None:
         self.world_SE3_odom = np.eye(4)
-        ins, step = np.repeat(_INS, 3) ** 2, np.repeat(_STEP, 3) ** 2
-        # Number and averages of the squared disagreement of a step, and of its product with that of the step before.
-        self._steps, self._square, self._product = _PRIOR_STEPS, 2 * ins + step, -ins
-        self._disagreement: Float64 | None = None
-        self._apart, self._square_apart = _PRIOR_STEPS, np.repeat(_WANDER, 3) ** 2
+        ins, drift = np.repeat(_INS, 3) ** 2, np.repeat(_DRIFT, 3) ** 2
+        # Seconds that the averages have seen, and S at the two times.
+        self._seen_s = _PRIOR_S
+        self._apart = np.array([2 * ins + drift * _SOON_S, 2 * ins + drift * _LATER_S])
         self._past: deque[_Moment] = deque(maxlen=_MAX_POSES)
         self._rotation = np.eye(3)
         self._filtered: Float64 | None = None  # (6, 6) covariance in the LiDAR frame
@@ -67,7 +66,6 @@ class InsFusion:
         """
         if not is_continuous:
             self._past.clear()
-            self._disagreement = None
         last = self._past[-1] if self._past else None
         now = _Moment(frame.stamp_s, odom_SE3_velo, frame.world_SE3_velo)
         self._past.append(now)
@@ -76,7 +74,7 @@ class InsFusion:
             self._filtered = self._filter(last, now, self._filtered)
         elif now.ins is not None:
             self.world_SE3_odom = now.ins @ inverse(odom_SE3_velo)
-            self._filtered = np.diag(self._variances()[0])
+            self._filtered = np.diag(self._ins_and_drift()[0])
         self._rotation = (self.world_SE3_odom @ odom_SE3_velo)[:3, :3]
 
     @property
@@ -87,32 +85,35 @@ class InsFusion:
         """
         if self._filtered is None:
             return None
-        covariance = self._filtered + np.diag(self._square_apart)
         rotation = np.kron(np.eye(2), self._rotation)
-        return np.asarray(rotation @ np.roll(covariance, 3, axis=(0, 1)) @ rotation.T)
+        return np.asarray(rotation @ np.roll(self._filtered, 3, axis=(0, 1)) @ rotation.T)
 
     def _learn(self, last: _Moment, now: _Moment) -> None:
-        """Average how the steps of INS and odometry disagree, and how far both come apart."""
-        before, self._disagreement = self._disagreement, _disagreement(last, now)
-        if self._disagreement is None or now.ins is None:
+        """Average how far INS and odometry come apart."""
+        if now.ins is None:
             return
         self._is_flat = is_flat([one.ins for one in self._past if one.ins is not None])
-        if before is not None:
-            self._steps = min(self._steps + 1, _MEMORY_STEPS)
-            self._square += (self._disagreement**2 - self._square) / self._steps
-            self._product += (self._disagreement * before - self._product) / self._steps
-        then = next(one for one in self._past if now.stamp_s - one.stamp_s <= _WANDER_S)
-        span_s, apart = now.stamp_s - then.stamp_s, _disagreement(then, now)
-        if apart is not None and span_s >= _MIN_WANDER_S:
-            self._apart = min(self._apart + 1, _MEMORY_STEPS)
-            square = apart**2 * (_WANDER_S / span_s)  # as of a random walk
-            self._square_apart += (square - self._square_apart) / self._apart
+        ages_s = now.stamp_s - np.array([one.stamp_s for one in self._past])
+        if ages_s[0] < _LATER_S - _TOLERANCE_S:
+            return
+        apart = []
+        for wanted_s in (_SOON_S, _LATER_S):
+            row = int(np.argmin(np.abs(ages_s - wanted_s)))
+            found = _disagreement(self._past[row], now)
+            if found is None or abs(ages_s[row] - wanted_s) > _TOLERANCE_S:
+                return
+            apart.append(found**2)
+        gap_s = now.stamp_s - last.stamp_s
+        self._seen_s = min(self._seen_s + gap_s, _MEMORY_S)
+        self._apart += (np.array(apart) - self._apart) * (gap_s / self._seen_s)
 
     def _filter(self, last: _Moment, now: _Moment, covariance: Float64) -> Float64:
         """Predict the pose by the step of the odometry, correct it by the INS, and return its covariance."""
-        of_ins, of_step = self._variances()
+        gap_s = now.stamp_s - last.stamp_s
+        of_ins, drift = self._ins_and_drift()
+        of_ins *= max(_LATER_S / gap_s, 1.0)
         back = _adjoint(inverse(now.odom_SE3_velo) @ last.odom_SE3_velo)
-        covariance = back @ covariance @ back.T + np.diag(of_step)
+        covariance = back @ covariance @ back.T + np.diag(drift * gap_s)
         if now.ins is None:
             return covariance
         predicted = self.world_SE3_odom @ now.odom_SE3_velo
@@ -126,11 +127,13 @@ class InsFusion:
         self.world_SE3_odom = pose @ inverse(now.odom_SE3_velo)
         return np.asarray((np.eye(6) - gain @ stated) @ covariance)
 
-    def _variances(self) -> tuple[Float64, Float64]:
-        """Return the (6,) variances of a pose of the INS and of a step of the odometry."""
-        least = np.repeat(_LEAST, 3) ** 2
-        of_ins = np.clip(-self._product, 0.0, self._square / 2)
-        return of_ins + least, self._square - 2 * of_ins + least
+    def _ins_and_drift(self) -> tuple[Float64, Float64]:
+        """Return the (6,) variances of the INS, and of the odometry in a second."""
+        soon, later = self._apart
+        drift = np.maximum((later - soon) / (_LATER_S - _SOON_S), 0.0)
+        ins = np.maximum(soon - drift * _SOON_S, 0.0) / 2
+        least_ins, least_drift = (np.repeat(one, 3) ** 2 for one in (_LEAST_INS, _LEAST_DRIFT))
+        return ins + least_ins, drift + least_drift
 
 
 def is_flat(poses: Sequence[Float64]) -> bool:
