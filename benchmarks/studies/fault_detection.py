@@ -167,7 +167,8 @@ def fault_detection(
             one.seconds += recording.frames[-1].stamp_s - recording.frames[0].stamp_s
             one.alarms += [f"{name}: {alarm}" for alarm in recording.alarms()]
             _inject_all(recording, config, rate_hz, detections)
-        print(*one.alarms, sep="\n")
+        for alarm in one.alarms:
+            print(alarm)
     tables: dict[str, Table[Any]] = {
         "clean": Table("clean driving", CleanDriving.columns(), clean),
         "faults": Table("faults", FaultDetection.columns(), detections),

@@ -1,6 +1,5 @@
 """Frame rates of the studies: recorded drives at a lower one, by every n-th frame with its stamp and its pose."""
 
-from data.frames import frame_period_s
 from perception.errors import UsageError
 from perception.types import Drive
 
@@ -13,6 +12,8 @@ def frame_step(drive: Drive, rate_hz: float | None) -> int:
     """
     if rate_hz is None:
         return 1
+    from data.frames import frame_period_s
+
     own_hz = 1 / frame_period_s(drive)
     step = round(own_hz / rate_hz)
     if step < 1:

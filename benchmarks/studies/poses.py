@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.measure import processor_clock
 from benchmarks.studies.frame_rate import frame_step
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from perception.cli.flags import SourceFlags
@@ -17,7 +16,6 @@ from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import DriveError, MissingDependencyError
 from perception.evaluation.report import Table
-from perception.geometry.se3 import inverse
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.sensor import LidarModel, load_sensor
 from perception.types import Drive, Float32, Float64, Frame
@@ -143,6 +141,7 @@ def _measure(
     measured: "dict[float, dict[str, list[PoseMeasure]]]",
 ) -> None:
     """Locate the frames of a drive at each rate by each method, and add a measure of each."""
+    from benchmarks.measure import processor_clock
     from perception.evaluation.pose_errors import PoseMeasure
 
     runs = list[tuple[int, Method, PoseMeasure]]()
@@ -206,6 +205,8 @@ def _odometry(update: Callable[[Float32], Float64]) -> Method:
 
 def _scan_to_scan(register: "Register") -> Method:
     """Return a library's call on each scan and the one before, which starts at the step of the INS."""
+    from perception.geometry.se3 import inverse
+
     last: Frame | None = None
     pose = np.eye(4)
 
