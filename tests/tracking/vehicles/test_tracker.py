@@ -553,3 +553,57 @@ def test_no_id_is_there_twice_whatever_comes():
         ids = reported.vehicles.ids[reported.vehicles.ids >= 0]
         assert len(set(ids.tolist())) == len(ids)
         assert (np.diff(reported.tracks.ids) > 0).all()
+
+
+def observed_at(rate_hz: float, duration_s: float, world_at, hidden_s=(0.0, 0.0)):
+    """Return stamps and vehicles of frames that come up to a tenth of the period early or late."""
+    drive = Drive()
+    jitter = np.random.default_rng(1).uniform(-0.1, 0.1, round(duration_s * rate_hz))
+    stamps_s = (np.arange(len(jitter)) + 0.1 + jitter) / rate_hz
+    reported = []
+    for stamp_s in stamps_s.tolist():
+        drive.index = 10 * stamp_s - 1
+        is_hidden = hidden_s[0] <= stamp_s < hidden_s[1]
+        world = world_at(stamp_s)
+        missed = tuple(range(len(world))) if is_hidden else ()
+        reported.append(drive.observe(world, missed=missed, blind=is_hidden).vehicles)
+    return stamps_s, reported
+
+
+RATES = pytest.mark.parametrize("rate_hz", [2, 5, 10, 20])
+
+
+@RATES
+def test_a_car_has_one_id_at_any_rate(rate_hz):
+    stamps_s, reported = observed_at(rate_hz, 4.0, lambda t: cars((55.0 - 6.0 * t, 3.0, 0.0)))
+    late = [one for stamp_s, one in zip(stamps_s, reported, strict=True) if stamp_s > 1.2]
+    assert [one.ids.tolist() for one in late] == [[0]] * len(late)
+    np.testing.assert_allclose(late[-1].velocities_m_s, [[-6.0, 0.0]], atol=0.7)
+
+
+@RATES
+def test_two_that_pass_each_other_keep_their_ids_at_any_rate(rate_hz):
+    def world_at(stamp_s):
+        return cars((12.0 + 8.0 * stamp_s, -3.0, 0.0), (50.0 - 6.0 * stamp_s, 3.0, np.pi))
+
+    stamps_s, reported = observed_at(rate_hz, 3.5, world_at)
+    late = [one for stamp_s, one in zip(stamps_s, reported, strict=True) if stamp_s > 1.2]
+    assert [one.ids.tolist() for one in late] == [[0, 1]] * len(late)
+
+
+@RATES
+def test_a_second_without_it_keeps_the_id_at_any_rate(rate_hz):
+    world_at = lambda stamp_s: cars((16.0 + 7.0 * stamp_s, 3.0, 0.0))  # noqa: E731
+    _, reported = observed_at(rate_hz, 4.0, world_at, hidden_s=(1.4, 2.3))
+    assert {number for one in reported for number in one.ids.tolist()} <= {-1, 0}
+    assert reported[-1].ids.tolist() == [0]
+
+
+@RATES
+def test_who_leaves_and_who_comes_are_two_at_any_rate(rate_hz):
+    def world_at(stamp_s):
+        return cars((40.0, -4.0, 0.0) if stamp_s < 1.9 else (34.0, 4.0, 0.0))
+
+    _, reported = observed_at(rate_hz, 4.0, world_at)
+    assert {number for one in reported for number in one.ids.tolist()} - {-1} == {0, 1}
+    assert reported[-1].ids.tolist() == [1]
