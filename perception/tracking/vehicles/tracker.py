@@ -196,14 +196,15 @@ class VehicleTracker:
             is_here = observations.cameras == camera
             seen = np.flatnonzero(is_here & (track_of >= 0))
             rows, new = track_of[seen], np.flatnonzero(is_here & is_new)
-            corrected = update_tracks(
-                self._tracks[rows],
-                observations[seen],
-                expected_px[camera][rows],
-                geometry,
-                self._elapsed_s,
-            )
-            self._tracks = self._tracks.replaced(rows, corrected)
+            if len(rows):
+                corrected = update_tracks(
+                    self._tracks[rows],
+                    observations[seen],
+                    expected_px[camera][rows],
+                    geometry,
+                    self._elapsed_s,
+                )
+                self._tracks = self._tracks.replaced(rows, corrected)
             track_of[new] = len(self._tracks) + np.arange(len(new))
             if len(new):
                 self._tracks = self._tracks.joined(init_tracks(observations[new], geometry))
@@ -252,7 +253,6 @@ class VehicleTracker:
         """Give ids to newly confirmed tracks; return the moving objects with their common ids and classes."""
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.min_confirmed_evidence)
-        is_new &= tracks.detections > 1
         boxes = tracks.boxes_velo(tracks.sizes_m, frame_geometry.world_SE3_velo)
         known_m = np.where(tracks.is_located[:, None], boxes.bottom_m, np.nan)
         boxes = replace(boxes, bottom_m=known_m)

@@ -79,10 +79,15 @@ def moving_at(boxes: Boxes3D, *numbers: int) -> Tracks:
 def test_parked_cars_keep_their_ids_and_stand_still():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (28.0, -4.0, 0.0), (36.0, 4.0, 0.0))
     reported = [drive.observe(world).vehicles for _ in range(20)]
-    assert reported[0].ids.tolist() == [-1, -1, -1]
-    assert [one.ids.tolist() for one in reported[1:]] == [[0, 1, 2]] * 19
+    assert [one.ids.tolist() for one in reported] == [[0, 1, 2]] * 20
     np.testing.assert_allclose(reported[-1].velocities_m_s, 0.0, atol=0.3)
     assert np.isnan(reported[0].velocities_m_s).all()
+
+
+def test_a_less_sure_detection_is_confirmed_by_the_next_one():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    reported = [drive.observe(world, scores=0.75).vehicles.ids.tolist() for _ in range(3)]
+    assert reported == [[-1], [0], [0]]
 
 
 def test_a_moving_car_has_its_speed_and_its_course():
@@ -219,7 +224,7 @@ def test_the_class_of_a_person_has_the_largest_sum_of_evidence():
     for kind in (walks, walks, rides, walks, rides, rides, rides, rides):
         vehicles = drive.observe(world, types=(kind,)).vehicles
         reported.append((vehicles.ids.tolist(), vehicles.fused.detections.types.tolist()))
-    assert [ids for ids, _ in reported] == [[-1]] + [[0]] * 7
+    assert [ids for ids, _ in reported] == [[0]] * 8
     assert [kind for _, kind in reported] == [[walks]] * 6 + [[rides]] * 2
 
 
@@ -371,7 +376,7 @@ def test_a_gap_is_bridged(blind):
     assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
 
 
-@pytest.mark.parametrize(("gap", "ids"), [(0, [-1]), (10, [0])])
+@pytest.mark.parametrize(("gap", "ids"), [(0, [1]), (10, [0])])
 def test_what_was_hidden_for_a_second_is_found_again_beside_its_expected_box(gap, ids):
     drive = Drive(speed_m_s=0.0)
     for _ in range(4):
@@ -495,7 +500,7 @@ def test_a_vehicle_takes_the_id_of_what_moved_there_before():
         reported = drive.observe(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
         assert reported.tracks.ids.tolist() == [0]
     reported = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
-    assert [one.vehicles.ids.tolist() for one in reported] == [[-1], [0], [0], [0]]
+    assert [one.vehicles.ids.tolist() for one in reported] == [[0]] * 4
     assert [one.tracks.ids.tolist() for one in reported] == [[0]] * 4
 
 
