@@ -24,6 +24,7 @@ class OpenConfig:
         reflectance_scale: Full scale of reflectance, such as 255; else found from some scans.
         columns: Names of the columns of scans in order, where their files do not name them; else what the drive states.
         start: Number of frames at the start of the drive that are left out.
+        every: Step from frame to frame: 5 takes every fifth.
     """
 
     sensor: str | None = None
@@ -34,11 +35,14 @@ class OpenConfig:
     reflectance_scale: float | None = None
     columns: tuple[str, ...] = ()
     start: int = 0
+    every: int = 1
 
     def __post_init__(self) -> None:
-        """Validate the full scale of reflectance, the columns and the start."""
+        """Validate the full scale of reflectance, the columns, the start and the step."""
         if self.start < 0:
             raise UsageError("--start", expected="0 or more", found=str(self.start))
+        if self.every < 1:
+            raise UsageError("--every", expected="1 or more", found=str(self.every))
         if self.columns:
             from data.clouds.cloud import require_column_names
 

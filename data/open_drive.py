@@ -42,7 +42,8 @@ def open_drive(
         layout, sequences = _recognise(path)
         drive = _open(layout, path, _choose(path, sequences, sequence), config)
         drive = replace(drive, deskew=True) if config.deskew else drive
-        return _without_start(drive, config.start) if config.start else drive
+        is_whole = config.start == 0 and config.every == 1
+        return drive if is_whole else _selected(drive, config.start, config.every)
 
 
 def _open(layout: Layout, path: Path, sequence: str | None, config: OpenConfig) -> RecordedDrive:
@@ -65,14 +66,14 @@ def _open(layout: Layout, path: Path, sequence: str | None, config: OpenConfig) 
     )
 
 
-def _without_start(drive: RecordedDrive, start: int) -> RecordedDrive:
+def _selected(drive: RecordedDrive, start: int, every: int) -> RecordedDrive:
     if start >= len(drive):
         raise UsageError(
             "--start",
             expected=f"less than {len(drive)}, the frames of {drive.name}",
             found=str(start),
         )
-    return drive.select(range(start, len(drive)))
+    return drive.select(range(start, len(drive), every))
 
 
 def open_drives(

@@ -97,11 +97,11 @@ def road(*, step_m: float = 0.4) -> np.ndarray:
     return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, ROAD_M)])
 
 
-def frame_of(*parts: np.ndarray, index: int = 0, pose: np.ndarray | None = None) -> Frame:
+def frame_of(*parts: np.ndarray, index: float = 0, pose: np.ndarray | None = None) -> Frame:
     """Return a frame without image, ten of which make a second."""
     points = np.concatenate(parts)
     scan = np.column_stack([points, np.full(len(points), 0.3)]).astype(np.float32)
-    return Frame(index, 0.1 * index, scan, world_SE3_velo=pose, calibration=CALIBRATION)
+    return Frame(int(index), 0.1 * index, scan, world_SE3_velo=pose, calibration=CALIBRATION)
 
 
 def detected(boxes: Boxes3D, scores: np.ndarray | float = 0.9) -> FusedDetections:

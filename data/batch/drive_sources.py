@@ -42,7 +42,7 @@ def find_drives(patterns: Sequence[str]) -> list[DriveSource]:
     return [source for pattern in patterns for source in _sources(pattern)]
 
 
-def chunks(count: int, start: int, frames: int | None, size: int) -> list[range]:
+def chunks(count: int, start: int, frames: int | None, size: int, every: int = 1) -> list[range]:
     """Return the indices of frames in chunks, the last one shorter.
 
     Args:
@@ -50,9 +50,11 @@ def chunks(count: int, start: int, frames: int | None, size: int) -> list[range]
         start: Number of frames at its start that are left out.
         frames: Number of frames from there, or None for all.
         size: Number of frames of a chunk.
+        every: Step from frame to frame.
     """
-    end = count if frames is None else min(count, start + frames)
-    return [range(first, min(first + size, end)) for first in range(start, end, size)]
+    end = count if frames is None else min(count, start + every * frames)
+    firsts = range(start, end, every * size)
+    return [range(first, min(first + every * size, end), every) for first in firsts]
 
 
 def _sources(pattern: str) -> list[DriveSource]:

@@ -107,11 +107,11 @@ def _chunks(
     if source.url:
         return [None]
     try:
-        whole = replace(frames.reading, start=0)
+        whole = replace(frames.reading, start=0, every=1)
         drive = open_drive(source.root, sequence=source.sequence, config=whole)
     except PerceptionError:
         return [None]
-    return chunks(len(drive), frames.start, frames.frames, size) or [None]
+    return chunks(len(drive), frames.start, frames.frames, size, frames.every) or [None]
 
 
 def synth_tasks(command: BatchedCommand, out: Path) -> list[Task]:

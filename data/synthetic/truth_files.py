@@ -53,23 +53,23 @@ def read_truth(drive: RecordedDrive, files: TruthFiles) -> list[PosedLabels]:
     """
     assert drive.calibration is not None
     labels = read_tracking_labels(files.labels, drive.calibration)
-    poses = _read_poses(files.poses, len(drive))
+    poses = _read_poses(files.poses, max(drive.frame_numbers) + 1)
     return [
-        PosedLabels(index, drive.stamp_s(index), poses[index], labels.get(number, empty_labels()))
+        PosedLabels(index, drive.stamp_s(index), poses[number], labels.get(number, empty_labels()))
         for index, number in enumerate(drive.frame_numbers)
     ]
 
 
 def _read_poses(path: Path, frames: int) -> Float64:
-    """Return (F, 4, 4) poses."""
+    """Return (F, 4, 4) poses of at least so many frames."""
     try:
         rows = np.loadtxt(path, np.float64, ndmin=2)
     except ValueError as error:
         raise PoseError(path, expected="12 numbers a row", found=str(error)) from error
-    if rows.shape != (frames, 12) or not np.isfinite(rows).all():
+    if len(rows) < frames or rows.shape[1] != 12 or not np.isfinite(rows).all():
         raise PoseError(
             path, expected=f"{frames} rows of 12 finite numbers", found=f"shape {rows.shape}"
         )
-    poses = np.tile(np.eye(4), (frames, 1, 1))
-    poses[:, :3] = rows.reshape(frames, 3, 4)
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3] = rows.reshape(-1, 3, 4)
     return poses

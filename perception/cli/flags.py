@@ -1,6 +1,6 @@
 """Flags that several commands share, each declared once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,11 +48,12 @@ class SourceFlags(FlagGroup):
         """How the drive is read.
 
         Raises:
-            PerceptionError: The full scale of the reflectance is not above 0, or columns are not those of a scan.
+            PerceptionError: The full scale of the reflectance is not above 0, columns are not those of a scan, or the start
+                is negative or the step of the frames not positive.
         """
         from data.layouts import OpenConfig
 
-        same = ("sensor", "camera", "lidar", "deskew", "reflectance_scale", "columns")
+        same = vars(OpenConfig()).keys() & vars(self).keys()
         return OpenConfig(**{name: getattr(self, name) for name in same})
 
 
@@ -62,10 +63,12 @@ class DriveFlags(SourceFlags):
 
     Attributes:
         frames: Number of frames from the start of the drive; all by default.
+        every: Step from frame to frame: 5 takes every fifth, as of a LiDAR of a fifth of the rate.
         on_bad_frame: Stop at a damaged frame and keep the results so far, or skip the frame with a warning.
     """
 
     frames: int | None = None
+    every: int = 1
     on_bad_frame: OnBadFrame = "stop"
 
     def __post_init__(self) -> None:
@@ -91,11 +94,6 @@ class PartOfDriveFlags(DriveFlags):
     """
 
     start: int = 0
-
-    @property
-    def reading(self) -> "OpenConfig":
-        """How the drive is read; errors as of all drives, or a negative start."""
-        return replace(super().reading, start=self.start)
 
 
 @dataclass(frozen=True)

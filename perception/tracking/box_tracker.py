@@ -15,6 +15,7 @@ from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import reported_yaws, update_from_course
 from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
 from perception.tracking.track_table import (
+    MAX_PAUSE_S,
     TrackTable,
     is_alive,
     is_confirmed,
@@ -60,15 +61,16 @@ class BoxTracker:
         self._tracks = TrackTable.empty()
         self._static_before_m = np.zeros((0, 2))
         self._stamp_s: float | None = None
+        self._elapsed_s = 0.0
 
     def update(
         self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
     ) -> Tracks:
         """Update the tracks by the clusters of one scan, and return the reported ones."""
         if self._stamp_s is None or stamp_s > self._stamp_s:
-            elapsed_s = 0.0 if self._stamp_s is None else stamp_s - self._stamp_s
+            self._elapsed_s = 0.0 if self._stamp_s is None else stamp_s - self._stamp_s
             self._stamp_s = stamp_s
-            self._predict(elapsed_s)
+            self._predict()
             sensor_m = world_SE3_velo[:2, 3]
             new = self._update_with_moving(moving.moved(world_SE3_velo), sensor_m)
             self._update_with_static(static.moved(world_SE3_velo), sensor_m)
@@ -77,9 +79,10 @@ class BoxTracker:
             self._delete_tracks(world_SE3_velo)
         return self._report(self._stamp_s, world_SE3_velo)
 
-    def _predict(self, elapsed_s: float) -> None:
-        """Predict the tracks; after a long gap in time none is left."""
-        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config)]
+    def _predict(self) -> None:
+        """Predict the tracks; after a long pause none is left."""
+        elapsed_s = self._elapsed_s
+        tracks = self._tracks if elapsed_s <= MAX_PAUSE_S else TrackTable.empty()
         predicted = motion_model.predict(update_from_course(tracks, elapsed_s), elapsed_s)
         turn_rad = np.abs(wrap(predicted.yaw_rad - tracks.yaw_rad, np.pi))
         self._tracks = with_sides_swapped(predicted, turn_rad > np.pi / 4)
@@ -111,8 +114,8 @@ class BoxTracker:
 
     def _update_with_static(self, clusters: Footprints, sensor_m: Float64) -> None:
         """Continue confirmed tracks by static clusters where no moving cluster has."""
-        is_new = self._is_newly_static(clusters)
-        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config))
+        is_new, before_s = self._is_newly_static(clusters), self._stamp - self._elapsed_s
+        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, before_s))
         if len(clusters) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
@@ -150,6 +153,7 @@ class BoxTracker:
             last_seen_s=stamps_s,
             last_moved_s=stamps_s if is_moving else tracks.last_moved_s,
             hits=tracks.hits + is_moving,
+            observed_s=tracks.observed_s + is_moving * self._elapsed_s,
         )
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config))
         self._tracks = self._tracks.replaced(rows, tracks)

@@ -11,28 +11,29 @@ class BoxTrackerConfig:
     """Tracker of moving objects as boxes, the default: confirmation, reporting and deletion of tracks.
 
     Attributes:
-        min_hits: Number of moving observations before a well observed track is confirmed (M).
-        min_hits_poorly_observed: Number of moving observations before a track of few points is confirmed.
+        min_observed_s: Time over which a well observed track is observed as moving before it is confirmed; at
+            least twice, and scans that miss it do not count.
+        min_observed_poorly_s: The same of a track of few points.
         min_points_well_observed: Number of points, over all observations, of a well observed track.
         min_travel_m: Minimum distance from the first position before a track is confirmed, beyond the jitter of sides.
         min_speed_m_s: Minimum mean speed since the first observation before a track is confirmed; slower than
             the slowest pedestrian.
-        max_unseen_unconfirmed_s: Time without an observation after which an unconfirmed track is deleted; at 10 Hz
-            it may miss every second scan.
-        max_unseen_s: Time without an observation after which a confirmed track is deleted; a car passes in front
-            of a pedestrian within it.
-        max_unseen_reported_s: Time without an observation for which a track of many hits is reported.
+        max_unseen_unconfirmed_s: Time without an observation after which a scan that misses an unconfirmed track
+            deletes it; at 10 Hz it may miss every second scan.
+        max_unseen_s: Time without an observation after which a scan that misses a confirmed track deletes it; a
+            car passes in front of a pedestrian within it.
+        max_unseen_reported_s: Time without an observation for which a track of many observations is reported.
         max_static_reported_s: Time for which a track that is continued by static clusters is reported.
         max_static_s: Time after which a track that is continued by static clusters is deleted.
     """
 
-    min_hits: int = 2
-    min_hits_poorly_observed: int = 5
+    min_observed_s: float = 0.1
+    min_observed_poorly_s: float = 0.4
     min_points_well_observed: int = 50
     min_travel_m: float = 0.15
     min_speed_m_s: float = 0.5
-    max_unseen_unconfirmed_s: float = 0.25
-    max_unseen_s: float = 1.2
+    max_unseen_unconfirmed_s: float = 0.15
+    max_unseen_s: float = 1.1
     max_unseen_reported_s: float = 0.3
     max_static_reported_s: float = 1.0
     max_static_s: float = 3.0

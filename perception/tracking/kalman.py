@@ -61,15 +61,17 @@ def mahalanobis_squared(
 ) -> Float64:
     """Return (T, D) the squared distances of measurements from the prediction of each filter.
 
-    For a correct filter they are chi-squared with k degrees of freedom.
+    For a correct filter they are chi-squared with two degrees of freedom.
 
     Args:
         states: T filters.
-        measured: (D, k) measurements, or (T, D, k) where each filter has its own.
-        observation: (k, n) observation.
-        measurement_noise: (k, k) noise, or (T, D, k, k).
+        measured: (D, 2) measurements, or (T, D, 2) where each filter has its own.
+        observation: (2, n) observation.
+        measurement_noise: (2, 2) noise, or (T, D, 2, 2).
     """
     away = measured - (states.mean @ observation.T)[:, None]
     spread = (observation @ states.covariance @ observation.T)[:, None] + measurement_noise
-    weighted = np.linalg.solve(spread, away[..., None])[..., 0]
-    return np.asarray((away * weighted).sum(axis=-1))
+    # In closed form, as there are many pairs.
+    x, y = away[..., 0], away[..., 1]
+    xx, xy, yy = spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]
+    return np.asarray((yy * x**2 - 2 * xy * x * y + xx * y**2) / (xx * yy - xy**2))

@@ -74,8 +74,12 @@ def position_noise(
 def turned_variances(variances: Float64, yaw_rad: Float64) -> Float64:
     """Return (..., 2, 2) the covariances of x and y by (..., 2) variances along headings and to their left."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-    turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
-    return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))
+    along, left = variances[..., 0], variances[..., 1]
+    turned = np.empty((*along.shape, 2, 2))
+    turned[..., 0, 0] = cos**2 * along + sin**2 * left
+    turned[..., 1, 1] = sin**2 * along + cos**2 * left
+    turned[..., 0, 1] = turned[..., 1, 0] = cos * sin * (along - left)
+    return turned
 
 
 def squared_distances(states: Gaussians, centers_m: Float64, noise: Float64) -> Float64:

@@ -9,8 +9,10 @@ from perception.tracking.config import BoxTrackerConfig
 from perception.tracking.tracker import GroundPlaneTracks
 from perception.types import Bool, Float64, Int
 
-_MIN_HITS_REPORTED_UNSEEN = 5  # number of hits of a track that is reported without an observation
-_MAX_STOPPING_S = 0.35  # since the last observation, within which a static cluster may go on
+# Time over which a track is observed before it is reported without an observation.
+_MIN_OBSERVED_UNSEEN_S = 0.4
+_MAX_STOPPING_S = 0.25  # unseen by the last scan, within which a static cluster may go on
+MAX_PAUSE_S = 2.0  # between two scans, over which objects are found again
 _MAX_STOPPING_SPEED_M_S = 3.0  # maximum speed of such a track
 ROUNDING_S = 1e-3  # of stamps
 
@@ -31,6 +33,7 @@ class TrackTable(GroundPlaneTracks):
         last_seen_s: (T,) time of the last observation.
         last_moved_s: (T,) time of the last observation as a moving object.
         hits: (T,) number of observations as a moving object.
+        observed_s: (T,) time from scan to scan at whose end it was observed as a moving object.
         points: (T,) number of points of all observations.
         is_confirmed: (T,) whether the track is confirmed.
     """
@@ -46,6 +49,7 @@ class TrackTable(GroundPlaneTracks):
     last_seen_s: Float64
     last_moved_s: Float64
     hits: Int
+    observed_s: Float64
     points: Int
     is_confirmed: Bool
 
@@ -60,28 +64,36 @@ def is_confirmed(tracks: TrackTable, config: BoxTrackerConfig) -> Bool:
         & (tracks.speeds_m_s >= config.min_speed_m_s)
     )
     is_well_observed = tracks.points >= config.min_points_well_observed
-    needed = np.where(is_well_observed, config.min_hits, config.min_hits_poorly_observed)
-    return np.asarray(tracks.is_confirmed | ((tracks.hits >= needed) & travels))
+    needed_s = np.where(is_well_observed, config.min_observed_s, config.min_observed_poorly_s)
+    is_lasting = (tracks.hits > 1) & (tracks.observed_s >= needed_s - ROUNDING_S)
+    return np.asarray(tracks.is_confirmed | (is_lasting & travels))
 
 
 def is_alive(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
-    """Return whether each track is kept: observed recently, and as a moving object not too long ago."""
+    """Return whether a scan keeps each track: observed recently, and as a moving object not too long ago."""
     limit_s = np.where(tracks.is_confirmed, config.max_unseen_s, config.max_unseen_unconfirmed_s)
     is_lost = stamp_s - tracks.last_seen_s > limit_s + ROUNDING_S
     is_static = stamp_s - tracks.last_moved_s > config.max_static_s + ROUNDING_S
     return np.asarray(~is_lost & ~is_static)
 
 
-def may_be_static(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
-    """Return whether each confirmed track that is not observed in this scan may have stopped."""
-    is_fresh = stamp_s - tracks.last_seen_s <= _MAX_STOPPING_S + ROUNDING_S
+def may_be_static(tracks: TrackTable, stamp_s: float, before_s: float) -> Bool:
+    """Return whether each confirmed track that is not observed in this scan may have stopped.
+
+    Args:
+        tracks: T tracks.
+        stamp_s: Time of this scan.
+        before_s: Time of the scan before.
+    """
+    is_fresh = before_s - tracks.last_seen_s <= _MAX_STOPPING_S + ROUNDING_S
     is_slow = tracks.speeds_m_s <= _MAX_STOPPING_SPEED_M_S
     return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
 
 def is_reported(tracks: TrackTable, stamp_s: float, config: BoxTrackerConfig) -> Bool:
     """Return whether each track is reported."""
-    limit_s = np.where(tracks.hits >= _MIN_HITS_REPORTED_UNSEEN, config.max_unseen_reported_s, 0.0)
+    is_known = tracks.observed_s >= _MIN_OBSERVED_UNSEEN_S - ROUNDING_S
+    limit_s = np.where(is_known, config.max_unseen_reported_s, 0.0)
     is_observed = stamp_s - tracks.last_seen_s <= limit_s + ROUNDING_S
     moves = stamp_s - tracks.last_moved_s <= config.max_static_reported_s + ROUNDING_S
     return np.asarray(tracks.is_confirmed & is_observed & moves)

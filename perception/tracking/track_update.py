@@ -140,6 +140,7 @@ def init_tracks(clusters: Footprints, sensor_m: Float64, stamp_s: float) -> Trac
         last_seen_s=stamps_s,
         last_moved_s=stamps_s,
         hits=np.ones(count, np.int64),
+        observed_s=np.zeros(count),
         points=clusters.points,
         is_confirmed=np.zeros(count, bool),
     )

@@ -133,6 +133,14 @@ def test_the_start_may_be_left_out(raw_drive):
         OpenConfig(start=-1)
 
 
+def test_a_drive_may_be_thinned(raw_drive):
+    whole, part = open_drive(raw_drive), open_drive(raw_drive, config=OpenConfig(start=1, every=2))
+    assert part.frame_names == whole.frame_names[1::2]
+    assert [part.stamp_s(index) for index in range(3)] == [whole.stamp_s(n) for n in (1, 3, 5)]
+    with fault(UsageError, "--every", expected="1 or more", found="0"):
+        OpenConfig(every=0)
+
+
 def test_images_may_be_left_aside(raw_drive):
     drive = open_drive(raw_drive, images=False)
     assert drive[0].image is None

@@ -290,3 +290,65 @@ def test_a_car_that_leaves_the_shadow_of_a_lorry_has_its_own_id():
         tracks = drive.scan(*([lorry, car] if step > 8 else [lorry]))
     assert tracks.ids.tolist() == [0, 1]
     assert tracks.velocities_m_s[:, 0] == pytest.approx([1.0, 6.0], abs=0.3)
+
+
+def moments(rate_hz: float, duration_s: float) -> list[float]:
+    """Return stamps of scans that come up to a tenth of the period early or late."""
+    jitter = np.random.default_rng(0).uniform(-0.1, 0.1, round(duration_s * rate_hz))
+    return [(number + off) / rate_hz for number, off in enumerate(jitter.tolist())]
+
+
+def reported_at(stamps_s: list[float], *paths: tuple, hidden_s: tuple = (0.0, 0.0)) -> list[Tracks]:
+    """Return the tracks of each scan; paths are x, y, vx, vy, size, and when the object comes and goes."""
+    tracker, found = BoxTracker(), []
+    for stamp_s in stamps_s:
+        is_hidden = hidden_s[0] <= stamp_s < hidden_s[1]
+        seen = [
+            sides(x + vx * stamp_s, y + vy * stamp_s, np.arctan2(vy, vx), size)
+            for x, y, vx, vy, size, comes_s, goes_s in paths
+            if comes_s <= stamp_s < goes_s and not is_hidden
+        ]
+        found.append(tracker.update(100.0 + stamp_s, HERE, clusters(*seen), NOTHING))
+    return found
+
+
+RATES = pytest.mark.parametrize("rate_hz", [2, 5, 10, 20])
+
+
+@RATES
+def test_an_object_has_one_id_at_any_rate(rate_hz):
+    stamps_s = moments(rate_hz, 5.0)
+    for vx, size in ((-10.0, CAR), (1.4, WALKER)):
+        found = reported_at(stamps_s, (25.0, 4.0, vx, 0.0, size, -1, 9))
+        confirmed_s = next(s for s, one in zip(stamps_s, found, strict=True) if len(one))
+        assert confirmed_s <= max(1.2 / rate_hz, 0.5)
+        is_late = np.array(stamps_s) > 1.2
+        late = [one for one, is_one in zip(found, is_late, strict=True) if is_one]
+        assert [one.ids.tolist() for one in late] == [[0]] * len(late)
+        np.testing.assert_allclose(late[-1].velocities_m_s, [[vx, 0.0]], atol=0.5)
+
+
+@RATES
+def test_two_who_cross_keep_their_ids_at_any_rate(rate_hz):
+    left = (10.0, -3.5, 0.0, 1.4, WALKER, -1, 9)
+    right = (12.0, 3.5, 0.0, -1.4, WALKER, -1, 9)
+    for tracks in reported_at(moments(rate_hz, 5.0), left, right)[rate_hz:]:
+        order = np.argsort(tracks.velocities_m_s[:, 1])
+        assert tracks.ids[order].tolist() == [1, 0]
+
+
+@RATES
+def test_a_second_without_it_keeps_the_id_at_any_rate(rate_hz):
+    stamps_s = moments(rate_hz, 6.0)
+    found = reported_at(stamps_s, (30.0, 4.0, -8.0, 0.0, CAR, -1, 9), hidden_s=(2.55, 3.45))
+    assert {number for one in found for number in one.ids.tolist()} == {0}
+    assert len(found[-1]) == 1
+
+
+@RATES
+def test_who_leaves_and_who_comes_are_two_at_any_rate(rate_hz):
+    leaves = (20.0, 4.0, 10.0, 0.0, CAR, -1, 2.4)
+    comes = (-20.0, 4.0, 10.0, 0.0, CAR, 2.4, 9)
+    found = reported_at(moments(rate_hz, 5.0), leaves, comes)
+    assert {number for one in found for number in one.ids.tolist()} == {0, 1}
+    assert found[-1].ids.tolist() == [1]

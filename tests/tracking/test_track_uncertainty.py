@@ -17,7 +17,7 @@ def table(count, **values) -> TrackTable:
         ids=np.arange(count), yaw_variance=zeros, sizes_m=np.ones((count, 2)),
         recent_sizes_m=np.ones((count, 3, 2)), complete_counts=np.zeros((count, 2), np.int64), heights_m=one,
         first_seen_s=zeros, first_seen_world_m=np.zeros((count, 2)), last_seen_s=zeros, last_moved_s=zeros,
-        hits=np.full(count, 9), points=np.full(count, 99), is_confirmed=one > 0,
+        hits=np.full(count, 9), observed_s=one, points=np.full(count, 99), is_confirmed=one > 0,
     )  # fmt: skip
     return replace(tracks, **values)
 

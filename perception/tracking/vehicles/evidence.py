@@ -12,6 +12,10 @@ _MAX_HEIGHT_EVIDENCE = 3.0  # maximum evidence that a height takes away
 # Beyond these, a single detection would settle a track for good.
 _MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
 _LOWEST_VEHICLE = "Car"
+# Time constant of the memory of evidence, since detections of one object err alike, and the evidence of an object that is
+# always detected, in that of one detection.
+_MEMORY_S, _MAX_EVIDENCE_RATIO = 0.615, 6.67
+MISS = -0.1  # log-odds of a scan without a detection
 
 
 def with_heights(existence: Float64, heights_m: Float64, detections: Detections) -> Float64:
@@ -34,6 +38,19 @@ def with_heights(existence: Float64, heights_m: Float64, detections: Detections)
     off_m = np.where(has_sides, np.minimum(off_m, 0.0), off_m)
     against = np.minimum(np.nan_to_num(off_m) ** 2 / variance_m2 / 2, _MAX_HEIGHT_EVIDENCE)
     return probability(log_odds(existence) - against)
+
+
+def remembered(elapsed_s: float) -> float:
+    """Return the share of the evidence that is left after a time."""
+    return float(np.exp(-elapsed_s / _MEMORY_S))
+
+
+def added(log_odds: Float64 | float, elapsed_s: float) -> Float64:
+    """Return the evidence that log-odds of a scan add, for the time since the scan before.
+
+    With the memory, evidence is the mean of the log-odds over time, whatever the rate of the scans.
+    """
+    return np.asarray(_MAX_EVIDENCE_RATIO * (1.0 - remembered(elapsed_s)) * log_odds)
 
 
 def probability(evidence: Float64) -> Float64:

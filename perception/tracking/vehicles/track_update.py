@@ -7,7 +7,7 @@ import numpy as np
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
-from perception.tracking.vehicles.evidence import log_odds
+from perception.tracking.vehicles.evidence import added, log_odds
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
     NEAREST_M,
@@ -21,7 +21,8 @@ from perception.types import Bool, Float64, Int
 _MAX_WALKING_SPEED_M_S = 3.0  # above which a person rides; detectors see the rider of a cycle, too
 _MAX_RIDING_VOTES = 10  # detections above that speed, less those below, that settle it
 _BOX_GAIN = 0.5  # gain of the correction of a box in the image
-RELOCATE_AFTER_S = 0.35  # time located elsewhere than predicted after which a track moves there
+# Time located elsewhere than predicted, by the frame before, after which a track moves there.
+RELOCATE_AFTER_S = 0.25
 _HEADING_MEMORY = 0.7  # share of the past observations of the heading that the next one leaves
 _COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
 _FRONT_SPEED_M_S = 1.0  # minimum speed at which the course distinguishes front and rear
@@ -95,11 +96,20 @@ def update_tracks(
     observations: VehicleObservations,
     expected_px: Float64,
     frame: FrameGeometry,
+    elapsed_s: float,
 ) -> VehicleTable:
-    """Correct each of T tracks by the detection that continues it, and by its (T, 4) predicted box in the image."""
+    """Correct each of T tracks by the detection that continues it.
+
+    Args:
+        tracks: T predicted tracks.
+        observations: T detections.
+        expected_px: (T, 4) predicted boxes in the image.
+        frame: Geometry of the frame.
+        elapsed_s: Time since the frame before.
+    """
     found_px = observations.detections.boxes_px
     smoothed_px = expected_px + _BOX_GAIN * (found_px - expected_px)
-    evidence = tracks.evidence + log_odds(observations.existence)
+    evidence = tracks.evidence + added(log_odds(observations.existence), elapsed_s)
     tracks = replace(
         tracks,
         class_evidence=tracks.class_evidence + observations.class_scores,
@@ -110,7 +120,7 @@ def update_tracks(
         boxes_px=np.where(np.isfinite(smoothed_px), smoothed_px, found_px),
         cameras=observations.cameras,
     )
-    return _anchored(_seen_on_ground(tracks, observations, frame), frame)
+    return _anchored(_seen_on_ground(tracks, observations, frame, elapsed_s), frame)
 
 
 def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:
@@ -119,12 +129,15 @@ def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:
 
 
 def _seen_on_ground(
-    tracks: VehicleTable, observations: VehicleObservations, frame: FrameGeometry
+    tracks: VehicleTable,
+    observations: VehicleObservations,
+    frame: FrameGeometry,
+    elapsed_s: float,
 ) -> VehicleTable:
     """Correct the tracks located near their prediction, and relocate those located elsewhere for some time."""
     distances = np.diagonal(position_distances(tracks, observations))
     is_expected = tracks.is_located & (distances <= motion_model.GATE)
-    is_lost = frame.stamp_s - tracks.last_located_s > RELOCATE_AFTER_S
+    is_lost = frame.stamp_s - elapsed_s - tracks.last_located_s > RELOCATE_AFTER_S
     relocated = np.flatnonzero(
         observations.is_located & ~is_expected & (is_lost | ~tracks.is_located)
     )

@@ -16,13 +16,19 @@ from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
 from perception.tracking import motion_model
 from perception.tracking.association import assign_with_max_cost
-from perception.tracking.track_table import ROUNDING_S
+from perception.tracking.track_table import MAX_PAUSE_S, ROUNDING_S
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.duplicates import is_duplicate
-from perception.tracking.vehicles.evidence import likeliest_classes, probability
+from perception.tracking.vehicles.evidence import (
+    MISS,
+    added,
+    likeliest_classes,
+    probability,
+    remembered,
+)
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
     FrameGeometry,
@@ -52,7 +58,10 @@ from perception.types import (
 )
 
 _HIGH_EXISTENCE = 0.5  # minimum existence of a detection that is assigned before the others
-_MIN_IOU = 0.1  # minimum IoU in the image of a detection and the track that it continues
+_MIN_IOU = 0.1  # minimum IoU in the image of a detection and the track that it continues, or else:
+_IMAGE_GATE = (
+    13.3  # maximum squared distance of the sides (99 %, chi-squared, 4 degrees of freedom)
+)
 _SIDE_DEVIATION_SHARE = 0.16  # of the sides of a 2D box from their prediction, in width and height
 _MIN_SIZE_PX = 4.0  # minimum width and height in that share
 _CLASS_CHANGE_COST = 10.0  # cost of a detection of another class than that of the track
@@ -62,8 +71,6 @@ _MAX_COST = 30.0
 _OUTLINE_WEIGHT = 0.6  # of the outline of a 3D box in the reported box of a vehicle in the image
 _MAX_OUTLINE_SHARE = 0.4  # maximum difference of their sides, in width and height, where they agree
 _MAX_UNLOCATED_S = 2.0  # after which a track has the place and the class of its image alone
-_MISS = 0.1  # evidence that a frame without a detection takes away
-_MEMORY = 0.85  # of the past evidence in the next frame, since detections of one object err alike
 _HEIGHT_DEVIATION_M = 0.03  # of the height of a track, which tells classes apart
 _SCORE_WEIGHT = 0.2  # of the logarithm of scores beside that of the likelihood of a height
 _WALKER, _RIDER = "Pedestrian", "Cyclist"
@@ -96,6 +103,7 @@ class VehicleTracker:
         self._classes = np.array([], np.str_)
         self._tracks = replace(VehicleTable.empty(), class_evidence=np.zeros((0, 0)))
         self._stamp_s: float | None = None
+        self._elapsed_s = 0.0
         self._shared_ids.clear()
 
     def update(
@@ -130,18 +138,20 @@ class VehicleTracker:
         return VehicleTrackerResult(self._with_tracks(vehicles, cameras, types), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
-        """Predict the tracks, and delete those unseen for too long."""
+        """Predict the tracks, and delete those that the frame before has missed for too long; after a long pause all."""
         elapsed_s = 0.0 if self._stamp_s is None else frame_geometry.stamp_s - self._stamp_s
-        self._stamp_s = frame_geometry.stamp_s
+        self._stamp_s, self._elapsed_s = frame_geometry.stamp_s, elapsed_s
         tracks, config = self._tracks, self._config
         limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
-        goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + ROUNDING_S
+        before_s = frame_geometry.stamp_s - elapsed_s
+        goes_on = before_s - tracks.last_seen_s <= limit_s + ROUNDING_S
         goes_on &= (tracks.ids >= 0) | (tracks.evidence > 0)
+        goes_on &= elapsed_s <= MAX_PAUSE_S
         tracks = motion_model.predict(tracks[goes_on], elapsed_s)
         unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
         self._tracks = replace(
             tracks,
-            evidence=_MEMORY * tracks.evidence,
+            evidence=remembered(elapsed_s) * tracks.evidence,
             is_located=tracks.is_located & (unlocated_s <= _MAX_UNLOCATED_S + ROUNDING_S),
         )
 
@@ -179,17 +189,22 @@ class VehicleTracker:
             track_of[chosen[pairs.detections]] = free[pairs.tracks]
             free = free[pairs.unmatched_tracks]
         missed = np.zeros(len(self._tracks))
-        missed[free] = _MISS
-        self._tracks = replace(self._tracks, evidence=self._tracks.evidence - missed)
+        missed[free] = added(MISS, self._elapsed_s)
+        self._tracks = replace(self._tracks, evidence=self._tracks.evidence + missed)
         is_new = (track_of < 0) & (existence >= self._config.new_track_existence)
         for camera, geometry in enumerate(cameras):
             is_here = observations.cameras == camera
             seen = np.flatnonzero(is_here & (track_of >= 0))
             rows, new = track_of[seen], np.flatnonzero(is_here & is_new)
-            corrected = update_tracks(
-                self._tracks[rows], observations[seen], expected_px[camera][rows], geometry
-            )
-            self._tracks = self._tracks.replaced(rows, corrected)
+            if len(rows):
+                corrected = update_tracks(
+                    self._tracks[rows],
+                    observations[seen],
+                    expected_px[camera][rows],
+                    geometry,
+                    self._elapsed_s,
+                )
+                self._tracks = self._tracks.replaced(rows, corrected)
             track_of[new] = len(self._tracks) + np.arange(len(new))
             if len(new):
                 self._tracks = self._tracks.joined(init_tracks(observations[new], geometry))
@@ -200,12 +215,15 @@ class VehicleTracker:
         """Return (T, D) the costs of continuing tracks by detections; infinite where a track cannot go on so."""
         tracks, types = self._tracks, self._types(self._tracks)
         expected_px, detections = np.nan_to_num(expected_px), observations.detections
-        is_allowed = iou_px(expected_px, detections.boxes_px) >= _MIN_IOU
         on_ground, gate = position_distances(tracks, observations), motion_model.GATE
+        is_near = on_ground <= gate
         # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         deviations_px = self._side_deviations_px(expected_px)
         in_image = _side_distances(expected_px, detections.boxes_px, deviations_px)
+        # What has come far since the last frame need not overlap its old box.
+        is_allowed = iou_px(expected_px, detections.boxes_px) >= _MIN_IOU
+        is_allowed |= is_near & (in_image <= _IMAGE_GATE)
         is_other = types[:, None] != detections.types
         # A van may be taken for a car, but no person for a vehicle.
         is_allowed &= (
@@ -235,11 +253,12 @@ class VehicleTracker:
         """Give ids to newly confirmed tracks; return the moving objects with their common ids and classes."""
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.min_confirmed_evidence)
-        is_new &= tracks.detections > 1
         boxes = tracks.boxes_velo(tracks.sizes_m, frame_geometry.world_SE3_velo)
         known_m = np.where(tracks.is_located[:, None], boxes.bottom_m, np.nan)
         boxes = replace(boxes, bottom_m=known_m)
-        ids, moving = self._shared_ids.share(tracks.ids, is_new, boxes, moving)
+        ids, moving = self._shared_ids.share(
+            frame_geometry.stamp_s, tracks.ids, is_new, boxes, moving
+        )
         self._tracks = replace(tracks, ids=ids)
         return _classified(moving, self._tracks, types)
 
@@ -263,7 +282,7 @@ class VehicleTracker:
         ids[seen], is_known = tracks.ids, is_velocity_known(tracks)
         moved = tracks[is_known].velocities_velo(frame_geometry.world_SE3_velo)
         velocities_m_s[seen[is_known]] = moved
-        boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry)
+        boxes = _tracked_boxes(vehicles.boxes, seen, tracks, frame_geometry, self._elapsed_s)
         boxes_px = tracks.boxes_px.copy()
         for camera, geometry in enumerate(cameras):
             rows = np.flatnonzero(tracks.cameras == camera)
@@ -287,18 +306,20 @@ class VehicleTracker:
         """Return covariances and deviations of the detections, those of their tracks where there are any."""
         seen, tracks, pose = self._seen, self._tracks[self._track_of], frame_geometry.world_SE3_velo
         sizes = SizePriors.of(types[self._track_of])
+        # One detection tells no more of an object with an id than of another.
+        is_known = (tracks.ids >= 0) & (tracks.detections > 1)
         covariances, is_located = vehicles.covariances.copy(), tracks.is_located
         located = tracks[is_located]
         covariances[seen[is_located]] = tracked_covariances(
             covariances_velo(located.covariance, pose),
             located.boxes_velo(located.sizes_m, pose),
             sizes[is_located],
-            located.ids >= 0,
+            is_known[is_located],
         )
         is_boxed = np.isfinite(vehicles.boxes.yaw_rad[seen])
         has_moved = tracks.travelled_m >= MIN_TRAVELLED_M
         deviations = box_deviations(
-            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, has_moved, tracks.ids >= 0
+            vehicles.boxes[seen], vehicles.point_counts[seen], sizes, has_moved, is_known
         )
         return covariances, vehicles.box_deviations.replaced(seen[is_boxed], deviations[is_boxed])
 
@@ -354,14 +375,18 @@ def _classified(moving: Tracks, vehicles: VehicleTable, types: NDArray[np.str_])
 
 
 def _tracked_boxes(
-    boxes: Boxes3D, seen: Int, tracks: VehicleTable, frame_geometry: FrameGeometry
+    boxes: Boxes3D,
+    seen: Int,
+    tracks: VehicleTable,
+    frame_geometry: FrameGeometry,
+    elapsed_s: float,
 ) -> Boxes3D:
     """Replace the boxes of single detections by those of their tracks.
 
     A detection that is located elsewhere than a well-known track was a moment ago has the points of another object.
     """
     unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
-    is_held = (unlocated_s <= RELOCATE_AFTER_S) & is_velocity_known(tracks)
+    is_held = (unlocated_s - elapsed_s <= RELOCATE_AFTER_S) & is_velocity_known(tracks)
     is_found = tracks.is_located & ((unlocated_s == 0) | is_held)
     is_found &= np.isfinite(boxes.yaw_rad[seen])
     found = tracks[is_found]

@@ -164,6 +164,7 @@ def test_the_last_chunk_is_shorter():
     assert chunks(10, 0, None, 4) == [range(0, 4), range(4, 8), range(8, 10)]
     assert chunks(10, 3, 5, 4) == [range(3, 7), range(7, 8)]
     assert chunks(10, 10, None, 4) == []
+    assert chunks(10, 1, 4, 3, every=2) == [range(1, 7, 2), range(7, 9, 2)]
 
 
 def test_numbers_of_results_are_columns(tmp_path):

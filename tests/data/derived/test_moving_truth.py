@@ -102,6 +102,15 @@ def test_poses_that_do_not_fit_the_drive_are_refused(drive, tmp_path: Path):
         moving_truth(open_drive(folder))
 
 
+def test_a_thinned_drive_has_the_poses_of_its_frames(drive, tmp_path: Path):
+    written = open_drive(write_raw(drive, tmp_path, 0, lambda: None))
+    whole, part = moving_truth(written, "all"), moving_truth(written.select(range(1, 8, 3)), "all")
+    for index, number in enumerate((1, 4, 7)):
+        thinned, one = part.posed[index], whole.posed[number]
+        np.testing.assert_array_equal(thinned.world_SE3_velo, one.world_SE3_velo)
+        assert thinned.labels.track_ids.tolist() == one.labels.track_ids.tolist()
+
+
 def test_recorded_labels_know_the_camera_s_view_only(kitti_root: Path):
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
     scene = moving_truth(drive).scene(drive[0], 0.2)

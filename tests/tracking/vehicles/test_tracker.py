@@ -79,10 +79,15 @@ def moving_at(boxes: Boxes3D, *numbers: int) -> Tracks:
 def test_parked_cars_keep_their_ids_and_stand_still():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (28.0, -4.0, 0.0), (36.0, 4.0, 0.0))
     reported = [drive.observe(world).vehicles for _ in range(20)]
-    assert reported[0].ids.tolist() == [-1, -1, -1]
-    assert [one.ids.tolist() for one in reported[1:]] == [[0, 1, 2]] * 19
+    assert [one.ids.tolist() for one in reported] == [[0, 1, 2]] * 20
     np.testing.assert_allclose(reported[-1].velocities_m_s, 0.0, atol=0.3)
     assert np.isnan(reported[0].velocities_m_s).all()
+
+
+def test_a_less_sure_detection_is_confirmed_by_the_next_one():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    reported = [drive.observe(world, scores=0.75).vehicles.ids.tolist() for _ in range(3)]
+    assert reported == [[-1], [0], [0]]
 
 
 def test_a_moving_car_has_its_speed_and_its_course():
@@ -219,7 +224,7 @@ def test_the_class_of_a_person_has_the_largest_sum_of_evidence():
     for kind in (walks, walks, rides, walks, rides, rides, rides, rides):
         vehicles = drive.observe(world, types=(kind,)).vehicles
         reported.append((vehicles.ids.tolist(), vehicles.fused.detections.types.tolist()))
-    assert [ids for ids, _ in reported] == [[-1]] + [[0]] * 7
+    assert [ids for ids, _ in reported] == [[0]] * 8
     assert [kind for _, kind in reported] == [[walks]] * 6 + [[rides]] * 2
 
 
@@ -371,7 +376,7 @@ def test_a_gap_is_bridged(blind):
     assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
 
 
-@pytest.mark.parametrize(("gap", "ids"), [(0, [-1]), (10, [0])])
+@pytest.mark.parametrize(("gap", "ids"), [(0, [1]), (10, [0])])
 def test_what_was_hidden_for_a_second_is_found_again_beside_its_expected_box(gap, ids):
     drive = Drive(speed_m_s=0.0)
     for _ in range(4):
@@ -495,7 +500,7 @@ def test_a_vehicle_takes_the_id_of_what_moved_there_before():
         reported = drive.observe(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
         assert reported.tracks.ids.tolist() == [0]
     reported = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
-    assert [one.vehicles.ids.tolist() for one in reported] == [[-1], [0], [0], [0]]
+    assert [one.vehicles.ids.tolist() for one in reported] == [[0]] * 4
     assert [one.tracks.ids.tolist() for one in reported] == [[0]] * 4
 
 
@@ -553,3 +558,57 @@ def test_no_id_is_there_twice_whatever_comes():
         ids = reported.vehicles.ids[reported.vehicles.ids >= 0]
         assert len(set(ids.tolist())) == len(ids)
         assert (np.diff(reported.tracks.ids) > 0).all()
+
+
+def observed_at(rate_hz: float, duration_s: float, world_at, hidden_s=(0.0, 0.0)):
+    """Return stamps and vehicles of frames that come up to a tenth of the period early or late."""
+    drive = Drive()
+    jitter = np.random.default_rng(1).uniform(-0.1, 0.1, round(duration_s * rate_hz))
+    stamps_s = (np.arange(len(jitter)) + 0.1 + jitter) / rate_hz
+    reported = []
+    for stamp_s in stamps_s.tolist():
+        drive.index = 10 * stamp_s - 1
+        is_hidden = hidden_s[0] <= stamp_s < hidden_s[1]
+        world = world_at(stamp_s)
+        missed = tuple(range(len(world))) if is_hidden else ()
+        reported.append(drive.observe(world, missed=missed, blind=is_hidden).vehicles)
+    return stamps_s, reported
+
+
+RATES = pytest.mark.parametrize("rate_hz", [2, 5, 10, 20])
+
+
+@RATES
+def test_a_car_has_one_id_at_any_rate(rate_hz):
+    stamps_s, reported = observed_at(rate_hz, 4.0, lambda t: cars((55.0 - 6.0 * t, 3.0, 0.0)))
+    late = [one for stamp_s, one in zip(stamps_s, reported, strict=True) if stamp_s > 1.2]
+    assert [one.ids.tolist() for one in late] == [[0]] * len(late)
+    np.testing.assert_allclose(late[-1].velocities_m_s, [[-6.0, 0.0]], atol=0.7)
+
+
+@RATES
+def test_two_that_pass_each_other_keep_their_ids_at_any_rate(rate_hz):
+    def world_at(stamp_s):
+        return cars((12.0 + 8.0 * stamp_s, -3.0, 0.0), (50.0 - 6.0 * stamp_s, 3.0, np.pi))
+
+    stamps_s, reported = observed_at(rate_hz, 3.5, world_at)
+    late = [one for stamp_s, one in zip(stamps_s, reported, strict=True) if stamp_s > 1.2]
+    assert [one.ids.tolist() for one in late] == [[0, 1]] * len(late)
+
+
+@RATES
+def test_a_second_without_it_keeps_the_id_at_any_rate(rate_hz):
+    world_at = lambda stamp_s: cars((16.0 + 7.0 * stamp_s, 3.0, 0.0))  # noqa: E731
+    _, reported = observed_at(rate_hz, 4.0, world_at, hidden_s=(1.4, 2.3))
+    assert {number for one in reported for number in one.ids.tolist()} <= {-1, 0}
+    assert reported[-1].ids.tolist() == [0]
+
+
+@RATES
+def test_who_leaves_and_who_comes_are_two_at_any_rate(rate_hz):
+    def world_at(stamp_s):
+        return cars((40.0, -4.0, 0.0) if stamp_s < 1.9 else (34.0, 4.0, 0.0))
+
+    _, reported = observed_at(rate_hz, 4.0, world_at)
+    assert {number for one in reported for number in one.ids.tolist()} - {-1} == {0, 1}
+    assert reported[-1].ids.tolist() == [1]
