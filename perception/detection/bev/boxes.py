@@ -1,0 +1,98 @@
+"""From what the network of the bird's-eye view predicts in each cell to boxes on the ground.
+
+A cell states, in this order,
+
+    offset    x and y of the centre from the cell's low corner, in cells
+    bottom    height of the bottom above the ground in metres
+    size      length, width, height in metres, of which the network predicts the logarithms
+    heading   sine and cosine
+
+and then the scales of the errors (of Laplace's distribution) of position, bottom, length, width, height and heading.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from perception.detection.bev.bev_map import BevGrid
+from perception.types import ArrayTable, Boxes3D, Float32, Float64, Int
+
+
+class _Columns(NamedTuple):
+    offset: slice = slice(0, 2)
+    bottom: slice = slice(2, 3)
+    size: slice = slice(3, 6)
+    heading: slice = slice(6, 8)
+
+
+BOX = _Columns()
+BOXES, DEVIATIONS = 8, 6
+_SQRT_2 = float(np.sqrt(2))  # standard deviation over the scale of Laplace's distribution
+
+
+@dataclass(frozen=True)
+class BevDetections(ArrayTable):
+    """M detected objects, best first.
+
+    Attributes:
+        boxes: (M) boxes in the LiDAR frame, but for their bottoms, which are heights above the ground.
+        classes: (M,) indices into the class names.
+        scores: (M,) scores, 0..1.
+        deviations: (M, 6) standard deviations of position along each axis, bottom, length, width, height in metres, and
+            heading in rad.
+    """
+
+    boxes: Boxes3D
+    classes: Int
+    scores: Float64
+    deviations: Annotated[Float64, 6]
+
+
+def decode_boxes(
+    scores: Float32, boxes: Float32, grid: BevGrid, min_score: float = 0.05, most: int = 200
+) -> BevDetections:
+    """Return the objects of one map.
+
+    Args:
+        scores: (K, H, W) scores of the peaks of each class.
+        boxes: (14, H, W) box and scales of its errors in each cell.
+        grid: Cells of the map.
+        min_score: Score below which nothing is reported.
+        most: Largest number of objects.
+    """
+    found = np.flatnonzero(scores >= min_score)
+    found = found[np.argsort(-scores.ravel()[found], kind="stable")[:most]]
+    classes, rows, columns = np.unravel_index(found, scores.shape)
+    cells = boxes[:, rows, columns].astype(np.float64)
+    cell_m = 2 * grid.reach_m / scores.shape[1]
+    corners_m = np.stack([rows, columns], axis=1) * cell_m - grid.reach_m
+    sine, cosine = cells[BOX.heading]
+    return BevDetections(
+        boxes=Boxes3D(
+            np.column_stack([corners_m + cell_m * cells[BOX.offset].T, cells[BOX.bottom].T]),
+            cells[BOX.size].T,
+            np.arctan2(sine, cosine),
+        ),
+        classes=classes.astype(np.int64),
+        scores=scores.ravel()[found].astype(np.float64),
+        deviations=_SQRT_2 * cells[BOXES:].T,
+    )
+
+
+def suppress(found: BevDetections, groups: Sequence[int]) -> BevDetections:
+    """Return the objects that no better one of the same group is nearer to than half its width.
+
+    Args:
+        found: Objects, best first.
+        groups: Group of each class; a car is no van beside.
+    """
+    group = np.asarray(groups, np.int64)[found.classes]
+    places, radii = found.boxes.bottom_m[:, :2], found.boxes.size_m[:, 1] / 2
+    is_kept = np.ones(len(found), bool)
+    for row in range(1, len(found)):
+        better = np.flatnonzero(is_kept[:row] & (group[:row] == group[row]))
+        gaps = np.linalg.norm(places[better] - places[row], axis=1)
+        is_kept[row] = not (gaps < np.maximum(radii[better], radii[row])).any()
+    return found[is_kept]

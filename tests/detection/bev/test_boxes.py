@@ -1,0 +1,45 @@
+"""Boxes from the cells of a bird's-eye view."""
+
+import numpy as np
+import pytest
+
+from perception.detection.bev.bev_map import BevGrid
+from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
+from perception.detection.bev.classes import class_numbers
+from perception.types import Boxes3D
+
+GRID = BevGrid(reach_m=12.8, cell_m=0.2)  # 32 cells of 0.8 m
+
+
+def test_a_cell_states_a_box_around_its_place():
+    scores, cells = np.zeros((2, 32, 32), np.float32), np.zeros((14, 32, 32), np.float32)
+    scores[1, 20, 3], scores[0, 1, 1], scores[0, 2, 2] = 0.6, 0.9, 0.04
+    cells[:, 20, 3] = [0.25, 0.5, 0.1, 4, 2, 1.5, 1, 0, *([0.5] * 6)]
+    found = decode_boxes(scores, cells, GRID)
+    assert found.classes.tolist() == [0, 1]
+    assert found.scores == pytest.approx([0.9, 0.6])
+    # 20.25 cells of 0.8 m from -12.8 m, 3.5 of them.
+    assert found.boxes.bottom_m[1] == pytest.approx([3.4, -10.0, 0.1])
+    assert found.boxes.size_m[1] == pytest.approx([4, 2, 1.5])
+    assert found.boxes.yaw_rad[1] == pytest.approx(np.pi / 2)
+    assert found.deviations[1] == pytest.approx(np.full(6, np.sqrt(0.5)))
+
+
+def test_nothing_is_found_where_no_score_is_high():
+    found = decode_boxes(
+        np.zeros((2, 32, 32), np.float32), np.zeros((14, 32, 32), np.float32), GRID
+    )
+    assert len(found) == 0
+    assert len(suppress(found, (0, 0))) == 0
+
+
+def test_the_best_of_one_group_stays_at_a_place():
+    places = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0, 0], [5, 0, 0]], float)
+    boxes = Boxes3D(places, np.tile([4.0, 1.8, 1.5], (4, 1)), np.zeros(4))
+    found = BevDetections(boxes, np.array([0, 1, 2, 0]), np.array([0.9, 0.8, 0.7, 0.6]), np.zeros((4, 6)))  # fmt: skip
+    # A van is a car's group, a pedestrian is not.
+    assert suppress(found, (0, 0, 1)).scores.tolist() == [0.9, 0.7, 0.6]
+
+
+def test_types_of_labels_in_any_case_are_classes():
+    assert class_numbers(["car", "Person_sitting", "Tram", "Bus"], ("Pedestrian", "Car")) == [1, 0, -1, -1]  # fmt: skip
