@@ -11,9 +11,8 @@ from torch.optim import AdamW
 
 from data.samples.bev.dataset import BevDataset
 from perception.detection.bev.bev_map import BevGrid
-from perception.detection.bev.boxes import BevDetections, decode_boxes
-from perception.detection.bev.classes import BEV_CLASSES, SYNTHETIC_CLASSES
-from perception.errors import UsageError
+from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
+from perception.detection.bev.classes import GROUPS, SYNTHETIC_CLASSES
 from perception.evaluation.detection.center_precision import CenterPrecision
 from train.best_epoch import Criterion, Ranking
 from train.bev.images import BevImages
@@ -70,13 +69,6 @@ class BevTraining(LightningModule):
             UsageError: there is no such class, or the map has no whole number of cells.
         """
         super().__init__()
-        unknown = [name for name in classes if name not in BEV_CLASSES]
-        if unknown or not classes:
-            raise UsageError(
-                "--model.classes",
-                expected=f"some of {', '.join(BEV_CLASSES)}",
-                found=", ".join(unknown) or "none",
-            )
         self.bev = BevNetworkConfig(BevGrid(reach_m, cell_m), tuple(classes))
         """Input of the network, which the data module makes."""
         self.save_hyperparameters(
@@ -132,7 +124,11 @@ class BevTraining(LightningModule):
         raw = self(batch["maps"])
         self._log_loss(stage, self._loss(raw, batch), len(batch["maps"]))
         scores, boxes = (part.cpu().numpy() for part in decode(raw))
-        found = [decode_boxes(*one, self.bev.grid) for one in zip(scores, boxes, strict=True)]
+        groups = [GROUPS[name] for name in self.bev.class_names]
+        found = [
+            suppress(decode_boxes(*one, self.bev.grid), groups)
+            for one in zip(scores, boxes, strict=True)
+        ]
         self.found.update(found, batch["numbers"], self.global_rank)
         return {"detections": found}
 

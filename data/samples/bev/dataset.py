@@ -15,7 +15,8 @@ from data.samples.bev.config import BevAugmentationConfig
 from data.samples.bev.labelled_scans import BevObjects, LabelledScan, LabelledScans
 from data.samples.epoch_samplers import SampleIndex
 from perception.detection.bev.bev_map import BLOCK, REFLECTANCE, SIDE_STEP, BevGrid, BevMapper
-from perception.detection.bev.classes import SYNTHETIC_CLASSES, class_numbers
+from perception.detection.bev.classes import BEV_CLASSES, SYNTHETIC_CLASSES, class_numbers
+from perception.errors import UsageError
 from perception.geometry.se3 import wrap
 from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
@@ -37,6 +38,16 @@ class BevConfig:
 
     grid: BevGrid = field(default_factory=BevGrid)
     class_names: tuple[str, ...] = SYNTHETIC_CLASSES
+
+    def __post_init__(self) -> None:
+        """Validate the classes."""
+        unknown = [name for name in self.class_names if name not in BEV_CLASSES]
+        if unknown or not self.class_names:
+            raise UsageError(
+                "classes of the bird's-eye view",
+                expected=f"some of {', '.join(BEV_CLASSES)}",
+                found=", ".join(unknown) or "none",
+            )
 
 
 class BevDataset(Dataset[Sample]):

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-# Cars come first: where a class is asked for by default, it is one that synthetic drives have.
 BEV_CLASSES: Mapping[str, tuple[str, ...]] = {
     "Car": ("car",),
     "Van": ("van",),
@@ -13,6 +12,12 @@ BEV_CLASSES: Mapping[str, tuple[str, ...]] = {
     "Cyclist": ("cyclist",),
     "Motorcycle": ("motorcycle",),
     "Bicycle": ("bicycle",),
+}
+# Of the classes of one group, one object is at a place.
+GROUPS: Mapping[str, int] = {
+    **dict.fromkeys(("Car", "Van", "Truck", "Bus", "Trailer"), 0),
+    **dict.fromkeys(("Cyclist", "Motorcycle", "Bicycle"), 1),
+    "Pedestrian": 2,
 }
 SYNTHETIC_CLASSES = ("Car", "Van", "Truck", "Bus", "Trailer", "Pedestrian", "Cyclist")
 
