@@ -1,6 +1,7 @@
 """TensorBoard images of the bird's-eye view: validation scans from above with labels and detections."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -44,7 +45,8 @@ class BevImages(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Draw the chosen scans of a batch."""
-        reach_m = pl_module.bev.grid.reach_m  # type: ignore[union-attr]
+        network: Any = pl_module
+        reach_m: float = network.bev.grid.reach_m
         for place, row in enumerate(batch["numbers"].tolist()):
             if row in self._rows:
                 self._drawn[row] = draw_map(batch, place, outputs["detections"][place], reach_m)

@@ -97,8 +97,8 @@ class BevTrunk(nn.Module):
         levels = [self.quarter(self.joined(blocks))]
         for down in self.down:
             levels.append(down(levels[-1]))
-        joined = levels.pop()
-        for up, join in zip(reversed(self.up), reversed(self.join), strict=True):  # type: ignore[call-overload]
+        joined: Tensor = levels.pop()
+        for up, join in zip(reversed(self.up), reversed(self.join), strict=True):
             joined = join(levels.pop() + up(joined))
         return joined
 
@@ -167,5 +167,6 @@ def decode(raw: CenterMaps) -> tuple[Tensor, Tensor]:
 
 
 def _bias(head: nn.Sequential) -> Tensor:
-    bias: Tensor = head[-1].bias
-    return bias
+    last: nn.Conv2d = head[-1]  # type: ignore[assignment]
+    assert last.bias is not None  # which every prediction has
+    return last.bias

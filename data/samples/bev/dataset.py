@@ -20,7 +20,7 @@ from perception.errors import UsageError
 from perception.geometry.se3 import wrap
 from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Int, UInt8
+from perception.types import Float32, Float64, Int, UInt8
 
 MIN_RETURNS = 3  # of an object to be learned from and to be found
 _THINNED_FROM = 32  # beams
@@ -106,9 +106,26 @@ class BevDataset(Dataset[Sample]):
         maps = self._mapper(sensor, step).make(scan.points_velo, scan.heights_m)
         if rng.random() < magnitudes.reflectance:
             maps[..., REFLECTANCE] = 0
-        cropped, first = crop(maps, scan.labels.boxes, self.config.grid, magnitudes.crop, rng)
+        center_m = self._draw_center_m(scan.labels, rng)
+        cropped, first = crop(maps, center_m, self.config.grid, magnitudes.crop, rng)
         middle = first + len(cropped) // 2 - len(maps) // 2
         return self._sample(row, cropped, scan.labels, middle)
+
+    def _draw_center_m(self, labels: BevObjects, rng: np.random.Generator) -> Float32:
+        """Return where one of the targets is, of a rare class more often; the sensor's place without one."""
+        targets = self._targets(labels)
+        rows = np.flatnonzero(~targets["is_ignored"].numpy())
+        if not len(rows):
+            return np.zeros(2, np.float32)
+        weights = self._rarities[targets["classes"].numpy()[rows]]
+        row = rng.choice(rows, p=weights / weights.sum())
+        return targets["boxes"][row, :2].numpy()
+
+    @cached_property
+    def _rarities(self) -> Float64:
+        """(K,) inverse root of the number of targets of each class."""
+        counts = self.target_types()
+        return np.array([max(counts[name], 1) ** -0.5 for name in self.config.class_names])
 
     def _sample(self, row: int, maps: UInt8, labels: BevObjects, middle: Int) -> Sample:
         middle_m = torch.from_numpy(middle * BLOCK * self.config.grid.cell_m).float()
@@ -139,7 +156,7 @@ class BevDataset(Dataset[Sample]):
     def _targets(self, labels: BevObjects) -> Sample:
         numbers = np.array(class_numbers(labels.types.tolist(), self.config.class_names), np.int64)
         reach_m = self.config.grid.reach_m
-        is_inside: Bool = (np.abs(labels.boxes[:, :2]) < reach_m).all(axis=1)
+        is_inside = np.asarray((np.abs(labels.boxes[:, :2]) < reach_m).all(axis=1))
         is_ignored = (numbers < 0) | (labels.returns < MIN_RETURNS)
         return {
             "boxes": torch.from_numpy(np.array(labels.boxes[is_inside], np.float32)),
@@ -173,31 +190,28 @@ def augment(
     boxes = np.array(labels.boxes)
     boxes[:, :2] = boxes[:, :2] @ matrix.T
     boxes[:, 2:6] *= scale
-    boxes[:, 6] = wrap(side * boxes[:, 6] + turn)
+    boxes[:, 6] = wrap((side * boxes[:, 6] + turn).astype(np.float64))
     view = np.array([wrap(side * labels.view_rad[0] + turn), labels.view_rad[1]], np.float32)
     heights_m = np.asarray(scale * scan.heights_m, np.float32)
     return LabelledScan(points, heights_m, replace(labels, boxes=boxes, view_rad=view))
 
 
 def crop(
-    maps: UInt8, boxes: Float32, grid: BevGrid, share: float, rng: np.random.Generator
+    maps: UInt8, center_m: Float32, grid: BevGrid, share: float, rng: np.random.Generator
 ) -> tuple[UInt8, Int]:
-    """Return a part of a map around one of the objects, and the row and column of its first block.
+    """Return a part of a map that holds a place, and the row and column of its first block.
 
     Args:
         maps: (R / 4, R / 4, 16, C) map.
-        boxes: (M, 7) objects.
+        center_m: (2,) place within the map.
         grid: Cells of the map.
         share: Fraction of each side that is left out.
         rng: Random generator.
     """
     side, step = len(maps), SIDE_STEP // BLOCK
     kept = max(round((1 - share) * side / step), 1) * step
-    places = (boxes[:, :2] + grid.reach_m) / (BLOCK * grid.cell_m)
-    places = places[((places >= 0) & (places < side)).all(axis=1)]
-    center = places[rng.integers(len(places))] if len(places) else np.full(2, side / 2)
-    shift = rng.uniform(-0.4, 0.4, 2) * kept
-    first = np.clip((center + shift).astype(np.int64) - kept // 2, 0, side - kept)
+    center = (center_m + grid.reach_m) / (BLOCK * grid.cell_m) + rng.uniform(-0.4, 0.4, 2) * kept
+    first = np.clip(center.astype(np.int64) - kept // 2, 0, side - kept)
     row, column = first.tolist()
     return np.ascontiguousarray(maps[row : row + kept, column : column + kept]), first
 

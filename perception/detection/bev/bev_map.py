@@ -121,18 +121,24 @@ class BevMapper:
 
     def _returns_of_full_cells(self) -> Float64:
         """Return how many returns a cell that is full between two heights has, by its distance in cells."""
-        distances_m = (np.arange(self._bins) + 0.5) * self.grid.cell_m
+        distances_m = self._distances_m
         columns = self.grid.cell_m / (distances_m * self._sensor.azimuth_step_rad)
         heights_m = self._beam_heights_m(distances_m)
-        return columns * ((heights_m > _OBJECT_M[0]) & (heights_m < _OBJECT_M[1])).sum(axis=0)
+        is_in = (heights_m > _OBJECT_M[0]) & (heights_m < _OBJECT_M[1])
+        return np.asarray(columns * is_in.sum(axis=0), np.float64)
 
     def _spans_of_beams(self) -> Int:
         """Return (L, 2) the bins of distance between which each beam is as high as objects are."""
-        heights_m = self._beam_heights_m((np.arange(self._bins) + 0.5) * self.grid.cell_m)
+        heights_m = self._beam_heights_m(self._distances_m)
         is_in = (heights_m > _OBJECT_M[0]) & (heights_m < _OBJECT_M[1])
         first, last = is_in.argmax(axis=1), self._bins - is_in[:, ::-1].argmax(axis=1)
         spans = np.stack([first, np.where(is_in.any(axis=1), last, first)], axis=1)
         return np.ascontiguousarray(spans, np.int32)
+
+    @property
+    def _distances_m(self) -> Float64:
+        """(bins,) middles of the bins of distance."""
+        return np.asarray((np.arange(self._bins) + 0.5) * self.grid.cell_m, np.float64)
 
     def _beam_heights_m(self, distances_m: Float64) -> Float64:
         slopes = np.tan(self._sensor.elevations_rad)[:, None]
@@ -145,7 +151,8 @@ class BevMapper:
         x, y = np.meshgrid(middles, middles, indexing="ij")
         turns = np.mod(np.arctan2(y, x) / (2 * np.pi), 1.0)
         column = np.minimum((turns * columns).astype(np.int64), columns - 1)
-        return (column * self._bins + np.hypot(x, y).astype(np.int64)).astype(np.int32)
+        places = column * self._bins + np.hypot(x, y).astype(np.int64)
+        return np.asarray(places, np.int32)
 
 
 def planes_of(blocks: UInt8) -> UInt8:

@@ -1,5 +1,7 @@
 """Labelled scans from above: labels all around or in view, and samples that are turned, mirrored, scaled and cut."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -123,10 +125,25 @@ def test_a_crop_is_a_part_of_the_map_around_an_object(dataset):
     assert sample["maps"].equal(whole["maps"][row : row + 16, column : column + 16])
 
 
-def test_a_crop_of_an_empty_map_is_its_middle():
-    maps = np.zeros((32, 32, 16, 1), np.uint8)
-    maps[16, 16] = 1
-    cut, first = crop(maps, np.zeros((0, 7), np.float32), GRID, 0.5, np.random.default_rng(0))
-    assert cut.shape == (16, 16, 16, 1)
-    assert planes_of(cut).sum() == 16
-    assert ((first >= 0) & (first <= 16)).all()
+@pytest.mark.parametrize("place_m", [(0, 0), (25, -25), (-10, 20)])
+def test_a_crop_holds_its_place(place_m):
+    maps, rng = np.zeros((32, 32, 16, 1), np.uint8), np.random.default_rng(0)
+    row, column = ((np.array(place_m) + GRID.reach_m) / (BLOCK * GRID.cell_m)).astype(int)
+    maps[row, column] = 1
+    for _ in range(20):
+        cut, first = crop(maps, np.array(place_m, np.float32), GRID, 0.5, rng)
+        assert cut.shape == (16, 16, 16, 1)
+        assert planes_of(cut).sum() == 16
+        assert ((first >= 0) & (first <= 16)).all()
+
+
+def test_crops_lie_around_rare_classes_more_often(dataset, monkeypatch):
+    samples, rng = dataset(crop=0.5), np.random.default_rng(0)
+    names, labels = samples.config.class_names, samples.scans.labels(0)
+    monkeypatch.setattr(
+        BevDataset, "target_types", lambda _: Counter(Bus=1, Car=10**8, Truck=10**8)
+    )
+    assert samples._rarities[names.index("Bus")] == 1
+    buses = labels.boxes[labels.types == "Bus"][:, :2]
+    for _ in range(20):
+        assert (np.abs(buses - samples._draw_center_m(labels, rng)).sum(axis=1) < 1e-6).any()
