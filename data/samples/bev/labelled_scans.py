@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+import perception.detection.bev
 import perception.obstacles
 from data.array_store import Arrays, ArrayStore
 from data.derived.motion_labels import LabelledAround
@@ -82,7 +83,8 @@ class LabelledScans(CachedFrames):
         """
         super().__init__(drives, store)
         self.grid = grid
-        self._settings = {"reach_m": grid.reach_m, "code": code_fingerprint(perception.obstacles, Path(__file__))}  # fmt: skip
+        code = code_fingerprint(perception.obstacles, perception.detection.bev, Path(__file__))
+        self._settings = {"reach_m": grid.reach_m, "code": code}
 
     def scan(self, number: int) -> LabelledScan:
         """Return a scan, by memory map where it is large.

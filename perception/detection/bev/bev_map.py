@@ -37,7 +37,8 @@ BLOCK = 4  # cells along the side of a block
 SIDE_STEP = 32  # divides the number of cells along a side
 _OBJECT_M = (0.2, 2.0)  # heights in which a beam tells whether a cell is free
 _BLIND_M = 1.5  # around the sensor there is the vehicle itself
-_GROUND = GroundSurfaceConfig(cell_m=2.5, max_points=30_000, remembered_scans=0)
+# Nodes farther apart than along the road: 4 ms in place of 7, and 1 cm more of error at 40 m.
+_GROUND = GroundSurfaceConfig(cell_m=3.2, max_points=30_000, remembered_scans=0)
 _MAX_SIDE_CELLS = 2048
 
 
