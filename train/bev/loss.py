@@ -53,7 +53,7 @@ class BevTargets(NamedTuple):
         scores: (B, K, H, W) bumps of height 1 at the centres.
         is_trained: (B, 1, H, W) mask of the cells whose scores count.
         weights: (B, H, W) bump of the object that a cell answers for, 0 without.
-        boxes: (B, 8, H, W) its box, with logarithms of its size.
+        boxes: (B, 10, H, W) its box, with logarithms of its size.
     """
 
     scores: Tensor
@@ -114,7 +114,8 @@ def bev_targets(
     number, i, j = number[is_owner], i[is_owner], j[is_owner]
     offsets = place[number] - torch.stack([i, j], dim=1)
     owned = boxes[number]
-    turns = torch.stack([owned[:, 6].sin(), owned[:, 6].cos()], dim=1)
+    yaw = owned[:, 6]
+    turns = torch.stack([yaw.sin(), yaw.cos(), (2 * yaw).sin(), (2 * yaw).cos()], dim=1)
     targets = torch.zeros(batch, rows, columns, BOXES, device=device)
     targets[image[number], i, j] = torch.cat(
         [offsets, owned[:, 2:3], owned[:, 3:6].log(), turns], dim=1
@@ -162,11 +163,9 @@ def _likelihood(errors: Tensor, raw: CenterMaps, targets: BevTargets, cell_m: fl
     Errors are in metres and rad; those of the boxes themselves do not learn of it.
     """
     size_m = targets.boxes[:, BOX.size].exp()
-    heading = raw.boxes[:, BOX.heading].float().detach()
-    turn = torch.atan2(heading[:, :1], heading[:, 1:]) - torch.atan2(
-        targets.boxes[:, BOX.heading.start, None], targets.boxes[:, BOX.heading.start + 1, None]
-    )
-    turn = torch.atan2(turn.sin(), turn.cos()).abs()
+    predicted, true = raw.boxes[:, BOX.axis].float().detach(), targets.boxes[:, BOX.axis]
+    twice = torch.atan2(predicted[:, :1], predicted[:, 1:]) - torch.atan2(true[:, :1], true[:, 1:])
+    turn = torch.atan2(twice.sin(), twice.cos()).abs() / 2
     position = errors[:, BOX.offset].mean(dim=1, keepdim=True) * cell_m
     metres = torch.cat([position, errors[:, BOX.bottom], errors[:, BOX.size] * size_m, turn], dim=1)
     assert metres.shape[1] == DEVIATIONS

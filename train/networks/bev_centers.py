@@ -39,7 +39,7 @@ class CenterMaps(NamedTuple):
 
     Attributes:
         scores: (B, K, H, W) logits of a centre of each class.
-        boxes: (B, 8, H, W) box as `perception.detection.bev.boxes` orders it.
+        boxes: (B, 10, H, W) box as `perception.detection.bev.boxes` orders it.
         deviations: (B, 6, H, W) logarithms of the scales of their errors.
     """
 
@@ -151,12 +151,12 @@ class DecodedCenters(nn.Module):
         self.network.scale = 1.0
 
     def forward(self, maps: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (B, K, H, W) scores, 0 beside a peak, and (B, 14, H, W) boxes and scales of their errors."""
+        """Return (B, K, H, W) scores, 0 beside a peak, and (B, 16, H, W) boxes and scales of their errors."""
         return decode(self.network(maps))
 
 
 def decode(raw: CenterMaps) -> tuple[Tensor, Tensor]:
-    """Return (B, K, H, W) scores of the peaks, and (B, 14, H, W) boxes and scales of their errors, in float32."""
+    """Return (B, K, H, W) scores of the peaks, and (B, 16, H, W) boxes and scales of their errors, in float32."""
     scores = raw.scores.float().sigmoid()
     highest = nn.functional.max_pool2d(scores, 3, stride=1, padding=1)
     peaks = scores * (scores >= highest)

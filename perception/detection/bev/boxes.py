@@ -5,9 +5,10 @@ A cell states, in this order,
     offset    x and y of the centre from the cell's low corner, in cells
     bottom    height of the bottom above the ground in metres
     size      length, width, height in metres, of which the network predicts the logarithms
-    heading   sine and cosine
+    heading   sine and cosine; short where front and rear look alike
+    axis      sine and cosine of twice the heading, which front and rear share
 
-and then the scales of the errors (of Laplace's distribution) of position, bottom, length, width, height and heading.
+and then the scales of the errors (of Laplace's distribution) of position, bottom, length, width, height and axis.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from perception.detection.bev.bev_map import BevGrid
+from perception.geometry.se3 import wrap
 from perception.types import ArrayTable, Boxes3D, Float32, Float64, Int
 
 
@@ -25,10 +27,11 @@ class _Columns(NamedTuple):
     bottom: slice = slice(2, 3)
     size: slice = slice(3, 6)
     heading: slice = slice(6, 8)
+    axis: slice = slice(8, 10)
 
 
 BOX = _Columns()
-BOXES, DEVIATIONS = 8, 6
+BOXES, DEVIATIONS = 10, 6
 _SQRT_2 = float(np.sqrt(2))  # standard deviation over the scale of Laplace's distribution
 
 
@@ -41,13 +44,15 @@ class BevDetections(ArrayTable):
         classes: (M,) indices into the class names.
         scores: (M,) scores, 0..1.
         deviations: (M, 6) standard deviations of position along each axis, bottom, length, width, height in metres, and
-            heading in rad.
+            heading modulo pi in rad.
+        reversals: (M,) probability that the front is the rear, 0 to 0.5.
     """
 
     boxes: Boxes3D
     classes: Int
     scores: Float64
     deviations: Annotated[Float64, 6]
+    reversals: Float64
 
 
 def decode_boxes(
@@ -57,7 +62,7 @@ def decode_boxes(
 
     Args:
         scores: (K, H, W) scores of the peaks of each class.
-        boxes: (14, H, W) box and scales of its errors in each cell.
+        boxes: (16, H, W) box and scales of its errors in each cell.
         grid: Cells of the map.
         min_score: Score below which nothing is reported.
         most: Largest number of objects.
@@ -68,16 +73,19 @@ def decode_boxes(
     cells = boxes[:, rows, columns].astype(np.float64)
     cell_m = 2 * grid.reach_m / scores.shape[1]
     corners_m = np.stack([rows, columns], axis=1) * cell_m - grid.reach_m
-    sine, cosine = cells[BOX.heading]
+    axis_rad = np.arctan2(*cells[BOX.axis]) / 2
+    # Along the axis, 1 where the network is sure of the front, -1 where that is the other end.
+    forward = np.sin(axis_rad) * cells[BOX.heading][0] + np.cos(axis_rad) * cells[BOX.heading][1]
     return BevDetections(
         boxes=Boxes3D(
             np.column_stack([corners_m + cell_m * cells[BOX.offset].T, cells[BOX.bottom].T]),
             cells[BOX.size].T,
-            np.arctan2(sine, cosine),
+            np.asarray(wrap(np.where(forward >= 0, axis_rad, axis_rad + np.pi))),
         ),
         classes=classes.astype(np.int64),
         scores=scores.ravel()[found].astype(np.float64),
         deviations=_SQRT_2 * cells[BOXES:].T,
+        reversals=(1 - np.minimum(np.abs(forward), 1)) / 2,
     )
 
 
