@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-import perception.detection.bev
 import perception.obstacles
 from data.array_store import Arrays, ArrayStore
 from data.derived.motion_labels import LabelledAround
@@ -20,6 +19,7 @@ from data.labelled_objects import box_owners
 from data.recorded_drive import RecordedDrive
 from data.samples.cached_frames import CachedFrames
 from data.synthetic.truth_files import truth_files
+from perception.detection.bev import bev_map
 from perception.detection.bev.bev_map import BevGrid, BevMapper
 from perception.errors import CalibrationError
 from perception.sensor import LidarModel
@@ -83,7 +83,7 @@ class LabelledScans(CachedFrames):
         """
         super().__init__(drives, store)
         self.grid = grid
-        code = code_fingerprint(perception.obstacles, perception.detection.bev, Path(__file__))
+        code = code_fingerprint(perception.obstacles, bev_map, Path(__file__))
         self._settings = {"reach_m": grid.reach_m, "code": code}
 
     def scan(self, number: int) -> LabelledScan:
