@@ -112,6 +112,7 @@ def test_the_network_takes_crops_and_batches_alike():
     assert scores.shape == (3, 2, 16, 16)
     assert boxes.shape == (3, 16, 16, 16)
     # Whose first weights take numbers of 8 bits as they are.
+    assert torch.allclose(exported[0], scores, atol=1e-5)
     assert torch.allclose(exported[1], boxes, rtol=1e-3, atol=1e-4)
     assert torch.allclose(alone[1], boxes[1:2], rtol=1e-4, atol=1e-5)
     assert sum(weight.numel() for weight in network.parameters()) < 1e6

@@ -141,7 +141,7 @@ class BevCenters(nn.Module):
 
 
 class DecodedCenters(nn.Module):
-    """The network with what a model file returns: scores of the peaks alone, boxes and scales of errors."""
+    """The network with what a model file returns: scores, boxes and scales of errors."""
 
     def __init__(self, network: BevCenters) -> None:
         super().__init__()
@@ -151,19 +151,17 @@ class DecodedCenters(nn.Module):
         self.network.scale = 1.0
 
     def forward(self, maps: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (B, K, H, W) scores, 0 beside a peak, and (B, 16, H, W) boxes and scales of their errors."""
+        """Return (B, K, H, W) scores and (B, 16, H, W) boxes and scales of their errors."""
         return decode(self.network(maps))
 
 
 def decode(raw: CenterMaps) -> tuple[Tensor, Tensor]:
-    """Return (B, K, H, W) scores of the peaks, and (B, 16, H, W) boxes and scales of their errors, in float32."""
+    """Return (B, K, H, W) scores, and (B, 16, H, W) boxes and scales of their errors, in float32."""
     scores = raw.scores.float().sigmoid()
-    highest = nn.functional.max_pool2d(scores, 3, stride=1, padding=1)
-    peaks = scores * (scores >= highest)
     boxes, deviations = raw.boxes.float(), raw.deviations.float().clamp(-_MAX_LOG, _MAX_LOG).exp()
     size = boxes[:, BOX.size].clamp(-_MAX_LOG, _MAX_LOG).exp()
     parts = [boxes[:, : BOX.size.start], size, boxes[:, BOX.size.stop :], deviations]
-    return peaks, torch.cat(parts, dim=1)
+    return scores, torch.cat(parts, dim=1)
 
 
 def _bias(head: nn.Sequential) -> Tensor:

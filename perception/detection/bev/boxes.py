@@ -61,15 +61,21 @@ def decode_boxes(
     """Return the objects of one map.
 
     Args:
-        scores: (K, H, W) scores of the peaks of each class.
+        scores: (K, H, W) scores of each class, of which peaks among 3x3 cells are objects.
         boxes: (16, H, W) box and scales of its errors in each cell.
         grid: Cells of the map.
         min_score: Score below which nothing is reported.
         most: Largest number of objects.
     """
-    found = np.flatnonzero(scores >= min_score)
-    found = found[np.argsort(-scores.ravel()[found], kind="stable")[:most]]
-    classes, rows, columns = np.unravel_index(found, scores.shape)
+    found = np.argwhere(scores >= min_score)
+    framed = np.pad(scores, ((0, 0), (1, 1), (1, 1)))
+    around = [
+        framed[found[:, 0], found[:, 1] + i, found[:, 2] + j] for i in range(3) for j in range(3)
+    ]
+    values = around[4]
+    peaks = np.flatnonzero(values >= np.max(around, axis=0))
+    best = peaks[np.argsort(-values[peaks], kind="stable")[:most]]
+    classes, rows, columns = found[best].T
     cells = boxes[:, rows, columns].astype(np.float64)
     cell_m = 2 * grid.reach_m / scores.shape[1]
     corners_m = np.stack([rows, columns], axis=1) * cell_m - grid.reach_m
@@ -83,7 +89,7 @@ def decode_boxes(
             np.asarray(wrap(np.where(forward >= 0, axis_rad, axis_rad + np.pi))),
         ),
         classes=classes.astype(np.int64),
-        scores=scores.ravel()[found].astype(np.float64),
+        scores=values[best].astype(np.float64),
         deviations=_SQRT_2 * cells[BOXES:].T,
         reversals=(1 - np.minimum(np.abs(forward), 1)) / 2,
     )
@@ -98,9 +104,9 @@ def suppress(found: BevDetections, groups: Sequence[int]) -> BevDetections:
     """
     group = np.asarray(groups, np.int64)[found.classes]
     places, radii = found.boxes.bottom_m[:, :2], found.boxes.size_m[:, 1] / 2
+    gaps = np.linalg.norm(places[:, None] - places, axis=2)
+    is_same = (gaps < np.maximum(radii[:, None], radii)) & (group[:, None] == group)
     is_kept = np.ones(len(found), bool)
     for row in range(1, len(found)):
-        better = np.flatnonzero(is_kept[:row] & (group[:row] == group[row]))
-        gaps = np.linalg.norm(places[better] - places[row], axis=1)
-        is_kept[row] = not (gaps < np.maximum(radii[better], radii[row])).any()
+        is_kept[row] = not is_same[row, :row][is_kept[:row]].any()
     return found[is_kept]

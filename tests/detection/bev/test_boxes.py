@@ -38,6 +38,14 @@ def test_a_heading_is_that_end_of_the_axis_which_is_nearer(yaw_rad):
     assert found.reversals[0] == pytest.approx((1 - 0.3 * np.cos(0.5)) / 2, abs=1e-5)
 
 
+def test_a_peak_is_the_highest_of_its_neighbours_and_class():
+    scores = np.full((2, 32, 32), 0.2, np.float32)
+    scores[0, 4, 4], scores[0, 4, 5], scores[1, 4, 5], scores[0, 0, 0] = 0.9, 0.8, 0.7, 0.6
+    found = decode_boxes(scores, np.ones((16, 32, 32), np.float32), GRID, min_score=0.5)
+    assert found.scores == pytest.approx([0.9, 0.7, 0.6])
+    assert len(decode_boxes(scores, np.ones((16, 32, 32), np.float32), GRID, 0.5, most=2)) == 2
+
+
 def test_nothing_is_found_where_no_score_is_high():
     found = decode_boxes(
         np.zeros((2, 32, 32), np.float32), np.zeros((16, 32, 32), np.float32), GRID
