@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
+from export.bev import export_bev
 from export.depthcn import export_verifier
 from export.detector import export_detector
 from export.fusion import export_fusion
@@ -11,6 +12,7 @@ from train.checkpoints import read_checkpoint
 Exporter = Callable[[ExportConfig], ExportResult]
 
 EXPORTERS: Mapping[str, Exporter] = {
+    "bev": export_bev,
     "depthcn": export_verifier,
     "detector": export_detector,
     "fusion": export_fusion,

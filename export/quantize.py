@@ -91,18 +91,16 @@ def _with_metadata(file: Path, quantization: QuantizationConfig) -> bytes:
 
 
 def _ends(file: Path, operator: str | None) -> list[str]:
-    """Name the first and the last node of a type in the order of execution, and all that follows from the last."""
+    """Name the first node of a type in the order of execution, and all from which no further one is reached."""
     nodes = list(onnx.load(file).graph.node)
-    places = [place for place, node in enumerate(nodes) if node.op_type == operator]
-    if not places:
-        return []
-    names = [nodes[places[0]].name, nodes[places[-1]].name]
-    made = set(nodes[places[-1]].output)
-    for node in nodes[places[-1] + 1 :]:
-        if made & set(node.input):
-            names.append(node.name)
-            made |= set(node.output)
-    return names
+    firsts = [node.name for node in nodes if node.op_type == operator][:1]
+    lasts, leading = [], set[str]()
+    for node in reversed(nodes) if firsts else ():
+        if not leading & set(node.output):
+            lasts.append(node.name)
+        if node.op_type == operator or leading & set(node.output):
+            leading |= set(node.input)
+    return firsts + lasts
 
 
 class _Batches(CalibrationDataReader):  # type: ignore[misc]

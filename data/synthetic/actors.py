@@ -42,12 +42,18 @@ class Body:
         size_m: Length, width and height of its label in metres.
         poses: Meshes of one cycle of steps or pedal turns; a single one for a rigid body.
         cycle_m: Distance covered in a cycle in metres.
+        category: Class by a finer table, in which buses and trailers are classes; else that of KITTI.
     """
 
     kind: str
     size_m: tuple[float, float, float]
     poses: tuple[Mesh, ...]
     cycle_m: float = 1.0
+    category: str = ""
+
+    def __post_init__(self) -> None:
+        """Take the class of KITTI where no finer one is given."""
+        object.__setattr__(self, "category", self.category or self.kind)
 
     @property
     def semantic(self) -> int:
@@ -128,6 +134,9 @@ _HEAVY_KINDS = [
 _HEAVY_LABELS = {
     HeavyKind.TRAILER: "Misc", HeavyKind.SEMI_TRAILER: "Misc", HeavyKind.TRAM: "Tram",
 }  # fmt: skip
+_HEAVY_CATEGORIES = {
+    HeavyKind.TRAILER: "Trailer", HeavyKind.SEMI_TRAILER: "Trailer", HeavyKind.BUS: "Bus",
+}  # fmt: skip
 
 
 def draw_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
@@ -168,8 +177,8 @@ def draw_heavy_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
 def draw_heavy(kind: HeavyKind, rng: np.random.Generator) -> Body:
     """Draw a heavy vehicle of one kind; KITTI labels buses trucks, and trailers miscellaneous."""
     design = heavy_vehicles.draw_design(kind, rng)
-    label = _HEAVY_LABELS.get(kind, "Truck")
-    return Body(label, design.size_m, (heavy_vehicles.build(design),))
+    label, category = _HEAVY_LABELS.get(kind, "Truck"), _HEAVY_CATEGORIES.get(kind, "")
+    return Body(label, design.size_m, (heavy_vehicles.build(design),), category=category)
 
 
 def draw_pedestrians(rng: np.random.Generator, count: int) -> list[Body]:

@@ -181,10 +181,12 @@ class SyntheticDrive:
             self.stamp_s(index), is_tracking=is_tracking,
         )  # fmt: skip
 
-    def labels_around(self, index: int) -> Labels:
-        """Return exact labels of all objects around, in the camera's view or not."""
+    def labels_around(self, index: int, *, by_category: bool = False) -> Labels:
+        """Return exact labels of all objects around, in the camera's view or not, by KITTI's classes or finer ones."""
         index = range(self._frames)[index]
-        return labelling.label_around(self.world, self._poses[index], self.stamp_s(index))
+        return labelling.label_around(
+            self.world, self._poses[index], self.stamp_s(index), by_category=by_category
+        )
 
     def point_truth(self, index: int) -> PointTruth:
         """Return the exact truth of every point of one frame."""

@@ -250,13 +250,22 @@ def _covers(world: World, rays: Rays, index: Int, state: MovingObject) -> Bool:
     return world.scene.meets(state.shape, origins, directions)
 
 
-def label_around(world: World, world_SE3_velo: Float64, time_s: float) -> Labels:
-    """Label all objects within 80 m of the ego vehicle, in the camera's view or not; image boxes are -1."""
+def label_around(
+    world: World, world_SE3_velo: Float64, time_s: float, *, by_category: bool = False
+) -> Labels:
+    """Label all objects within 80 m of the ego vehicle, in the camera's view or not; image boxes are -1.
+
+    Args:
+        world: World of the drive.
+        world_SE3_velo: (4, 4) pose of the LiDAR.
+        time_s: Time of the scan.
+        by_category: Whether buses and trailers are classes of their own, which KITTI does not have.
+    """
     actors = [actor for actor in world.actors if world.is_near(actor, time_s, 80.0)]
     states = [world.state(actor, time_s) for actor in actors]
     return labels_of_boxes(
         _boxes_velo(actors, states, world_SE3_velo),
-        [actor.body.kind for actor in actors],
+        [actor.body.category if by_category else actor.body.kind for actor in actors],
         np.array([actor.track_id for actor in actors], np.int64),
     )
 

@@ -20,7 +20,7 @@ from perception.cli.parser import (
     positional,
 )
 from perception.errors import PerceptionError, UsageError
-from train.trainings import TRAININGS, EverydayFlags
+from train.trainings import TRAININGS, EverydayFlags, training_of
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,13 @@ class TrainingCommand(Command):
         """Train or evaluate a network."""
         from perception.cli.train import train
 
-        train(self.target, words)
+        train(training_of(self.target, words), words)
 
     def validate(self, name: str, words: Sequence[str]) -> None:
         """Raise the UsageError with which the words would be refused."""
         from perception.cli.train import parse as parse_training
 
-        parse_training(self.target, words)
+        parse_training(training_of(self.target, words), words)
 
     def help(self, name: str, *, everything: bool) -> str:
         """Return the help; that of every flag imports torch."""
@@ -179,6 +179,7 @@ SUMMARIES: Mapping[str, str] = {
     "batch synth": "synthetic drives",
     "train": "train networks, or search the parameters of the proposals",
     "train detector": "image detector of one modality",
+    "train bev": "detector of the bird's-eye view",
     "train fusion": "fusion of the three modalities' detectors",
     "train depthcn": "network that verifies DepthCN's proposals",
     "train proposals": "search of the proposals' parameters",

@@ -11,7 +11,7 @@ import pytest
 from perception.cli.main import COMMANDS, SUMMARIES, main
 
 # Lightning's groups are imported to be listed.
-TRAININGS = ("train detector", "train depthcn", "train fusion")
+TRAININGS = ("train detector", "train bev", "train depthcn", "train fusion")
 ROOT = Path(__file__).parents[2]
 
 

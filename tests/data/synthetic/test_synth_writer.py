@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from data.kitti.labels import read_object_labels
 from data.open_drive import open_drive
 from data.synthetic import writer
 from data.synthetic.collection import SynthConfig, draw_drive, write_drives
@@ -82,6 +83,25 @@ def test_object_frames_come_from_several_worlds(tmp_path):
     assert all((apart / "training" / path).is_file() for path in files)
     scan = "velodyne/000005.bin"
     assert (apart / "training" / scan).read_bytes() == (folder / scan).read_bytes()
+
+
+def test_labels_all_around_object_frames_tell_buses_from_trucks(tmp_path):
+    synth_config = SynthConfig(
+        layout="object", frames=1, sensor=VLP_16, seed=4, images=False, street="jam"
+    )
+    [folder] = write_drives(tmp_path, synth_config)
+    exact = draw_drive(synth_config, 0, 1)
+    by_kitti, finer = exact.labels_around(0), exact.labels_around(0, by_category=True)
+    path = folder / "truth_labels" / "000000.txt"
+    read = read_object_labels(path, open_drive(folder).frame_calibration(0))
+    assert read.types.tolist() == finer.types.tolist()
+    assert read.boxes_velo.bottom_m == pytest.approx(
+        exact.labels_around(0).boxes_velo.bottom_m, abs=1e-4
+    )
+    is_bus = finer.types == "Bus"
+    assert is_bus.any()
+    assert set(by_kitti.types[is_bus].tolist()) == {"Truck"}
+    assert "Bus" not in by_kitti.types
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""Labelled scans as maps from above."""

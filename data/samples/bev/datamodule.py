@@ -1,0 +1,73 @@
+"""Scans of drives on disk as maps from above, in batches, for Lightning."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data.array_store import ArrayStore
+from data.samples.bev.config import BevDataConfig
+from data.samples.bev.dataset import BevConfig, BevDataset, collate
+from data.samples.bev.labelled_scans import LabelledScans
+from data.samples.config import TrainingDrives
+from data.samples.datamodule import SampleDataModule
+from data.samples.epoch_samplers import ShuffledSampler
+from data.samples.labelled_parts import require_classes, warn_of_few
+from perception.types import Drive
+
+_BEV = BevConfig()
+
+
+class BevDataModule(SampleDataModule[LabelledScans, BevDataset]):
+    """Batches of maps from above: augmented for training, unchanged for validation and test.
+
+    A batch holds what `BevDataset` says of a sample, with a first axis of samples; targets are padded with boxes of
+    zero size.
+    """
+
+    config: BevDataConfig
+    collate = staticmethod(collate)
+
+    def __init__(
+        self,
+        drives: Sequence[Path] = (),
+        validation: Sequence[Path] = (),
+        *,
+        split: Path | None = None,
+        bev: BevConfig = _BEV,
+        seed: int = 0,
+        **config: Any,  # noqa: ANN401 - jsonargparse reads the fields from the class
+    ) -> None:
+        """Take what `setup` needs; nothing is read yet.
+
+        Args:
+            drives: Labelled drives of any layout; of a folder of several, all are taken.
+            validation: Labelled drives for validation; else a fraction of the frames is kept back.
+            split: File of `trifuse split`, which names the frames of each part, and drives where none are given.
+            bev: Input and classes of the network.
+            seed: Seed of split, order and augmentation.
+            config: Fields of `BevDataConfig`.
+        """
+        sources = TrainingDrives(tuple(drives), tuple(validation), split)
+        super().__init__(sources, BevDataConfig(**config), seed)
+        self.bev = bev
+
+    def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> LabelledScans:
+        return LabelledScans(drives, self.bev.grid, store)
+
+    def _fill_cache(self, frames: LabelledScans) -> None:
+        for number in self.progress(range(len(frames))):
+            frames.make(number)
+
+    def _make_dataset(self, frames: LabelledScans, *, is_training: bool) -> BevDataset:
+        augmentation = self.augmentation if is_training else None
+        return BevDataset(frames, np.arange(len(frames)), self.bev, augmentation, self.seed)
+
+    def _require_labels(self) -> None:
+        names, seen = self.bev.class_names, "labels with returns"
+        require_classes(names, self.training.target_types(), f"{seen} of the training scans")
+        warn_of_few(names, self.validation.target_types(), f"{seen} of the validation scans")
+
+    def _epoch_sampler(self) -> ShuffledSampler:
+        return ShuffledSampler(len(self.training), self.seed)

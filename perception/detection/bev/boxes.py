@@ -1,0 +1,112 @@
+"""From what the network of the bird's-eye view predicts in each cell to boxes on the ground.
+
+A cell states, in this order,
+
+    offset    x and y of the centre from the cell's low corner, in cells
+    bottom    height of the bottom above the ground in metres
+    size      length, width, height in metres, of which the network predicts the logarithms
+    heading   sine and cosine; short where front and rear look alike
+    axis      sine and cosine of twice the heading, which front and rear share
+
+and then the scales of the errors (of Laplace's distribution) of position, bottom, length, width, height and axis.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from perception.detection.bev.bev_map import BevGrid
+from perception.geometry.se3 import wrap
+from perception.types import ArrayTable, Boxes3D, Float32, Float64, Int
+
+
+class _Columns(NamedTuple):
+    offset: slice = slice(0, 2)
+    bottom: slice = slice(2, 3)
+    size: slice = slice(3, 6)
+    heading: slice = slice(6, 8)
+    axis: slice = slice(8, 10)
+
+
+BOX = _Columns()
+BOXES, DEVIATIONS = 10, 6
+_SQRT_2 = float(np.sqrt(2))  # standard deviation over the scale of Laplace's distribution
+
+
+@dataclass(frozen=True)
+class BevDetections(ArrayTable):
+    """M detected objects, best first.
+
+    Attributes:
+        boxes: (M) boxes in the LiDAR frame, but for their bottoms, which are heights above the ground.
+        classes: (M,) indices into the class names.
+        scores: (M,) scores, 0..1.
+        deviations: (M, 6) standard deviations of position along each axis, bottom, length, width, height in metres, and
+            heading modulo pi in rad.
+        reversals: (M,) probability that the front is the rear, 0 to 0.5.
+    """
+
+    boxes: Boxes3D
+    classes: Int
+    scores: Float64
+    deviations: Annotated[Float64, 6]
+    reversals: Float64
+
+
+def decode_boxes(
+    scores: Float32, boxes: Float32, grid: BevGrid, min_score: float = 0.05, most: int = 200
+) -> BevDetections:
+    """Return the objects of one map.
+
+    Args:
+        scores: (K, H, W) scores of each class, of which peaks among 3x3 cells are objects.
+        boxes: (16, H, W) box and scales of its errors in each cell.
+        grid: Cells of the map.
+        min_score: Score below which nothing is reported.
+        most: Largest number of objects.
+    """
+    found = np.argwhere(scores >= min_score)
+    framed = np.pad(scores, ((0, 0), (1, 1), (1, 1)))
+    around = [
+        framed[found[:, 0], found[:, 1] + i, found[:, 2] + j] for i in range(3) for j in range(3)
+    ]
+    values = around[4]
+    peaks = np.flatnonzero(values >= np.max(around, axis=0))
+    best = peaks[np.argsort(-values[peaks], kind="stable")[:most]]
+    classes, rows, columns = found[best].T
+    cells = boxes[:, rows, columns].astype(np.float64)
+    cell_m = 2 * grid.reach_m / scores.shape[1]
+    corners_m = np.stack([rows, columns], axis=1) * cell_m - grid.reach_m
+    axis_rad = np.arctan2(*cells[BOX.axis]) / 2
+    # Along the axis, 1 where the network is sure of the front, -1 where that is the other end.
+    forward = np.sin(axis_rad) * cells[BOX.heading][0] + np.cos(axis_rad) * cells[BOX.heading][1]
+    return BevDetections(
+        boxes=Boxes3D(
+            np.column_stack([corners_m + cell_m * cells[BOX.offset].T, cells[BOX.bottom].T]),
+            cells[BOX.size].T,
+            np.asarray(wrap(np.where(forward >= 0, axis_rad, axis_rad + np.pi))),
+        ),
+        classes=classes.astype(np.int64),
+        scores=values[best].astype(np.float64),
+        deviations=_SQRT_2 * cells[BOXES:].T,
+        reversals=(1 - np.minimum(np.abs(forward), 1)) / 2,
+    )
+
+
+def suppress(found: BevDetections, groups: Sequence[int]) -> BevDetections:
+    """Return the objects that no better one of the same group is nearer to than half its width.
+
+    Args:
+        found: Objects, best first.
+        groups: Group of each class; a car is no van beside.
+    """
+    group = np.asarray(groups, np.int64)[found.classes]
+    places, radii = found.boxes.bottom_m[:, :2], found.boxes.size_m[:, 1] / 2
+    gaps = np.linalg.norm(places[:, None] - places, axis=2)
+    is_same = (gaps < np.maximum(radii[:, None], radii)) & (group[:, None] == group)
+    is_kept = np.ones(len(found), bool)
+    for row in range(1, len(found)):
+        is_kept[row] = not is_same[row, :row][is_kept[:row]].any()
+    return found[is_kept]

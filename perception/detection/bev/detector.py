@@ -1,0 +1,80 @@
+"""A detector of the bird's-eye view, from a model file: scan in, boxes around the vehicle out.
+
+points -- ground, map --> network --> scores and boxes in cells -- peaks, one a place --> boxes
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.resources.abc import Traversable
+
+import numpy as np
+
+from perception.detection.bev.bev_map import BLOCK, CHANNELS, EDGES_M, BevGrid, BevMapper
+from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
+from perception.detection.bev.classes import GROUPS
+from perception.detection.onnx_model import Array, ModelContract, ModelInput, OnnxModel
+from perception.errors import ModelError
+from perception.sensor import LidarModel
+from perception.types import Float32, GroundModel
+
+_EDGES = ",".join(f"{edge:g}" for edge in EDGES_M)
+CONTRACT = ModelContract(
+    metadata={"kind": "bev", "modality": "bev", "edges_m": _EDGES},
+    required_keys=("classes", "reach_m", "cell_m"),
+    inputs={"maps": ModelInput(np.uint8, (None, None, None, BLOCK**2, CHANNELS))},
+    outputs=("scores", "boxes"),
+    warmup_rows=1,
+)
+
+
+class BevDetector:
+    """A trained network and the maps that it takes."""
+
+    def __init__(self, model: Traversable, sensor: LidarModel, threads: int = 2) -> None:
+        """Open the model file.
+
+        Args:
+            model: ONNX file.
+            sensor: LiDAR model of the scans.
+            threads: Number of threads of the network.
+
+        Raises:
+            ModelError: the file does not hold such a detector, or one of another input.
+        """
+        self.model = OnnxModel(model, CONTRACT, threads)
+        """The network in ONNX Runtime."""
+        stated = self.model.metadata
+        self.class_names = tuple(stated["classes"].split(","))
+        """Classes that it reports."""
+        unknown = [name for name in self.class_names if name not in GROUPS]
+        if unknown:
+            raise ModelError(
+                self.model.name, expected=f"classes among {', '.join(GROUPS)}", found=unknown[0]
+            )
+        grid = BevGrid(float(stated["reach_m"]), float(stated["cell_m"]))
+        self._mapper = BevMapper(sensor, grid)
+
+    def detect(self, points_velo: Float32) -> BevDetections:
+        """Return the objects around in one scan of (N, 4) points, best first, in the LiDAR frame.
+
+        Raises:
+            ModelError: an output of the network is not finite.
+        """
+        ground = self._mapper.ground(points_velo)
+        found = self.postprocess(self.model({"maps": self._maps(points_velo, ground)}))
+        bottom_m = found.boxes.bottom_m.copy()
+        bottom_m[:, 2] += ground.height_m(bottom_m[:, :2])
+        return replace(found, boxes=replace(found.boxes, bottom_m=bottom_m))
+
+    def preprocess(self, points_velo: Float32) -> Array:
+        """Return the (1, R / 4, R / 4, 16, C) input of the network for a scan of (N, 4) points."""
+        return self._maps(points_velo, self._mapper.ground(points_velo))
+
+    def postprocess(self, outputs: Mapping[str, Array]) -> BevDetections:
+        """Return the objects of one scan by the outputs of the network, their bottoms above the ground."""
+        found = decode_boxes(outputs["scores"][0], outputs["boxes"][0], self._mapper.grid)
+        return suppress(found, [GROUPS[name] for name in self.class_names])
+
+    def _maps(self, points_velo: Float32, ground: GroundModel) -> Array:
+        heights_m = np.asarray(ground.distance_m(points_velo), np.float32)
+        return self._mapper.make(points_velo, heights_m)[None]

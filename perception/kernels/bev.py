@@ -1,0 +1,135 @@
+"""Maps of a scan from above: what the returns fill, and what the beams before them passed.
+
+A map of R x R cells is held by blocks of 4x4, (R / 4, R / 4, 16, C), and a block by blocks of 2x2: cell (i, j) is number
+8 a + 4 b + 2 c + d of its block, where a and b are the second last bits of i and j, and c and d the last ones.
+"""
+
+import numpy as np
+
+from perception.kernels.compiled import WHOLE, array_of, compiled, written
+from perception.types import Float32, Int, UInt8
+
+_F32, _U8 = np.float32, np.uint8
+_TOP, _BOTTOM, _SHARE, _REFLECTANCE, _GROUND = range(5)  # planes after those of the slices
+_FREE, _HIDDEN = 1, 2
+_STEPS = np.float32(255)
+
+
+@compiled((WHOLE, WHOLE))
+def _number(i: int, j: int) -> int:
+    """Return the number of a cell within its block."""
+    return 4 * (i & 2) + 2 * (j & 2) + 2 * (i & 1) + (j & 1)
+
+
+@compiled(
+    (array_of(_F32, 2), array_of(_F32), array_of(_F32), _F32, _F32, array_of(_F32), written(_U8, 4))
+)
+def fill_cells(
+    points: Float32,
+    heights_m: Float32,
+    edges_m: Float32,
+    cell_m: float,
+    blind_m: float,
+    full_returns: Float32,
+    blocks: UInt8,
+) -> None:
+    """Write the planes of slices, top, bottom, share of returns, reflectance and ground.
+
+    Args:
+        points: (N, 4) points in the sensor's frame.
+        heights_m: (N,) heights above the ground.
+        edges_m: (S + 1,) rising edges of the slices; returns below the first are ground.
+        cell_m: Edge of a cell in metres.
+        blind_m: Distance from the sensor below which there are no returns but of the vehicle itself.
+        full_returns: Number of returns of a full cell by its distance in cells.
+        blocks: (R / 4, R / 4, 16, C) map of zeros, of which the first S + 5 planes are written.
+    """
+    slices, side = len(edges_m) - 1, 4 * blocks.shape[0]
+    reach_m, per_m = cell_m * np.float32(side) / np.float32(2), np.float32(1) / cell_m
+    low_m, high_m = edges_m[0], edges_m[slices]
+    counts, sums = np.zeros((side, side), np.uint16), np.zeros((side, side), _F32)
+    for k in range(len(points)):
+        x, y, h = points[k, 0], points[k, 1], heights_m[k]
+        i, j = int(np.floor((x + reach_m) * per_m)), int(np.floor((y + reach_m) * per_m))
+        if i < 0 or j < 0 or i >= side or j >= side or h >= high_m or x * x + y * y < blind_m**2:
+            continue
+        cell = blocks[i >> 2, j >> 2, _number(i, j)]
+        if h < low_m:
+            cell[slices + _GROUND] = 255
+            continue
+        number = 0
+        while h >= edges_m[number + 1]:
+            number += 1
+        cell[number] = 255
+        level = np.uint8(_STEPS * h / high_m)
+        cell[slices + _TOP] = max(cell[slices + _TOP], level)
+        cell[slices + _BOTTOM] = max(cell[slices + _BOTTOM], np.uint8(255 - level))
+        counts[i, j] += 1
+        sums[i, j] += points[k, 3]
+    for i in range(side):
+        for j in range(side):
+            if counts[i, j] > 0:
+                x, y = np.float32(i + 0.5 - side / 2), np.float32(j + 0.5 - side / 2)
+                full = full_returns[min(int(np.sqrt(x * x + y * y)), len(full_returns) - 1)]
+                count = np.float32(counts[i, j])
+                share, mean = (
+                    min(count / full, np.float32(1)),
+                    min(sums[i, j] / count, np.float32(1)),
+                )
+                cell = blocks[i >> 2, j >> 2, _number(i, j)]
+                cell[slices + _SHARE] = np.uint8(_STEPS * share)
+                cell[slices + _REFLECTANCE] = np.uint8(_STEPS * mean)
+
+
+@compiled((array_of(_F32, 2), array_of(_F32), array_of(np.int32, 2), _F32, WHOLE, array_of(np.int32, 2), written(_U8, 4)))  # fmt: skip
+def fill_visibility(
+    ranges_m: Float32,
+    cosines: Float32,
+    spans: Int,
+    bin_m: float,
+    bins: int,
+    bin_of_cell: Int,
+    blocks: UInt8,
+) -> None:
+    """Write the two planes of the cells that beams passed, and of those that beams ended before.
+
+    Args:
+        ranges_m: (L, W) nearest return of each beam in each direction, infinite without one.
+        cosines: (L,) cosine of the elevation of each beam.
+        spans: (L, 2) first and last bin of distance in which a beam is as high as objects are.
+        bin_m: Width of a bin of distance in metres.
+        bins: Number of bins.
+        bin_of_cell: (R, R) place of each cell among the directions and bins, directions first; -1 beyond the last bin.
+        blocks: (R / 4, R / 4, 16, C) map of zeros, of which the last two planes are written.
+    """
+    beams, columns = ranges_m.shape
+    states = np.zeros(columns * bins, _U8)
+    passed, ended = np.zeros(bins + 1, np.int16), np.zeros(bins + 1, np.int16)
+    for column in range(columns):
+        passed[:], ended[:] = 0, 0
+        for beam in range(beams):
+            if ranges_m[beam, column] < np.inf:
+                first, last = spans[beam, 0], spans[beam, 1]
+                end = min(int(ranges_m[beam, column] * cosines[beam] / bin_m), bins)
+                if end > first:
+                    passed[first] += 1
+                    passed[min(end, last)] -= 1
+                if end + 1 < last:
+                    ended[max(end + 1, first)] += 1
+                    ended[last] -= 1
+        free, hidden = 0, 0
+        for number in range(bins):
+            free += passed[number]
+            hidden += ended[number]
+            if free > 0:
+                states[column * bins + number] = _FREE
+            elif hidden > 0:
+                states[column * bins + number] = _HIDDEN
+    side, plane = 4 * blocks.shape[0], blocks.shape[3] - 2
+    for i in range(side):
+        for j in range(side):
+            place = bin_of_cell[i, j]
+            if place >= 0:
+                cell = blocks[i >> 2, j >> 2, _number(i, j)]
+                cell[plane] = 255 * (states[place] == _FREE)
+                cell[plane + 1] = 255 * (states[place] == _HIDDEN)

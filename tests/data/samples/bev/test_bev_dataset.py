@@ -1,0 +1,149 @@
+"""Labelled scans from above: labels all around or in view, and samples that are turned, mirrored, scaled and cut."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from data.array_store import ArrayStore
+from data.open_drive import open_drive
+from data.samples.bev.config import BevAugmentationConfig
+from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop
+from data.samples.bev.labelled_scans import LabelledScans
+from data.samples.epoch_samplers import SampleIndex
+from data.synthetic.collection import SynthConfig, write_drives
+from perception.detection.bev.bev_map import (
+    BLOCK,
+    CHANNELS,
+    GROUND,
+    REFLECTANCE,
+    BevGrid,
+    planes_of,
+)
+from perception.geometry.boxes import points_inside
+from perception.sensor import VLP_16
+from perception.types import Boxes3D
+
+GRID = BevGrid(reach_m=25.6, cell_m=0.4)
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory):
+    """Return the same kind of street as object frames, and as a sequence."""
+    folders = []
+    for layout in ("object", "tracking"):
+        out = tmp_path_factory.mktemp(layout)
+        synth_config = SynthConfig(layout=layout, frames=1, sensor=VLP_16, seed=4, images=False, street="jam")  # fmt: skip
+        folders += write_drives(out, synth_config)
+    return [open_drive(folder) for folder in folders]
+
+
+@pytest.fixture(scope="module")
+def scans(drives, tmp_path_factory):
+    return LabelledScans(drives, GRID, ArrayStore(tmp_path_factory.mktemp("cache")))
+
+
+@pytest.fixture
+def dataset(scans):
+    def make(**magnitudes) -> BevDataset:
+        augmentation = BevAugmentationConfig(**magnitudes) if magnitudes else None
+        return BevDataset(scans, np.array([0]), BevConfig(GRID), augmentation)
+
+    return make
+
+
+def test_synthetic_drives_are_labelled_all_around(scans):
+    finer, by_kitti = scans.labels(0), scans.labels(1)
+    assert finer.view_rad == pytest.approx([0, np.pi])
+    assert "Bus" in finer.types
+    assert "Bus" not in by_kitti.types
+    assert by_kitti.view_rad == pytest.approx([0, np.pi])
+    assert len(finer) == len(by_kitti)
+    assert (finer.boxes[:, 0] < 0).any()
+
+
+def test_labels_stand_on_the_ground_and_know_their_returns(scans):
+    labels = scans.labels(0)
+    near = np.hypot(labels.boxes[:, 0], labels.boxes[:, 1]) < 20
+    assert np.median(np.abs(labels.boxes[near, 2])) < 0.1
+    assert labels.returns.sum() > 100
+    again = LabelledScans(scans.drives, GRID, scans.store)
+    assert again.missing() == []
+    assert np.array_equal(again.scan(0).heights_m, scans.scan(0).heights_m)
+
+
+def test_labels_of_a_camera_are_those_of_its_directions(drives, scans, tmp_path, monkeypatch):
+    monkeypatch.setattr("data.samples.bev.labelled_scans.truth_files", lambda drive: None)
+    in_view = LabelledScans(drives[1:], GRID, ArrayStore(tmp_path)).labels(0)
+    # 1242 pixels at a focal length of 721.5 pixels.
+    assert in_view.view_rad == pytest.approx([0, np.arctan(621 / 721.5)], abs=0.02)
+    assert 0 < len(in_view) < len(scans.labels(1))
+
+
+def test_a_sample_is_the_map_with_its_targets(dataset):
+    sample = dataset()[0]
+    assert sample["maps"].shape == (32, 32, 16, CHANNELS)
+    assert len(sample["boxes"]) == len(sample["classes"]) == len(sample["is_ignored"])
+    assert (sample["boxes"][:, :2].abs() < GRID.reach_m).all()
+    assert dataset().target_types()["Truck"] > 0
+    batch = collate([sample, {**sample, "boxes": sample["boxes"][:1]}])
+    assert batch["boxes"].shape == (2, len(sample["boxes"]), 7)
+    assert batch["boxes"][1, 1:].abs().sum() == 0
+
+
+def test_points_stay_in_their_boxes(scans):
+    scan = scans.scan(0)
+    magnitudes = BevAugmentationConfig(turn_rad=3.0, mirror=1.0, scale=0.2)
+    moved = augment(scan, magnitudes, np.random.default_rng(5))
+
+    def counts(one):
+        rows = one.labels.boxes.astype(np.float64)
+        bottoms_m = rows[:, :3] + [0, 0, -VLP_16.height_m]
+        points = np.column_stack([one.points_velo[:, :2], one.heights_m - VLP_16.height_m])
+        return points_inside(Boxes3D(bottoms_m, rows[:, 3:6], rows[:, 6]), points, 0.02).sum(axis=1)
+
+    before, after = counts(scan), counts(moved)
+    assert before.max() > 50
+    assert np.abs(before - after).max() <= 0.05 * before.max()
+    assert not np.allclose(scan.labels.boxes, moved.labels.boxes, atol=0.5)
+
+
+def test_the_same_index_is_the_same_view(dataset):
+    samples = dataset(thinning=0.0, reflectance=1.0)
+    first, again, other = (samples[SampleIndex(0, (0, n))]["maps"].numpy() for n in (0, 0, 1))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    assert not first[..., REFLECTANCE].any()
+    assert first[..., GROUND].any()
+
+
+def test_a_crop_is_a_part_of_the_map_around_an_object(dataset):
+    whole, sample = dataset()[0], dataset(crop=0.5, turn_rad=0.0, mirror=0.0, scale=0.0, thinning=0.0, reflectance=0.0)[SampleIndex(0, (0, 0))]  # fmt: skip
+    assert sample["maps"].shape == (16, 16, 16, CHANNELS)
+    first = (sample["middle_m"] / (BLOCK * GRID.cell_m)).round().long() + 16 - 8
+    row, column = first.tolist()
+    assert sample["maps"].equal(whole["maps"][row : row + 16, column : column + 16])
+
+
+@pytest.mark.parametrize("place_m", [(0, 0), (25, -25), (-10, 20)])
+def test_a_crop_holds_its_place(place_m):
+    maps, rng = np.zeros((32, 32, 16, 1), np.uint8), np.random.default_rng(0)
+    row, column = ((np.array(place_m) + GRID.reach_m) / (BLOCK * GRID.cell_m)).astype(int)
+    maps[row, column] = 1
+    for _ in range(20):
+        cut, first = crop(maps, np.array(place_m, np.float32), GRID, 0.5, rng)
+        assert cut.shape == (16, 16, 16, 1)
+        assert planes_of(cut).sum() == 16
+        assert ((first >= 0) & (first <= 16)).all()
+
+
+def test_crops_lie_around_rare_classes_more_often(dataset, monkeypatch):
+    samples, rng = dataset(crop=0.5), np.random.default_rng(0)
+    names, labels = samples.config.class_names, samples.scans.labels(0)
+    monkeypatch.setattr(
+        BevDataset, "target_types", lambda _: Counter(Bus=1, Car=10**8, Truck=10**8)
+    )
+    assert samples._rarities[names.index("Bus")] == 1
+    buses = labels.boxes[labels.types == "Bus"][:, :2]
+    for _ in range(20):
+        assert (np.abs(buses - samples._draw_center_m(labels, rng)).sum(axis=1) < 1e-6).any()

@@ -1,0 +1,1 @@
+"""Training of the bird's-eye-view detector."""

@@ -1,0 +1,185 @@
+"""Loss of the bird's-eye view's centres: focal loss of scores, and L1 of boxes with the likelihood of their errors."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from perception.detection.bev.bev_map import BLOCK, BevGrid
+from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS
+from train.networks.bev_centers import CenterMaps
+
+_MIN_SIGMA_CELLS = 0.6
+_SIGMA_PER_SIZE = 0.2  # of the root of the area of an object
+_TRAINED_FROM = 0.3  # value of the bump from which on a cell answers for the box
+
+
+@dataclass(frozen=True)
+class BevLossConfig:
+    """Weights of the terms.
+
+    Attributes:
+        box_weight: Weight of the boxes.
+        deviation_weight: Weight of the likelihood of their errors.
+    """
+
+    box_weight: float = 1.0
+    deviation_weight: float = 0.05
+
+
+class BevLabels(NamedTuple):
+    """Targets of B maps, padded to L each with boxes of zero size.
+
+    Attributes:
+        boxes: (B, L, 7) x and y, height of the bottom, length, width, height, heading.
+        classes: (B, L) indices into the class names.
+        is_ignored: (B, L) mask of the objects that are neither background nor to be found.
+        view_rad: (B, 2) middle and half width of the directions in which everything is labelled.
+        middle_m: (B, 2) middle of the map.
+    """
+
+    boxes: Tensor
+    classes: Tensor
+    is_ignored: Tensor
+    view_rad: Tensor
+    middle_m: Tensor
+
+
+class BevTargets(NamedTuple):
+    """Targets in each cell.
+
+    Attributes:
+        scores: (B, K, H, W) bumps of height 1 at the centres.
+        is_trained: (B, 1, H, W) mask of the cells whose scores count.
+        weights: (B, H, W) bump of the object that a cell answers for, 0 without.
+        boxes: (B, 10, H, W) its box, with logarithms of its size.
+    """
+
+    scores: Tensor
+    is_trained: Tensor
+    weights: Tensor
+    boxes: Tensor
+
+
+class BevLoss(NamedTuple):
+    """Terms of the loss, weighted.
+
+    Attributes:
+        total: Their sum.
+        score: Focal loss of scores.
+        box: L1 loss of boxes.
+        deviation: Negative log-likelihood of their errors.
+    """
+
+    total: Tensor
+    score: Tensor
+    box: Tensor
+    deviation: Tensor
+
+
+def bev_targets(
+    labels: BevLabels, cell_m: float, classes: int, shape: tuple[int, int]
+) -> BevTargets:
+    """Lay targets over the cells.
+
+    Args:
+        labels: Labels of B maps.
+        cell_m: Edge of a cell of the predictions in metres.
+        classes: Number of classes, K.
+        shape: Rows and columns of the predictions.
+    """
+    batch, (rows, columns), device = len(labels.boxes), shape, labels.boxes.device
+    half = torch.tensor([rows / 2, columns / 2], device=device)
+    places = (labels.boxes[..., :2] - labels.middle_m[:, None]) / cell_m + half
+    is_inside = ((places >= 0) & (places < 2 * half)).all(dim=-1) & (labels.boxes[..., 3] > 0)
+    image, place = is_inside.nonzero()[:, 0], places[is_inside]
+    boxes, of_class = labels.boxes[is_inside], labels.classes[is_inside]
+    is_ignored, center = labels.is_ignored[is_inside], place.floor()
+    sigma = _SIGMA_PER_SIZE * (boxes[:, 3] * boxes[:, 4]).sqrt() / cell_m
+    sigma = sigma.clamp(min=_MIN_SIGMA_CELLS)[:, None]
+    along, across = (
+        (-((torch.arange(side, device=device) - center[:, axis, None]) ** 2) / (2 * sigma**2)).exp()
+        for axis, side in enumerate(shape)
+    )
+    bumps = along[:, :, None] * across[:, None]
+    counts = ~is_ignored
+    scores = _highest(bumps[counts], (image * classes + of_class)[counts], batch * classes)
+    scores = scores.reshape(batch, classes, rows, columns)
+    weights = scores.amax(dim=1)
+    ignored = _highest(bumps[is_ignored], image[is_ignored], batch)
+    # The object of the highest bump answers for a cell, and its box is that of the cell.
+    number, i, j = (bumps * counts[:, None, None] >= _TRAINED_FROM).nonzero(as_tuple=True)
+    is_owner = bumps[number, i, j] >= weights[image[number], i, j]
+    number, i, j = number[is_owner], i[is_owner], j[is_owner]
+    offsets = place[number] - torch.stack([i, j], dim=1)
+    owned = boxes[number]
+    yaw = owned[:, 6]
+    turns = torch.stack([yaw.sin(), yaw.cos(), (2 * yaw).sin(), (2 * yaw).cos()], dim=1)
+    targets = torch.zeros(batch, rows, columns, BOXES, device=device)
+    targets[image[number], i, j] = torch.cat(
+        [offsets, owned[:, 2:3], owned[:, 3:6].log(), turns], dim=1
+    )
+    is_trained = (ignored < _TRAINED_FROM) | (weights >= 1)
+    is_trained &= _in_view(labels, cell_m, shape)
+    weights = torch.where(weights >= _TRAINED_FROM, weights, 0)
+    return BevTargets(scores, is_trained[:, None], weights, targets.permute(0, 3, 1, 2))
+
+
+def _highest(bumps: Tensor, places: Tensor, count: int) -> Tensor:
+    """Return (count, H, W) the largest of the (N, H, W) bumps that are of each place, 0 without one."""
+    highest = bumps.new_zeros(count, *bumps.shape[1:])
+    return highest.scatter_reduce_(0, places[:, None, None].expand_as(bumps), bumps, "amax")
+
+
+def bev_loss(raw: CenterMaps, labels: BevLabels, grid: BevGrid, config: BevLossConfig) -> BevLoss:
+    """Return the loss of predictions."""
+    logits, cell_m = raw.scores.float(), BLOCK * grid.cell_m
+    targets = bev_targets(labels, cell_m, logits.shape[1], (logits.shape[2], logits.shape[3]))
+    objects = (targets.scores >= 1).sum().clamp(min=1)
+    score = _focal_loss(logits, targets.scores, targets.is_trained) / objects
+    errors = (raw.boxes.float() - targets.boxes).abs()
+    weight = targets.weights[:, None]
+    share = weight / weight.sum().clamp(min=1)
+    box = config.box_weight * (errors * share).sum()
+    deviation = (
+        config.deviation_weight * (_likelihood(errors.detach(), raw, targets, cell_m) * share).sum()
+    )
+    return BevLoss(score + box + deviation, score, box, deviation)
+
+
+def _focal_loss(logits: Tensor, targets: Tensor, is_trained: Tensor) -> Tensor:
+    """Return the focal loss with fewer penalties around a centre: Law and Deng, "CornerNet", ECCV 2018, equation 1."""
+    scores = logits.sigmoid()
+    at_center = targets >= 1
+    positive = -torch.nn.functional.logsigmoid(logits) * (1 - scores) ** 2
+    negative = -torch.nn.functional.logsigmoid(-logits) * scores**2 * (1 - targets) ** 4
+    return (torch.where(at_center, positive, negative) * is_trained).sum()
+
+
+def _likelihood(errors: Tensor, raw: CenterMaps, targets: BevTargets, cell_m: float) -> Tensor:
+    """Return (B, 6, H, W) the negative log-likelihood of the errors by Laplace's distribution of the predicted scale.
+
+    Errors are in metres and rad; those of the boxes themselves do not learn of it.
+    """
+    size_m = targets.boxes[:, BOX.size].exp()
+    predicted, true = raw.boxes[:, BOX.axis].float().detach(), targets.boxes[:, BOX.axis]
+    twice = torch.atan2(predicted[:, :1], predicted[:, 1:]) - torch.atan2(true[:, :1], true[:, 1:])
+    turn = torch.atan2(twice.sin(), twice.cos()).abs() / 2
+    position = errors[:, BOX.offset].mean(dim=1, keepdim=True) * cell_m
+    metres = torch.cat([position, errors[:, BOX.bottom], errors[:, BOX.size] * size_m, turn], dim=1)
+    assert metres.shape[1] == DEVIATIONS
+    scale = raw.deviations.float().clamp(-6, 6)
+    return metres * (-scale).exp() + scale
+
+
+def _in_view(labels: BevLabels, cell_m: float, shape: tuple[int, int]) -> Tensor:
+    """Return (B, H, W) which cells lie in the directions in which everything is labelled."""
+    x, y = (
+        (torch.arange(side, device=labels.boxes.device) + 0.5 - side / 2) * cell_m for side in shape
+    )
+    middle_m = labels.middle_m[:, :, None, None]
+    directions = torch.atan2(y + middle_m[:, 1], x[:, None] + middle_m[:, 0])
+    turns = directions - labels.view_rad[:, 0, None, None]
+    off = torch.atan2(turns.sin(), turns.cos()).abs()
+    return off <= labels.view_rad[:, 1, None, None] + 1e-3

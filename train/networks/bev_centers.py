@@ -1,0 +1,170 @@
+"""The detector of the bird's-eye view: anchor-free centres on a map of a scan from above.
+
+    cells  4x4 ───── 4 ────────────── + ──> heads, a cell of 4
+                     │                ^
+                     8 ──────── + ─ up ┘
+                     │          ^
+                    16 ──── + ─ up
+                     │      ^
+                    32 ─ up ┘
+
+Yin et al., "Center-based 3D object detection and tracking", CVPR 2021, with heads for the scale of each error.
+Separable 3x3 units with ReLU, which 8-bit integers do well.
+"""
+
+import math
+from collections.abc import Sequence
+from copy import deepcopy
+from itertools import pairwise
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
+
+from perception.detection.bev.bev_map import BLOCK
+from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS
+
+STRIDE = 4
+_BLOCK_WIDTH = 32  # numbers that tell of a block of 4x4 cells
+_WIDTHS = (32, 64, 128, 128)  # channels at 4, 8, 16 and 32 cells
+_UNITS = (1, 2, 3, 2)  # residual units at 4, 8, 16 and 32
+_FIRST_SCORE = 0.01
+_FIRST_SIZE_M = (4.0, 1.8, 1.6)
+_MAX_LOG = 6.0
+
+
+class CenterMaps(NamedTuple):
+    """Raw predictions in each cell.
+
+    Attributes:
+        scores: (B, K, H, W) logits of a centre of each class.
+        boxes: (B, 10, H, W) box as `perception.detection.bev.boxes` orders it.
+        deviations: (B, 6, H, W) logarithms of the scales of their errors.
+    """
+
+    scores: Tensor
+    boxes: Tensor
+    deviations: Tensor
+
+
+class Separable(nn.Module):
+    """Depthwise 3x3 and pointwise unit, and a way around them where nothing changes its size."""
+
+    def __init__(self, channels_in: int, channels_out: int, stride: int = 1) -> None:
+        super().__init__()
+        self.body = nn.Sequential(
+            Conv2dNormActivation(channels_in, channels_in, stride=stride, groups=channels_in),
+            Conv2dNormActivation(channels_in, channels_out, kernel_size=1),
+        )
+        self.has_shortcut = stride == 1 and channels_in == channels_out
+
+    def forward(self, maps: Tensor) -> Tensor:
+        """Return (B, channels_out, rows, columns)."""
+        changed: Tensor = self.body(maps)
+        return changed + maps if self.has_shortcut else changed
+
+
+class BevTrunk(nn.Module):
+    """Backbone down to 32 cells, and a neck up to 4."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        widths = _WIDTHS
+        self.blocks = nn.Linear(BLOCK**2 * channels, _BLOCK_WIDTH)
+        self.joined = Conv2dNormActivation(_BLOCK_WIDTH, widths[0], kernel_size=1)
+        self.quarter = nn.Sequential(*(Separable(widths[0], widths[0]) for _ in range(_UNITS[0])))
+        self.down = nn.ModuleList(
+            nn.Sequential(Separable(before, after, 2), *(Separable(after, after) for _ in range(units)))
+            for (before, after), units in zip(pairwise(widths), _UNITS[1:], strict=True)
+        )  # fmt: skip
+        self.up = nn.ModuleList(
+            nn.Sequential(
+                nn.Conv2d(after, before, 1, bias=False),
+                nn.BatchNorm2d(before),
+                nn.Upsample(scale_factor=2, mode="nearest"),
+            )
+            for before, after in pairwise(widths)
+        )
+        self.join = nn.ModuleList(Separable(width, width) for width in widths[:-1])
+        self.out_channels = widths[0]
+
+    def forward(self, maps: Tensor) -> Tensor:
+        """Return (B, out_channels, R / 4, R / 4) of (B, R / 4, R / 4, 16, C) maps."""
+        side = maps.shape[1]
+        blocks = self.blocks(maps.reshape(-1, self.blocks.in_features)).relu()
+        blocks = blocks.reshape(-1, side, side, _BLOCK_WIDTH).permute(0, 3, 1, 2)
+        levels = [self.quarter(self.joined(blocks))]
+        for down in self.down:
+            levels.append(down(levels[-1]))
+        joined: Tensor = levels.pop()
+        for up, join in zip(reversed(self.up), reversed(self.join), strict=True):
+            joined = join(levels.pop() + up(joined))
+        return joined
+
+
+class BevCenters(nn.Module):
+    """Trunk and heads.
+
+    Attributes:
+        class_names: Classes in the order of the scores.
+    """
+
+    def __init__(self, class_names: Sequence[str], channels: int) -> None:
+        """Build it with random weights.
+
+        Args:
+            class_names: Classes to detect.
+            channels: Planes of the map.
+        """
+        super().__init__()
+        self.class_names, self.scale = tuple(class_names), 1 / 255
+        self.trunk = BevTrunk(channels)
+        width = self.trunk.out_channels
+        self.score_head = nn.Sequential(
+            Separable(width, width), nn.Conv2d(width, len(class_names), 1)
+        )
+        self.box_head = nn.Sequential(
+            Separable(width, width), nn.Conv2d(width, BOXES + DEVIATIONS, 1)
+        )
+        with torch.no_grad():
+            _bias(self.score_head).fill_(math.log(_FIRST_SCORE / (1 - _FIRST_SCORE)))
+            bias = _bias(self.box_head).zero_()
+            bias[BOX.offset] = 0.5
+            bias[BOX.size] = torch.tensor(_FIRST_SIZE_M).log()
+
+    def forward(self, maps: Tensor) -> CenterMaps:
+        """Return raw predictions for (B, R / 4, R / 4, 16, C) maps of 8-bit numbers."""
+        features = self.trunk(maps.float() * self.scale)
+        boxes = self.box_head(features)
+        return CenterMaps(self.score_head(features), boxes[:, :BOXES], boxes[:, BOXES:])
+
+
+class DecodedCenters(nn.Module):
+    """The network with what a model file returns: scores, boxes and scales of errors."""
+
+    def __init__(self, network: BevCenters) -> None:
+        super().__init__()
+        # Numbers of 8 bits as they are: a pass over the map less.
+        self.network = deepcopy(network).eval()
+        self.network.trunk.blocks.weight.data *= self.network.scale
+        self.network.scale = 1.0
+
+    def forward(self, maps: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (B, K, H, W) scores and (B, 16, H, W) boxes and scales of their errors."""
+        return decode(self.network(maps))
+
+
+def decode(raw: CenterMaps) -> tuple[Tensor, Tensor]:
+    """Return (B, K, H, W) scores, and (B, 16, H, W) boxes and scales of their errors, in float32."""
+    scores = raw.scores.float().sigmoid()
+    boxes, deviations = raw.boxes.float(), raw.deviations.float().clamp(-_MAX_LOG, _MAX_LOG).exp()
+    size = boxes[:, BOX.size].clamp(-_MAX_LOG, _MAX_LOG).exp()
+    parts = [boxes[:, : BOX.size.start], size, boxes[:, BOX.size.stop :], deviations]
+    return scores, torch.cat(parts, dim=1)
+
+
+def _bias(head: nn.Sequential) -> Tensor:
+    last: nn.Conv2d = head[-1]  # type: ignore[assignment]
+    assert last.bias is not None  # which every prediction has
+    return last.bias
