@@ -8,8 +8,8 @@ import numpy as np
 from perception.geometry.se3 import cross_matrix
 from perception.types import Float64
 
-# Standard deviations of a second without registration, in metres and rad.
-_UNREGISTERED = (1.0, 0.02)
+# Standard deviations of a second without registration, in metres and rad: of a motion carried on, and of one never known.
+_CARRIED_ON, _NEVER_KNOWN = (1.0, 0.02), (15.0, 0.35)
 _SHORTEST_S = 0.1
 
 
@@ -33,7 +33,12 @@ def registered_covariance(
 
 
 def unregistered_covariance(
-    of_last: Float64, world_SE3_last: Float64, world_SE3_velo: Float64, gap_s: float
+    of_last: Float64,
+    world_SE3_last: Float64,
+    world_SE3_velo: Float64,
+    gap_s: float,
+    *,
+    has_motion: bool = True,
 ) -> Float64:
     """Return the (6, 6) covariance of a pose that the INS or the velocity carried on from the last.
 
@@ -42,8 +47,9 @@ def unregistered_covariance(
         world_SE3_last: (4, 4) last pose.
         world_SE3_velo: (4, 4) pose.
         gap_s: Time between the two in seconds.
+        has_motion: Whether the INS or a velocity tells the motion between both.
     """
-    deviations = np.repeat(_UNREGISTERED, 3) * max(gap_s, _SHORTEST_S)
+    deviations = np.repeat(_CARRIED_ON if has_motion else _NEVER_KNOWN, 3) * max(gap_s, _SHORTEST_S)
     return _carried(of_last, world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]) + np.diag(deviations**2)
 
 
