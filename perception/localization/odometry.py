@@ -518,7 +518,7 @@ class LidarOdometry:
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
-            if step_ins is None or _length_m(step_ins - constant) > _REACH_M / 2:
+            if step_ins is None or _is_another(step_ins, constant):
                 guesses.append(_Guess(constant, gap_s=unknown_s))
         return guesses
 
