@@ -29,7 +29,7 @@ def registered_covariance(
     # From rotation and translation in the frame of the keyframe to position and rotation of the scan.
     lever = np.block([[-cross_matrix(away_m), np.eye(3)], [np.eye(3), np.zeros((3, 3))]])
     of_scan = lever @ turn
-    return np.asarray(_carried(of_keyframe, away_m) + of_scan @ of_motion @ of_scan.T)
+    return np.asarray(carried_covariance(of_keyframe, away_m) + of_scan @ of_motion @ of_scan.T)
 
 
 def unregistered_covariance(
@@ -50,10 +50,12 @@ def unregistered_covariance(
         has_motion: Whether the INS or a velocity tells the motion between both.
     """
     deviations = np.repeat(_CARRIED_ON if has_motion else _NEVER_KNOWN, 3) * max(gap_s, _SHORTEST_S)
-    return _carried(of_last, world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]) + np.diag(deviations**2)
+    return carried_covariance(of_last, world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]) + np.diag(
+        deviations**2
+    )
 
 
-def _carried(covariance: Float64, away_m: Float64) -> Float64:
-    """Return what the covariance of a pose makes of one at a distance from it."""
+def carried_covariance(covariance: Float64, away_m: Float64) -> Float64:
+    """Return what the (6, 6) covariance of a pose makes of one at a (3,) distance from it."""
     lever = np.block([[np.eye(3), -cross_matrix(away_m)], [np.zeros((3, 3)), np.eye(3)]])
     return np.asarray(lever @ covariance @ lever.T)
