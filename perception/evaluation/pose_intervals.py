@@ -1,7 +1,7 @@
 """Errors of poses since the first scan, and how often the truth lies within the intervals of their covariance.
 
-A first pose has no error: the world is where it begins. Errors are those of the motion since then, along the axes of the
-first scan; they add up from keyframe to keyframe, and so does the covariance.
+Errors are those of the motion since then, along the axes of the first scan; they add up from keyframe to keyframe, and so
+does the covariance. Without INS the world is where it begins: a first pose has no error.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from perception.evaluation.intervals import groups, interval_coverage, squared_mahalanobis
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.se3 import inverse, rotation_vector
+from perception.localization.pose_covariance import carried_covariance
 from perception.types import ArrayTable, Float64, Result
 
 # Time since the first scan in seconds, by name.
@@ -90,7 +91,7 @@ class PoseIntervals:
             true_poses: (4, 4) exact world_SE3_velo of every frame of the drive; None where they are not known.
         """
         self._true_poses = true_poses
-        self._first: tuple[int, float, Float64] | None = None
+        self._first: tuple[int, float, Float64, Float64] | None = None
         self._errors: list[PoseErrors] = []
 
     def update(self, result: Result) -> None:
@@ -105,19 +106,20 @@ class PoseIntervals:
             index: Number of the frame in the drive.
             stamp_s: Time of its scan.
             pose: (4, 4) world_SE3_velo.
-            covariance: (6, 6) covariance of the pose since the first scan.
+            covariance: (6, 6) covariance of the pose.
         """
         if self._true_poses is None:
             return
         if self._first is None:
-            self._first = index, stamp_s, pose
+            self._first = index, stamp_s, pose, covariance
             return
-        first, start_s, start = self._first
+        first, start_s, start, of_start = self._first
         found, true = (
             inverse(start) @ pose,
             inverse(self._true_poses[first]) @ self._true_poses[index],
         )
         turn = np.kron(np.eye(2), start[:3, :3])
+        covariance = covariance + carried_covariance(of_start, pose[:3, 3] - start[:3, 3])
         self._errors.append(
             PoseErrors(
                 ages_s=np.array([stamp_s - start_s]),

@@ -368,7 +368,13 @@ class LidarOdometry:
         # Later scans may still find the keyframe; when that is too long ago, the poses are reset.
         is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
-        covariance = unregistered_covariance(last.localization.covariance, last_pose, pose, gap_s)
+        covariance = unregistered_covariance(
+            last.localization.covariance,
+            last_pose,
+            pose,
+            gap_s,
+            has_motion=step_ins is not None or last.velocity is not None,
+        )
         is_reset = not is_near or is_lost
         return Localization(pose, origin, is_reset=is_reset, covariance=covariance)
 
@@ -512,7 +518,7 @@ class LidarOdometry:
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
             # Within reach of each other the two guesses converge to the same pose.
-            if step_ins is None or _length_m(step_ins - constant) > _REACH_M / 2:
+            if step_ins is None or _is_another(step_ins, constant):
                 guesses.append(_Guess(constant, gap_s=unknown_s))
         return guesses
 

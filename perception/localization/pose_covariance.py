@@ -8,8 +8,8 @@ import numpy as np
 from perception.geometry.se3 import cross_matrix
 from perception.types import Float64
 
-# Standard deviations of a second without registration, in metres and rad.
-_UNREGISTERED = (1.0, 0.02)
+# Standard deviations of a second without registration, in metres and rad: of a motion carried on, and of one never known.
+_CARRIED_ON, _NEVER_KNOWN = (1.0, 0.02), (15.0, 0.35)
 _SHORTEST_S = 0.1
 
 
@@ -29,11 +29,16 @@ def registered_covariance(
     # From rotation and translation in the frame of the keyframe to position and rotation of the scan.
     lever = np.block([[-cross_matrix(away_m), np.eye(3)], [np.eye(3), np.zeros((3, 3))]])
     of_scan = lever @ turn
-    return np.asarray(_carried(of_keyframe, away_m) + of_scan @ of_motion @ of_scan.T)
+    return np.asarray(carried_covariance(of_keyframe, away_m) + of_scan @ of_motion @ of_scan.T)
 
 
 def unregistered_covariance(
-    of_last: Float64, world_SE3_last: Float64, world_SE3_velo: Float64, gap_s: float
+    of_last: Float64,
+    world_SE3_last: Float64,
+    world_SE3_velo: Float64,
+    gap_s: float,
+    *,
+    has_motion: bool = True,
 ) -> Float64:
     """Return the (6, 6) covariance of a pose that the INS or the velocity carried on from the last.
 
@@ -42,12 +47,15 @@ def unregistered_covariance(
         world_SE3_last: (4, 4) last pose.
         world_SE3_velo: (4, 4) pose.
         gap_s: Time between the two in seconds.
+        has_motion: Whether the INS or a velocity tells the motion between both.
     """
-    deviations = np.repeat(_UNREGISTERED, 3) * max(gap_s, _SHORTEST_S)
-    return _carried(of_last, world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]) + np.diag(deviations**2)
+    deviations = np.repeat(_CARRIED_ON if has_motion else _NEVER_KNOWN, 3) * max(gap_s, _SHORTEST_S)
+    return carried_covariance(of_last, world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]) + np.diag(
+        deviations**2
+    )
 
 
-def _carried(covariance: Float64, away_m: Float64) -> Float64:
-    """Return what the covariance of a pose makes of one at a distance from it."""
+def carried_covariance(covariance: Float64, away_m: Float64) -> Float64:
+    """Return what the (6, 6) covariance of a pose makes of one at a (3,) distance from it."""
     lever = np.block([[np.eye(3), -cross_matrix(away_m)], [np.zeros((3, 3)), np.eye(3)]])
     return np.asarray(lever @ covariance @ lever.T)

@@ -14,7 +14,8 @@ from perception.health.scan_statistics import ScanMeter
 from perception.localization.mounting import check_mounting
 from perception.localization.registration import RegisteredScans, Registration
 from perception.obstacles.ground import GroundEstimator, ground_estimator
-from perception.obstacles.motion_segmentation import MotionSegmenter, motion_segmenter
+from perception.obstacles.motion_segmentation import motion_segmenter
+from perception.obstacles.motion_segmenter import MotionSegmenter
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel

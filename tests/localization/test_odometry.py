@@ -464,6 +464,16 @@ def test_the_first_motion_is_found_at_two_scans_a_second(
         assert off_m < 0.05 and off_deg < 0.2
 
 
+def test_a_false_turn_of_the_ins_is_not_followed_at_two_scans_a_second() -> None:
+    poses = path(36, 6.0, 0.1)[::5]
+    odometry = LidarOdometry()
+    for index, pose in enumerate(poses):
+        turned = pose @ from_euler(0, 0, np.radians(10) * max(0, index - 3))
+        found = odometry.update(observed_from(pose, index), 0.5 * index, turned)
+        off_m, off_deg = apart(pose, found.world_SE3_velo)
+        assert off_m < 0.1 and off_deg < 0.3
+
+
 def test_a_turn_that_begins_between_distant_scans_is_found_without_ins() -> None:
     # Twice a second; from the fourth scan on 12 degrees a step, where a constant velocity goes straight on.
     truth = [np.eye(4)]

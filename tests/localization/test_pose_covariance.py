@@ -37,6 +37,8 @@ def test_without_registration_a_pose_is_soon_uncertain():
     pose = from_euler(0, 0, 0, np.array([1.0, 0, 0]))
     found = unregistered_covariance(EXACT, np.eye(4), pose, 0.5)
     np.testing.assert_allclose(np.sqrt(np.diagonal(found)), [0.5] * 3 + [0.01] * 3)
+    unknown = unregistered_covariance(EXACT, np.eye(4), pose, 0.5, has_motion=False)
+    np.testing.assert_allclose(np.sqrt(np.diagonal(unknown)), [7.5] * 3 + [0.175] * 3)
 
 
 def test_an_unknown_registration_leaves_a_pose_unknown():
