@@ -85,8 +85,10 @@ class InsFusion:
         """
         if self._filtered is None:
             return None
+        # What both come apart by in some seconds may be the error of either.
+        covariance = self._filtered + np.diag(self._apart[1] / 2)
         rotation = np.kron(np.eye(2), self._rotation)
-        return np.asarray(rotation @ np.roll(self._filtered, 3, axis=(0, 1)) @ rotation.T)
+        return np.asarray(rotation @ np.roll(covariance, 3, axis=(0, 1)) @ rotation.T)
 
     def _learn(self, last: _Moment, now: _Moment) -> None:
         """Average how far INS and odometry come apart."""

@@ -550,17 +550,17 @@ class LidarOdometry:
             if len(found) == _SEARCH_CANDIDATES:
                 break
         share, best = max(found, key=itemgetter(0))
-        is_proven = best.is_converged and best.inlier_ratio >= _MIN_SEARCHED_RATIO
-        return (
-            best
-            if is_proven
-            and all(
-                share >= _MIN_CONTRAST * other
-                for other, one in found
-                if _is_another(one.target_SE3_source, best.target_SE3_source)
-            )
-            else None
+        others = [
+            other
+            for other, one in found
+            if _is_another(one.target_SE3_source, best.target_SE3_source)
+        ]
+        is_proven = (
+            best.is_converged
+            and best.inlier_ratio >= _MIN_SEARCHED_RATIO
+            and share >= _MIN_CONTRAST * max(others, default=0.0)
         )
+        return best if is_proven else None
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
