@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal, cast
 
 from perception.detection.config import FusionVariant
 from perception.errors import optional_package
-from perception.types import Modality
 
 if TYPE_CHECKING:
     from train.cli import TrainingKind
@@ -57,7 +56,7 @@ class EverydayFlags:
     validation: list[Path] | None = None
     split: Path | None = None
     shards: list[str] | None = None
-    modality: Modality | Literal["bev"] | None = None
+    modality: Literal["rgb", "dm", "rm", "bev"] | None = None
     variant: FusionVariant | None = None
     epochs: int | None = None
     steps: int | None = None

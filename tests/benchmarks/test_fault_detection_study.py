@@ -50,7 +50,7 @@ def test_faults_of_the_ins_are_named_at_two_frames_a_second(tmp_path):
         "ins-jumping 2, 2 Hz": 1,
         "ins-turning 12, 2 Hz": 1,
     }
-    assert results["faults"]["ins-turning 12, 2 Hz"]["mean_delay_s"] == 1.5
+    assert results["faults"]["ins-turning 12, 2 Hz"]["mean_delay_s"] == 0.5
     clean = results["clean"]["2 Hz"]
     assert (clean["frames"], clean["seconds"], clean["false_alarms"]) == (22, 10.5, 0)
 

@@ -143,7 +143,9 @@ def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path):
 )
 def test_checkpoint_of_another_network(tmp_path, content, found):
     torch.save(content, tmp_path / "other.ckpt")
-    with fault(ModelError, "other.ckpt", "a checkpoint of depthcn or detector or fusion", found):
+    with fault(
+        ModelError, "other.ckpt", "a checkpoint of bev or depthcn or detector or fusion", found
+    ):
         export_network(ExportConfig(tmp_path / "other.ckpt"))
 
 
@@ -169,7 +171,7 @@ def test_no_code_of_a_checkpoint_runs(tmp_path):
     torch.save(
         {"state_dict": {}, "hyper_parameters": Malice(tmp_path / "made")}, tmp_path / "evil.ckpt"
     )
-    with fault(ModelError, "evil.ckpt", "a checkpoint of depthcn", "cannot be read"):
+    with fault(ModelError, "evil.ckpt", "a checkpoint of bev or depthcn", "cannot be read"):
         command("export", tmp_path / "evil.ckpt", "--out", tmp_path / "model.onnx")
     assert not (tmp_path / "made").exists()
 

@@ -114,8 +114,9 @@ class NetworkOutputs:
 
     @property
     def has_class_numbers(self) -> bool:
-        """Whether the sixth column of the only table holds numbers of classes, and not scores of one."""
-        column = tables(self.arrays)[0][..., 5]
+        """Whether the sixth column of the only table holds numbers of classes, and not scores of one, in its first image."""
+        table = tables(self.arrays)[0]
+        column = table[:1, :, 5] if table.ndim == 3 else table[..., 5]
         return bool((column == np.rint(column)).all())
 
 
