@@ -19,7 +19,6 @@ import numpy as np
 from perception.errors import PoseError
 from perception.geometry.se3 import (
     from_motion_vector,
-    from_rotation_translation,
     inverse,
     motion_vector,
     orthonormal,
@@ -622,10 +621,6 @@ def _around(reach: float, step: float) -> Float64:
 
 def _motion(earlier: _LocatedScan, scan: _LocatedScan) -> Float64:
     return inverse(earlier.localization.world_SE3_velo) @ scan.localization.world_SE3_velo
-
-
-def _ahead(distance_m: float) -> Float64:
-    return from_rotation_translation(np.eye(3), np.array([distance_m, 0.0, 0.0]))
 
 
 def _length_m(motion: Float64) -> float:
