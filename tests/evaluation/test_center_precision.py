@@ -42,6 +42,6 @@ def test_an_ignored_label_makes_no_detection_wrong():
     assert (result.ap, result.labels) == pytest.approx((1, 1))
 
 
-def test_without_detections_or_labels_nothing_is_found():
+def test_precision_is_zero_without_detections_or_labels():
     assert center_precision([frame([0], [0], [], [])], 2.0).ap == 0
     assert center_precision([frame([], [], [0], [0.9])], 2.0).labels == 0

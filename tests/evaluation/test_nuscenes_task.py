@@ -153,7 +153,7 @@ def test_size_heading_velocity_and_attribute():
     assert (errors["vel_err"], errors["attr_err"]) == (1, 1)
 
 
-def test_unknown_velocities_count_for_nothing():
+def test_unknown_velocities_are_left_out():
     truths = objects((0, 0), (9, 0))
     truths.velocities_m_s[:] = [[np.nan, np.nan], [2, 0]]
     car = measured((truths, detections((0, 0, 0.9), (9, 0, 0.8))))

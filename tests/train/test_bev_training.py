@@ -56,7 +56,7 @@ def test_targets_of_a_label_are_decoded_to_its_box():
     assert found.deviations[0] == pytest.approx(np.full(6, math.sqrt(2) * math.exp(-3)), rel=1e-4)
 
 
-def test_a_perfect_prediction_costs_next_to_nothing():
+def test_the_loss_of_a_perfect_prediction_is_near_zero():
     labels = labels_of(CAR)
     good = bev_loss(perfect(labels, 1), labels, GRID, BevLossConfig(deviation_weight=0.0))
     assert good.total.item() < 1e-3
@@ -85,7 +85,7 @@ def test_the_scale_of_the_error_is_the_likeliest():
     [{"is_ignored": (True,)}, {"view_rad": (0.5, 0.4)}],
     ids=["an object that is ignored", "beside the labelled directions"],
 )
-def test_a_detection_there_costs_nothing(change):
+def test_a_detection_there_has_no_loss(change):
     seen, labels = labels_of(CAR), labels_of(CAR, **change)
     raw = perfect(seen, 1)
     if "view_rad" in change:

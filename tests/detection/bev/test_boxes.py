@@ -46,7 +46,7 @@ def test_a_peak_is_the_highest_of_its_neighbours_and_class():
     assert len(decode_boxes(scores, np.ones((16, 32, 32), np.float32), GRID, 0.5, most=2)) == 2
 
 
-def test_nothing_is_found_where_no_score_is_high():
+def test_no_box_is_detected_where_no_score_is_high():
     found = decode_boxes(
         np.zeros((2, 32, 32), np.float32), np.zeros((16, 32, 32), np.float32), GRID
     )
