@@ -5,7 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch import LightningModule, Trainer
 from torch import Tensor
 
 from perception.detection.bev.bev_map import FREE, HIDDEN, TOP, planes_of
@@ -13,27 +13,17 @@ from perception.detection.bev.boxes import BevDetections
 from perception.geometry.boxes import corners
 from perception.render import palette
 from perception.types import Boxes3D, UInt8
-from train.events import tensorboard_loggers
+from train.validation_images import ValidationImages
 
 Batch = dict[str, Tensor]
-_SHOWN_IMAGES = 4
 _DISPLAY_SCORE = 0.3  # lower ones would hide the map
 _LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
 
 
-class BevImages(Callback):
+class BevImages(ValidationImages):
     """Draw some scans of every validation, the same in every epoch."""
 
-    def __init__(self) -> None:
-        self._rows: frozenset[int] = frozenset()
-        self._drawn: dict[int, UInt8] = {}
-
-    def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Choose the scans, spread evenly."""
-        count = len(trainer.datamodule.validation)  # type: ignore[attr-defined]
-        rows = np.linspace(0, count - 1, min(count, _SHOWN_IMAGES)).round().astype(int)
-        is_shown = bool(tensorboard_loggers(trainer))
-        self._rows, self._drawn = frozenset(rows.tolist() if is_shown else ()), {}
+    name, count, axis = "validation/maps", 4, 1
 
     def on_validation_batch_end(
         self,
@@ -50,15 +40,6 @@ class BevImages(Callback):
         for place, row in enumerate(batch["numbers"].tolist()):
             if row in self._rows:
                 self._drawn[row] = draw_map(batch, place, outputs["detections"][place], reach_m)
-
-    def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Log the scans beside each other."""
-        for logger in tensorboard_loggers(trainer):
-            if self._drawn:
-                image = np.concatenate([self._drawn[row] for row in sorted(self._drawn)], axis=1)
-                logger.experiment.add_image(
-                    "validation/maps", image, trainer.global_step, dataformats="HWC"
-                )
 
 
 def draw_map(batch: Batch, place: int, found: BevDetections, reach_m: float) -> UInt8:

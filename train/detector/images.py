@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch import LightningModule, Trainer
 from torch import Tensor
 
 from perception.evaluation.detection.average_precision import DetectionMetrics
@@ -14,28 +14,19 @@ from perception.render.detections import draw_boxes
 from perception.render.labels import Label, draw_labels
 from perception.types import Detections, Float64, UInt8
 from train.events import tensorboard_loggers
+from train.validation_images import ValidationImages
 
 Batch = dict[str, Tensor]
-_SHOWN_IMAGES = 6
 _DISPLAY_SCORE = 0.3  # lower ones would hide the image
 _SMALLEST_WIDTH_PX = 1200  # smaller images are enlarged
 _LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
 _TEXT_PX = 10
 
 
-class DetectorImages(Callback):
+class DetectorImages(ValidationImages):
     """Draw some images and the curves of every validation."""
 
-    def __init__(self) -> None:
-        self._rows: frozenset[int] = frozenset()
-        self._drawn: dict[int, UInt8] = {}
-
-    def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Choose the images: spread evenly, the same in every epoch."""
-        count = len(trainer.datamodule.validation)  # type: ignore[attr-defined]
-        rows = np.linspace(0, count - 1, min(count, _SHOWN_IMAGES)).round().astype(int)
-        is_shown = bool(tensorboard_loggers(trainer))
-        self._rows, self._drawn = frozenset(rows.tolist() if is_shown else ()), {}
+    name, count, axis = "validation/images", 6, 0
 
     def on_validation_batch_end(
         self,
@@ -53,13 +44,9 @@ class DetectorImages(Callback):
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log the images below each other, and the curves."""
+        super().on_validation_epoch_end(trainer, pl_module)
+        metrics: Any = pl_module.metrics
         for logger in tensorboard_loggers(trainer):
-            if self._drawn:
-                image = np.concatenate([self._drawn[row] for row in sorted(self._drawn)])
-                logger.experiment.add_image(
-                    "validation/images", image, trainer.global_step, dataformats="HWC"
-                )
-            metrics: Any = pl_module.metrics
             if metrics is not None:
                 figure = curve_figure("validation", curve_panels(metrics))
                 logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
