@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from lightning.pytorch import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities.data import extract_batch_size
+from torch import Tensor
 from torch.nn.utils import get_total_norm
 from torch.optim import Optimizer
 
@@ -20,6 +21,17 @@ from data.report.training_report import read_all_scalars
 from data.splits.training_frames import ENTRY
 from perception.atomic_file import write_error
 from perception.types import Float64
+
+
+class Loss(Protocol):
+    """Named terms of a loss, and their total."""
+
+    @property
+    def total(self) -> Tensor:
+        """Sum of the terms."""
+        ...
+
+    def _asdict(self) -> dict[str, Tensor]: ...
 
 
 class TrainingStatistics(Callback):
@@ -123,3 +135,24 @@ def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
     logged = read_all_scalars(folder)
     by_step = {name: sorted(logged.get(name, {}).items()) for name in names}
     return {name: np.array([one for _, one in rows]) for name, rows in by_step.items()}
+
+
+def log_loss(module: LightningModule, stage: str, loss: Loss, count: int) -> None:
+    """Log the terms of a batch's loss, averaged over the epoch.
+
+    Args:
+        module: Training that logs.
+        stage: Part of the data: train, validation or test.
+        loss: Terms of the loss.
+        count: Number of samples of the batch.
+    """
+    terms = {"loss": loss.total} | {
+        f"{name}_loss": value for name, value in loss._asdict().items() if name != "total"
+    }
+    module.log_dict(
+        {f"{stage}/{name}": value.detach() for name, value in terms.items()},
+        on_step=False,
+        on_epoch=True,
+        batch_size=count,
+        sync_dist=True,
+    )

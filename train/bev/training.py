@@ -20,6 +20,7 @@ from train.bev.loss import BevLabels, BevLoss, BevLossConfig, bev_loss
 from train.bev.metrics import FoundCenters, measure
 from train.bev.networks import IDENTITY, MODEL, BevNetworkConfig, make_network
 from train.checkpoints import program_revision
+from train.events import log_loss
 from train.networks.bev_centers import CenterMaps, decode
 from train.optimization import WarmupCosine, configure_optimizers
 
@@ -93,7 +94,7 @@ class BevTraining(LightningModule):
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Return the loss of a batch."""
         loss = self._loss(self(batch["maps"]), batch)
-        self._log_loss("train", loss, len(batch["maps"]))
+        log_loss(self, "train", loss, len(batch["maps"]))
         return loss.total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[BevDetections]]:
@@ -122,7 +123,7 @@ class BevTraining(LightningModule):
 
     def _evaluate(self, stage: str, batch: Batch) -> dict[str, list[BevDetections]]:
         raw = self(batch["maps"])
-        self._log_loss(stage, self._loss(raw, batch), len(batch["maps"]))
+        log_loss(self, stage, self._loss(raw, batch), len(batch["maps"]))
         scores, boxes = (part.cpu().numpy() for part in decode(raw))
         groups = [GROUPS[name] for name in self.bev.class_names]
         found = [
@@ -144,15 +145,3 @@ class BevTraining(LightningModule):
     def _loss(self, raw: CenterMaps, batch: Batch) -> BevLoss:
         labels = BevLabels(*(batch[name] for name in BevLabels._fields))
         return bev_loss(raw, labels, self.bev.grid, self.loss_config)
-
-    def _log_loss(self, stage: str, loss: BevLoss, count: int) -> None:
-        terms = {"loss": loss.total} | {
-            f"{name}_loss": value for name, value in loss._asdict().items() if name != "total"
-        }
-        self.log_dict(
-            {f"{stage}/{name}": value.detach() for name, value in terms.items()},
-            on_step=False,
-            on_epoch=True,
-            batch_size=count,
-            sync_dist=True,
-        )

@@ -44,6 +44,7 @@ from train.detector.multi_scale import (
 )
 from train.detector.networks import ANCHORS, IDENTITY, MODEL, DetectorNetworkConfig
 from train.detector.targets import BatchLabels
+from train.events import log_loss
 from train.networks.yolo_head import DetectionHead, YoloHead
 from train.networks.yolox import YoloxHead
 from train.optimization import WarmupCosine, configure_optimizers
@@ -192,7 +193,7 @@ class DetectorTraining(LightningModule):
         raw = self(images)
         kept = self._distillation.loss(images, self.network.decode(raw), labels)
         loss = self._loss(raw, labels, seen).with_distillation(kept)
-        self._log_loss("train", loss, len(images))
+        log_loss(self, "train", loss, len(images))
         return loss.total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
@@ -224,7 +225,7 @@ class DetectorTraining(LightningModule):
     def _evaluate(self, stage: str, batch: Batch) -> dict[str, list[Detections]]:
         raw = self(batch["images"].float())
         loss = self._loss(raw, _labels(batch), self.loss_config.prior_images)
-        self._log_loss(stage, loss, len(batch["images"]))
+        log_loss(self, stage, loss, len(batch["images"]))
         detections = self._detections(raw, InputSize(*batch["images"].shape[-2:]))
         self.boxes.update(detections, batch["numbers"], self.global_rank)
         return {"detections": detections}
@@ -243,18 +244,6 @@ class DetectorTraining(LightningModule):
     def _loss(self, raw: Any, labels: BatchLabels, images_seen: int) -> DetectionLoss:  # noqa: ANN401
         head = self.network.head
         return head_loss(head)(raw, labels, head, self.loss_config, images_seen)
-
-    def _log_loss(self, stage: str, loss: DetectionLoss, count: int) -> None:
-        terms = {"loss": loss.total} | {
-            f"{name}_loss": value for name, value in loss._asdict().items() if name != "total"
-        }
-        self.log_dict(
-            {f"{stage}/{name}": value.detach() for name, value in terms.items()},
-            on_step=False,
-            on_epoch=True,
-            batch_size=count,
-            sync_dist=True,
-        )
 
     def _detections(self, raw: Any, size: InputSize) -> list[Detections]:  # noqa: ANN401
         boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
