@@ -17,18 +17,33 @@ class BevAugmentationConfig(AugmentationConfig):
         mirror: Probability that left and right change places.
         scale: Largest factor of all lengths, less 1.
         thinning: Probability that every second beam is left out, of a sensor of 32 and more.
+        lost: Largest share of returns that are lost, as in rain.
         reflectance: Probability that no reflectance is known.
+        gain: Standard deviation of the logarithm of a factor of reflectance.
+        ground_m: Standard deviation in metres of an error of the ground's height.
+        tilt_rad: That of its slope along each axis, in rad.
         crop: Fraction of each side that a training map leaves out; what is left lies around an object. Steps on crops take
             less time, so that more are made.
     """
 
-    MAX: ClassVar = {"mirror": 1.0, "scale": 0.5, "thinning": 1.0, "reflectance": 1.0, "crop": 0.9}
+    MAX: ClassVar = {
+        "mirror": 1.0,
+        "scale": 0.5,
+        "thinning": 1.0,
+        "lost": 0.9,
+        "reflectance": 1.0,
+        "crop": 0.9,
+    }
 
     turn_rad: float = np.pi
     mirror: float = 0.5
     scale: float = 0.05
     thinning: float = 0.3
+    lost: float = 0.3
     reflectance: float = 0.3
+    gain: float = 0.4
+    ground_m: float = 0.03
+    tilt_rad: float = 0.002
     crop: float = 0.0
 
 

@@ -20,7 +20,7 @@ from perception.errors import UsageError
 from perception.geometry.se3 import wrap
 from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
-from perception.types import Float32, Float64, Int, UInt8
+from perception.types import Bool, Float32, Float64, Int, UInt8
 
 MIN_RETURNS = 3  # of an object to be learned from and to be found
 _THINNED_FROM = 32  # beams
@@ -103,6 +103,7 @@ class BevDataset(Dataset[Sample]):
         magnitudes, rng = self.augmentation, np.random.default_rng([self.seed, *index.view])
         step = 1 + (sensor.beams >= _THINNED_FROM and rng.random() < magnitudes.thinning)
         scan = augment(_every(scan, sensor, step), magnitudes, rng)
+        scan = disturb(scan, magnitudes, rng)
         maps = self._mapper(sensor, step).make(scan.points_velo, scan.heights_m)
         if rng.random() < magnitudes.reflectance:
             maps[..., REFLECTANCE] = 0
@@ -196,6 +197,21 @@ def augment(
     return LabelledScan(points, heights_m, replace(labels, boxes=boxes, view_rad=view))
 
 
+def disturb(
+    scan: LabelledScan, magnitudes: BevAugmentationConfig, rng: np.random.Generator
+) -> LabelledScan:
+    """Return a scan as another sensor or ground would give it: fewer returns, brighter, and the ground off a little."""
+    scan = _kept(scan, rng.random(len(scan.points_velo)) >= rng.uniform(0, magnitudes.lost))
+    points = np.array(scan.points_velo)
+    points[:, 3] = np.minimum(points[:, 3] * np.exp(rng.normal(0, magnitudes.gain)), 1)
+    offset_m = np.float32(rng.normal(0, magnitudes.ground_m))
+    slope = rng.normal(0, magnitudes.tilt_rad, 2).astype(np.float32)
+    boxes = np.array(scan.labels.boxes)
+    boxes[:, 2] += boxes[:, :2] @ slope + offset_m
+    heights_m = scan.heights_m + points[:, :2] @ slope + offset_m
+    return LabelledScan(points, heights_m, replace(scan.labels, boxes=boxes))
+
+
 def crop(
     maps: UInt8, center_m: Float32, grid: BevGrid, share: float, rng: np.random.Generator
 ) -> tuple[UInt8, Int]:
@@ -221,8 +237,14 @@ def _every(scan: LabelledScan, sensor: LidarModel, step: int) -> LabelledScan:
     if step == 1:
         return scan
     rows = SphericalProjection(sensor, tolerance_m=0.1).pixels(scan.points_velo).rows
-    is_kept = rows % step == 0
-    return replace(scan, points_velo=scan.points_velo[is_kept], heights_m=scan.heights_m[is_kept])
+    return _kept(scan, rows % step == 0)
+
+
+def _kept(scan: LabelledScan, is_kept: Bool) -> LabelledScan:
+    """Return a scan of some of its returns; of each object the same share of them is left."""
+    returns = (scan.labels.returns * is_kept.mean()).astype(np.int64)
+    labels = replace(scan.labels, returns=returns)
+    return LabelledScan(scan.points_velo[is_kept], scan.heights_m[is_kept], labels)
 
 
 def collate(samples: Sequence[Sample]) -> Sample:

@@ -8,7 +8,7 @@ import pytest
 from data.array_store import ArrayStore
 from data.open_drive import open_drive
 from data.samples.bev.config import BevAugmentationConfig
-from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop
+from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop, disturb
 from data.samples.bev.labelled_scans import LabelledScans
 from data.samples.epoch_samplers import SampleIndex
 from data.synthetic.collection import SynthConfig, write_drives
@@ -36,6 +36,12 @@ def drives(tmp_path_factory):
         synth_config = SynthConfig(layout=layout, frames=1, sensor=VLP_16, seed=4, images=False, street="jam")  # fmt: skip
         folders += write_drives(out, synth_config)
     return [open_drive(folder) for folder in folders]
+
+
+STILL = dict.fromkeys(
+    ("turn_rad", "mirror", "scale", "thinning", "lost", "reflectance", "gain", "ground_m", "tilt_rad"),
+    0.0,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +114,32 @@ def test_points_stay_in_their_boxes(scans):
     assert not np.allclose(scan.labels.boxes, moved.labels.boxes, atol=0.5)
 
 
+def test_a_disturbed_scan_keeps_the_share_of_returns_and_heights_of_boxes_over_returns(scans):
+    scan = scans.scan(0)
+    magnitudes = BevAugmentationConfig(lost=0.9, ground_m=0.5, tilt_rad=0.05)
+    disturbed = disturb(scan, magnitudes, np.random.default_rng(1))
+    share = len(disturbed.points_velo) / len(scan.points_velo)
+    assert 0.1 < share < 0.9
+    expected = scan.labels.returns * share
+    assert np.allclose(disturbed.labels.returns, expected, atol=1)
+    rises_m = disturbed.labels.boxes[:, 2] - scan.labels.boxes[:, 2]
+    ground = np.column_stack([scan.labels.boxes[:, :2], np.ones(len(rises_m))])
+    plane, *_ = np.linalg.lstsq(ground, rises_m, rcond=None)
+    assert np.abs(ground @ plane - rises_m).max() < 1e-4
+    assert np.abs(plane[:2]).min() > 1e-3
+    rows = {tuple(point) for point in scan.points_velo[:, :3]}
+    assert all(tuple(point) in rows for point in disturbed.points_velo[:, :3])
+
+
+def test_a_scan_without_disturbance_stays_as_it_is(scans):
+    scan = scans.scan(0)
+    none = BevAugmentationConfig(lost=0.0, gain=0.0, ground_m=0.0, tilt_rad=0.0)
+    same = disturb(scan, none, np.random.default_rng(1))
+    assert np.array_equal(same.points_velo, scan.points_velo)
+    assert np.array_equal(same.heights_m, scan.heights_m)
+    assert np.array_equal(same.labels.boxes, scan.labels.boxes)
+
+
 def test_the_same_index_is_the_same_view(dataset):
     samples = dataset(thinning=0.0, reflectance=1.0)
     first, again, other = (samples[SampleIndex(0, (0, n))]["maps"].numpy() for n in (0, 0, 1))
@@ -118,7 +150,7 @@ def test_the_same_index_is_the_same_view(dataset):
 
 
 def test_a_crop_is_a_part_of_the_map_around_an_object(dataset):
-    whole, sample = dataset()[0], dataset(crop=0.5, turn_rad=0.0, mirror=0.0, scale=0.0, thinning=0.0, reflectance=0.0)[SampleIndex(0, (0, 0))]  # fmt: skip
+    whole, sample = dataset()[0], dataset(crop=0.5, **STILL)[SampleIndex(0, (0, 0))]
     assert sample["maps"].shape == (16, 16, 16, CHANNELS)
     first = (sample["middle_m"] / (BLOCK * GRID.cell_m)).round().long() + 16 - 8
     row, column = first.tolist()
