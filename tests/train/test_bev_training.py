@@ -147,7 +147,7 @@ def words(drive, tmp_path):
     return f"train detector {drive} --modality bev {flags} --out {tmp_path}/out".split()
 
 
-def test_a_training_is_resumed_and_evaluated(words, tmp_path, capsys):
+def test_a_training_is_resumed_evaluated_and_started_from(words, tmp_path, capsys):
     out = tmp_path / "out"
     assert main([*words, "--epochs", "1"]) == 0
     printed = capsys.readouterr().out
@@ -162,6 +162,14 @@ def test_a_training_is_resumed_and_evaluated(words, tmp_path, capsys):
     assert (out / "metrics_validate.json").is_file()
     with fault(ModelError, expected="a bev whose cell_m is 0.2"):
         command(*words, "--model.cell-m", "0.2", "--resume", f"{out}/last.ckpt")
+    further = BevTraining(classes=("Bus", "Truck"), reach_m=25.6, cell_m=0.4, weights=out / "best.ckpt")  # fmt: skip
+    learned, started = network.state_dict(), further.network.state_dict()
+    assert torch.equal(started["score_head.1.weight"][1], learned["score_head.1.weight"][1])
+    assert not torch.equal(started["score_head.1.weight"][0], learned["score_head.1.weight"][0])
+    kept = [name for name in learned if not name.startswith("score_head.1")]
+    assert all(torch.equal(started[name], learned[name]) for name in kept)
+    with fault(ModelError, expected="a bev whose cell_m is 0.2"):
+        BevTraining(weights=out / "best.ckpt")
 
 
 def test_a_scan_is_overfitted(drive, tmp_path):

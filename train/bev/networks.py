@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from data.samples.bev.dataset import BevConfig
 from perception.detection.bev.bev_map import CHANNELS, EDGES_M, BevGrid
+from train.checkpoint_writer import require_same_network
 from train.checkpoints import Content, load_network
 from train.networks.bev_centers import BevCenters
 
@@ -40,6 +41,29 @@ class BevNetworkConfig(BevConfig):
 def make_network(config: BevConfig) -> BevCenters:
     """Return a network with random weights."""
     return BevCenters(config.class_names, CHANNELS)
+
+
+def initial_network(config: BevNetworkConfig, checkpoint: Path | None) -> BevCenters:
+    """Return the network with random weights, or those of a checkpoint; a class that it does not know has random ones.
+
+    Raises:
+        ModelError: the checkpoint is damaged, of another kind of network, or of other cells.
+    """
+    network = make_network(config)
+    if checkpoint is None:
+        return network
+    require_same_network(checkpoint, {"model": MODEL, **config.metadata}, ("cell_m", "edges_m"))
+    trained, _ = load_bev(checkpoint)
+    shared = [name for name in network.class_names if name in trained.class_names]
+    rows = [network.class_names.index(name) for name in shared]
+    trained_rows = [trained.class_names.index(name) for name in shared]
+    weights, last = trained.state_dict(), len(network.score_head) - 1
+    for name in (f"score_head.{last}.weight", f"score_head.{last}.bias"):
+        mixed = network.state_dict()[name].clone()
+        mixed[rows] = weights[name][trained_rows]
+        weights[name] = mixed
+    network.load_state_dict(weights)
+    return network
 
 
 def load_bev(checkpoint: Path) -> tuple[BevCenters, dict[str, str]]:

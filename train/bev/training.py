@@ -1,6 +1,7 @@
 """Training of the bird's-eye-view detector."""
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import torch
@@ -18,7 +19,7 @@ from train.best_epoch import Criterion, Ranking
 from train.bev.images import BevImages
 from train.bev.loss import BevLabels, BevLoss, BevLossConfig, bev_loss
 from train.bev.metrics import FoundCenters, measure
-from train.bev.networks import IDENTITY, MODEL, BevNetworkConfig, make_network
+from train.bev.networks import IDENTITY, MODEL, BevNetworkConfig, initial_network
 from train.checkpoints import program_revision
 from train.events import log_loss
 from train.networks.bev_centers import CenterMaps, decode
@@ -49,24 +50,27 @@ class BevTraining(LightningModule):
         classes: tuple[str, ...] = SYNTHETIC_CLASSES,
         reach_m: float = BevGrid.reach_m,
         cell_m: float = BevGrid.cell_m,
+        weights: Path | None = None,
         loss: BevLossConfig = _LOSS,
         seed: int = 0,
         optimizer: OptimizerCallable = lambda weights: AdamW(weights, lr=0.002, weight_decay=0.02),
         lr_scheduler: LRSchedulerCallable | None = WarmupCosine,
     ) -> None:
-        """Make the network with random weights.
+        """Make the network with its initial weights.
 
         Args:
             modality: Bird's-eye view of the scan, bev.
             classes: Classes to detect: Car, Van, Truck, Bus, Trailer, Pedestrian, Cyclist, Motorcycle, Bicycle.
             reach_m: Distance in metres from the sensor to each side of the map.
             cell_m: Edge of a cell of the map in metres; a side has a multiple of 32 cells.
+            weights: Checkpoint whose weights to start from, of any classes; random ones without.
             loss: Weights of the terms of the loss.
             seed: Seed, which all trainings have.
             optimizer: Optimizer of the weights.
             lr_scheduler: Schedule of the learning rate.
 
         Raises:
+            ModelError: the checkpoint is damaged, or of another kind of network.
             UsageError: there is no such class, or the map has no whole number of cells.
         """
         super().__init__()
@@ -77,7 +81,7 @@ class BevTraining(LightningModule):
             | {"training_data": "unknown", "revision": program_revision()}
         )
         self.loss_config, self.optimizer, self.lr_scheduler = loss, optimizer, lr_scheduler
-        self.network = make_network(self.bev).to(memory_format=torch.channels_last)
+        self.network = initial_network(self.bev, weights).to(memory_format=torch.channels_last)
         self.metrics: dict[str, CenterPrecision] = {}
         """Precision of each class in the last validation or test."""
         self.found = FoundCenters()
