@@ -30,6 +30,7 @@ _CLASS_OF = {
     "Misc": SemanticClass.OTHER_VEHICLE,
     "Pedestrian": SemanticClass.PERSON,
     "Cyclist": SemanticClass.BICYCLIST,
+    "Motorcycle": SemanticClass.MOTORCYCLIST,
 }
 
 
@@ -42,7 +43,8 @@ class Body:
         size_m: Length, width and height of its label in metres.
         poses: Meshes of one cycle of steps or pedal turns; a single one for a rigid body.
         cycle_m: Distance covered in a cycle in metres.
-        category: Class by a finer table, in which buses and trailers are classes; else that of KITTI.
+        category: Class by a finer table, in which buses, trailers and motorcycles are classes; else that
+            of KITTI, where riders of motorcycles are cyclists.
     """
 
     kind: str
@@ -58,7 +60,7 @@ class Body:
     @property
     def semantic(self) -> int:
         """Class of its points."""
-        return int(_CLASS_OF[self.kind])
+        return int(_CLASS_OF.get(self.category, _CLASS_OF[self.kind]))
 
     @property
     def is_person(self) -> bool:
@@ -212,11 +214,24 @@ def draw_cyclists(rng: np.random.Generator, count: int) -> list[Body]:
     return bodies
 
 
+def draw_motorcyclists(rng: np.random.Generator, count: int) -> list[Body]:
+    """Draw riders of motorcycles and scooters in turn."""
+    bodies = []
+    for number, tall in enumerate(_heights_m(rng, 1.62, 1.88, count)):
+        mesh = people.motorcyclist(tall, is_scooter=number % 2 == 1)
+        length, width, height = np.ptp(mesh.vertices_m, axis=0).tolist()
+        bodies.append(Body("Cyclist", (length, width, height), (mesh,), category="Motorcycle"))
+    return bodies
+
+
 def draw_appearance(body: Body, rng: np.random.Generator) -> Float32:
     """Draw paint or clothes."""
     if body.is_person:
-        return random_clothes(rng)
-    appearance = {Slot.PAINT: random_paint(rng)}
+        appearance = random_clothes(rng)
+        if body.category == "Motorcycle":
+            appearance[Slot.PAINT] = random_paint(rng)
+        return appearance
+    paints = {Slot.PAINT: random_paint(rng)}
     if body.kind in ("Truck", "Tram", "Misc"):
-        appearance[Slot.CARGO] = random_paint(rng, CARGO_PAINTS)
-    return palette(appearance)
+        paints[Slot.CARGO] = random_paint(rng, CARGO_PAINTS)
+    return palette(paints)

@@ -14,7 +14,7 @@ _TRAILERS_IN_YARDS = 0.4  # share of these that are semi-trailers
 
 
 class Fleet:
-    """Bodies of vehicles, pedestrians and cyclists."""
+    """Bodies of vehicles, pedestrians, cyclists and motorcyclists."""
 
     def __init__(self, config: WorldConfig, rng: np.random.Generator) -> None:
         """Draw the bodies of a world; kinds without a share draw no number."""
@@ -33,11 +33,16 @@ class Fleet:
         self._trailers = (
             [actor_models.draw_heavy(HeavyKind.SEMI_TRAILER, rng)] if config.heavy > 0 else []
         )
+        self._motorcyclists = (
+            actor_models.draw_motorcyclists(rng, 3) if config.motorcyclists > 0 else []
+        )
 
     def driving(self) -> Body:
         """Draw a vehicle that drives."""
         if self._is_one_of(self._trams, self._config.trams):
             return self._one(self._trams)
+        if self._is_one_of(self._motorcyclists, self._config.motorcyclists):
+            return self._one(self._motorcyclists)
         if not self._is_one_of(self._heavy, self._config.heavy):
             return self.light()
         body = self._one(self._heavy)

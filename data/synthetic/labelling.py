@@ -107,7 +107,11 @@ def label(
         image_object for image_object, keep in zip(image_objects, labelled, strict=True) if keep
     ]
     return Labels(
-        boxes_velo=_boxes_velo([s.actor for s in kept], [s.state for s in kept], world_SE3_velo),
+        boxes_velo=_boxes_velo(
+            [s.state.world_SE3_object for s in kept],
+            [s.actor.body.size_m for s in kept],
+            world_SE3_velo,
+        ),
         boxes_px=boxes_px[labelled],
         types=np.array([s.actor.body.kind for s in kept], np.str_),
         track_ids=np.array([s.actor.track_id for s in kept], np.int64),
@@ -259,27 +263,32 @@ def label_around(
         world: World of the drive.
         world_SE3_velo: (4, 4) pose of the LiDAR.
         time_s: Time of the scan.
-        by_category: Whether buses and trailers are classes of their own, which KITTI does not have.
+        by_category: Whether buses, trailers, motorcycles and bicycles without riders, which KITTI does not
+            have, are classes of their own.
     """
     actors = [actor for actor in world.actors if world.is_near(actor, time_s, 80.0)]
-    states = [world.state(actor, time_s) for actor in actors]
-    return labels_of_boxes(
-        _boxes_velo(actors, states, world_SE3_velo),
-        [actor.body.category if by_category else actor.body.kind for actor in actors],
-        np.array([actor.track_id for actor in actors], np.int64),
-    )
+    poses = [world.state(actor, time_s).world_SE3_object for actor in actors]
+    sizes_m = [actor.body.size_m for actor in actors]
+    types = [actor.body.category if by_category else actor.body.kind for actor in actors]
+    track_ids = [actor.track_id for actor in actors]
+    for number, box in enumerate(world.static_boxes if by_category else ()):
+        if world.is_place_near(box.world_SE3_box, time_s, 80.0):
+            poses.append(box.world_SE3_box)
+            sizes_m.append(box.size_m)
+            types.append(box.category)
+            track_ids.append(len(world.actors) + number)
+    boxes = _boxes_velo(poses, sizes_m, world_SE3_velo)
+    return labels_of_boxes(boxes, types, np.array(track_ids, np.int64))
 
 
 def _boxes_velo(
-    actors: Sequence[Actor], states: Sequence[MovingObject], world_SE3_velo: Float64
+    world_SE3_objects: Sequence[Float64],
+    sizes_m: Sequence[tuple[float, float, float]],
+    world_SE3_velo: Float64,
 ) -> Boxes3D:
     """Return upright boxes in the LiDAR's frame."""
-    if not actors:
+    if not world_SE3_objects:
         return Boxes3D.empty()
-    velo_SE3_world = se3.inverse(world_SE3_velo)
-    poses = np.stack([velo_SE3_world @ state.world_SE3_object for state in states])
-    return Boxes3D(
-        poses[:, :3, 3],
-        np.array([actor.body.size_m for actor in actors], float),
-        np.arctan2(poses[:, 1, 0], poses[:, 0, 0]),
-    )
+    poses = se3.inverse(world_SE3_velo) @ np.stack(world_SE3_objects)
+    yaw_rad = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
+    return Boxes3D(poses[:, :3, 3], np.array(sizes_m, float), yaw_rad)

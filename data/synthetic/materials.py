@@ -63,6 +63,7 @@ class SemanticClass(IntEnum):
     OTHER_VEHICLE = 20
     PERSON = 30
     BICYCLIST = 31
+    MOTORCYCLIST = 32
     ROAD = 40
     SIDEWALK = 48
     BUILDING = 50
@@ -81,6 +82,7 @@ MOVING_CLASS = {
     SemanticClass.CAR: 252,
     SemanticClass.BICYCLIST: 253,
     SemanticClass.PERSON: 254,
+    SemanticClass.MOTORCYCLIST: 255,
     SemanticClass.ON_RAILS: 256,
     SemanticClass.TRUCK: 258,
     SemanticClass.OTHER_VEHICLE: 259,

@@ -1,4 +1,4 @@
-"""Pedestrians and cyclists, posed by the phase of their step or of their pedals.
+"""Pedestrians, cyclists and motorcyclists, posed by the phase of their step or of their pedals.
 
 Origin on the ground below the body's centre, x forward, y left, z up.
 """
@@ -10,7 +10,7 @@ import numpy as np
 from data.synthetic import meshes
 from data.synthetic.materials import Slot
 from data.synthetic.meshes import Mesh
-from data.synthetic.two_wheelers import bicycle
+from data.synthetic.two_wheelers import bicycle, motorcycle, scooter
 from perception.types import Float64
 
 PHASES = 12  # poses in one full step or pedal turn
@@ -135,6 +135,31 @@ def cyclist(height_m: float, phase: int) -> Mesh:
         parts.append(_limb([shoulder, elbow, grip], [0.06, 0.048, 0.038], Slot.SHIRT))
     parts += _torso(hip, neck) + _head(neck)
     return _grown(meshes.merge(parts), height_m)
+
+
+@lru_cache(maxsize=64)
+def motorcyclist(height_m: float, *, is_scooter: bool) -> Mesh:
+    """Build a motorcycle or a scooter and its rider with a helmet."""
+    vehicle = scooter() if is_scooter else motorcycle()
+    hip = np.array([-0.40, 0, 0.90])
+    neck = np.array([-0.30, 0, 1.40] if is_scooter else [-0.15, 0, 1.35])
+    foot_x_m, grip_z_m = (0.18, 1.08) if is_scooter else (-0.08, 1.05)
+    parts = [vehicle]
+    for side in (1, -1):
+        joint = hip + np.array([0, 0.12 * side, 0])
+        ankle = np.array([foot_x_m, 0.20 * side, 0.40])
+        knee = _knee(joint, ankle, 0.43, 0.43) + np.array([0, 0.05 * side, 0])
+        shoulder = neck + np.array([0, 0.19 * side, -0.06])
+        grip = np.array([0.36, 0.31 * side, grip_z_m])
+        elbow = (shoulder + grip) / 2 + np.array([-0.02, 0.07 * side, -0.09])
+        parts += [
+            _limb([joint, knee, ankle], [0.09, 0.07, 0.05], Slot.TROUSERS),
+            meshes.ellipsoid(ankle + np.array([0.07, 0, -0.05]), (0.14, 0.05, 0.05), Slot.SHOES),
+            _limb([shoulder, elbow, grip], [0.07, 0.055, 0.045], Slot.SHIRT),
+        ]
+    face = neck + np.array([0.03, 0, 0.19])
+    helmet = meshes.ellipsoid(face, (0.15, 0.13, 0.15), Slot.PAINT, 10)
+    return _grown(meshes.merge([*parts, *_torso(hip, neck), helmet]), height_m)
 
 
 def _knee(hip_m: Float64, ankle_m: Float64, thigh_m: float, shin_m: float) -> Float64:

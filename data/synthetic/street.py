@@ -13,6 +13,32 @@ from perception.types import Float32, Float64
 
 
 @dataclass(frozen=True)
+class StaticBox:
+    """Box around a static object of a class that KITTI does not have, as a parked bicycle.
+
+    Attributes:
+        category: Class.
+        world_SE3_box: (4, 4) pose, its origin at the middle of the bottom.
+        size_m: Length, width and height in metres.
+    """
+
+    category: str
+    world_SE3_box: Float64
+    size_m: tuple[float, float, float]
+
+    @classmethod
+    def around(cls, category: str, mesh: Mesh, world_SE3_upright: Float64) -> "StaticBox":
+        """Return the smallest upright box around a mesh in the world, its axes along those of a pose."""
+        rotation = world_SE3_upright[:3, :3]
+        local_m = (mesh.vertices_m - world_SE3_upright[:3, 3]) @ rotation
+        low, high = local_m.min(axis=0), local_m.max(axis=0)
+        pose = world_SE3_upright.copy()
+        pose[:3, 3] += rotation @ np.append((low + high)[:2] / 2, low[2])
+        length, width, height = (high - low).tolist()
+        return cls(category, pose, (length, width, height))
+
+
+@dataclass(frozen=True)
 class Part:
     """A static part of the street.
 
@@ -21,12 +47,14 @@ class Part:
         palette: (slots, 4) colour and reflectance.
         semantic: Class of all its points, 0 for that of each material.
         instance: Object number, 0 for what is not an object.
+        box: Box of a static object of a class that KITTI does not have, None of all else.
     """
 
     mesh: Mesh
     palette: Float32
     semantic: int = 0
     instance: int = 0
+    box: StaticBox | None = None
 
 
 def ground(road: Road, start_m: float, end_m: float, appearance: Float32 | None = None) -> Part:

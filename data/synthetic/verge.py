@@ -10,7 +10,7 @@ from data.synthetic.materials import SemanticClass, Slot, palette, random_clothe
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
 from data.synthetic.roadside import Plot, draw_pole
-from data.synthetic.street import Part
+from data.synthetic.street import Part, StaticBox
 from data.synthetic.town import IsFree
 from perception.geometry import se3
 from perception.types import Float32, Float64
@@ -247,7 +247,7 @@ class Verge:
     def _bicycle(self, s_m: float, out_m: float, turn_rad: float) -> Part:
         turn = turn_rad + float(self.rng.normal(0, 0.1))
         return self._two_wheeler(
-            two_wheelers.bicycle(), (s_m, out_m, turn), random_clothes(self.rng)
+            "Bicycle", two_wheelers.bicycle(), (s_m, out_m, turn), random_clothes(self.rng)
         )
 
     def motorcycles(self, s_m: float) -> list[Part]:
@@ -270,16 +270,18 @@ class Verge:
         build = two_wheelers.scooter if self.rng.random() < 0.5 else two_wheelers.motorcycle
         mesh = meshes.stretched(build(), self.rng.uniform(0.92, 1.08, 3))
         appearance = palette({Slot.PAINT: random_paint(self.rng)})
-        return self._two_wheeler(mesh, (s_m, out_m, turn_rad), appearance)
+        return self._two_wheeler("Motorcycle", mesh, (s_m, out_m, turn_rad), appearance)
 
     def _two_wheeler(
-        self, mesh: Mesh, place: tuple[float, float, float], appearance: Float32
+        self, category: str, mesh: Mesh, place: tuple[float, float, float], appearance: Float32
     ) -> Part:
         """Stand a two-wheeler on its side stand at s, a distance from the centreline, and an angle."""
         s_m, out_m, turn = place
         pose = street.upright_pose(self.road, s_m, self.side * out_m, turn)
         leaning = pose @ se3.from_euler(float(self.rng.normal(-0.1, 0.05)), 0.0, 0.0)
-        return Part(meshes.moved(mesh, leaning), appearance, SemanticClass.OTHER_OBJECT)
+        placed = meshes.moved(mesh, leaning)
+        box = StaticBox.around(category, placed, pose)
+        return Part(placed, appearance, SemanticClass.OTHER_OBJECT, box=box)
 
     def bay(self, bay: Plot) -> list[Part]:
         """Fill a parking bay with a bed of plants, motorcycles or bicycles, or a bed at the kerb."""

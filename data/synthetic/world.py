@@ -12,7 +12,7 @@ from data.synthetic.parking import Parking
 from data.synthetic.raycasting import MovingObject, RaycastingScene
 from data.synthetic.road import Road
 from data.synthetic.roadside import draw_plots, land_outside
-from data.synthetic.street import Part
+from data.synthetic.street import Part, StaticBox
 from data.synthetic.structures import Tunnel
 from data.synthetic.traffic_generator import TrafficGenerator
 from data.synthetic.world_config import WorldConfig
@@ -58,6 +58,7 @@ class World:
         shapes: Indices of each actor's shapes in the scene, by track id.
         object_rows: Row of each actor in the scene's tables, by track id.
         sensor_unit: Serial number of the LiDAR, whose lasers differ from those of others.
+        static_boxes: Boxes of static objects of classes that KITTI does not have.
     """
 
     config: WorldConfig
@@ -70,6 +71,7 @@ class World:
     shapes: Sequence[tuple[int, ...]]
     object_rows: Sequence[int]
     sensor_unit: int = 0
+    static_boxes: Sequence[StaticBox] = ()
     _moments: dict[float, Moment] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -109,13 +111,17 @@ class World:
 
     def is_near(self, actor: Actor, time_s: float, within_m: float) -> bool:
         """Return whether an actor is within a distance of the ego vehicle, measured along the road."""
-        moment = self._moment(time_s)
         if actor.path is None:
-            offset = actor.world_SE3_parked[:2, 3] - moment.ego_xy_m
-            return bool(offset @ offset < within_m**2)
+            return self.is_place_near(actor.world_SE3_parked, time_s, within_m)
+        moment = self._moment(time_s)
         if actor.track_id not in moment.along_m:
             moment.along_m[actor.track_id] = float(actor.path.at(time_s)[0])
         return abs(moment.along_m[actor.track_id] - moment.ego_s_m) < within_m
+
+    def is_place_near(self, world_SE3_object: Float64, time_s: float, within_m: float) -> bool:
+        """Return whether a place is within a distance of the ego vehicle."""
+        offset = world_SE3_object[:2, 3] - self._moment(time_s).ego_xy_m
+        return bool(offset @ offset < within_m**2)
 
     def _moment(self, time_s: float) -> Moment:
         """Return what is remembered of a time."""
@@ -223,6 +229,7 @@ def assemble(
         shapes=[shapes_of[id(actor.body)] for actor in actors],
         object_rows=object_rows,
         sensor_unit=int(rng.integers(1000)),
+        static_boxes=[part.box for part in parts if part.box is not None],
     )
 
 

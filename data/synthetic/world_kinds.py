@@ -368,4 +368,5 @@ def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> Wor
         pedestrians=_between(rng, 3, 18),
         groups=_between(rng, 0, 0.5),
         is_sunny=bool(rng.random() < 0.75),
+        motorcyclists=_between(rng, 0, 0.12),
     )

@@ -5,7 +5,7 @@ raw        DATE/calib_*.txt   DATE/DATE_drive_NNNN_sync/{velodyne_points,image_0
 tracking   training/{velodyne,image_02,labels}/SSSS/NNNNNN.*  training/{calib,oxts,label_02}/SSSS.txt
            training/{truth_labels,truth_poses}/SSSS.txt  training/sensor.json
 object     training/{velodyne,image_2,labels,calib,label_2}/NNNNNN.*  training/sensor.json
-           training/truth_labels/NNNNNN.txt  in which buses and trailers are classes
+           training/truth_labels/NNNNNN.txt  in which buses, trailers and two-wheelers are classes
 
 `truth_poses.txt` holds the exact world_SE3_velo of each frame as KITTI's 12 numbers a row, in the world
 of the INS packets; `truth_labels.txt` the boxes of everyone around, in the camera's view or not, as

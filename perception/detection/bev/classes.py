@@ -19,7 +19,7 @@ GROUPS: Mapping[str, int] = {
     **dict.fromkeys(("Cyclist", "Motorcycle", "Bicycle"), 1),
     "Pedestrian": 2,
 }
-SYNTHETIC_CLASSES = ("Car", "Van", "Truck", "Bus", "Trailer", "Pedestrian", "Cyclist")
+SYNTHETIC_CLASSES = tuple(BEV_CLASSES)
 
 
 def class_numbers(types: Sequence[str], class_names: Sequence[str]) -> list[int]:

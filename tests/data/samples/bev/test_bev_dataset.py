@@ -64,7 +64,9 @@ def test_synthetic_drives_are_labelled_all_around(scans):
     assert "Bus" in finer.types
     assert "Bus" not in by_kitti.types
     assert by_kitti.view_rad == pytest.approx([0, np.pi])
-    assert len(finer) == len(by_kitti)
+    # KITTI does not label two-wheelers without riders, whose boxes come last.
+    assert set(finer.types[len(by_kitti) :].tolist()) <= {"Bicycle", "Motorcycle"}
+    assert np.array_equal(finer.boxes[: len(by_kitti)], by_kitti.boxes)
     assert (finer.boxes[:, 0] < 0).any()
 
 
@@ -173,7 +175,7 @@ def test_crops_lie_around_rare_classes_more_often(dataset, monkeypatch):
     samples, rng = dataset(crop=0.5), np.random.default_rng(0)
     names, labels = samples.config.class_names, samples.scans.labels(0)
     monkeypatch.setattr(
-        BevDataset, "target_types", lambda _: Counter(Bus=1, Car=10**8, Truck=10**8)
+        BevDataset, "target_types", lambda _: Counter({**dict.fromkeys(names, 10**8), "Bus": 1})
     )
     assert samples._rarities[names.index("Bus")] == 1
     buses = labels.boxes[labels.types == "Bus"][:, :2]
