@@ -1,5 +1,6 @@
 """Actors of the traffic: vehicles, cyclists and pedestrians, parked or moving."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +17,7 @@ from data.synthetic.materials import (
 )
 from data.synthetic.meshes import Mesh
 from data.synthetic.motion import Path, upright_poses, vehicle_poses
+from data.synthetic.people import Figure, Luggage
 from data.synthetic.road import Road
 from data.synthetic.vehicle_designs import BodyStyle, draw_design
 from perception.types import Float32, Float64
@@ -202,6 +204,45 @@ def draw_standing_pedestrian(rng: np.random.Generator) -> Body:
     height = _heights_m(rng, 1.55, 1.92, 1)[0]
     mesh = people.pedestrian(height, 0, is_walking=False)
     return Body("Pedestrian", (0.55, 0.60, height), (mesh,))
+
+
+# How many in a hundred pedestrians are children, and wear or carry something.
+_CHILDREN, _LUGGAGE = 0.2, {
+    Luggage.NOTHING: 0.4, Luggage.COAT: 0.2, Luggage.BACKPACK: 0.2, Luggage.BAG: 0.2,
+}  # fmt: skip
+
+
+def draw_figure(rng: np.random.Generator) -> Figure:
+    """Draw a person of any age and build."""
+    is_child = rng.random() < _CHILDREN
+    height_m = float(rng.uniform(1.0, 1.5) if is_child else np.clip(rng.normal(1.71, 0.1), 1.5, 2))
+    luggage = list(_LUGGAGE)[int(rng.choice(len(_LUGGAGE), p=list(_LUGGAGE.values())))]
+    bends_rad = (float(rng.choice([0.1, 0.35, 1.5])), float(rng.choice([0.1, 0.35, 1.5])))
+    return Figure(height_m, float(rng.uniform(0.88, 1.3)), luggage, bends_rad)
+
+
+def draw_figures(rng: np.random.Generator, count: int) -> list[Body]:
+    """Draw walking people of any age and build, each in all poses of a step."""
+    bodies = []
+    for figure in [draw_figure(rng) for _ in range(count)]:
+        poses = tuple(figure.pose(phase) for phase in range(people.PHASES))
+        stride_m = people.STRIDE_M * figure.height_m / 1.75
+        bodies.append(Body("Pedestrian", _size_m(poses), poses, stride_m))
+    return bodies
+
+
+def draw_standing_figure(rng: np.random.Generator) -> Body:
+    """Draw a person of any age and build who stands, or is caught in the middle of a step."""
+    figure, phase, is_walking = draw_figure(rng), int(rng.integers(4)), rng.random() < 0.3
+    poses = (figure.pose(phase, is_walking=is_walking),)
+    return Body("Pedestrian", _size_m(poses), poses)
+
+
+def _size_m(poses: Sequence[Mesh]) -> tuple[float, float, float]:
+    """Return the size of a box around the origin that holds a body in its mean pose, as annotators draw it."""
+    reaches_m = np.array([np.abs(mesh.vertices_m).max(axis=0) for mesh in poses]).mean(axis=0)
+    half_length, half_width, height = reaches_m.tolist()
+    return max(2 * half_length, 0.3 * height), 2 * half_width, height
 
 
 def draw_cyclists(rng: np.random.Generator, count: int) -> list[Body]:

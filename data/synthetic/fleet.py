@@ -26,7 +26,11 @@ class Fleet:
         )
         self._light = draw(rng, 11)
         self._heavy = actor_models.draw_heavy_vehicles(rng, 3) if config.heavy > 0 else []
-        self._walkers = actor_models.draw_pedestrians(rng, 3)
+        self._walkers = (
+            actor_models.draw_figures(rng, 6)
+            if config.is_mixed_crowd
+            else actor_models.draw_pedestrians(rng, 3)
+        )
         self._riders = actor_models.draw_cyclists(rng, 2)
         self._vans = actor_models.draw_vans(rng, 3) if config.vans > 0 else []
         self._trams = [actor_models.draw_heavy(HeavyKind.TRAM, rng)] if config.trams > 0 else []
@@ -62,6 +66,12 @@ class Fleet:
     def walker(self) -> Body:
         """Draw a pedestrian who walks."""
         return self._one(self._walkers)
+
+    def waiting(self) -> Body:
+        """Draw a pedestrian who stands."""
+        if self._config.is_mixed_crowd:
+            return actor_models.draw_standing_figure(self._rng)
+        return actor_models.draw_standing_pedestrian(self._rng)
 
     def rider(self) -> Body:
         """Draw a cyclist."""

@@ -3,6 +3,8 @@
 Origin on the ground below the body's centre, x forward, y left, z up.
 """
 
+from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +20,52 @@ STRIDE_M = 1.45  # way walked in one full step, left and right
 PEDAL_M = 5.0  # way ridden in one turn of the pedals
 
 _TALL_M = 1.75  # all measures below are of a person this tall
+_CHILD_M = 1.45  # shorter ones have larger heads
+_ARM_BEND_RAD = 0.35
+
+
+class Luggage(Enum):
+    """What a pedestrian wears or carries beside clothes."""
+
+    NOTHING = "nothing"
+    COAT = "coat"
+    BACKPACK = "backpack"
+    BAG = "bag"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Build of a pedestrian.
+
+    Attributes:
+        height_m: Height from the soles to the hair.
+        girth: Width and depth over those of a usual person this tall.
+        luggage: What is worn or carried.
+        arm_bends_rad: Bend of the left and the right elbow.
+    """
+
+    height_m: float
+    girth: float = 1.0
+    luggage: Luggage = Luggage.NOTHING
+    arm_bends_rad: tuple[float, float] = (_ARM_BEND_RAD, _ARM_BEND_RAD)
+
+    def pose(self, phase: int, *, is_walking: bool = True) -> Mesh:
+        """Build the pedestrian in one of the poses of a step."""
+        usual = pedestrian(_TALL_M, phase, is_walking=is_walking, arm_bends_rad=self.arm_bends_rad)
+        body = meshes.merge([usual, *_LUGGAGE[self.luggage]])
+        if self.height_m < _CHILD_M:
+            body = meshes.merge([body, *_CHILDS_HEAD])
+        up = self.height_m / float(body.vertices_m[:, 2].max())
+        return meshes.stretched(body, (up * self.girth, up * self.girth, up))
+
+
+_CHILDS_HEAD = [meshes.ellipsoid((0.04, 0, 1.70), (0.14, 0.115, 0.165), Slot.HAIR, 10)]
+_LUGGAGE = {
+    Luggage.NOTHING: [],
+    Luggage.COAT: [meshes.tube((0, 0, 0.55), (0.01, 0, 1.15), (0.19, 0.15), Slot.SHIRT)],
+    Luggage.BACKPACK: [meshes.ellipsoid((-0.20, 0, 1.22), (0.13, 0.16, 0.25), Slot.BICYCLE)],
+    Luggage.BAG: [meshes.box((-0.16, -0.34, 0.38), (0.16, -0.22, 0.72), Slot.BICYCLE)],
+}
 
 
 def _limb(joints_m: list[Float64], radii_m: list[float], slot: Slot) -> Mesh:
@@ -61,19 +109,25 @@ def _torso(hip_m: Float64, neck_m: Float64) -> list[Mesh]:
 
 
 @lru_cache(maxsize=512)
-def pedestrian(height_m: float, phase: int, *, is_walking: bool = True) -> Mesh:
+def pedestrian(
+    height_m: float,
+    phase: int,
+    *,
+    is_walking: bool = True,
+    arm_bends_rad: tuple[float, float] = (_ARM_BEND_RAD, _ARM_BEND_RAD),
+) -> Mesh:
     """Build a person in one of the poses of a step."""
     swing = np.sin(2 * np.pi * phase / PHASES) if is_walking else 0.0
     lift = np.cos(2 * np.pi * phase / PHASES) if is_walking else 0.0
     parts: list[Mesh] = []
     hip = np.array([0.0, 0.0, 0.93 - 0.03 * abs(swing)])
     neck = hip + np.array([0.03, 0.0, 0.53])
-    for side in (1, -1):
+    for side, arm_bend_rad in zip((1, -1), arm_bends_rad, strict=True):
         thigh_rad = 0.50 * swing * side
         bend_rad = 0.15 + 0.75 * max(0.0, lift * side) if is_walking else 0.03
         parts += _leg(hip + np.array([0, 0.09 * side, 0]), thigh_rad, bend_rad)
         arm_rad = -0.45 * swing * side
-        parts += _arm(neck + np.array([-0.01, 0.19 * side, -0.07]), arm_rad, side)
+        parts += _arm(neck + np.array([-0.01, 0.19 * side, -0.07]), arm_rad, side, arm_bend_rad)
     parts += _torso(hip, neck) + _head(neck)
     return _grown(meshes.merge(parts), height_m)
 
@@ -101,9 +155,9 @@ def _leg(hip_m: Float64, thigh_rad: float, bend_rad: float) -> list[Mesh]:
     ]
 
 
-def _arm(shoulder_m: Float64, angle_rad: float, side: int) -> list[Mesh]:
+def _arm(shoulder_m: Float64, angle_rad: float, side: int, bend_rad: float) -> list[Mesh]:
     elbow = shoulder_m + _swung(angle_rad, 0.28) + (0, 0.03 * side, 0)
-    hand = elbow + _swung(angle_rad + 0.35, 0.27)
+    hand = elbow + _swung(angle_rad + bend_rad, 0.27)
     return [
         _limb([shoulder_m, elbow, hand], [0.06, 0.048, 0.038], Slot.SHIRT),
         meshes.ellipsoid(hand, (0.045, 0.03, 0.06), Slot.SKIN, 6),

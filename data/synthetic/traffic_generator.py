@@ -3,7 +3,7 @@
 import numpy as np
 
 from data.synthetic import actors as actor_models
-from data.synthetic import traffic
+from data.synthetic import street, traffic
 from data.synthetic.actors import Actor, Body
 from data.synthetic.fleet import Fleet
 from data.synthetic.motion import Path
@@ -190,8 +190,40 @@ class TrafficGenerator:
                 beside = Path(self.times_s, s_m, l_m, direction)
                 self._try_add(self._pedestrian(stands), beside, radius_m)
 
+    def add_bystanders(self, stretch_m: tuple[float, float]) -> None:
+        """Add groups who wait on the pavements, and people beside parked vehicles and between them."""
+        rng, shape, length_m = self.rng, self.road.shape, stretch_m[1] - stretch_m[0]
+        parked = [actor for actor in self.actors if actor.path is None]
+        for _ in range(int(self.config.waiting * length_m / 100)):
+            s_m, side = float(rng.uniform(*stretch_m)), float(rng.choice([-1, 1]))
+            l_m = shape.half_width_m + float(rng.uniform(0.4, max(0.5, shape.pavement_m - 0.4)))
+            middle_m = self.road.place(np.array(s_m), np.array(side * l_m))
+            for _ in range(int(rng.integers(1, 8))):
+                self._add_standing(middle_m[:2] + rng.normal(0, (0.9, 0.7)), parked)
+        for actor in parked:
+            if self._draws(self.config.at_vehicles):
+                half_m = np.array(actor.body.size_m[:2]) / 2
+                beside_m = rng.choice([-1, 1]) * (half_m[1] + rng.uniform(0.3, 0.8))
+                along_m = rng.uniform(-half_m[0] - 0.5, half_m[0] + 0.5)
+                pose = actor.world_SE3_parked
+                self._add_standing((pose @ [along_m, beside_m, 0, 1])[:2], parked)
+
+    def _add_standing(self, place_m: Float64, parked: list[Actor]) -> None:
+        """Let someone stand at a place of the world, facing anywhere, unless it is taken."""
+        s_m, l_m = (float(one[0]) for one in self.road.locate(place_m[None]))
+        for actor in parked:
+            offset_m = place_m - actor.world_SE3_parked[:2, 3]
+            local_m = np.abs(offset_m @ actor.world_SE3_parked[:2, :2])
+            if (local_m < np.array(actor.body.size_m[:2]) / 2 + 0.25).all():
+                return
+        body, steady = self.fleet.waiting(), np.ones_like(self.times_s)
+        if self._try_add(body, Path(self.times_s, s_m * steady, l_m * steady), 0.25):
+            moving = self.actors.pop()
+            pose = street.upright_pose(self.road, s_m, l_m, float(self.rng.uniform(0, 2 * np.pi)))
+            self.actors.append(Actor(moving.track_id, body, moving.appearance, None, pose))
+
     def _pedestrian(self, stands: bool) -> Body:
-        return actor_models.draw_standing_pedestrian(self.rng) if stands else self.fleet.walker()
+        return self.fleet.waiting() if stands else self.fleet.walker()
 
     def _draws(self, share: float) -> bool:
         """Draw whether one of many has a property; no number is drawn for a share of 0."""

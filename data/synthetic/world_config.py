@@ -29,6 +29,9 @@ class WorldConfig:
         cycle_paths: Share of the cyclists who ride on the pavement instead of the lane.
         pedestrians: Number of pedestrians per 100 m of street, both sides together; a group counts once.
         groups: Share of the pedestrians who walk or stand in groups of two to five.
+        is_mixed_crowd: Whether children and people of all builds walk and stand, with and without bags.
+        waiting: Number of groups of one to seven people per 100 m of street who stand on the pavements.
+        at_vehicles: Share of the parked vehicles with someone beside them.
         footpath_m: Distance in metres from the pavements to a footpath that half of the pedestrians
             and cyclists take, 0 for none.
         crossing_every_s: Seconds between two pedestrians who cross in front of the ego vehicle, 0 for none.
@@ -55,6 +58,9 @@ class WorldConfig:
     cycle_paths: float = 0.0
     pedestrians: float = 14.0
     groups: float = 0.0
+    is_mixed_crowd: bool = False
+    waiting: float = 0.0
+    at_vehicles: float = 0.0
     footpath_m: float = 0.0
     crossing_every_s: float = 11.0
     slowdown_every_s: float = 9.0

@@ -162,6 +162,7 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
         ego_m_s=_between(rng, 9, 18),
         cyclists=_between(rng, 0, 3),
         pedestrians=0.0,
+        waiting=0.0,
         crossing_every_s=0.0,
     )
 
@@ -369,4 +370,7 @@ def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> Wor
         groups=_between(rng, 0, 0.5),
         is_sunny=bool(rng.random() < 0.75),
         motorcyclists=_between(rng, 0, 0.12),
+        is_mixed_crowd=True,
+        waiting=_between(rng, 0, 4),
+        at_vehicles=_between(rng, 0, 0.15),
     )

@@ -195,6 +195,51 @@ def test_a_group_of_pedestrians_stays_together():
         assert away_m.min() > 0.4
 
 
+def test_people_of_all_sizes_stand_upright_and_have_the_widths_of_people():
+    rng = np.random.default_rng(0)
+    bodies = [actors.draw_standing_figure(rng) for _ in range(60)] + actors.draw_figures(rng, 4)
+    heights_m = np.array([body.size_m[2] for body in bodies])
+    assert 1.0 <= heights_m.min() < 1.25
+    assert 1.8 < heights_m.max() <= 2.0
+    assert 0.08 < (heights_m < 1.5).mean() < 0.35
+    for body in bodies:
+        assert 0.25 < body.size_m[1] < 0.8
+        for mesh in body.poses:
+            low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+            assert (low[2], high[2]) == pytest.approx((0, body.size_m[2]), abs=0.06)
+            assert 0.2 < high[0] - low[0] < 1.6
+
+
+def test_bystanders_wait_in_groups_and_beside_parked_vehicles():
+    road = RoadShape(curvature_1_m=0.0, parking_m=2.2, pavement_m=4.0)
+    config = WorldConfig(road=road, pedestrians=0.0, cyclists=0.0, crossing_every_s=0.0)
+    nobody = build_world(config, 1.0, np.random.default_rng(2))
+    assert not any(actor.body.is_person for actor in nobody.actors)
+    world = build_world(
+        replace(config, is_mixed_crowd=True, waiting=3.0, at_vehicles=0.5),
+        1.0,
+        np.random.default_rng(2),
+    )
+    assert [actor.track_id for actor in world.actors] == list(range(len(world.actors)))
+    people = [actor for actor in world.actors if actor.body.is_person]
+    assert len(people) > 15
+    parked = [a for a in world.actors if a.path is None and not a.body.is_person]
+    for person in people:
+        place_m = person.world_SE3_parked[:2, 3]
+        for vehicle in parked:
+            pose = vehicle.world_SE3_parked
+            local_m = np.abs((place_m - pose[:2, 3]) @ pose[:2, :2])
+            assert (local_m > np.array(vehicle.body.size_m[:2]) / 2 + 0.1).any()
+    places_m = np.array([person.world_SE3_parked[:2, 3] for person in people])
+    away_m = np.linalg.norm(places_m[:, None] - places_m, axis=2) + 9 * np.eye(len(people))
+    assert away_m.min() > 0.45
+    near_vehicle = [
+        min(np.linalg.norm(vehicle.world_SE3_parked[:2, 3] - place) for vehicle in parked) < 3.5
+        for place in places_m
+    ]
+    assert sum(near_vehicle) > 3
+
+
 def test_people_take_the_footpath():
     config = replace(WorldConfig(), footpath_m=10.0, crossing_every_s=0.0)
     world = build_world(config, 2.0, np.random.default_rng(0))
