@@ -22,6 +22,7 @@ from data.synthetic.road import Road
 from data.synthetic.vehicle_designs import BodyStyle, draw_design
 from perception.types import Float32, Float64
 
+_HITCH_M = 0.6  # from a vehicle to its trailer
 MOVING_M_S = 0.1  # slower is standing
 
 _CLASS_OF = {
@@ -47,6 +48,7 @@ class Body:
         cycle_m: Distance covered in a cycle in metres.
         category: Class by a finer table, in which buses, trailers and motorcycles are classes; else that
             of KITTI, where riders of motorcycles are cyclists.
+        trailer: What it tows, None for nothing.
     """
 
     kind: str
@@ -54,10 +56,25 @@ class Body:
     poses: tuple[Mesh, ...]
     cycle_m: float = 1.0
     category: str = ""
+    trailer: "Body | None" = None
 
     def __post_init__(self) -> None:
         """Take the class of KITTI where no finer one is given."""
         object.__setattr__(self, "category", self.category or self.kind)
+
+    @property
+    def towed_m(self) -> float:
+        """Distance from its middle to that of its trailer in metres, 0 without one."""
+        if self.trailer is None:
+            return 0.0
+        return _HITCH_M + (self.size_m[0] + self.trailer.size_m[0]) / 2
+
+    @property
+    def lane_m(self) -> float:
+        """Length of the lane that it takes in metres, as far before its middle as behind it."""
+        if self.trailer is None:
+            return self.size_m[0]
+        return 2 * self.towed_m + self.trailer.size_m[0]
 
     @property
     def semantic(self) -> int:
@@ -218,7 +235,7 @@ def draw_figure(rng: np.random.Generator) -> Figure:
     height_m = float(rng.uniform(1.0, 1.5) if is_child else np.clip(rng.normal(1.71, 0.1), 1.5, 2))
     luggage = list(_LUGGAGE)[int(rng.choice(len(_LUGGAGE), p=list(_LUGGAGE.values())))]
     bends_rad = (float(rng.choice([0.1, 0.35, 1.5])), float(rng.choice([0.1, 0.35, 1.5])))
-    return Figure(height_m, float(rng.uniform(0.88, 1.3)), luggage, bends_rad)
+    return Figure(height_m, float(rng.uniform(0.88, 1.25)), luggage, bends_rad)
 
 
 def draw_figures(rng: np.random.Generator, count: int) -> list[Body]:

@@ -1,6 +1,7 @@
 """Bodies of one world's traffic, from which each actor draws its own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,6 +38,12 @@ class Fleet:
         self._trailers = (
             [actor_models.draw_heavy(HeavyKind.SEMI_TRAILER, rng)] if config.heavy > 0 else []
         )
+        self._towed = (
+            [actor_models.draw_heavy(HeavyKind.TRAILER, rng) for _ in range(2)]
+            if config.trailers > 0
+            else []
+        )
+        self._towing = [replace(self._one(self._light), trailer=towed) for towed in self._towed]
         self._motorcyclists = (
             actor_models.draw_motorcyclists(rng, 3) if config.motorcyclists > 0 else []
         )
@@ -47,10 +54,18 @@ class Fleet:
             return self._one(self._trams)
         if self._is_one_of(self._motorcyclists, self._config.motorcyclists):
             return self._one(self._motorcyclists)
+        if self._is_one_of(self._towing, self._config.trailers):
+            return self._one(self._towing)
         if not self._is_one_of(self._heavy, self._config.heavy):
             return self.light()
         body = self._one(self._heavy)
         return body if body.kind != "Misc" else self.light()
+
+    def parked(self) -> Body:
+        """Draw a vehicle of a parking lane: a car, a van or a small trailer without one."""
+        if self._is_one_of(self._towed, self._config.trailers):
+            return self._one(self._towed)
+        return self.light()
 
     def light(self) -> Body:
         """Draw a car or a van."""

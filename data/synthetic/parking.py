@@ -54,7 +54,7 @@ class Parking:
         for side in (-1, 1):
             s = stretch_m[0] + 4.0
             while s < stretch_m[1] - 8:
-                body = self.fleet.light()
+                body = self.fleet.parked()
                 pitch_m, (along_m, depth_m) = _pitch_m(body, angle_rad), _extent_m(body, angle_rad)
                 s += pitch_m / 2 + float(rng.uniform(0.7, 1.4))
                 is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in clearings)

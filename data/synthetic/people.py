@@ -64,7 +64,7 @@ _LUGGAGE = {
     Luggage.NOTHING: [],
     Luggage.COAT: [meshes.tube((0, 0, 0.55), (0.01, 0, 1.15), (0.19, 0.15), Slot.SHIRT)],
     Luggage.BACKPACK: [meshes.ellipsoid((-0.20, 0, 1.22), (0.13, 0.16, 0.25), Slot.BICYCLE)],
-    Luggage.BAG: [meshes.box((-0.16, -0.34, 0.38), (0.16, -0.22, 0.72), Slot.BICYCLE)],
+    Luggage.BAG: [meshes.box((-0.16, -0.31, 0.38), (0.16, -0.21, 0.72), Slot.BICYCLE)],
 }
 
 

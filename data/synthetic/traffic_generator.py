@@ -63,7 +63,7 @@ class TrafficGenerator:
         bodies = [self.fleet.driving() for _ in range(len(ahead) + 1 + len(behind))]
         place = np.concatenate([ahead, [0.0], behind]) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
         desired = config.ego_m_s * rng.uniform(0.9, 1.08, len(place))
-        length = np.array([body.size_m[0] for body in bodies])
+        length = np.array([body.lane_m for body in bodies])
         length[len(ahead)] = _EGO_LENGTH_M
         place = _apart(place, length, len(ahead))
         desired[len(ahead)] = config.ego_m_s * 1.1
@@ -95,7 +95,7 @@ class TrafficGenerator:
         gaps = config.vehicle_gap_m * rng.uniform(0.5, 2.0, int(260 / config.vehicle_gap_m) + 2)
         place = 130.0 - np.cumsum(gaps) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
         bodies = [self.fleet.driving() for _ in place]
-        length = np.array([body.size_m[0] for body in bodies])
+        length = np.array([body.lane_m for body in bodies])
         desired = config.ego_m_s * rng.uniform(0.85, 1.15, len(place))
         lane = Lane(_apart(place, length, 0), length, desired)
         places = traffic.simulate_lane(lane, self.times_s, [], self._stops(len(bodies)))
@@ -113,7 +113,7 @@ class TrafficGenerator:
         place = 60.0 - np.cumsum(gaps)
         bodies = [self.fleet.driving() for _ in place]
         desired = speed * rng.uniform(0.92, 1.08, len(place))
-        length = np.array([body.size_m[0] for body in bodies])
+        length = np.array([body.lane_m for body in bodies])
         lane = Lane(_apart(place, length, 0), length, desired)
         stops = [Slowdown(int(row), 1.0, 4.0, 0.0) for row in range(2, len(place), 9)]
         stops += self._stops(len(bodies))
@@ -268,6 +268,9 @@ class TrafficGenerator:
                 self._tracks.append((self._sampled(part), radius_m))
         appearance = actor_models.draw_appearance(body, self.rng)
         self.actors.append(Actor(len(self.actors), body, appearance, path))
+        if body.trailer is not None:
+            behind_m = path.s_m - path.facing * body.towed_m
+            self._add(body.trailer, Path(path.times_s, behind_m, path.l_m, path.facing), radius_m)
 
     def _try_add(self, body: Body, path: Path, radius_m: float) -> bool:
         """Add an actor unless it would collide with another; return whether it was added."""

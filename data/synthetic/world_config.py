@@ -24,6 +24,7 @@ class WorldConfig:
         heavy: Share of the vehicles that are trucks or buses.
         vans: Share of the cars and vans that are vans, beside those of the fleet.
         trams: Share of the vehicles that are trams.
+        trailers: Share of the cars that tow a small trailer, and of the parking places with one.
         motorcyclists: Share of the vehicles that are motorcycles and scooters.
         cyclists: Number of cyclists per 100 m of street, both sides together.
         cycle_paths: Share of the cyclists who ride on the pavement instead of the lane.
@@ -53,6 +54,7 @@ class WorldConfig:
     heavy: float = 0.0
     vans: float = 0.0
     trams: float = 0.0
+    trailers: float = 0.0
     motorcyclists: float = 0.0
     cyclists: float = 6.0
     cycle_paths: float = 0.0

@@ -370,6 +370,7 @@ def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> Wor
         groups=_between(rng, 0, 0.5),
         is_sunny=bool(rng.random() < 0.75),
         motorcyclists=_between(rng, 0, 0.12),
+        trailers=_between(rng, 0, 0.1),
         is_mixed_crowd=True,
         waiting=_between(rng, 0, 4),
         at_vehicles=_between(rng, 0, 0.15),

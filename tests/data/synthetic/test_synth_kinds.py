@@ -203,7 +203,7 @@ def test_people_of_all_sizes_stand_upright_and_have_the_widths_of_people():
     assert 1.8 < heights_m.max() <= 2.0
     assert 0.08 < (heights_m < 1.5).mean() < 0.35
     for body in bodies:
-        assert 0.25 < body.size_m[1] < 0.8
+        assert 0.25 < body.size_m[1] < 0.9
         for mesh in body.poses:
             low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
             assert (low[2], high[2]) == pytest.approx((0, body.size_m[2]), abs=0.06)
@@ -238,6 +238,29 @@ def test_bystanders_wait_in_groups_and_beside_parked_vehicles():
         for place in places_m
     ]
     assert sum(near_vehicle) > 3
+
+
+def test_trailers_follow_the_cars_that_tow_them_and_touch_nobody():
+    config = replace(WorldConfig(), trailers=0.5, pedestrians=0.0, cyclists=0.0, stop_every_s=20.0)
+    world = build_world(config, 4.0, np.random.default_rng(0))
+    parked = [actor for actor in world.actors if actor.path is None]
+    assert any(actor.body.category == "Trailer" for actor in parked)
+    driving = [actor for actor in world.actors if actor.path is not None]
+    towing = [actor for actor in driving if actor.body.trailer is not None]
+    assert len(towing) > 3
+    for time_s in (0.0, 2.0, 4.0):
+        along_m = np.array([actor.path.at(time_s)[0] for actor in driving])
+        lanes_m = np.array([actor.path.at(time_s)[1] for actor in driving])
+        lengths_m = np.array([actor.body.size_m[0] for actor in driving])
+        gaps_m = np.abs(along_m[:, None] - along_m) - (lengths_m[:, None] + lengths_m) / 2
+        gaps_m[np.abs(lanes_m[:, None] - lanes_m) > 2.0] = np.inf
+        np.fill_diagonal(gaps_m, np.inf)
+        assert gaps_m.min() > 0.5
+    for car in towing:
+        trailer = world.actors[car.track_id + 1]
+        assert (trailer.body.kind, trailer.body.category) == ("Misc", "Trailer")
+        behind_m = car.path.facing * (car.path.s_m - trailer.path.s_m)
+        assert behind_m == pytest.approx(car.body.towed_m)
 
 
 def test_people_take_the_footpath():
