@@ -20,6 +20,15 @@ _IS_GLOSSY = np.isin(
     np.arange(len(Slot)),
     [Slot.PAINT, Slot.GLASS, Slot.WINDOW, Slot.RIM, Slot.HEADLIGHT, Slot.TAILLIGHT],
 )
+_ABSORBS = _IS_GLOSSY | np.isin(
+    np.arange(len(Slot)),
+    [Slot.TRIM, Slot.TYRE, Slot.INTERIOR, Slot.CARGO, Slot.BICYCLE,
+     Slot.SKIN, Slot.HAIR, Slot.SHIRT, Slot.TROUSERS, Slot.SHOES],
+)  # fmt: skip
+_BLACK, _WHITE = (
+    0.1,
+    0.6,
+)  # reflectance up to which a weak sensor loses most, and from which it loses nothing
 _RETRO = (Slot.SIGN, Slot.PLATE, Slot.TAILLIGHT)
 
 
@@ -68,15 +77,31 @@ class EchoModel:
         is_weak = rng.random(sensor.beams) < self.weak
         return np.where(is_weak, self.weak_gain, gains).astype(np.float32)
 
-    def kept_share(self, sensor: LidarModel, slots: np.ndarray, shots: "Shots") -> Float32:
-        """Return the probability that a shot has a return."""
+    def kept_share(
+        self, sensor: LidarModel, slots: np.ndarray, shots: "Shots", absorption: float = 0.0
+    ) -> Float32:
+        """Return the probability that a shot has a return.
+
+        Args:
+            sensor: LiDAR model.
+            slots: (N,) material at the end of each shot.
+            shots: Shots where they end.
+            absorption: Share of the shots on black surfaces of vehicles and people at 60 degrees that a
+                weak sensor loses beside the others, at any range.
+        """
         signal = shots.albedo * shots.cosine / (shots.distance_m / sensor.max_range_m) ** 2
         # Half of the returns is lost at the limit, nearly none at thrice and nearly all at a third of it.
         lost = np.where(_IS_GLOSSY, self.lost_glossy, self.lost_signal).astype(np.float32)[slots]
         share = (1 - column("drop")[slots]) / (1 + (lost / np.maximum(signal, 1e-6)) ** 2)
         # Dark glossy paint mirrors slanting shots away instead of scattering them back.
         turned = self.mirror * np.clip(1 - shots.albedo / 0.15, 0, 1) * (1 - shots.cosine)
-        return np.asarray(share - _IS_GLOSSY[slots] * turned, np.float32)
+        share -= _IS_GLOSSY[slots] * turned
+        if absorption > 0:
+            # On real scans of an HDL-32E, cars lose a third of their sheet metal, and two thirds of panes and roof.
+            darkness = np.clip((_WHITE - shots.albedo) / (_WHITE - _BLACK), 0, 1)
+            absorbed = np.minimum(absorption * darkness * (1.5 - shots.cosine), 0.95)
+            share *= np.where(_ABSORBS[slots], 1 - absorbed, 1)
+        return np.asarray(share, np.float32)
 
     def reflectance(
         self,

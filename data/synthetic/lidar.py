@@ -169,6 +169,7 @@ def _returns(
     albedo = tables.palettes[hits.object_row, slots, 3]
     albedo = marking_reflectance(world, hits, slots, albedo)
     shots = Shots(albedo, cosine, np.maximum(hits.distance_m, np.float32(1e-3)))
-    kept = rng.random(len(slots), np.float32) < _ECHOES.kept_share(sensor, slots, shots)
+    share = _ECHOES.kept_share(sensor, slots, shots, world.config.absorption)
+    kept = rng.random(len(slots), np.float32) < share
     reflectance = _ECHOES.reflectance(sensor, slots, shots, world.sensor_unit, rng)
     return kept & shots.within(sensor), reflectance

@@ -40,6 +40,7 @@ class WorldConfig:
         stop_every_s: Mean number of seconds between two stops of a vehicle in any lane, 0 for none.
         is_sunny: Whether the sun casts shadows.
         is_night: Whether lamps of vehicles and a faint sky are all the light there is.
+        absorption: Share of the shots on black vehicles and clothes that the LiDAR loses at any range.
         tunnel_m: Entrance and exit of a tunnel in metres along the road, 0 and 0 for none.
     """
 
@@ -69,6 +70,7 @@ class WorldConfig:
     stop_every_s: float = 0.0
     is_sunny: bool = True
     is_night: bool = False
+    absorption: float = 0.0
     tunnel_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:

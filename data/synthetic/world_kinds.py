@@ -374,4 +374,5 @@ def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> Wor
         is_mixed_crowd=True,
         waiting=_between(rng, 0, 4),
         at_vehicles=_between(rng, 0, 0.15),
+        absorption=_between(rng, 0, 0.9),
     )

@@ -57,6 +57,20 @@ def test_paint_is_lost_sooner_than_walls_the_darker_the_sooner():
     assert min(wall) > 0.95
 
 
+def test_a_weak_sensor_loses_black_vehicles_at_any_range_but_no_road_and_no_white_paint():
+    def kept(slot: Slot, albedo: float, cosine: float = 0.5) -> float:
+        fired = shots(6.0, albedo, cosine)
+        usual, weak = (
+            MODEL.kept_share(HDL_64E, np.full(SHOTS, slot), fired, share) for share in (0.0, 0.6)
+        )
+        return float((weak / usual).mean())
+
+    assert kept(Slot.SHIRT, 0.1) == pytest.approx(0.4, abs=0.01)
+    assert kept(Slot.PAINT, 0.6) == pytest.approx(1.0)
+    assert kept(Slot.PAINT, 0.3, cosine=0.1) == pytest.approx(1 - 0.6 * 0.6 * 1.4, abs=0.01)
+    assert kept(Slot.ASPHALT, 0.1) == pytest.approx(1.0)
+
+
 def test_a_sign_far_away_is_bright():
     assert np.median(reported(Slot.SIGN, shots(55.0, albedo=0.9))) > 0.8
 
