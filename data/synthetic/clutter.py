@@ -35,6 +35,7 @@ class ClutterConfig:
         trimmed: Trimmed bushes, one or a row.
         structures: Kiosks, cabins, containers and skips.
         enclosures: Mesh fences, hedges and rows of trees along the road, up to 35 m from it.
+        sites: Building sites along the kerb: cones, beacons, barriers of boards, mesh fences, skips.
         bicycles: Parked bicycles, alone or in rows, at stands or along a wall.
         motorcycles: Parked motorcycles and scooters, one to six together.
         bays: Parking bays with plants, motorcycles or bicycles; beds of plants at the kerb without
@@ -55,6 +56,7 @@ class ClutterConfig:
     trimmed: float = 0.0
     structures: float = 0.0
     enclosures: float = 0.0
+    sites: float = 0.0
     bicycles: float = 0.0
     motorcycles: float = 0.0
     bays: float = 0.0
@@ -95,6 +97,7 @@ def place_clutter(
             (clutter.trimmed, verge.trimmed),
             (clutter.structures, verge.structure),
             (clutter.enclosures, verge.enclosure),
+            (clutter.sites, verge.site),
             (clutter.bicycles, verge.bicycles),
             (clutter.motorcycles, verge.motorcycles),
         ]

@@ -128,6 +128,43 @@ def barrier(length_m: float) -> Mesh:
     return meshes.grid(points, Slot.CONCRETE)
 
 
+def cone(height_m: float) -> Mesh:
+    """Build a traffic cone with a bright band."""
+    foot, half = 0.3 * height_m, height_m / 2
+    return meshes.merge(
+        [
+            meshes.box((-foot, -foot, -0.02), (foot, foot, 0.04), Slot.TRIM),
+            meshes.tube((0, 0, 0.0), (0, 0, height_m), (0.7 * foot, 0.03), Slot.PANEL, 10),
+            meshes.tube(
+                (0, 0, half), (0, 0, 1.3 * half), (0.4 * foot + 0.01, 0.3 * foot + 0.01), Slot.SIGN
+            ),
+        ]
+    )
+
+
+def beacon(height_m: float) -> Mesh:
+    """Build an upright striped board of a building site on its foot, its face towards -x."""
+    foot = meshes.box((-0.2, -0.4, -0.02), (0.2, 0.4, 0.1), Slot.TRIM)
+    board = meshes.box((-0.02, -0.125, 0.25), (0.02, 0.125, height_m), Slot.PANEL)
+    face = meshes.box((-0.03, -0.1, 0.35), (-0.02, 0.1, height_m - 0.1), Slot.SIGN)
+    post = meshes.box((-0.02, -0.04, 0.0), (0.02, 0.04, 0.3), Slot.PANEL)
+    return meshes.merge([foot, post, board, face])
+
+
+def board_barrier(length_m: float) -> Mesh:
+    """Build a barrier of boards across two feet along x."""
+    boards = [meshes.box((0, -0.02, z), (length_m, 0.02, z + 0.2), Slot.PANEL) for z in (0.35, 0.8)]
+    feet = [
+        meshes.box((x - 0.05, -0.3, -0.02), (x + 0.05, 0.3, 0.08), Slot.TRIM)
+        for x in (0.2, length_m - 0.2)
+    ]
+    posts = [
+        meshes.box((x - 0.03, -0.03, 0.0), (x + 0.03, 0.03, 1.0), Slot.METAL)
+        for x in (0.2, length_m - 0.2)
+    ]
+    return meshes.merge([*boards, *feet, *posts])
+
+
 def railing(length_m: float, height_m: float, gap_m: float = 0.14) -> Mesh:
     """Build a railing of thin upright bars along x."""
     bars = [

@@ -167,6 +167,34 @@ class Verge:
         count = int(self.rng.integers(1, 5))
         return [self._fronting(mesh, s_m + RAIL_M * n, edge_m, appearance) for n in range(count)]
 
+    def site(self, s_m: float) -> list[Part]:
+        """Set up a building site: cones, beacons, boards or a mesh fence along the kerb, and at times a skip."""
+        rng, shape, kind = self.rng, self.road.shape, self.rng.random()
+        colour = (0.5, 0.12, 0.02) if kind < 0.5 else (0.7, 0.7, 0.68)
+        sign = {Slot.SIGN: (0.75, 0.75, 0.75, float(rng.uniform(0.6, 0.99)))}
+        appearance = palette({Slot.PANEL: (*colour, float(rng.uniform(0.2, 0.7))), **sign})
+        count, out_m = int(rng.integers(3, 10)), shape.half_width_m + float(rng.uniform(0.2, 0.6))
+        if kind < 0.55:
+            height_m, apart_m = float(rng.uniform(0.45, 1.05)), float(rng.uniform(1.5, 5))
+            mesh = furniture.cone(height_m) if kind < 0.35 else furniture.beacon(height_m + 0.2)
+            parts = [
+                self._placed(mesh, s_m + apart_m * n, out_m, float(rng.normal(0, 0.2)), appearance)
+                for n in range(count)
+            ]
+        else:
+            length_m = float(rng.uniform(1.8, 3.5))
+            piece = (
+                furniture.board_barrier(length_m)
+                if kind < 0.75
+                else furniture.mesh_fence(length_m, 2.0, self._wire_m())
+            )
+            turn = float(rng.normal(0, 0.06))
+            parts = [
+                self._placed(piece, s_m + length_m * n, out_m, turn, appearance)
+                for n in range(count)
+            ]
+        return parts + (self.structure(s_m + 4.0) if rng.random() < 0.4 else [])
+
     def railing(self, s_m: float) -> list[Part]:
         """Set up a railing at the kerb or behind the pavement, or a fence of wire behind it."""
         appearance, edge_m = furniture.panel_palette(self.rng), self.road.shape.outer_m + 0.25

@@ -51,6 +51,7 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         rng, ClutterConfig(), bushes=(0, 7), grass=(0, 20), conifers=(0, 2), railings=(0, 0.2),
         boxes=(1, 6), shelters=(0, 0.6), poles=(0, 1.2), parking_lots=(0, 1.5), trimmed=(0, 3),
         structures=(0, 0.4), bicycles=(0, 2), motorcycles=(0, 0.8), bays=(0, 2), islands=(0, 0.4),
+        sites=(0, 0.8),
     )  # fmt: skip
     config = _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.12)
     return replace(config, trams=float(rng.choice([0.0, 0.0, 0.1])))
@@ -94,7 +95,7 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     clutter = _drawn(
         rng, ClutterConfig(), bushes=(3, 14), grass=(10, 40), conifers=(0, 4), rails=(0.04, 0.32),
         railings=(0, 0.25), boxes=(0, 2), poles=(0, 0.8), delineators=(0, 3), trimmed=(0, 2),
-        structures=(0, 0.3), enclosures=(0, 0.6), islands=(0, 0.6), bays=(0, 0.8),
+        structures=(0, 0.3), enclosures=(0, 0.6), islands=(0, 0.6), bays=(0, 0.8), sites=(0, 0.8),
     )  # fmt: skip
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
@@ -127,7 +128,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         rng, ClutterConfig(), bushes=(2, 12), grass=(0, 25), conifers=(0, 2), rails=(0, 0.05),
         railings=(0, 0.3), boxes=(1, 5), shelters=(0.2, 1.2), poles=(1.5, 5), islands=(1, 5),
         parking_lots=(0.5, 4), trimmed=(0, 4), structures=(0, 1), enclosures=(0, 0.4),
-        bicycles=(0, 1.5), motorcycles=(0, 0.5), bays=(0, 2),
+        bicycles=(0, 1.5), motorcycles=(0, 0.5), bays=(0, 2), sites=(0, 0.8),
     )  # fmt: skip
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(

@@ -8,6 +8,7 @@ from data.synthetic.materials import SemanticClass, Slot, palette
 from data.synthetic.road import Road, RoadShape
 from data.synthetic.roadside import islands
 from data.synthetic.street import Part
+from data.synthetic.verge import Verge
 from perception.geometry import se3
 from perception.sensor import HDL_64E
 
@@ -77,3 +78,28 @@ def test_traffic_islands_leave_lanes_the_width_of_a_lorry(lane_m, width_m):
         assert np.ptp(mesh.vertices_m[:, 1]) == pytest.approx(width_m, abs=1e-3)
         top_m = mesh.vertices_m[:, 2] - road.place(mesh.vertices_m[:, 0], np.array(0.0))[:, 2]
         assert 0.08 < top_m.max() < 0.2
+
+
+def test_building_sites_stand_beside_the_carriageway_and_are_lower_than_people_or_fences():
+    shape = RoadShape(curvature_1_m=0.0, pavement_m=3.0)
+    for seed in range(12):
+        verge = Verge(Road(shape), 1, np.random.default_rng(seed), [], [], lambda *_: False)
+        parts = verge.site(20.0)
+        assert 3 <= len(parts) <= 9
+        for part in parts:
+            low, high = part.mesh.vertices_m.min(axis=0), part.mesh.vertices_m.max(axis=0)
+            assert low[1] > shape.half_width_m - 0.4
+            assert 0.4 < high[2] - low[2] < 2.4
+            assert part.box is None
+
+
+@pytest.mark.parametrize(
+    ("mesh", "size_m"),
+    [
+        (furniture.cone(0.75), (0.45, 0.45, 0.77)),
+        (furniture.beacon(1.1), (0.4, 0.8, 1.12)),
+        (furniture.board_barrier(2.5), (2.5, 0.6, 1.02)),
+    ],
+)
+def test_cones_beacons_and_boards_measure_what_real_ones_do(mesh, size_m):
+    assert np.ptp(mesh.vertices_m, axis=0) == pytest.approx(np.array(size_m), abs=0.01)
