@@ -224,7 +224,7 @@ def draw_standing_pedestrian(rng: np.random.Generator) -> Body:
 
 
 # How many in a hundred pedestrians are children, and wear or carry something.
-_CHILDREN, _LUGGAGE = 0.2, {
+_CHILDREN, _LUGGAGE = 0.12, {
     Luggage.NOTHING: 0.4, Luggage.COAT: 0.2, Luggage.BACKPACK: 0.2, Luggage.BAG: 0.2,
 }  # fmt: skip
 
@@ -256,10 +256,10 @@ def draw_standing_figure(rng: np.random.Generator) -> Body:
 
 
 def _size_m(poses: Sequence[Mesh]) -> tuple[float, float, float]:
-    """Return the size of a box around the origin that holds a body in its mean pose, as annotators draw it."""
-    reaches_m = np.array([np.abs(mesh.vertices_m).max(axis=0) for mesh in poses]).mean(axis=0)
-    half_length, half_width, height = reaches_m.tolist()
-    return max(2 * half_length, 0.3 * height), 2 * half_width, height
+    """Return the size of a body in its mean pose, as annotators draw boxes of people."""
+    sizes_m = np.array([np.ptp(mesh.vertices_m, axis=0) for mesh in poses])
+    length, width, height = sizes_m.mean(axis=0).tolist()
+    return max(length, 0.3 * height), width, height
 
 
 def draw_cyclists(rng: np.random.Generator, count: int) -> list[Body]:

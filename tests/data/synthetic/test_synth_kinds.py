@@ -201,7 +201,7 @@ def test_people_of_all_sizes_stand_upright_and_have_the_widths_of_people():
     heights_m = np.array([body.size_m[2] for body in bodies])
     assert 1.0 <= heights_m.min() < 1.25
     assert 1.8 < heights_m.max() <= 2.0
-    assert 0.08 < (heights_m < 1.5).mean() < 0.35
+    assert 0.05 < (heights_m < 1.5).mean() < 0.3
     for body in bodies:
         assert 0.25 < body.size_m[1] < 0.9
         for mesh in body.poses:
