@@ -116,7 +116,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         lane_m=_between(rng, 4.2, 4.9) if lanes == 1 else _between(rng, 3.9, 4.3),
         lanes=lanes,
         parking_m=0.0,
-        kerb_m=_between(rng, 0.05, 0.13),
+        kerb_m=_between(rng, 0.05, 0.3),
         pavement_m=_between(rng, 2.5, 6.0),
     )
     town = _drawn(
@@ -332,7 +332,7 @@ def _curved(rng: np.random.Generator, min_radius_m: float, slope: float) -> Road
         curve_length_m=_between(rng, 150, 260),
         slope=_between(rng, 0, slope),
         bank=_between(rng, 0, 0.025),
-        kerb_m=_between(rng, 0.10, 0.15),
+        kerb_m=_between(rng, 0.05, 0.3),
     )
 
 

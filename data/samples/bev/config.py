@@ -41,8 +41,8 @@ class BevAugmentationConfig(AugmentationConfig):
     thinning: float = 0.3
     lost: float = 0.3
     reflectance: float = 0.3
-    gain: float = 0.4
-    ground_m: float = 0.03
+    gain: float = 1.0
+    ground_m: float = 0.08
     tilt_rad: float = 0.002
     crop: float = 0.0
 

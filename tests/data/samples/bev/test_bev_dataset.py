@@ -133,7 +133,7 @@ def test_a_disturbed_scan_keeps_the_share_of_returns_and_heights_of_boxes_over_r
     assert all(tuple(point) in rows for point in disturbed.points_velo[:, :3])
 
 
-def test_a_scan_without_disturbance_stays_as_it_is(scans):
+def test_a_scan_that_nothing_disturbs_keeps_its_returns(scans):
     scan = scans.scan(0)
     none = BevAugmentationConfig(lost=0.0, gain=0.0, ground_m=0.0, tilt_rad=0.0)
     same = disturb(scan, none, np.random.default_rng(1))
