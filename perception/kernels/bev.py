@@ -1,4 +1,4 @@
-"""Maps of a scan from above: what the returns fill, and what the beams before them passed.
+"""Maps of a scan from above: what the returns fill, what the beams before them passed, and peaks in what a network makes of them.
 
 A map of R x R cells is held by blocks of 4x4, (R / 4, R / 4, 16, C), and a block by blocks of 2x2: cell (i, j) is number
 8 a + 4 b + 2 c + d of its block, where a and b are the second last bits of i and j, and c and d the last ones.
@@ -6,8 +6,8 @@ A map of R x R cells is held by blocks of 4x4, (R / 4, R / 4, 16, C), and a bloc
 
 import numpy as np
 
-from perception.kernels.compiled import WHOLE, array_of, compiled, written
-from perception.types import Float32, Int, UInt8
+from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
+from perception.types import Bool, Float32, Float64, Int, UInt8
 
 _F32, _U8 = np.float32, np.uint8
 _TOP, _BOTTOM, _SHARE, _REFLECTANCE, _GROUND = range(5)  # planes after those of the slices
@@ -133,3 +133,45 @@ def fill_visibility(
                 cell = blocks[i >> 2, j >> 2, _number(i, j)]
                 cell[plane] = 255 * (states[place] == _FREE)
                 cell[plane + 1] = 255 * (states[place] == _HIDDEN)
+
+
+@compiled((array_of(_F32, 3), _F32))
+def peaks_of(scores: Float32, min_score: float) -> Int:
+    """Return (P, 3) class, row and column of the (K, H, W) scores from a minimum on, each the highest of its 3x3 cells."""
+    classes, rows, columns = scores.shape
+    peaks = np.empty((scores.size, 3), np.int64)
+    found = 0
+    for k in range(classes):
+        for i in range(rows):
+            for j in range(columns):
+                score = scores[k, i, j]
+                if score < min_score:
+                    continue
+                around = scores[k, max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+                if score >= around.max():
+                    peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, i, j
+                    found += 1
+    return peaks[:found]
+
+
+@compiled((array_of(NUMBER, 2), array_of(NUMBER), array_of(WHOLE)))
+def unsuppressed(places_m: Float64, radii_m: Float64, groups: Int) -> Bool:
+    """Return the (M,) mask of objects, best first, with no better one that stays within the larger radius of the two.
+
+    Args:
+        places_m: (M, 2+) centres, best first.
+        radii_m: (M,) radii.
+        groups: (M,) numbers of groups; objects of two groups do not suppress each other.
+    """
+    is_kept = np.ones(len(places_m), np.bool_)
+    for row in range(len(places_m)):
+        for better in range(row):
+            if is_kept[better] and groups[better] == groups[row]:
+                x_m, y_m = (
+                    places_m[row, 0] - places_m[better, 0],
+                    places_m[row, 1] - places_m[better, 1],
+                )
+                if np.sqrt(x_m * x_m + y_m * y_m) < max(radii_m[row], radii_m[better]):
+                    is_kept[row] = False
+                    break
+    return is_kept

@@ -19,6 +19,7 @@ import numpy as np
 
 from perception.detection.bev.bev_map import BevGrid
 from perception.geometry.se3 import wrap
+from perception.kernels.bev import peaks_of, unsuppressed
 from perception.types import ArrayTable, Boxes3D, Float32, Float64, Int
 
 
@@ -67,15 +68,10 @@ def decode_boxes(
         min_score: Score below which nothing is reported.
         most: Largest number of objects.
     """
-    found = np.argwhere(scores >= min_score)
-    framed = np.pad(scores, ((0, 0), (1, 1), (1, 1)))
-    around = [
-        framed[found[:, 0], found[:, 1] + i, found[:, 2] + j] for i in range(3) for j in range(3)
-    ]
-    values = around[4]
-    peaks = np.flatnonzero(values >= np.max(around, axis=0))
-    best = peaks[np.argsort(-values[peaks], kind="stable")[:most]]
-    classes, rows, columns = found[best].T
+    peaks = peaks_of(np.ascontiguousarray(scores), min_score)
+    values = scores[tuple(peaks.T)]
+    best = np.argsort(-values, kind="stable")[:most]
+    classes, rows, columns = peaks[best].T
     cells = boxes[:, rows, columns].astype(np.float64)
     cell_m = 2 * grid.reach_m / scores.shape[1]
     corners_m = np.stack([rows, columns], axis=1) * cell_m - grid.reach_m
@@ -88,7 +84,7 @@ def decode_boxes(
             cells[BOX.size].T,
             np.asarray(wrap(np.where(forward >= 0, axis_rad, axis_rad + np.pi))),
         ),
-        classes=classes.astype(np.int64),
+        classes=np.ascontiguousarray(classes),
         scores=values[best].astype(np.float64),
         deviations=_SQRT_2 * cells[BOXES:].T,
         reversals=(1 - np.minimum(np.abs(forward), 1)) / 2,
@@ -103,10 +99,5 @@ def suppress(found: BevDetections, groups: Sequence[int]) -> BevDetections:
         groups: Group of each class; a car is no van beside.
     """
     group = np.asarray(groups, np.int64)[found.classes]
-    places, radii = found.boxes.bottom_m[:, :2], found.boxes.size_m[:, 1] / 2
-    gaps = np.linalg.norm(places[:, None] - places, axis=2)
-    is_same = (gaps < np.maximum(radii[:, None], radii)) & (group[:, None] == group)
-    is_kept = np.ones(len(found), bool)
-    for row in range(1, len(found)):
-        is_kept[row] = not is_same[row, :row][is_kept[:row]].any()
-    return found[is_kept]
+    radii_m = np.ascontiguousarray(found.boxes.size_m[:, 1]) / 2
+    return found[unsuppressed(np.ascontiguousarray(found.boxes.bottom_m), radii_m, group)]
