@@ -14,7 +14,12 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.lapack import dpbsv
 
-from perception.kernels.heights import GridNumbers, add_normal_equations, distances_from_surface
+from perception.kernels.heights import (
+    GridNumbers,
+    add_normal_equations,
+    distances_from_surface,
+    interpolated,
+)
 from perception.types import ArrayTable, Float, Float64, Int
 
 
@@ -45,7 +50,7 @@ class BilinearWeights:
 
     def interpolate(self, heights_m: Float64) -> Float64:
         """Return (N,) heights of the surface."""
-        return np.asarray((heights_m[self.nodes] * self.weights).sum(axis=0))
+        return interpolated(self.nodes, self.weights, heights_m)
 
 
 @dataclass(frozen=True)

@@ -47,41 +47,47 @@ def fill_cells(
     slices, side = len(edges_m) - 1, 4 * blocks.shape[0]
     reach_m, per_m = cell_m * np.float32(side) / np.float32(2), np.float32(1) / cell_m
     low_m, high_m = edges_m[0], edges_m[slices]
-    counts, sums = np.zeros((side, side), np.uint16), np.zeros((side, side), _F32)
+    # Rows of the cells with returns, from 1 on.
+    row_of_cell, places = np.zeros((side, side), np.int32), np.empty((len(points) + 1, 2), np.int32)
+    counts, sums = np.empty(len(places), _F32), np.empty(len(places), _F32)
+    rows = 0
     for k in range(len(points)):
         x, y, h = points[k, 0], points[k, 1], heights_m[k]
-        i, j = int(np.floor((x + reach_m) * per_m)), int(np.floor((y + reach_m) * per_m))
-        if i < 0 or j < 0 or i >= side or j >= side or h >= high_m or x * x + y * y < blind_m**2:
+        u, v = (x + reach_m) * per_m, (y + reach_m) * per_m
+        is_inside = u >= 0 and v >= 0 and u < side and v < side
+        if not is_inside or h >= high_m or x * x + y * y < blind_m**2:
             continue
-        cell = blocks[i >> 2, j >> 2, _number(i, j)]
+        i, j = int(u), int(v)
+        a, b, c = i >> 2, j >> 2, _number(i, j)
         if h < low_m:
-            cell[slices + _GROUND] = 255
+            blocks[a, b, c, slices + _GROUND] = 255
             continue
         number = 0
         while h >= edges_m[number + 1]:
             number += 1
-        cell[number] = 255
+        blocks[a, b, c, number] = 255
         level = np.uint8(_STEPS * h / high_m)
-        cell[slices + _TOP] = max(cell[slices + _TOP], level)
-        cell[slices + _BOTTOM] = max(cell[slices + _BOTTOM], np.uint8(255 - level))
-        counts[i, j] += 1
-        sums[i, j] += points[k, 3]
-    for i in range(side):
-        for j in range(side):
-            if counts[i, j] > 0:
-                x, y = np.float32(i + 0.5 - side / 2), np.float32(j + 0.5 - side / 2)
-                full = full_returns[min(int(np.sqrt(x * x + y * y)), len(full_returns) - 1)]
-                count = np.float32(counts[i, j])
-                share, mean = (
-                    min(count / full, np.float32(1)),
-                    min(sums[i, j] / count, np.float32(1)),
-                )
-                cell = blocks[i >> 2, j >> 2, _number(i, j)]
-                cell[slices + _SHARE] = np.uint8(_STEPS * share)
-                cell[slices + _REFLECTANCE] = np.uint8(_STEPS * mean)
+        blocks[a, b, c, slices + _TOP] = max(blocks[a, b, c, slices + _TOP], level)
+        blocks[a, b, c, slices + _BOTTOM] = max(blocks[a, b, c, slices + _BOTTOM], 255 - level)
+        row = row_of_cell[i, j]
+        if row == 0:
+            rows += 1
+            row_of_cell[i, j] = row = rows
+            places[row, 0], places[row, 1] = i, j
+            counts[row] = sums[row] = 0
+        counts[row] += 1
+        sums[row] += points[k, 3]
+    for row in range(1, rows + 1):
+        i, j = places[row, 0], places[row, 1]
+        x, y = np.float32(i + 0.5 - side / 2), np.float32(j + 0.5 - side / 2)
+        full = full_returns[min(int(np.sqrt(x * x + y * y)), len(full_returns) - 1)]
+        a, b, c = i >> 2, j >> 2, _number(i, j)
+        share, mean = counts[row] / full, sums[row] / counts[row]
+        blocks[a, b, c, slices + _SHARE] = np.uint8(_STEPS * min(share, np.float32(1)))
+        blocks[a, b, c, slices + _REFLECTANCE] = np.uint8(_STEPS * min(mean, np.float32(1)))
 
 
-@compiled((array_of(_F32, 2), array_of(_F32), array_of(np.int32, 2), _F32, WHOLE, array_of(np.int32, 2), written(_U8, 4)))  # fmt: skip
+@compiled((array_of(_F32, 2), array_of(_F32), array_of(np.int32, 2), _F32, WHOLE, array_of(np.int32, 3), written(_U8, 4)))  # fmt: skip
 def fill_visibility(
     ranges_m: Float32,
     cosines: Float32,
@@ -99,40 +105,40 @@ def fill_visibility(
         spans: (L, 2) first and last bin of distance in which a beam is as high as objects are.
         bin_m: Width of a bin of distance in metres.
         bins: Number of bins.
-        bin_of_cell: (R, R) place of each cell among the directions and bins, directions first; -1 beyond the last bin.
+        bin_of_cell: (R / 4, R / 4, 16) place of each cell among the bins and directions, bins first.
         blocks: (R / 4, R / 4, 16, C) map of zeros, of which the last two planes are written.
     """
     beams, columns = ranges_m.shape
-    states = np.zeros(columns * bins, _U8)
-    passed, ended = np.zeros(bins + 1, np.int16), np.zeros(bins + 1, np.int16)
-    for column in range(columns):
-        passed[:], ended[:] = 0, 0
-        for beam in range(beams):
+    # By how much the numbers of beams that passed, and that ended before, differ from those of the bin before.
+    passed, ended = np.zeros((bins + 1, columns), np.int16), np.zeros((bins + 1, columns), np.int16)
+    for beam in range(beams):
+        first, last = spans[beam, 0], spans[beam, 1]
+        for column in range(columns):
             if ranges_m[beam, column] < np.inf:
-                first, last = spans[beam, 0], spans[beam, 1]
                 end = min(int(ranges_m[beam, column] * cosines[beam] / bin_m), bins)
                 if end > first:
-                    passed[first] += 1
-                    passed[min(end, last)] -= 1
+                    passed[first, column] += 1
+                    passed[min(end, last), column] -= 1
                 if end + 1 < last:
-                    ended[max(end + 1, first)] += 1
-                    ended[last] -= 1
-        free, hidden = 0, 0
-        for number in range(bins):
-            free += passed[number]
-            hidden += ended[number]
-            if free > 0:
-                states[column * bins + number] = _FREE
-            elif hidden > 0:
-                states[column * bins + number] = _HIDDEN
-    side, plane = 4 * blocks.shape[0], blocks.shape[3] - 2
+                    ended[max(end + 1, first), column] += 1
+                    ended[last, column] -= 1
+    states = np.empty(bins * columns, _U8)
+    free, hidden = np.zeros(columns, np.int16), np.zeros(columns, np.int16)
+    for number in range(bins):
+        for column in range(columns):
+            free[column] += passed[number, column]
+            hidden[column] += ended[number, column]
+            is_free, is_hidden = free[column] > 0, hidden[column] > 0
+            states[number * columns + column] = _FREE * is_free + _HIDDEN * (
+                is_hidden & (not is_free)
+            )
+    side, _, cells, planes = blocks.shape
     for i in range(side):
         for j in range(side):
-            place = bin_of_cell[i, j]
-            if place >= 0:
-                cell = blocks[i >> 2, j >> 2, _number(i, j)]
-                cell[plane] = 255 * (states[place] == _FREE)
-                cell[plane + 1] = 255 * (states[place] == _HIDDEN)
+            for number in range(cells):
+                state = states[bin_of_cell[i, j, number]]
+                blocks[i, j, number, planes - 2] = 255 * (state == _FREE)
+                blocks[i, j, number, planes - 1] = 255 * (state == _HIDDEN)
 
 
 @compiled((array_of(_F32, 3), _F32))

@@ -47,6 +47,16 @@ def cells_of(points: Float64, grid: GridNumbers) -> Int:
     return cells
 
 
+@compiled((array_of(np.int64, 2), _POINTS_64, _VALUES))
+def interpolated(nodes: Int, weights: Float64, heights_m: Float64) -> Float64:
+    """Return (N,) sums of the heights of (4, N) nodes, weighted."""
+    sums = np.zeros(nodes.shape[1])
+    for k in range(len(sums)):
+        for corner in range(4):
+            sums[k] += weights[corner, k] * heights_m[nodes[corner, k]]
+    return sums
+
+
 @compiled((_POINTS_32, _CELLS, WHOLE, NUMBER, NUMBER, NUMBER))
 def lowest_of_cells(
     points: Float32, cells: Int, size: int, level_m: float, max_step_m: float, max_slope: float

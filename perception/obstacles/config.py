@@ -16,15 +16,17 @@ class GroundSurfaceConfig:
         cell_m: Distance between two nodes of the surface in metres.
         max_points: Largest number of points of a scan that are used; scans with more are thinned evenly.
         remembered_scans: Number of earlier scans that fill gaps of the newest.
+        rounds: Number of fits of the flexible surface, each with less weight for what was far from the last one.
     """
 
     cell_m: float = 1.0
     max_points: int = 65_000
     remembered_scans: int = 4
+    rounds: int = 2
 
     def __post_init__(self) -> None:
         """Validate sizes and counts."""
-        if min(self.cell_m, self.max_points) <= 0 or self.remembered_scans < 0:
+        if min(self.cell_m, self.max_points, self.rounds) <= 0 or self.remembered_scans < 0:
             raise UsageError(
                 "ground surface", expected="positive sizes and counts", found=str(self)
             )

@@ -42,7 +42,7 @@ _MAX_SLOPE, _MAX_STEP_M = 0.15, 0.5
 # Of the coarse surface, and of the fine one. The coarse one's nodes are twice as far apart: 25 there is 100 here.
 _STIFFNESS, _FINE_STIFFNESS = 25.0, 0.3
 # Scales of the robust fits, round by round; low points are ground rather than obstacle, and have twice the scale.
-_SCALES_M, _FINE_SCALES_M, _LOW_SCALE_RATIO = (0.3, 0.15, 0.1), (0.15, 0.15), 2.0
+_SCALES_M, _FINE_SCALE_M, _LOW_SCALE_RATIO = (0.3, 0.15, 0.1), 0.15, 2.0
 _BAND_M = 0.20  # from the coarse surface to a point that may be ground
 
 _OBSTACLE_BAND_M = (0.3, 1.5)  # heights of points that make a cell unfit for the memory
@@ -105,7 +105,8 @@ class GroundSurfaceEstimator:
         averages, is_clean = self._averages(points, cells, stiff)
         samples = averages.joined(self._gaps(memory, averages))
         coarse_m = self._stiff_at_fine.interpolate(stiff)
-        fine = self._robust_fit(self._fine, samples, coarse_m, _FINE_SCALES_M, _FINE_STIFFNESS)
+        scales_m = (_FINE_SCALE_M,) * self._config.rounds
+        fine = self._robust_fit(self._fine, samples, coarse_m, scales_m, _FINE_STIFFNESS)
         self._remember(averages[is_clean], scan)
         return HeightSurface(self._fine, fine)
 

@@ -37,8 +37,8 @@ BLOCK = 4  # cells along the side of a block
 SIDE_STEP = 32  # divides the number of cells along a side
 _OBJECT_M = (0.2, 2.0)  # heights in which a beam tells whether a cell is free
 _BLIND_M = 1.5  # around the sensor there is the vehicle itself
-# Nodes farther apart than along the road: 4 ms in place of 7, and 1 cm more of error at 40 m.
-_GROUND = GroundSurfaceConfig(cell_m=3.2, max_points=30_000, remembered_scans=0)
+# Nodes farther apart than along the road, and one fit of them: 3 ms in place of 7, and 2 cm more of error at 40 m.
+_GROUND = GroundSurfaceConfig(cell_m=3.2, max_points=30_000, remembered_scans=0, rounds=1)
 _MAX_SIDE_CELLS = 2048
 
 
@@ -152,8 +152,10 @@ class BevMapper:
         x, y = np.meshgrid(middles, middles, indexing="ij")
         turns = np.mod(np.arctan2(y, x) / (2 * np.pi), 1.0)
         column = np.minimum((turns * columns).astype(np.int64), columns - 1)
-        places = column * self._bins + np.hypot(x, y).astype(np.int64)
-        return np.asarray(places, np.int32)
+        places = np.hypot(x, y).astype(np.int64) * columns + column
+        blocks = side // BLOCK
+        in_blocks = places.reshape(blocks, 2, 2, blocks, 2, 2).transpose(0, 3, 1, 4, 2, 5)
+        return np.asarray(in_blocks.reshape(blocks, blocks, BLOCK**2), np.int32)
 
 
 def planes_of(blocks: UInt8) -> UInt8:
