@@ -25,6 +25,8 @@ from train.bev.metrics import FoundCenters, measure
 from train.bev.networks import BevNetworkConfig, load_bev
 from train.networks.bev_centers import DecodedCenters
 
+# Unlike those of images the first layers have channels enough for kernels of 8 bits.
+_QUANTIZATION = replace(QUANTIZATION, layers=(*QUANTIZATION.layers, "Gemm"), first=False)
 # Of probabilities, and of metres, sines and scales of errors.
 TOLERANCES = {"scores": 1e-4, "boxes": 0.01}
 _NOISE_ROWS = (1, 2)
@@ -57,7 +59,7 @@ def export_bev(config: ExportConfig) -> ExportResult:
         if maps := [{"maps": opened[FP32].preprocess(frame.points_velo)} for frame in frames]:
             inputs["maps"] = list(maps[:_COMPARED_FRAMES])
         if config.int8:
-            models[INT8] = to_int8(models[FP32], maps, QUANTIZATION)
+            models[INT8] = to_int8(models[FP32], maps, _QUANTIZATION)
             opened[INT8] = _open(models[INT8], Path(folder, "int8.onnx"), sensor)
         networks: dict[str, Network] = {name: one.model for name, one in opened.items()}
         variants = compare_variants(

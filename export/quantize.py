@@ -38,11 +38,13 @@ class QuantizationConfig:
         layers: Types of operators to quantize; the rest, such as the decoding of boxes, stays in full precision.
         ends: Type of the operator of which the first one stays in full precision, and the last one with all that
             follows from it; None for no such type.
+        first: Whether the first one does.
         scales: Scales from the range of all activations, minmax, or of most of them, percentile.
     """
 
     layers: tuple[str, ...] = ("Conv", "Gemm", "MatMul")  # where the time goes
     ends: str | None = None
+    first: bool = True
     scales: Scales = "minmax"
 
 
@@ -71,7 +73,7 @@ def to_int8(
                     quantised,
                     _Batches(batches),
                     op_types_to_quantize=list(quantization.layers),
-                    nodes_to_exclude=_ends(prepared, quantization.ends),
+                    nodes_to_exclude=_ends(prepared, quantization),
                     per_channel=True,
                     activation_type=QuantType.QUInt8,
                     weight_type=QuantType.QInt8,
@@ -83,16 +85,35 @@ def to_int8(
 
 
 def _with_metadata(file: Path, quantization: QuantizationConfig) -> bytes:
-    """Return a file with the quantization in its metadata."""
+    """Return a file with the quantization in its metadata, and 8-bit inputs multiplied as they are."""
     made = onnx.load(file)
+    _skip_casts(made.graph)
     metadata = {entry.key: entry.value for entry in made.metadata_props}
     onnx.helper.set_model_props(made, metadata | {"form": f"int8 {quantization.scales}"})
     return bytes(made.SerializeToString())
 
 
-def _ends(file: Path, operator: str | None) -> list[str]:
+def _skip_casts(graph: Any) -> None:  # noqa: ANN401 - made by protobuf, without types
+    """Quantize no 8-bit number that was cast to full precision as it is: two passes over the input less."""
+    values = {entry.name: onnx.numpy_helper.to_array(entry) for entry in graph.initializer}
+    types = {
+        entry.name: entry.type.tensor_type.elem_type for entry in (*graph.input, *graph.value_info)
+    }
+    casts = {
+        node.output[0]: node.input[0]
+        for node in graph.node
+        if node.op_type == "Cast" and types.get(node.input[0]) == onnx.TensorProto.UINT8
+    }
+    for node in graph.node:
+        if node.op_type != "QuantizeLinear" or node.input[0] not in casts:
+            continue
+        if values[node.input[1]] == 1 and values[node.input[2]] == 0:
+            node.op_type, node.input[:] = "Identity", [casts[node.input[0]]]
+
+
+def _ends(file: Path, quantization: QuantizationConfig) -> list[str]:
     """Name the first node of a type in the order of execution, and all from which no further one is reached."""
-    nodes = list(onnx.load(file).graph.node)
+    nodes, operator = list(onnx.load(file).graph.node), quantization.ends
     firsts = [node.name for node in nodes if node.op_type == operator][:1]
     lasts, leading = [], set[str]()
     for node in reversed(nodes) if firsts else ():
@@ -100,7 +121,7 @@ def _ends(file: Path, operator: str | None) -> list[str]:
             lasts.append(node.name)
         if node.op_type == operator or leading & set(node.output):
             leading |= set(node.input)
-    return firsts + lasts
+    return [*(firsts if quantization.first else ()), *lasts]
 
 
 class _Batches(CalibrationDataReader):  # type: ignore[misc]

@@ -72,6 +72,7 @@ class BevTrunk(nn.Module):
         super().__init__()
         widths = _WIDTHS
         self.blocks = nn.Linear(BLOCK**2 * channels, _BLOCK_WIDTH)
+        self.scale = 1 / 255
         self.joined = Conv2dNormActivation(_BLOCK_WIDTH, widths[0], kernel_size=1)
         self.quarter = nn.Sequential(*(Separable(widths[0], widths[0]) for _ in range(_UNITS[0])))
         self.down = nn.ModuleList(
@@ -90,9 +91,11 @@ class BevTrunk(nn.Module):
         self.out_channels = widths[0]
 
     def forward(self, maps: Tensor) -> Tensor:
-        """Return (B, out_channels, R / 4, R / 4) of (B, R / 4, R / 4, 16, C) maps."""
+        """Return (B, out_channels, R / 4, R / 4) of (B, R / 4, R / 4, 16, C) maps of 8-bit numbers."""
         side = maps.shape[1]
-        blocks = self.blocks(maps.reshape(-1, self.blocks.in_features)).relu()
+        # Cast last: an exported file of 8 bits multiplies the numbers as they are.
+        numbers = maps.reshape(-1, self.blocks.in_features).float() * self.scale
+        blocks = self.blocks(numbers).relu()
         blocks = blocks.reshape(-1, side, side, _BLOCK_WIDTH).permute(0, 3, 1, 2)
         levels = [self.quarter(self.joined(blocks))]
         for down in self.down:
@@ -118,7 +121,7 @@ class BevCenters(nn.Module):
             channels: Planes of the map.
         """
         super().__init__()
-        self.class_names, self.scale = tuple(class_names), 1 / 255
+        self.class_names = tuple(class_names)
         self.trunk = BevTrunk(channels)
         width = self.trunk.out_channels
         self.score_head = nn.Sequential(
@@ -135,7 +138,7 @@ class BevCenters(nn.Module):
 
     def forward(self, maps: Tensor) -> CenterMaps:
         """Return raw predictions for (B, R / 4, R / 4, 16, C) maps of 8-bit numbers."""
-        features = self.trunk(maps.float() * self.scale)
+        features = self.trunk(maps)
         boxes = self.box_head(features)
         return CenterMaps(self.score_head(features), boxes[:, :BOXES], boxes[:, BOXES:])
 
@@ -147,8 +150,9 @@ class DecodedCenters(nn.Module):
         super().__init__()
         # Numbers of 8 bits as they are: a pass over the map less.
         self.network = deepcopy(network).eval()
-        self.network.trunk.blocks.weight.data *= self.network.scale
-        self.network.scale = 1.0
+        trunk = self.network.trunk
+        trunk.blocks.weight.data *= trunk.scale
+        trunk.scale = 1.0
 
     def forward(self, maps: Tensor) -> tuple[Tensor, Tensor]:
         """Return (B, K, H, W) scores and (B, 16, H, W) boxes and scales of their errors."""
