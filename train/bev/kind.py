@@ -38,10 +38,16 @@ class BevResult:
         title = f"bev, epoch {self.epoch}: centres within {DISTANCE_M:g} m on {scans}"
         columns = [
             Column[Mapping[str, float]]("AP [%]", lambda row: 100 * row["ap"], ".1f"),
+            Column[Mapping[str, float]]("mean AP [%]", _mean_ap, ".1f"),
             Column[Mapping[str, float]]("labels", lambda row: row["labels"], "d"),
             Column[Mapping[str, float]]("recall [%]", lambda row: 100 * row["recall"], ".1f"),
         ]
         return Table(title, columns, self.precision, "class")
+
+
+def _mean_ap(row: Mapping[str, float]) -> float | None:
+    """Return the mean over 0.5 to 4 m; None of a checkpoint that does not state it."""
+    return 100 * row["mean_ap"] if "mean_ap" in row else None
 
 
 def report(module: BevTraining, data: BevDataModule, stage: Stage, checkpoint: Path) -> BevResult:

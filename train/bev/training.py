@@ -14,11 +14,10 @@ from data.samples.bev.dataset import BevDataset
 from perception.detection.bev.bev_map import BevGrid
 from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
 from perception.detection.bev.classes import GROUPS, SYNTHETIC_CLASSES
-from perception.evaluation.detection.center_precision import CenterPrecision
 from train.best_epoch import Criterion, Ranking
 from train.bev.images import BevImages
 from train.bev.loss import BevLabels, BevLoss, BevLossConfig, bev_loss
-from train.bev.metrics import FoundCenters, measure
+from train.bev.metrics import CenterPrecision, FoundCenters, measure
 from train.bev.networks import IDENTITY, MODEL, BevNetworkConfig, initial_network
 from train.checkpoints import program_revision
 from train.events import log_loss
@@ -141,9 +140,11 @@ class BevTraining(LightningModule):
         names = self.bev.class_names
         self.metrics = measure([samples.targets(row) for row in range(len(samples))], self.found.compute(), names)  # fmt: skip
         self.found.reset()
-        of_classes = {name: 100 * one.ap for name, one in self.metrics.items() if one.labels}
-        mean = sum(of_classes.values()) / max(len(of_classes), 1)
-        logged = {f"{stage}/ap": mean} | {f"{stage}/ap_{k}": ap for k, ap in of_classes.items()}
+        known = {name: one for name, one in self.metrics.items() if one.labels}
+        logged = {f"{stage}/ap_{name}": 100 * one.ap for name, one in known.items()}
+        for kind in ("ap", "mean_ap"):
+            values = [100 * getattr(one, kind) for one in known.values()]
+            logged[f"{stage}/{kind}"] = sum(values) / max(len(values), 1)
         self.log_dict(logged, sync_dist=True)
 
     def _loss(self, raw: CenterMaps, batch: Batch) -> BevLoss:

@@ -20,7 +20,7 @@ from perception.types import Bool, Float64, Int
 
 _RECALLS = np.linspace(0, 1, RECALL_STEPS + 1)
 _FIRST = round(MIN_RECALL * RECALL_STEPS) + 1  # point of a curve that counts
-_FREE = -1
+FREE = -1  # number of the object that a detection without one matches
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def measure_class(
     matches = match_centers(
         truths.centers_m[:, :2], truth_samples, found.centers_m[:, :2], found_samples
     )
-    precision = [_precision(one != _FREE, len(truths)) for one in matches]
+    precision = [precision_over_recall(one != FREE, len(truths)) for one in matches]
     errors = _mean_errors(truths, found, matches[DISTANCES_M.index(ERROR_DISTANCE_M)], rule)
     is_measured = np.isin(ERRORS, rule.errors)
     return ClassCurves(np.array(precision), np.where(is_measured, errors, np.nan))
@@ -82,21 +82,21 @@ def match_centers(truths_m: Float64, truth_samples: Int, found_m: Float64, sampl
         found_m: (D, 2) places of the detections, best first.
         samples: (D,) number of the sample of each.
     """
-    matches = np.full((len(DISTANCES_M), len(found_m)), _FREE)
+    matches = np.full((len(DISTANCES_M), len(found_m)), FREE)
     if not len(truths_m) or not len(found_m):
         return matches
     known, rows = np.unique(truth_samples, return_inverse=True)
     columns = ranks_in_groups(truth_samples)
-    table = np.full((len(known), int(columns.max()) + 1), _FREE)
+    table = np.full((len(known), int(columns.max()) + 1), FREE)
     table[rows, columns] = np.arange(len(truths_m))
-    is_free = np.broadcast_to(table != _FREE, (len(DISTANCES_M), *table.shape)).copy()
+    is_free = np.broadcast_to(table != FREE, (len(DISTANCES_M), *table.shape)).copy()
     limits_m = np.array(DISTANCES_M)[:, None]
     places = np.minimum(np.searchsorted(known, samples), len(known) - 1)
-    ranks = np.where(known[places] == samples, ranks_in_groups(samples), _FREE)
+    ranks = np.where(known[places] == samples, ranks_in_groups(samples), FREE)
     order = np.argsort(ranks, kind="stable")
     starts = np.flatnonzero(np.diff(ranks[order], prepend=ranks[order][0]))
     for turn in np.split(order, starts):
-        if ranks[turn[0]] == _FREE:
+        if ranks[turn[0]] == FREE:
             continue  # samples without an object
         of_sample = table[places[turn]]
         offsets_m = truths_m[of_sample] - found_m[turn, None]
@@ -115,8 +115,8 @@ def _recalls(is_hit: Bool, objects: int) -> Float64:
     return np.cumsum(is_hit) / objects
 
 
-def _precision(is_hit: Bool, objects: int) -> Float64:
-    """Return (101,) precision over recall, 0 beyond the highest."""
+def precision_over_recall(is_hit: Bool, objects: int) -> Float64:
+    """Return (101,) precision at recall 0, 0.01 .. 1, 0 beyond the highest, of (D,) detections, best first."""
     if not is_hit.any():
         return np.zeros(len(_RECALLS))
     precision = np.cumsum(is_hit) / np.arange(1, len(is_hit) + 1)
@@ -127,7 +127,7 @@ def _mean_errors(
     truths: TaskObjects, found: TaskDetections, match: Int, rule: TaskClass
 ) -> Float64:
     """Return (5,) means over the recalls that are reached, of the cumulative means of the errors; 1 below recall 0.1."""
-    is_hit = match != _FREE
+    is_hit = match != FREE
     if not is_hit.any():
         return np.ones(len(ERRORS))
     recalls = _recalls(is_hit, len(truths))
