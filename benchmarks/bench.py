@@ -20,7 +20,7 @@ BenchmarkPart = Literal[
     "all", "chain", "pipeline", "registration", "ground", "voxels", "motion",
     "objects", "short-term-map", "kalman-filters", "single-object", "color-model", "maps",
     "clusters", "clusters-full-scan", "proposals", "depthcn", "video", "average-precision", "detectors",
-    "vehicle-tracking", "camera-detectors",
+    "vehicle-tracking", "camera-detectors", "bev",
 ]  # fmt: skip
 
 _DETECTION = DetectionConfig()
@@ -46,7 +46,7 @@ def bench(  # noqa: D417, PLR0913 - flags of a command
 
     Args:
         drive: Drive to run on; else a synthetic street.
-        part: One stage, the chain of obstacle stages, the pipeline, or all; detectors only run by name, since
+        part: One stage, the chain of obstacle stages, the pipeline, or all; detectors and bev only run by name, since
             making their networks takes a minute, vehicle-tracking, since it needs labels, and camera-detectors, beside
             the networks of the folder PUBLIC_NETWORKS (environment), with average precision where there are labels.
         frames: Number of frames for each stage.

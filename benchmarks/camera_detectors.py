@@ -63,6 +63,15 @@ def public_network(file: str, size: InputSize | None) -> ModalityDetector:
     Raises:
         ModelError: there is no such file.
     """
+    return ModalityDetector(DescribedFile(public_file(file), DetectorDescription(input_size=size)))
+
+
+def public_file(file: str) -> Path:
+    """Return the path of a file of the folder PUBLIC_NETWORKS.
+
+    Raises:
+        ModelError: there is no such file.
+    """
     path = Path(os.environ.get("PUBLIC_NETWORKS", _DEFAULT_FOLDER)) / file
     if not path.is_file():
         raise ModelError(
@@ -71,7 +80,7 @@ def public_network(file: str, size: InputSize | None) -> ModalityDetector:
             found="no such file",
             advice="set PUBLIC_NETWORKS to the folder of public networks",
         )
-    return ModalityDetector(DescribedFile(path, DetectorDescription(input_size=size)))
+    return path
 
 
 def _contender(name: str, detector: ModalityDetector, prepared: PreparedDrive) -> Contender:

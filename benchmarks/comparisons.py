@@ -55,9 +55,23 @@ def _compare_detectors(prepared: PreparedDrive) -> Comparison:
     return compare_detectors(prepared)
 
 
+def _compare_bev(prepared: PreparedDrive) -> Comparison:
+    """Compare what needs torch, to make a network of.
+
+    Raises:
+        MissingDependencyError: A package is missing.
+    """
+    with optional_package(
+        "torch, onnx and onnxscript", needed_for="the benchmark of detectors", extra="train"
+    ):
+        from benchmarks.bev import compare_bev
+    return compare_bev(prepared)
+
+
 # Only where asked for by name: networks that take a minute to make, tracks that need labels, networks of others.
 ON_REQUEST: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
     "detectors": _compare_detectors,
+    "bev": _compare_bev,
     "vehicle-tracking": compare_vehicle_trackers,
     "camera-detectors": compare_camera_detectors,
 }

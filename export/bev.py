@@ -11,7 +11,8 @@ import torch
 from data.array_store import ArrayStore
 from data.samples.bev.dataset import BevConfig, BevDataset
 from data.samples.bev.labelled_scans import LabelledScans
-from export.detector import FP32, INT8, QUANTIZATION, choose
+from export.detector import FP32, INT8, choose
+from export.detector import QUANTIZATION as OF_IMAGES
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from export.result import ExportConfig, ExportResult
@@ -26,7 +27,7 @@ from train.bev.networks import BevNetworkConfig, load_bev
 from train.networks.bev_centers import DecodedCenters
 
 # Unlike those of images the first layers have channels enough for kernels of 8 bits.
-_QUANTIZATION = replace(QUANTIZATION, layers=(*QUANTIZATION.layers, "Gemm"), first=False)
+QUANTIZATION = replace(OF_IMAGES, layers=(*OF_IMAGES.layers, "Gemm"), first=False)
 # Of probabilities, and of metres, sines and scales of errors.
 TOLERANCES = {"scores": 1e-4, "boxes": 0.01}
 _NOISE_ROWS = (1, 2)
@@ -59,7 +60,7 @@ def export_bev(config: ExportConfig) -> ExportResult:
         if maps := [{"maps": opened[FP32].preprocess(frame.points_velo)} for frame in frames]:
             inputs["maps"] = list(maps[:_COMPARED_FRAMES])
         if config.int8:
-            models[INT8] = to_int8(models[FP32], maps, _QUANTIZATION)
+            models[INT8] = to_int8(models[FP32], maps, QUANTIZATION)
             opened[INT8] = _open(models[INT8], Path(folder, "int8.onnx"), sensor)
         networks: dict[str, Network] = {name: one.model for name, one in opened.items()}
         variants = compare_variants(
