@@ -63,8 +63,8 @@ def fill_cells(
             blocks[a, b, c, slices + _GROUND] = 255
             continue
         number = 0
-        while h >= edges_m[number + 1]:
-            number += 1
+        for edge in range(1, slices):  # without a jump that cannot be predicted
+            number += h >= edges_m[edge]
         blocks[a, b, c, number] = 255
         level = np.uint8(_STEPS * h / high_m)
         blocks[a, b, c, slices + _TOP] = max(blocks[a, b, c, slices + _TOP], level)
@@ -132,13 +132,12 @@ def fill_visibility(
             states[number * columns + column] = _FREE * is_free + _HIDDEN * (
                 is_hidden & (not is_free)
             )
-    side, _, cells, planes = blocks.shape
-    for i in range(side):
-        for j in range(side):
-            for number in range(cells):
-                state = states[bin_of_cell[i, j, number]]
-                blocks[i, j, number, planes - 2] = 255 * (state == _FREE)
-                blocks[i, j, number, planes - 1] = 255 * (state == _HIDDEN)
+    cells, bins_of_cells = blocks.reshape(-1, blocks.shape[3]), bin_of_cell.reshape(-1)
+    free_plane, hidden_plane = blocks.shape[3] - 2, blocks.shape[3] - 1
+    for k in range(len(cells)):
+        state = states[bins_of_cells[k]]
+        cells[k, free_plane] = 255 * (state == _FREE)
+        cells[k, hidden_plane] = 255 * (state == _HIDDEN)
 
 
 @compiled((array_of(_F32, 3), _F32))
