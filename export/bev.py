@@ -26,8 +26,8 @@ from train.bev.metrics import FoundCenters, measure
 from train.bev.networks import BevNetworkConfig, load_bev
 from train.networks.bev_centers import DecodedCenters
 
-# Unlike those of images the first layers have channels enough for kernels of 8 bits.
-QUANTIZATION = replace(OF_IMAGES, layers=(*OF_IMAGES.layers, "Gemm"), first=False)
+# Unlike those of images the first layers have channels enough for kernels of 8 bits; maps are full of the largest number.
+QUANTIZATION = replace(OF_IMAGES, layers=(*OF_IMAGES.layers, "Gemm"), first=False, reduce_range=True)  # fmt: skip
 # Of probabilities, and of metres, sines and scales of errors.
 TOLERANCES = {"scores": 1e-4, "boxes": 0.01}
 _NOISE_ROWS = (1, 2)

@@ -39,12 +39,15 @@ class QuantizationConfig:
         ends: Type of the operator of which the first one stays in full precision, and the last one with all that
             follows from it; None for no such type.
         first: Whether the first one does.
+        reduce_range: Whether weights have 7 bits, so that processors without VNNI, which add two products in 16 bits,
+            do not saturate.
         scales: Scales from the range of all activations, minmax, or of most of them, percentile.
     """
 
     layers: tuple[str, ...] = ("Conv", "Gemm", "MatMul")  # where the time goes
     ends: str | None = None
     first: bool = True
+    reduce_range: bool = False
     scales: Scales = "minmax"
 
 
@@ -75,6 +78,7 @@ def to_int8(
                     op_types_to_quantize=list(quantization.layers),
                     nodes_to_exclude=_ends(prepared, quantization),
                     per_channel=True,
+                    reduce_range=quantization.reduce_range,
                     activation_type=QuantType.QUInt8,
                     weight_type=QuantType.QInt8,
                     calibrate_method=_METHODS[quantization.scales],
