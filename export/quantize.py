@@ -113,6 +113,10 @@ def _skip_casts(graph: Any) -> None:  # noqa: ANN401 - made by protobuf, without
             continue
         if values[node.input[1]] == 1 and values[node.input[2]] == 0:
             node.op_type, node.input[:] = "Identity", [casts[node.input[0]]]
+    used = {name for node in graph.node for name in node.input} | {one.name for one in graph.output}
+    # ONNX Runtime runs what nothing uses.
+    for node in [one for one in graph.node if casts.keys() & set(one.output) - used]:
+        graph.node.remove(node)
 
 
 def _ends(file: Path, quantization: QuantizationConfig) -> list[str]:
