@@ -116,8 +116,31 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse train depthcn $(SYNTH)/depthcn --validation $(SYNTH)/val --epochs $(if $(TRIAL),1,6) --out $(WEIGHTS)/depthcn
 	$(BIN)/trifuse export $(WEIGHTS)/depthcn/best.ckpt --out $(WEIGHTS)/depthcn.onnx --data $(SYNTH)/test
 	cp $(WEIGHTS)/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
+	$(MAKE) weights-bev
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
+
+# Scans of ten sensors, each at its height in metres, in any street and in those with more people and lorries.
+BEV_SENSORS := HDL-64E:1.73 HDL-32E:1.84 HDL-32E:2.1 VLP-16:1.9 VLP-16:1.0 VLP-32C:1.6 VLS-128:1.9 OS1-32:2.0 OS1-64:2.2 \
+  OS1-128:2.6 Pandar64:2.4
+BEV_STREETS := any town junction shopping jam industrial
+weights-bev: $(VENV)/.installed-dev
+	mkdir -p $(WEIGHTS) $(SHIPPED)
+	seed=200000; for sensor in $(BEV_SENSORS); do \
+	  file=$(WEIGHTS)/$$sensor.yaml; \
+	  printf 'model: %s\nheight_m: %s\n' $${sensor%:*} $${sensor#*:} > $$file || exit 2; \
+	  for street in $(BEV_STREETS); do seed=$$((seed + 1000)); \
+	    [ $$street = any ] && words= || words="--street $$street"; \
+	    $(BIN)/trifuse batch synth $(SYNTH)/bev/$$seed --layout object --frames $(or $(TRIAL),60) --sensor $$file \
+	      --no-images --seed $$seed $$words || exit 2; \
+	  done; \
+	done
+	for sensor in HDL-64E HDL-32E; do $(BIN)/trifuse batch synth $(SYNTH)/bev-val/$$sensor --layout object \
+	  --frames $(or $(TRIAL),40) --sensor $$sensor --no-images --seed 90000 || exit 2; done
+	$(BIN)/trifuse train detector $(SYNTH)/bev --validation $(SYNTH)/bev-val --modality bev --epochs $(if $(TRIAL),1,60) \
+	  --batch-size 16 --data.augmentation.crop 0.5 --lr 0.003 --out $(WEIGHTS)/bev
+	$(BIN)/trifuse export $(WEIGHTS)/bev/best.ckpt --out $(WEIGHTS)/bev.onnx --data $(SYNTH)/bev-val/HDL-64E --int8
+	cp $(WEIGHTS)/bev.onnx $(SHIPPED)/bev_centers.onnx
 
 # Its content is compared with a hash when it is read.
 $(PUBLIC_WEIGHTS):
