@@ -17,7 +17,7 @@ help:
 	@echo "make reliability  kill runs at 100 random moments and resume them: an hour on two cores"
 	@echo "make docs   build the site into docs/_build, without a warning"
 	@echo "make wheel  build the wheel and the source archive into dist, and check them"
-	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
+	@echo "make weights train the networks that ship, on synthetic drives: about five hours on two cores"
 	@echo "make thesis train and measure all of the thesis' section 7.2, as long as STEPS says"
 	@echo "make bench  every stage beside its reference implementation and the best library"
 	@echo "make bench-compare REV=main   processor time of each stage beside that of another revision, in turns"
@@ -137,7 +137,8 @@ weights-bev: $(VENV)/.installed-dev
 	done
 	for sensor in HDL-64E HDL-32E; do $(BIN)/trifuse batch synth $(SYNTH)/bev-val/$$sensor --layout object \
 	  --frames $(or $(TRIAL),40) --sensor $$sensor --no-images --seed 90000 || exit 2; done
-	$(BIN)/trifuse train detector $(SYNTH)/bev --validation $(SYNTH)/bev-val --modality bev --epochs $(if $(TRIAL),1,60) \
+	$(BIN)/trifuse train detector $(SYNTH)/bev/* \
+	  --validation $(SYNTH)/bev-val/HDL-64E,$(SYNTH)/bev-val/HDL-32E --modality bev --epochs $(if $(TRIAL),1,60) \
 	  --batch-size 16 --data.augmentation.crop 0.5 --lr 0.003 --out $(WEIGHTS)/bev
 	$(BIN)/trifuse export $(WEIGHTS)/bev/best.ckpt --out $(WEIGHTS)/bev.onnx --data $(SYNTH)/bev-val/HDL-64E --int8
 	cp $(WEIGHTS)/bev.onnx $(SHIPPED)/bev_centers.onnx
