@@ -357,7 +357,16 @@ def _match(
 
 
 @compiled(
-    (_ROWS, _ROWS, WHOLE, _ROWS, array_of(np.int64), written(np.float64, 2), written(np.float64))
+    (
+        _ROWS,
+        _ROWS,
+        WHOLE,
+        _ROWS,
+        array_of(np.int64),
+        NUMBER,
+        written(np.float64, 2),
+        written(np.float64),
+    )
 )
 def _add_matches(
     target: Float64,
@@ -365,6 +374,7 @@ def _add_matches(
     stride: int,
     target_SE3_source: Float64,
     nearest: Int,
+    robust: float,
     hessian: Float64,
     gradient: Float64,
 ) -> tuple[int, float]:
@@ -378,6 +388,7 @@ def _add_matches(
         stride: Step from one point of the source to the next.
         target_SE3_source: (4, 4) pose of the source.
         nearest: (N,) row of the target that each point matches, -1 for none.
+        robust: Squared error at which a match weighs a quarter (Geman-McClure), 0 for equal weights.
         hessian: (6, 6) matrix that is added to.
         gradient: (6,) vector that is added to.
 
@@ -410,7 +421,11 @@ def _add_matches(
         scale = 1 / (a * A + b * B + c * C)
         A, B, C, D, E, F = A * scale, B * scale, C * scale, D * scale, E * scale, F * scale
         mx, my, mz = A * rx + B * ry + C * rz, B * rx + D * ry + E * rz, C * rx + E * ry + F * rz
-        error += (rx * mx + ry * my + rz * mz) / 2
+        squared = rx * mx + ry * my + rz * mz
+        error += squared / 2
+        weight = (robust / (robust + squared)) ** 2 if robust > 0 else 1.0
+        A, B, C, D, E, F = A * weight, B * weight, C * weight, D * weight, E * weight, F * weight
+        mx, my, mz = mx * weight, my * weight, mz * weight
         # J = [-[p]x, I]; rows of J^T M, the upper three are [p]x M.
         jm[0, 0], jm[0, 1], jm[0, 2] = py * C - pz * B, py * E - pz * D, py * F - pz * E
         jm[1, 0], jm[1, 1], jm[1, 2] = pz * A - px * C, pz * B - px * E, pz * C - px * F
@@ -495,13 +510,14 @@ def _eighth(x: float, y: float) -> int:
     return eighth + 1 if y > x else eighth
 
 
-@compiled((_ROWS, _ROWS, _ROWS, array_of(np.int64), _ROWS, written(np.float64, 2)))
+@compiled((_ROWS, _ROWS, _ROWS, array_of(np.int64), _ROWS, NUMBER, written(np.float64, 2)))
 def _leave_out_eighths(
     target: Float64,
     source: Float64,
     target_SE3_source: Float64,
     nearest: Int,
     determined: Float64,
+    robust: float,
     covariance: Float64,
 ) -> bool:
     """Write the covariance of an alignment by how far it moves without the matches of each eighth of the surroundings.
@@ -515,6 +531,7 @@ def _leave_out_eighths(
         target_SE3_source: (4, 4) pose of the source.
         nearest: (N,) row of the target that each point matches, -1 for none.
         determined: (6, 6) information matrix of the alignment; its upper triangle is read.
+        robust: Squared error at which a match weighs a quarter, 0 for equal weights.
         covariance: (6, 6) matrix that is written.
 
     Returns:
@@ -538,7 +555,9 @@ def _leave_out_eighths(
     for eighth in range(_EIGHTHS):
         part = slice(starts[eighth], starts[eighth + 1])
         hessian, motion = np.zeros((6, 6)), np.zeros(6)
-        _add_matches(target, ordered[part], 1, target_SE3_source, matches[part], hessian, motion)
+        _add_matches(
+            target, ordered[part], 1, target_SE3_source, matches[part], robust, hessian, motion
+        )
         if not _solve(determined - hessian, motion):
             return False
         for i in range(6):
@@ -569,7 +588,7 @@ def _shrink(determined: Float64, covariance: Float64) -> None:
                 covariance[i, j] += _SHRINKAGE * (column[i] - covariance[i, j])
 
 
-@compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER))
+@compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER, NUMBER))
 def align_surfaces(
     target: Float64,
     table: VoxelTable,
@@ -580,6 +599,7 @@ def align_surfaces(
     steps: tuple[float, float],
     iterations: int,
     prior_share: float,
+    robust_m: float,
 ) -> tuple[Float64, int, float, bool, Float64]:
     """Align the source with the target by Gauss-Newton steps (GICP): with a quarter of its points, then with all.
 
@@ -594,6 +614,7 @@ def align_surfaces(
         iterations: Largest number of steps with all points, and of those with a quarter.
         prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it as
             the initial guess does, 0 to 1; 0 for no prior.
+        robust_m: Distance from the surfaces on both sides at which a match weighs a quarter, 0 for equal weights.
 
     Returns:
         (4, 4) `target_SE3_source`, the number of matches, the sum of half their squared errors, whether the last
@@ -603,7 +624,7 @@ def align_surfaces(
     """
     pose, matches, error, is_converged = initial_guess.copy(), 0, 0.0, False
     determined, covariance = np.zeros((6, 6)), np.full((6, 6), np.nan)
-    nearest = np.empty(len(source), np.int64)
+    nearest, robust = np.empty(len(source), np.int64), robust_m**2 / (2 * _FLATNESS)
     for stride in (4, 1):
         is_small = False
         for number in range(iterations + 1):
@@ -611,7 +632,9 @@ def align_surfaces(
             if not is_small:
                 _match(target, table, edge_m, source, stride, pose, reach_m, nearest)
             hessian, motion = np.zeros((6, 6)), np.zeros(6)
-            matches, error = _add_matches(target, source, stride, pose, nearest, hessian, motion)
+            matches, error = _add_matches(
+                target, source, stride, pose, nearest, robust, hessian, motion
+            )
             if number == iterations:
                 break
             for axis in range(6):
@@ -629,7 +652,7 @@ def align_surfaces(
             is_converged = is_small and (stride > 1 or (turn < steps[0] and way < steps[1]))
             if is_converged:
                 break
-    if _leave_out_eighths(target, source, pose, nearest, determined, covariance):
+    if _leave_out_eighths(target, source, pose, nearest, determined, robust, covariance):
         _shrink(determined, covariance)
     else:
         covariance[:] = np.nan

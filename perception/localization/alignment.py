@@ -23,7 +23,11 @@ _STEPS = (1e-3, 3e-3)  # rad, m
 # Ratio of the variance of a pose to that by the eighths of the surroundings, which err alike in part, as voxel means lock
 # onto their grid; one number for all LiDARs.
 _INFLATION = 2.0
+# Off the surfaces of both sides, a match of the robust kind weighs a quarter (Geman-McClure).
+_ROBUST_M = 0.1
 _UNKNOWN = np.full((6, 6), np.nan)
+
+AlignmentKind = Literal["ICP", "GICP", "robust"]
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ def align(
     source: PreprocessedPoints,
     initial_guess: Float64,
     max_correspondence_m: float,
-    kind: Literal["ICP", "GICP"] = "GICP",
+    kind: AlignmentKind = "GICP",
     prior_share: float = 0.0,
 ) -> Alignment:
     """Align the source with the target.
@@ -142,14 +146,14 @@ def align(
         source: Points that are moved.
         initial_guess: (4, 4) first guess of `target_SE3_source`.
         max_correspondence_m: Largest distance of a match in metres, at most 15 voxels.
-        kind: Point-to-point ICP as in the thesis, or GICP.
+        kind: Point-to-point ICP as in the thesis, GICP, or GICP whose matches weigh less the farther off they are.
         prior_share: Share of the matches that, with normals along a direction, tell as much about a motion in it as
             the initial guess does, 0 to 1; 0 for no prior.
     """
     if min(len(target), len(source)) < _MIN_POINTS:
         return Alignment(initial_guess, 0.0, cost=1.0, is_converged=False, covariance=_UNKNOWN)
     sides = [
-        points.surfaces if kind == "GICP" else _without_normals(points)
+        _without_normals(points) if kind == "ICP" else points.surfaces
         for points in (target, source)
     ]
     pose, matches, error, is_converged, covariance = align_surfaces(
@@ -162,6 +166,7 @@ def align(
         _STEPS,
         _MAX_ITERATIONS,
         prior_share,
+        _ROBUST_M if kind == "robust" else 0.0,
     )
     unmatched = len(source) - matches
     cost = (error + unmatched) / len(source)

@@ -27,6 +27,7 @@ from perception.geometry.se3 import (
 )
 from perception.localization.alignment import (
     Alignment,
+    AlignmentKind,
     PreprocessedPoints,
     align,
     on_surfaces,
@@ -83,7 +84,7 @@ _START_STEP_M, _START_STEP_RAD = 1.5, float(np.radians(8))
 _MIN_CONTRAST, _APART_M, _APART_RAD = 1.1, 0.3, float(np.radians(2))
 _MIN_SEARCHED_RATIO, _SEARCH_CANDIDATES = 0.3, 6
 _MAX_UPRIGHT = 0.8  # vertical part of the normal of a surface that stands
-# Where much moves, only points so near to the surfaces of the keyframe take part.
+# Where much moves, only points so near to the surfaces of the keyframes take part.
 _SURFACE_M = 0.1
 # Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
 # fewer, as along a fence, the INS tells more.
@@ -95,9 +96,10 @@ _MAX_GAP_S = 1.0  # between two scans that are matched
 _KEYFRAME_M, _KEYFRAME_RAD, _KEYFRAME_INLIER_RATIO = 5.0, float(np.radians(15)), 0.6
 _MIN_KEYFRAME_M = 1.0
 # A scan is matched with the last keyframes together: few beams see other rings of a surface from each place.
-_KEYFRAMES = 3
-# Share of a scan's points that move, from which on later scans are not aligned with them.
-_MIN_MOVING_RATIO = 0.1
+_KEYFRAMES = 5
+# Share of a scan's points that move, from which on later scans are not aligned with them. Only some are known: the local area
+# is smaller than the scan.
+_MIN_MOVING_RATIO = 0.05
 
 # Points this near to the surfaces of the keyframe speak for a motion. Another motion is a correction where this share of
 # the scan's points more speak for it; the INS is believed where no more than that share fewer do.
@@ -138,7 +140,7 @@ class _ScanPoints:
         """Points that are not known to move."""
         if self._is_moving is None:
             return self.all
-        return self._preprocess(self._points_velo[~self._is_moving])
+        return self._preprocess(self._static_velo)
 
     def mark_moving(self, is_moving: Bool) -> None:
         """Remember which (N,) points of the whole scan move."""
@@ -152,18 +154,19 @@ class _ScanPoints:
         self.__dict__.pop("static", None)
 
     def joined(self, others: Sequence[tuple["_ScanPoints", Float64]]) -> PreprocessedPoints:
-        """Return all points with those of other scans that are not known to move.
+        """Return the points of this scan and of others that are not known to move.
 
         Args:
             others: Points of other scans, each with the (4, 4) transform to this one.
         """
         if not others:
-            return self.all
-        places = [self._points_velo[:, :3]]
-        for other, self_SE3_other in others:
-            kept = slice(None) if other._is_moving is None else ~other._is_moving
-            places.append(transform_points(self_SE3_other, other._points_velo[kept, :3]))
-        return self._preprocess(np.concatenate(places))
+            return self.static
+        moved = [transform_points(motion, other._static_velo[:, :3]) for other, motion in others]
+        return self._preprocess(np.concatenate([self._static_velo[:, :3], *moved]))
+
+    @property
+    def _static_velo(self) -> Float32:
+        return self._points_velo if self._is_moving is None else self._points_velo[~self._is_moving]
 
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
         return preprocess_points(points_velo, self._config.voxel_size_m)
@@ -221,9 +224,10 @@ class LidarOdometry:
         self._config = config or RegistrationConfig()
         self._last: _LocatedScan | None = None
         self._keyframe: _LocatedScan
-        # The last keyframes, their points in the frame of the newest, and with this some later scans.
+        # The last keyframes, their static points in the frame of the newest, made at the next scan, when it is known what
+        # moves; and with the newest some later scans.
         self._keyframes: deque[_LocatedScan] = deque(maxlen=_KEYFRAMES)
-        self._surroundings: PreprocessedPoints
+        self._surroundings: PreprocessedPoints | None = None
         self._since: deque[_LocatedScan] = deque(maxlen=16)
         self._corrected_s, self._searched_m = -np.inf, 0.0
         self._known_s = -np.inf  # the last scan whose pose is not that of a constant velocity
@@ -493,11 +497,20 @@ class LidarOdometry:
     def _set_keyframe(self, scan: _LocatedScan) -> None:
         if scan.localization.origin is not PoseOrigin.REGISTERED or scan.localization.is_reset:
             self._keyframes.clear()  # where they are from here is not known well enough
-        others = [(one.points, _motion(scan, one)) for one in self._keyframes if one is not scan]
-        self._keyframe, self._surroundings = scan, scan.points.joined(others[1 - _KEYFRAMES :])
+        self._keyframe, self._surroundings = scan, None
         self._keyframes.append(scan)
         self._since.clear()
         self._since.append(scan)
+
+    def _join_keyframes(self) -> PreprocessedPoints:
+        """Return the static points of the last keyframes in the frame of the newest."""
+        if self._surroundings is None:
+            newest = self._keyframe
+            others = [(one.points, _motion(newest, one)) for one in self._keyframes]
+            self._surroundings = newest.points.joined(
+                [one for one in others if one[0] is not newest.points]
+            )
+        return self._surroundings
 
     def _guess_motions(
         self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float, unknown_s: float
@@ -525,7 +538,7 @@ class LidarOdometry:
         self, source: PreprocessedPoints, guesses: Sequence[_Guess]
     ) -> Alignment | None:
         """Align with the keyframe from each guess, and return the best accepted alignment."""
-        target = self._surroundings
+        target = self._join_keyframes()
         if len(guesses) > 2:  # at the start
             return self._searched_alignment(source, [one.motion for one in guesses])
         alignments = [self._align(target, source, guess) for guess in guesses]
@@ -538,7 +551,7 @@ class LidarOdometry:
         self, points: PreprocessedPoints, starts: Sequence[Float64]
     ) -> Alignment | None:
         """Align from many motions, and return the alignment that clearly more of them speak for than for any other."""
-        target, sample = self._surroundings, points.thinned(_SEARCH_POINTS)
+        target, sample = self._join_keyframes(), points.thinned(_SEARCH_POINTS)
         motions = [align(target, sample, start, _REACH_M).target_SE3_source for start in starts]
         motions.sort(key=lambda motion: _standing_share(sample, target, motion), reverse=True)
         found: list[tuple[float, Alignment]] = []
@@ -563,20 +576,24 @@ class LidarOdometry:
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""
-        static = self._keyframe.points.static
-        kept = on_surfaces(points, static, guess.motion, _SURFACE_M)
-        found = self._align(static, kept, guess)
+        keyframe, target = self._keyframe.points, self._join_keyframes()
+        kept = on_surfaces(points, target, guess.motion, _SURFACE_M)
+        found = self._align(target, kept, guess, "robust")
         if found is None:
             return None
-        share = len(kept) / len(points) / (len(static) / len(self._keyframe.points.all))
+        share = len(kept) / len(points) / (len(keyframe.static) / len(keyframe.all))
         ratio = min(1.0, found.inlier_ratio * share)
         return replace(found, inlier_ratio=ratio) if ratio >= _MIN_INLIER_RATIO else None
 
     def _align(
-        self, target: PreprocessedPoints, source: PreprocessedPoints, guess: _Guess
+        self,
+        target: PreprocessedPoints,
+        source: PreprocessedPoints,
+        guess: _Guess,
+        kind: AlignmentKind = "GICP",
     ) -> Alignment | None:
         """Align from a guess, and return the alignment where it is accepted."""
-        found = align(target, source, guess.motion, _REACH_M, prior_share=guess.prior_share)
+        found = align(target, source, guess.motion, _REACH_M, kind, guess.prior_share)
         correction = inverse(guess.motion) @ found.target_SE3_source
         is_accepted = (
             found.is_converged

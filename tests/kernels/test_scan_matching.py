@@ -122,7 +122,7 @@ def test_what_a_beam_hits_in_leaves_is_no_surface(elevation: float | None, share
 
 
 def normal_equations(
-    target: np.ndarray, source: np.ndarray, pose: np.ndarray
+    target: np.ndarray, source: np.ndarray, pose: np.ndarray, robust_m: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the moved points, and the information and gradient of the match of each with the nearest of the target."""
     moved = source[:, :3] @ pose[:3, :3].T + pose[:3, 3]
@@ -138,11 +138,17 @@ def normal_equations(
     )
     weighted = np.linalg.solve(noise, jacobians)
     residuals_m = matched[:, :3] - moved
+    if robust_m > 0:
+        squared = np.einsum("ni,nij,nj->n", residuals_m, np.linalg.inv(noise), residuals_m)
+        weighted *= (1 + squared * 2e-3 / robust_m**2)[:, None, None] ** -2
     information = np.einsum("nij,nik->njk", jacobians, weighted)
     return moved, information, np.einsum("nij,ni->nj", weighted, residuals_m)
 
 
-def test_covariance_is_that_of_leaving_out_eighths_drawn_to_the_information() -> None:
+@pytest.mark.parametrize("robust_m", [0.0, 0.1])
+def test_covariance_is_that_of_leaving_out_eighths_drawn_to_the_information(
+    robust_m: float,
+) -> None:
     clouds = []
     for seed in (0, 1):
         moments, table = voxel_moments(street(seed), EDGE_M)
@@ -150,9 +156,9 @@ def test_covariance_is_that_of_leaving_out_eighths_drawn_to_the_information() ->
     (target, table), (source, _) = clouds
     # Steps so small that the matches are those of the pose.
     pose, *_, covariance = align_surfaces(
-        target, table, EDGE_M, source, np.eye(4), EDGE_M, (1e-5, 1e-5), 30, 0.0
+        target, table, EDGE_M, source, np.eye(4), EDGE_M, (1e-5, 1e-5), 30, 0.0, robust_m
     )
-    moved, information, gradients = normal_equations(target, source, pose)
+    moved, information, gradients = normal_equations(target, source, pose, robust_m)
     eighths = np.floor(np.arctan2(moved[:, 1], moved[:, 0]) % (2 * np.pi) / (np.pi / 4))
     expected = np.zeros((6, 6))
     for eighth in range(8):
@@ -193,7 +199,7 @@ def test_matches_are_the_nearest_within_reach(reach_m: float) -> None:
     surfaces = np.hstack([moments[:, 1:4] / moments[:, :1], np.zeros((len(moments), 3))])
     points = np.hstack([moved, np.zeros((len(moved), 3))])
     _, matches, error, *_ = align_surfaces(
-        surfaces, table, EDGE_M, points, np.eye(4), reach_m, (1e-3, 1e-3), 0, 0.0
+        surfaces, table, EDGE_M, points, np.eye(4), reach_m, (1e-3, 1e-3), 0, 0.0, 0.0
     )
     away_m, _ = cKDTree(means).query(moved, distance_upper_bound=reach_m)
     away_m = away_m[np.isfinite(away_m)]
@@ -210,12 +216,27 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
     for part in (moved, street(2)):
         moments, table = voxel_moments(part, EDGE_M)
         clouds.append((means_and_normals(moments, table, EDGE_M), table))
-    arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20, 0.0)
+    arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20, 0.0, 0.0)
     pose, matches, _, is_converged, _ = align_surfaces(*arguments)
     assert is_converged
     assert matches > 0.8 * len(clouds[1][0])
     np.testing.assert_allclose(pose, truth, atol=6e-3)
     np.testing.assert_array_equal(align_surfaces(*arguments)[0], pose)
+
+
+def test_robust_matches_are_hardly_pulled_by_what_moved() -> None:
+    """A fifth of the street came 0.3 m along: equal weights follow it a third of the way, robust ones a tenth."""
+    moments, table = voxel_moments(street(0), EDGE_M)
+    target = means_and_normals(moments, table, EDGE_M)
+    source = target.copy()
+    source[(source[:, 1] > 0) & (source[:, 0] > 0), :2] += [0.1, 0.3]
+    ways_m = []
+    for robust_m in (0.0, 0.1):
+        arguments = (target, table, EDGE_M, source, np.eye(4), 0.5, (1e-5, 1e-5), 40)
+        pose, *_ = align_surfaces(*arguments, 0.0, robust_m)
+        ways_m.append(np.linalg.norm(pose[:3, 3]))
+    assert ways_m[0] > 0.05
+    assert ways_m[1] < ways_m[0] / 3
 
 
 def test_distances_are_those_from_the_surfaces() -> None:
@@ -244,7 +265,7 @@ def test_prior_and_matches_balance_as_in_the_reference() -> None:
     (target, table), (source, _) = clouds
     guess = from_euler(0.01, -0.01, 0.02, np.array([0.15, -0.1, 0.05]))
     pose, matches, _, is_converged, _ = align_surfaces(
-        target, table, EDGE_M, source, guess, 0.5, (1e-7, 1e-7), 60, 2e-3
+        target, table, EDGE_M, source, guess, 0.5, (1e-7, 1e-7), 60, 2e-3, 0.0
     )
     assert is_converged
     moved = source[:, :3] @ pose[:3, :3].T + pose[:3, 3]
