@@ -62,6 +62,8 @@ class Localization:
         is_reset: Whether poses of earlier scans no longer fit to this one.
         covariance: (6, 6) covariance since the first scan, position in m and rotation vector in rad along the axes of the
             world.
+        of_motion: (6, 6) covariance of the motion since the keyframe or, where nothing was registered, since the last
+            scan: how well the pose fits those of the last scans.
     """
 
     world_SE3_velo: Float64
@@ -69,7 +71,10 @@ class Localization:
     inlier_ratio: float = 0.0
     is_reset: bool = False
     covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
+    of_motion: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
 
+
+_EXACT = np.zeros((6, 6))  # covariance of what is known
 
 # Alignments. A longer reach would match what moved.
 _REACH_M = 0.5  # largest distance of a match
@@ -354,32 +359,34 @@ class LidarOdometry:
             best = other or carried
             if best is not None:
                 pose = _rounded(world_SE3_keyframe @ best.target_SE3_source)
+                covariance, of_motion = (
+                    registered_covariance(before, world_SE3_keyframe, best.covariance, pose)
+                    for before in (self._keyframe.localization.covariance, _EXACT)
+                )
+                if not np.isfinite(of_motion).all():
+                    of_motion = unregistered_covariance(_EXACT, pose, pose, gap_s)
                 return Localization(
                     pose,
                     PoseOrigin.REGISTERED,
                     best.inlier_ratio,
                     is_reset=other is not None,
-                    covariance=registered_covariance(
-                        self._keyframe.localization.covariance,
-                        world_SE3_keyframe,
-                        best.covariance,
-                        pose,
-                    ),
+                    covariance=covariance,
+                    of_motion=of_motion,
                 )
         step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
         origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
         # Later scans may still find the keyframe; when that is too long ago, the poses are reset.
         is_lost = step_ins is None and stamp_s - self._keyframe.stamp_s > _MAX_GAP_S
         pose = last_pose @ step
-        covariance = unregistered_covariance(
-            last.localization.covariance,
-            last_pose,
-            pose,
-            gap_s,
-            has_motion=step_ins is not None or last.velocity is not None,
+        has_motion = step_ins is not None or last.velocity is not None
+        covariance, of_motion = (
+            unregistered_covariance(before, last_pose, pose, gap_s, has_motion=has_motion)
+            for before in (last.localization.covariance, _EXACT)
         )
         is_reset = not is_near or is_lost
-        return Localization(pose, origin, is_reset=is_reset, covariance=covariance)
+        return Localization(
+            pose, origin, is_reset=is_reset, covariance=covariance, of_motion=of_motion
+        )
 
     def _is_plausible(self, points: PreprocessedPoints, motion: Float64, other: Float64) -> bool:
         """Return whether a motion brings hardly fewer points onto static surfaces than another."""

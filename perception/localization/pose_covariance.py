@@ -6,7 +6,7 @@ What a pose is registered with is uncertain itself, and its rotation moves the p
 import numpy as np
 
 from perception.geometry.se3 import cross_matrix
-from perception.types import Float64
+from perception.types import Float, Float64
 
 # Standard deviations of a second without registration, in metres and rad: of a motion carried on, and of one never known.
 _CARRIED_ON, _NEVER_KNOWN = (1.0, 0.02), (15.0, 0.35)
@@ -53,6 +53,27 @@ def unregistered_covariance(
     return carried_covariance(of_last, world_SE3_velo[:3, 3] - world_SE3_last[:3, 3]) + np.diag(
         deviations**2
     )
+
+
+def plane_covariances_m2(covariance: Float64, away_m: Float) -> Float64:
+    """Return the (P, 2, 2) covariances over the ground plane that a pose gives to places around it.
+
+    Args:
+        covariance: (6, 6) covariance of the pose.
+        away_m: (P, 2+) places from the LiDAR along the axes of the world.
+    """
+    moved = np.zeros((len(away_m), 2, 3))
+    moved[:, 0, 0] = moved[:, 1, 1] = 1.0
+    moved[:, 0, 2], moved[:, 1, 2] = -away_m[:, 1], away_m[:, 0]
+    level = [0, 1, 5]
+    return np.asarray(moved @ covariance[np.ix_(level, level)] @ moved.transpose(0, 2, 1))
+
+
+def plane_deviations_m(covariance: Float64, ranges_m: Float) -> Float:
+    """Return the (P,) largest standard deviations over the ground plane that a pose gives to places at (P,) ranges."""
+    turn, sideways = covariance[5, 5], 2 * float(np.hypot(covariance[0, 5], covariance[1, 5]))
+    variances = covariance[0, 0] + covariance[1, 1] + ranges_m * (sideways + ranges_m * turn)
+    return np.asarray(np.sqrt(variances))
 
 
 def carried_covariance(covariance: Float64, away_m: Float64) -> Float64:

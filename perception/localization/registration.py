@@ -83,7 +83,7 @@ class Registration:
             fusion.update(frame, pose.world_SE3_velo, is_continuous=is_continuous)
         # One whose pose is not known stays out of the window.
         window = ScanWindow(0) if is_extrapolated and not pose.is_reset else self._window
-        window.push(PosedScan(points_velo, pose.world_SE3_velo))
+        window.push(PosedScan(points_velo, pose.world_SE3_velo, pose.of_motion))
         return RegisteredScans(
             window,
             rows,

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,10 +18,13 @@ class PosedScan:
     Attributes:
         points_velo: (N, 4) points in the frame of the scan.
         world_SE3_velo: (4, 4) refined pose.
+        covariance: (6, 6) covariance of the pose beside those of the scans before, position in m and rotation vector in
+            rad along the axes of the world.
     """
 
     points_velo: Float32
     world_SE3_velo: Float64
+    covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 class ScanWindow:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.geometry import se3
+from perception.localization.pose_covariance import plane_deviations_m
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.obstacles.voxels import Keys, count_keys, is_among
 from perception.sensor import LidarModel
@@ -23,6 +24,9 @@ _MAX_TRAVEL_M = 12.0
 # Largest difference in range of two returns from one surface, and the error across the beam: range noise, a pose error of
 # 5 cm and the slant of a surface within a pixel.
 _MARGIN_M = 0.2
+# A place tells nothing where the poses of two scans may put it farther apart than this: a deviation, beyond the largest of
+# faultless drives (0.26 m). What does not move would fill free space there.
+_MAX_DEVIATION_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -69,11 +73,13 @@ class _PastScan:
     Attributes:
         image: Its range image.
         world_SE3_velo: (4, 4) pose of the scan.
+        covariance: (6, 6) covariance of the pose.
         static_columns: (C,) rising keys of the columns that held something static.
     """
 
     image: RangeImage
     world_SE3_velo: Float64
+    covariance: Float64
     static_columns: Keys
 
 
@@ -91,10 +97,13 @@ class FreeSpaceMemory:
         self._period_s = 1 / sensor.rate_hz
         self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
 
-    def push(self, points_velo: Float32, world_SE3_velo: Float64) -> None:
-        """Add the newest scan; the oldest drops out."""
+    def push(
+        self, points_velo: Float32, world_SE3_velo: Float64, covariance: Float64 | None = None
+    ) -> None:
+        """Add the newest scan, its pose of a (6, 6) covariance or exact; the oldest drops out."""
         image = RangeImage(points_velo, self._projection)
-        self._scans.append(_PastScan(image, world_SE3_velo, np.zeros(0, np.int64)))
+        covariance = np.zeros((6, 6)) if covariance is None else covariance
+        self._scans.append(_PastScan(image, world_SE3_velo, covariance, np.zeros(0, np.int64)))
 
     def clear(self) -> None:
         """Forget all scans."""
@@ -115,7 +124,14 @@ class FreeSpaceMemory:
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
         visibility = self._scans[-1].image.visibility(points_velo, _MARGIN_M)
-        return np.asarray(visibility.states == Visibility.FREE)
+        is_doubtful = self._are_doubtful(points_velo, np.zeros((6, 6)))
+        return np.asarray((visibility.states == Visibility.FREE) & ~is_doubtful)
+
+    def _are_doubtful(self, points_velo: Float32, covariance: Float64) -> Bool:
+        """Return which (P, 3) places the poses of the newest scan and of another do not locate well enough."""
+        ranges_m = np.hypot(points_velo[:, 0], points_velo[:, 1])
+        deviations_m = plane_deviations_m(self._scans[-1].covariance + covariance, ranges_m)
+        return np.asarray(deviations_m > _MAX_DEVIATION_M)
 
     def states(self, points_velo: Float32, age: int) -> UInt8:
         """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
@@ -139,6 +155,9 @@ class FreeSpaceMemory:
             ends = _shorten(points_past[occluded], visibility.gaps_m[occluded])
             ends_now = se3.transform_points(se3.inverse(past_SE3_newest), ends)
             was_behind_departed[row, occluded] = self.is_free_in_newest(ends_now)
+            is_doubtful = self._are_doubtful(points_velo, past.covariance)
+            for states in (was_free, was_behind_departed):
+                states[row] &= ~is_doubtful
         return VisibilityHistory(
             np.array(ages) * self._period_s,
             was_free,

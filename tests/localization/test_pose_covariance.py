@@ -5,7 +5,12 @@ from scipy.stats import chi2
 
 from perception.geometry.se3 import from_euler, rotation_vector
 from perception.localization.odometry import LidarOdometry, PoseOrigin
-from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
+from perception.localization.pose_covariance import (
+    plane_covariances_m2,
+    plane_deviations_m,
+    registered_covariance,
+    unregistered_covariance,
+)
 from tests.localization.test_odometry import STEP_S, observed_from, path
 
 EXACT = np.zeros((6, 6))
@@ -39,6 +44,17 @@ def test_without_registration_a_pose_is_soon_uncertain():
     np.testing.assert_allclose(np.sqrt(np.diagonal(found)), [0.5] * 3 + [0.01] * 3)
     unknown = unregistered_covariance(EXACT, np.eye(4), pose, 0.5, has_motion=False)
     np.testing.assert_allclose(np.sqrt(np.diagonal(unknown)), [7.5] * 3 + [0.175] * 3)
+
+
+def test_a_turn_moves_places_sideways_by_their_distance():
+    covariance = np.diag([0.01, 0.04, 9.0, 9.0, 9.0, 0.02**2])
+    found = plane_covariances_m2(covariance, np.array([[0.0, 0.0, 1.0], [10.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(found[0], [[0.01, 0.0], [0.0, 0.04]])
+    np.testing.assert_allclose(found[1], [[0.01, 0.0], [0.0, 0.04 + 0.2**2]])
+    covariance[1, 5] = covariance[5, 1] = 0.1 * 0.02
+    of_place = plane_covariances_m2(covariance, np.array([[10.0, 0.0]]))
+    deviations_m = plane_deviations_m(covariance, np.array([0.0, 10.0]))
+    np.testing.assert_allclose(deviations_m**2, [0.05, np.trace(of_place[0])])
 
 
 def test_an_unknown_registration_leaves_a_pose_unknown():

@@ -363,6 +363,21 @@ def test_a_new_window_forgets():
     assert len(obstacles.moving) == 0
 
 
+@pytest.mark.parametrize("is_stated", [False, True])
+def test_a_scan_of_doubtful_pose_adds_nothing_that_moves(is_stated):
+    """Two degrees and 0.4 m off in one scan; no later scan takes it for evidence either."""
+    scene = [WALL, box(9.0, -4.0), box(12.0, 3.0), box(18.0, -6.0, 4.2, 1.8, 1.5)]
+    off, moving = from_euler(0, 0, np.radians(2.0), np.array([0.4, 0.0, 0.0])), []
+    stated = np.diag([0.4**2, 0.4**2, 0, 0, 0, np.radians(2.0) ** 2])
+    segmenter, window = FreeSpaceSegmenter(HDL_64E, AREA), ScanWindow(6)
+    for k in range(30):
+        points, _ = cast(HDL_64E, (0.0, 0.0), scene)
+        pose, doubt = (off, stated) if k == 12 else (np.eye(4), np.zeros((6, 6)))
+        window.push(PosedScan(points, pose, doubt if is_stated else np.zeros((6, 6))))
+        moving.append(len(segmenter.update(window, Road(HDL_64E.height_m)).moving))
+    assert (sum(moving) == 0) == is_stated
+
+
 def test_segmentation_is_deterministic():
     def scene(k):
         return [box(9.0, -3.0 + 0.15 * k), box(12.0, 3.0)]
