@@ -19,6 +19,7 @@ class SegmentedScan:
         world_SE3_velo: (4, 4) refined pose.
         ins_world_SE3_velo: (4, 4) pose as the INS gave it; the refined one where there is no INS.
         is_reset: Whether poses of earlier scans no longer fit to this one.
+        covariance: (6, 6) covariance of the refined pose beside those of the scans before, None where it is not known.
     """
 
     stamp_s: float
@@ -28,6 +29,7 @@ class SegmentedScan:
     world_SE3_velo: Float64
     ins_world_SE3_velo: Float64
     is_reset: bool = False
+    covariance: Float64 | None = None
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,10 @@ class Datmo:
         if scan.is_reset:
             self._tracker.clear()
         found = self._detector.detect(scan)
-        pose = scan.ins_world_SE3_velo if self._uses_ins_poses else scan.world_SE3_velo
-        return self._tracker.update(scan.stamp_s, pose, found.moving, found.static)
+        pose, covariance = scan.world_SE3_velo, scan.covariance
+        if self._uses_ins_poses:
+            pose, covariance = scan.ins_world_SE3_velo, None
+        return self._tracker.update(scan.stamp_s, pose, found.moving, found.static, covariance)
 
 
 def datmo_stage(

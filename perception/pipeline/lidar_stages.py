@@ -292,6 +292,7 @@ def _segmented_scan(
         world_SE3_velo=newest.world_SE3_velo,
         ins_world_SE3_velo=newest.world_SE3_velo if ins_pose is None else ins_pose,
         is_reset=scans.is_reset,
+        covariance=newest.covariance,
     )
 
 

@@ -23,6 +23,7 @@ from perception.tracking.track_table import (
     may_be_static,
 )
 from perception.tracking.track_update import (
+    SensorPose,
     init_tracks,
     measure_boxes,
     reported_covariances,
@@ -64,17 +65,22 @@ class BoxTracker:
         self._elapsed_s = 0.0
 
     def update(
-        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
+        self,
+        stamp_s: float,
+        world_SE3_velo: Float64,
+        moving: Footprints,
+        static: Footprints,
+        covariance: Float64 | None = None,
     ) -> Tracks:
         """Update the tracks by the clusters of one scan, and return the reported ones."""
         if self._stamp_s is None or stamp_s > self._stamp_s:
             self._elapsed_s = 0.0 if self._stamp_s is None else stamp_s - self._stamp_s
             self._stamp_s = stamp_s
             self._predict()
-            sensor_m = world_SE3_velo[:2, 3]
-            new = self._update_with_moving(moving.moved(world_SE3_velo), sensor_m)
-            self._update_with_static(static.moved(world_SE3_velo), sensor_m)
-            self._init_tracks(new, sensor_m)
+            sensor = SensorPose(world_SE3_velo[:2, 3], covariance)
+            new = self._update_with_moving(moving.moved(world_SE3_velo), sensor)
+            self._update_with_static(static.moved(world_SE3_velo), sensor)
+            self._init_tracks(new, sensor)
             self._join_tracks()
             self._delete_tracks(world_SE3_velo)
         return self._report(self._stamp_s, world_SE3_velo)
@@ -87,7 +93,7 @@ class BoxTracker:
         turn_rad = np.abs(wrap(predicted.yaw_rad - tracks.yaw_rad, np.pi))
         self._tracks = with_sides_swapped(predicted, turn_rad > np.pi / 4)
 
-    def _update_with_moving(self, clusters: Footprints, sensor_m: Float64) -> Footprints:
+    def _update_with_moving(self, clusters: Footprints, sensor: SensorPose) -> Footprints:
         """Continue tracks by moving clusters, the confirmed ones first; return the unmatched clusters."""
         confirmed = self._tracks.is_confirmed
         clusters = join_fragments(
@@ -98,11 +104,11 @@ class BoxTracker:
         for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
             if len(clusters) and len(rows):
                 tracks = self._tracks[rows]
-                measured = measure_boxes(tracks, clusters, sensor_m)
+                measured = measure_boxes(tracks, clusters, sensor)
                 costs = motion_model.squared_distances(tracks, measured.centers_m, measured.noise)
                 pairs = assign_hungarian(costs, costs <= motion_model.GATE)
                 self._update_matched(
-                    rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=True
+                    rows[pairs.tracks], clusters[pairs.detections], sensor, is_moving=True
                 )
                 clusters = clusters[pairs.unmatched_detections]
         return clusters
@@ -112,14 +118,14 @@ class BoxTracker:
         sizes_m = likely_sizes_m(tracks) + 2 * _FRAGMENT_MARGIN_M
         return is_inside_boxes(positions_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
-    def _update_with_static(self, clusters: Footprints, sensor_m: Float64) -> None:
+    def _update_with_static(self, clusters: Footprints, sensor: SensorPose) -> None:
         """Continue confirmed tracks by static clusters where no moving cluster has."""
         is_new, before_s = self._is_newly_static(clusters), self._stamp - self._elapsed_s
         rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, before_s))
         if len(clusters) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
-        measured = measure_boxes(tracks, clusters, sensor_m)
+        measured = measure_boxes(tracks, clusters, sensor)
         costs = motion_model.squared_distances(tracks, measured.centers_m, measured.noise)
         room_m = likely_sizes_m(tracks) + _STATIC_MARGIN_M
         min_m = _STATIC_MIN_SHARE * tracks.recent_sizes_m[:, 0]
@@ -128,7 +134,7 @@ class BoxTracker:
         may = fits.all(axis=2) & (was_static[:, None] | is_new)
         pairs = assign_hungarian(costs, may & (costs <= motion_model.GATE))
         self._update_matched(
-            rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=False
+            rows[pairs.tracks], clusters[pairs.detections], sensor, is_moving=False
         )
 
     def _is_newly_static(self, clusters: Footprints) -> Bool:
@@ -141,12 +147,12 @@ class BoxTracker:
         return np.asarray(away_m.min(axis=1) >= reach_m)
 
     def _update_matched(
-        self, rows: Int, clusters: Footprints, sensor_m: Float64, *, is_moving: bool
+        self, rows: Int, clusters: Footprints, sensor: SensorPose, *, is_moving: bool
     ) -> None:
         """Correct some tracks by one cluster each."""
         if len(rows) == 0:
             return
-        tracks = update_tracks(self._tracks[rows], clusters, sensor_m)
+        tracks = update_tracks(self._tracks[rows], clusters, sensor)
         stamps_s = np.full(len(rows), self._stamp)
         tracks = replace(
             tracks,
@@ -158,14 +164,14 @@ class BoxTracker:
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config))
         self._tracks = self._tracks.replaced(rows, tracks)
 
-    def _init_tracks(self, clusters: Footprints, sensor_m: Float64) -> None:
+    def _init_tracks(self, clusters: Footprints, sensor: SensorPose) -> None:
         """Begin a track with each unmatched cluster that is not part of a confirmed track's object."""
         sure = self._tracks[self._tracks.is_confirmed]
         is_part = self._is_inside(sure, clusters.centroids_m).any(axis=0)
         clusters = clusters[np.flatnonzero(~is_part)]
         if len(clusters) == 0:
             return
-        tracks = init_tracks(clusters, sensor_m, self._stamp)
+        tracks = init_tracks(clusters, sensor, self._stamp)
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
         self._next_id += len(clusters)
 

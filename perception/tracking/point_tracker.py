@@ -82,7 +82,12 @@ class PointTracker:
         self._stamp_s: float | None = None
 
     def update(
-        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
+        self,
+        stamp_s: float,
+        world_SE3_velo: Float64,
+        moving: Footprints,
+        static: Footprints,
+        covariance: Float64 | None = None,
     ) -> Tracks:
         """Update the tracks by the moving clusters of one scan, and return the reported ones.
 
@@ -91,6 +96,7 @@ class PointTracker:
             world_SE3_velo: (4, 4) pose of the scan.
             moving: Moving clusters in the LiDAR frame of the scan.
             static: Static clusters; they are not used.
+            covariance: Covariance of the pose; it is not used.
         """
         elapsed_s = _NOMINAL_STEP_S if self._stamp_s is None else stamp_s - self._stamp_s
         if elapsed_s > 0:

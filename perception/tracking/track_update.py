@@ -1,6 +1,6 @@
 """Update of box tracks by the clusters that continue them, and new tracks.
 
-All positions are in the world; `sensor_m` (2,) is that of the LiDAR.
+All positions are in the world.
 """
 
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.geometry.footprints import Footprints
+from perception.localization.pose_covariance import plane_covariances_m2
 from perception.tracking import motion_model
 from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
 from perception.tracking.size_estimate import MIN_COMPLETE_HITS, likely_sizes_m, update_sizes
@@ -67,6 +68,26 @@ def _size_deviations(tracks: TrackTable, sizes_m: Float64) -> Float64:
 
 
 @dataclass(frozen=True)
+class SensorPose:
+    """Pose of the LiDAR over the ground plane of the world.
+
+    Attributes:
+        place_m: (2,) its place.
+        covariance: (6, 6) covariance of the pose, None where it is exact.
+    """
+
+    place_m: Float64
+    covariance: Float64 | None = None
+
+    def noise(self, clusters: Footprints) -> Float64:
+        """Return (F, 2, 2) what the error of the pose adds to the covariances of F clusters."""
+        away_m = clusters.centroids_m - self.place_m
+        if self.covariance is None:
+            return np.zeros((len(clusters), 2, 2))
+        return plane_covariances_m2(self.covariance, away_m)
+
+
+@dataclass(frozen=True)
 class BoxMeasurements:
     """Measurements of T tracks by F clusters.
 
@@ -81,13 +102,15 @@ class BoxMeasurements:
     sizes_m: Float64
 
 
-def measure_boxes(tracks: TrackTable, clusters: Footprints, sensor_m: Float64) -> BoxMeasurements:
+def measure_boxes(tracks: TrackTable, clusters: Footprints, sensor: SensorPose) -> BoxMeasurements:
     """Measure every track by every one of F clusters, at least one."""
-    seen = measure_extents(clusters, tracks.yaw_rad, sensor_m)
-    return _measure(tracks, seen, clusters.points[None])
+    seen = measure_extents(clusters, tracks.yaw_rad, sensor.place_m)
+    return _measure(tracks, seen, clusters.points[None], sensor.noise(clusters)[None])
 
 
-def _measure(tracks: TrackTable, seen: Extents, points: Int) -> BoxMeasurements:
+def _measure(
+    tracks: TrackTable, seen: Extents, points: Int, pose_noise: Float64
+) -> BoxMeasurements:
     sizes_m = likely_sizes_m(tracks)
     centers = place_centers(seen, sizes_m)
     # A box turns around the observed side: its centre swings by the length of the hidden part.
@@ -96,19 +119,20 @@ def _measure(tracks: TrackTable, seen: Extents, points: Int) -> BoxMeasurements:
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
     return BoxMeasurements(
         to_world(centers.along_left_m, tracks.yaw_rad),
-        motion_model.position_noise(
+        pose_noise
+        + motion_model.position_noise(
             seen.sizes_m, swing_m, centers.slack_m, points, tracks.yaw_rad[:, None]
         ),
         seen.sizes_m,
     )
 
 
-def update_tracks(tracks: TrackTable, clusters: Footprints, sensor_m: Float64) -> TrackTable:
+def update_tracks(tracks: TrackTable, clusters: Footprints, sensor: SensorPose) -> TrackTable:
     """Correct each of T tracks by the cluster that continues it."""
     tracks = update_from_shape(tracks, clusters)
-    seen = _own_extents(clusters, tracks.yaw_rad, sensor_m)
+    seen = _own_extents(clusters, tracks.yaw_rad, sensor.place_m)
     tracks = _grown(tracks, seen)
-    measured = _measure(tracks, seen, clusters.points[:, None])
+    measured = _measure(tracks, seen, clusters.points[:, None], sensor.noise(clusters)[:, None])
     tracks = motion_model.correct(tracks, measured.centers_m[:, 0], measured.noise[:, 0])
     heights_m = clusters.high_m - clusters.low_m
     return replace(
@@ -119,10 +143,10 @@ def update_tracks(tracks: TrackTable, clusters: Footprints, sensor_m: Float64) -
     )
 
 
-def init_tracks(clusters: Footprints, sensor_m: Float64, stamp_s: float) -> TrackTable:
+def init_tracks(clusters: Footprints, sensor: SensorPose, stamp_s: float) -> TrackTable:
     """Return the new tracks of F clusters; their ids are 0 to F - 1."""
-    count, yaw_rad = len(clusters), first_yaws(clusters, sensor_m)
-    seen = _own_extents(clusters, yaw_rad, sensor_m)
+    count, yaw_rad = len(clusters), first_yaws(clusters, sensor.place_m)
+    seen = _own_extents(clusters, yaw_rad, sensor.place_m)
     sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
     tracks = TrackTable(
         ids=np.arange(count),
@@ -144,7 +168,7 @@ def init_tracks(clusters: Footprints, sensor_m: Float64, stamp_s: float) -> Trac
         points=clusters.points,
         is_confirmed=np.zeros(count, bool),
     )
-    measured = _measure(tracks, seen, clusters.points[:, None])
+    measured = _measure(tracks, seen, clusters.points[:, None], sensor.noise(clusters)[:, None])
     centers_m = measured.centers_m[:, 0]
     states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m)
     return replace(

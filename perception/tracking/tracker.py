@@ -17,7 +17,12 @@ class MultiObjectTracker(Protocol):
     """Tracks all moving objects of a drive, scan after scan."""
 
     def update(
-        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
+        self,
+        stamp_s: float,
+        world_SE3_velo: Float64,
+        moving: Footprints,
+        static: Footprints,
+        covariance: Float64 | None = None,
     ) -> Tracks:
         """Update the tracks by the clusters of one scan, and return the reported ones.
 
@@ -26,6 +31,7 @@ class MultiObjectTracker(Protocol):
             world_SE3_velo: (4, 4) pose of the scan.
             moving: Moving clusters in the LiDAR frame of the scan; only these begin tracks.
             static: Static clusters; they may continue the track of an object that has stopped.
+            covariance: (6, 6) covariance of the pose; objects are located as much worse. None where it is exact.
         """
         ...
 

@@ -7,6 +7,7 @@ import pytest
 
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.grids import LocalArea
+from perception.geometry.se3 import from_euler
 from perception.tracking.box_tracker import BoxTracker
 from perception.types import Tracks
 
@@ -352,3 +353,19 @@ def test_who_leaves_and_who_comes_are_two_at_any_rate(rate_hz):
     found = reported_at(moments(rate_hz, 5.0), leaves, comes)
     assert {number for one in found for number in one.ids.tolist()} == {0, 1}
     assert found[-1].ids.tolist() == [1]
+
+
+@pytest.mark.parametrize(("is_stated", "off_m"), [(False, 0.15), (True, 0.02)])
+def test_a_scan_of_doubtful_pose_hardly_moves_a_track(is_stated, off_m):
+    """One scan turned by a degree shifts a car 25 m away by 0.4 m."""
+    tracker, turned = BoxTracker(), np.radians(1.0)
+    doubt, sideways_m = np.diag([0, 0, 0, 0, 0, turned**2]), []
+    for step in range(20):
+        pose = from_euler(0, 0, turned if step == 15 else 0.0)
+        stated = doubt if is_stated and step == 15 else None
+        car = clusters(sides(10.0 + step, 0.0, 0.0, CAR))
+        tracks = tracker.update(100 + 0.1 * step, pose, car, NOTHING, stated)
+        assert tracks.ids.tolist() == ([0] if step else [])
+        if step >= 15:
+            sideways_m.append((pose[:3, :3] @ tracks.boxes.bottom_m[0])[1])
+    assert max(sideways_m) == pytest.approx(off_m, abs=0.01)
