@@ -101,7 +101,8 @@ _MAX_GAP_S = 1.0  # between two scans that are matched
 _KEYFRAME_M, _KEYFRAME_RAD, _KEYFRAME_INLIER_RATIO = 5.0, float(np.radians(15)), 0.6
 _MIN_KEYFRAME_M = 1.0
 # A scan is matched with the last keyframes together: few beams see other rings of a surface from each place.
-_KEYFRAMES = 5
+# Where much moves, more of them: what stands between vehicles is seen from few places.
+_KEYFRAMES, _KEYFRAMES_IN_TRAFFIC = 3, 5
 # Share of a scan's points that move, from which on later scans are not aligned with them. Only some are known: the local area
 # is smaller than the scan.
 _MIN_MOVING_RATIO = 0.05
@@ -231,7 +232,7 @@ class LidarOdometry:
         self._keyframe: _LocatedScan
         # The last keyframes, their static points in the frame of the newest, made at the next scan, when it is known what
         # moves; and with the newest some later scans.
-        self._keyframes: deque[_LocatedScan] = deque(maxlen=_KEYFRAMES)
+        self._keyframes: deque[_LocatedScan] = deque(maxlen=_KEYFRAMES_IN_TRAFFIC)
         self._surroundings: PreprocessedPoints | None = None
         self._since: deque[_LocatedScan] = deque(maxlen=16)
         self._corrected_s, self._searched_m = -np.inf, 0.0
@@ -513,9 +514,10 @@ class LidarOdometry:
         """Return the static points of the last keyframes in the frame of the newest."""
         if self._surroundings is None:
             newest = self._keyframe
-            others = [(one.points, _motion(newest, one)) for one in self._keyframes]
+            count = _KEYFRAMES_IN_TRAFFIC if newest.points.is_crowded else _KEYFRAMES
+            others = [one for one in self._keyframes if one is not newest][1 - count :]
             self._surroundings = newest.points.joined(
-                [one for one in others if one[0] is not newest.points]
+                [(one.points, _motion(newest, one)) for one in others]
             )
         return self._surroundings
 

@@ -34,6 +34,7 @@ _REVERSAL = 0.01  # probability that the front is the rear
 _CLASSES = np.array(["pedestrian", "cyclist", "car", "van", "truck", "tram"])
 _LENGTHS_M = np.array([CLASS_SIZES[name].length.mean_m for name in _CLASSES.tolist()])
 _HEIGHT_GAIN = 0.3  # of a correction of the height
+_POSE_M = 0.2  # deviation of a place by the pose that the noise of a side holds
 _MAX_SWING_RAD = 0.3  # maximum deviation of a heading that shifts the centre of a partly hidden box
 
 
@@ -80,11 +81,13 @@ class SensorPose:
     covariance: Float64 | None = None
 
     def noise(self, clusters: Footprints) -> Float64:
-        """Return (F, 2, 2) what the error of the pose adds to the covariances of F clusters."""
+        """Return (F, 2, 2) what an uncommon error of the pose adds to the covariances of F clusters."""
         away_m = clusters.centroids_m - self.place_m
         if self.covariance is None:
             return np.zeros((len(clusters), 2, 2))
-        return plane_covariances_m2(self.covariance, away_m)
+        variances, axes = np.linalg.eigh(plane_covariances_m2(self.covariance, away_m))
+        beyond = np.maximum(variances - _POSE_M**2, 0.0)
+        return np.asarray(axes * beyond[:, None] @ axes.transpose(0, 2, 1))
 
 
 @dataclass(frozen=True)
