@@ -120,19 +120,18 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test
 	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
 
-# Scans of ten sensors, each at its height in metres, in any street and in those with more people and lorries.
+# Scans of ten sensors, each at its height in metres, in streets of many kinds.
 BEV_SENSORS := HDL-64E:1.73 HDL-32E:1.84 HDL-32E:2.1 VLP-16:1.9 VLP-16:1.0 VLP-32C:1.6 VLS-128:1.9 OS1-32:2.0 OS1-64:2.2 \
   OS1-128:2.6 Pandar64:2.4
-BEV_STREETS := any town junction shopping jam industrial
+BEV_STREETS := town housing main-road junction industrial cycling shopping jam
 weights-bev: $(VENV)/.installed-dev
 	mkdir -p $(WEIGHTS) $(SHIPPED)
 	seed=200000; for sensor in $(BEV_SENSORS); do \
 	  file=$(WEIGHTS)/$$sensor.yaml; \
 	  printf 'model: %s\nheight_m: %s\n' $${sensor%:*} $${sensor#*:} > $$file || exit 2; \
 	  for street in $(BEV_STREETS); do seed=$$((seed + 1000)); \
-	    [ $$street = any ] && words= || words="--street $$street"; \
-	    $(BIN)/trifuse batch synth $(SYNTH)/bev/$$seed --layout object --frames $(or $(TRIAL),60) --sensor $$file \
-	      --no-images --seed $$seed $$words || exit 2; \
+	    $(BIN)/trifuse batch synth $(SYNTH)/bev/$$seed --layout object --frames $(or $(TRIAL),45) --sensor $$file \
+	      --no-images --seed $$seed --street $$street || exit 2; \
 	  done; \
 	done
 	for sensor in HDL-64E HDL-32E; do $(BIN)/trifuse batch synth $(SYNTH)/bev-val/$$sensor --layout object \

@@ -22,13 +22,23 @@ DOCUMENTS = (
 )
 
 
+# Of the loops of make's recipes, one value.
+_OF_LOOPS = {
+    "modality": "dm",
+    "sensor": "HDL-64E",
+    "file": "HDL-64E",
+    "seed": "1",
+    "street": "town",
+}
+
+
 def commands(document: str) -> list[str]:
     text = (ROOT / document).read_text().replace("\\\n", " ").replace("$(BIN)/", "")
     # Of make's conditions, what holds where nothing is set.
     text = re.sub(r"\$\(or \$\(\w+\),([^)]*)\)", r"\1", text)
     text = re.sub(r"\$\(if \$\(\w+\),[^,)]*,?([^)]*)\)", r"\1", text)
     found = re.findall(r"(?:^|`|\s)(trifuse [a-z][^`\n|&]*)", text)
-    return [command.replace("$$modality", "dm") for command in found]
+    return [re.sub(r"\$\$(\w+)", lambda name: _OF_LOOPS[name[1]], command) for command in found]
 
 
 @cache
