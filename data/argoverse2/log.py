@@ -17,7 +17,7 @@ from data.derived.motion_labels import PosedLabels
 from data.drive_images import ImageFiles
 from data.file_drive import FileDrive
 from data.kitti.sensor_files import FrameFiles, list_folder
-from data.labels_in_view import labels_in_view
+from data.labels_in_view import labels_of_camera
 from data.layouts import Layout, OpenConfig
 from data.nearest_time import NONE, nearest_in_time
 from perception.errors import DriveError, UsageError
@@ -89,10 +89,7 @@ class Argoverse2Log(FileDrive):
 
     def labels(self, index: int) -> Labels:
         """Return the labels of the objects in the view of the camera."""
-        around = self.labels_around(index)
-        if self.calibration is None:
-            return around
-        return labels_in_view(around, self.calibration, self.points_velo(index))
+        return labels_of_camera(self.labels_around(index), self, index)
 
     def labels_around(self, index: int) -> Labels:
         """Return the labels of all objects around."""

@@ -224,7 +224,8 @@ class FolderConfig:
         camera: The camera and its files, or None without one.
         cameras: Several cameras by name in place of it, the main one first.
         poses: Poses or INS, or None without them.
-        labels: Labels in KITTI's tracking format, or None without them.
+        labels: File or folder of labels, in KITTI's rows or in the form of a labelling tool, or None without them.
+        classes: Names for classes that the labels call otherwise.
     """
 
     lidar: LidarConfig = field(default_factory=LidarConfig)
@@ -232,6 +233,7 @@ class FolderConfig:
     poses: PosesConfig | None = None
     labels: str | None = None
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
+    classes: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Validate that there is one camera or a list of them, and that their names can be listed with commas."""

@@ -44,7 +44,7 @@ def _is_cloud(path: Path) -> bool:
 
 def find_scans(root: Path) -> Path | None:
     """Return the folder with the most clouds of a format, the first of those nearest to the root; None without any."""
-    found = [(len(cloud_files(folder)), folder) for folder in _folders(root)]
+    found = [(len(cloud_files(folder)), folder) for folder in folders_below(root)]
     count, folder = max(found, key=lambda one: one[0], default=(0, root))
     return folder if count else None
 
@@ -56,7 +56,7 @@ def image_files(folder: Path) -> FrameFiles:
 
 def find_images(root: Path, scans: int) -> list[Path]:
     """Return the folders with images, those first that have as many as there are scans, then those of a front camera."""
-    found = [(folder, len(image_files(folder))) for folder in _folders(root)]
+    found = [(folder, len(image_files(folder))) for folder in folders_below(root)]
     used = [(folder, count) for folder, count in found if count > 1 or (count and scans == 1)]
     used.sort(key=lambda one: (one[1] != scans, not _LEFT.search(one[0].name)))
     return [folder for folder, _ in used]
@@ -101,7 +101,7 @@ def _matching(folders: Sequence[Path], pattern: re.Pattern[str]) -> Iterator[Pat
     return (path for path in files if pattern.match(path.name))
 
 
-def _folders(root: Path) -> Iterator[Path]:
+def folders_below(root: Path) -> Iterator[Path]:
     """Yield the folder and those below it, the nearest first."""
     level = [root]
     for _ in range(_DEPTH + 1):

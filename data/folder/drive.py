@@ -12,7 +12,8 @@ from data.clouds.read_cloud import read_cloud
 from data.file_drive import FileDrive
 from data.folder.config import Viewpoint
 from data.folder.pose_track import PoseTrack
-from data.kitti.labels import empty_labels, require_tracking_labels
+from data.kitti.labels import empty_labels, read_object_labels, require_tracking_labels
+from data.kitti.sensor_files import FrameFiles
 from data.packets.recording import Recording
 from data.per_frame import FrameTuple
 from perception.geometry.se3 import inverse, transform_points
@@ -37,7 +38,7 @@ class FolderDrive(FileDrive):
         recording: Packets of which the scans are sweeps, or None where they are files.
         poses: Poses of the body, or None.
         body_SE3_velo: (4, 4) transform from the LiDAR to the body of the poses.
-        label_file: Labels in KITTI's tracking format, or None.
+        label_file: Labels in KITTI's tracking format, or folder of its rows of each scan; None without them.
     """
 
     columns: tuple[str, ...] | None = None
@@ -71,12 +72,17 @@ class FolderDrive(FileDrive):
             points[:, 3] = cloud.intensity
         elif cloud.intensity is not None:
             np.clip(cloud.intensity / np.float32(self.reflectance_scale), 0, 1, out=points[:, 3])
-        velo_SE3_file = self.velo_SE3_lidar
-        if cloud.viewpoint is not None and self.viewpoint != "ignored":
-            pose = cloud.viewpoint if self.viewpoint == "applied" else inverse(cloud.viewpoint)
-            velo_SE3_file = velo_SE3_file @ pose
+        velo_SE3_file = self.velo_SE3_file(index)
         is_moved = not np.array_equal(velo_SE3_file, np.eye(4))
         return transform_points(velo_SE3_file, points) if is_moved else points
+
+    def velo_SE3_file(self, index: int) -> Float64:
+        """Return the (4, 4) transform from the axes of the file of one scan to the LiDAR frame."""
+        cloud = None if self.viewpoint == "ignored" else self._cloud(index)
+        if cloud is None or cloud.viewpoint is None:
+            return self.velo_SE3_lidar
+        pose = cloud.viewpoint if self.viewpoint == "applied" else inverse(cloud.viewpoint)
+        return np.asarray(self.velo_SE3_lidar @ pose)
 
     def point_times_s(self, index: int) -> Float32 | None:
         """Read the times of the points from the frame's stamp; None where they are not those of one turn."""
@@ -110,6 +116,14 @@ class FolderDrive(FileDrive):
 
     @cached_property
     def _labels_by_number(self) -> Mapping[int, Labels]:
+        if self.label_file is not None and self.label_file.is_dir():
+            files = FrameFiles.within(self.label_file, (".txt",)).joined(self.scans)
+            numbered = () if files is None else zip(self.frame_numbers, files.paths, strict=True)
+            return {
+                number: read_object_labels(path, self.calibration)
+                for number, path in numbered
+                if path.is_file() and self.calibration is not None
+            }
         advice = "add a section camera to drive.yaml"
         return require_tracking_labels(self.root, self.label_file, self.calibration, advice)
 

@@ -23,6 +23,7 @@ from data.folder.discovery import (
     find_times,
     image_files,
 )
+from data.folder.label_discovery import find_labels
 from data.folder.stamps import read_stamps, stamps_in_names
 from data.kitti.sensor_files import FrameFiles, describe_folder, list_folder
 from data.packets.recording import Recording
@@ -119,14 +120,14 @@ def observe_folder(root: Path, columns: Sequence[str] | None = None) -> FolderOb
     for one in images:
         count = len(image_files(root / one))
         found.append(Observation("images", f"{count} images", "likely", one, "images"))
-    labels = next(
-        (path for path in sorted(list_folder(root)) if path.name.startswith("label_0")), None
-    )
+    labels = find_labels(root, folder)
+    if labels is not None:
+        found.append(Observation("labels", labels[1].name, "likely", _relative(labels[0], root)))
     return FolderObservation(
         FolderConfig(
             lidar=_with_sensor(config, lidar),
             poses=None if poses is None else PosesConfig(_relative(poses[0], root), poses[1]),
-            labels=None if labels is None else labels.name,
+            labels=None if labels is None else _relative(labels[0], root),
         ),
         tuple(found),
         images,

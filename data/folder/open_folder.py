@@ -1,14 +1,17 @@
 """Open a folder of scans by its drive.yaml, or by what can be seen where it has none."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
+from data.box_labels.box_labels import BoxLabels
+from data.box_labels.forms import is_in_view, require_form
 from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
 from data.folder.drive import FolderDrive, velo_to_body
+from data.folder.labelled_drive import LabelledFolderDrive
 from data.folder.observation import observe_folder, observe_recording, viewpoint_observation
 from data.folder.pose_track import PoseTrack, read_pose_track
 from data.folder.stamps import read_stamps, stamps_in_names
@@ -63,12 +66,16 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
     poses, body_SE3_velo = _poses(root, described, len(files), velo_SE3_lidar)
     labels = described.lidar.point_labels
     label_file = _existing(root, described.labels, "labels")
-    if label_file is not None and calibration is None:
-        notes += (f"{label_file}: labels are not used, as they need the calibration of a camera",)
-        label_file = None
-    if label_file is not None and name != next(iter(cameras)):
-        label_file = None  # it is of the main camera
-    return FolderDrive(
+    form = None if label_file is None else require_form(label_file)
+    if label_file is not None and is_in_view(label_file):
+        form = None
+        if calibration is None:
+            notes += (
+                f"{label_file}: labels are not used, as they need the calibration of a camera",
+            )
+        # They are of the main camera.
+        label_file = label_file if name is not None and name == next(iter(cameras)) else None
+    drive = FolderDrive(
         name=path.resolve().name if recording is None else recording.path.stem,
         root=path,
         sensor=sensor,
@@ -87,11 +94,16 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
         images=images if config.images else None,
         poses=poses,
         body_SE3_velo=body_SE3_velo,
-        label_file=label_file,
+        label_file=None if form is not None else label_file,
         point_labels=None
         if labels is None
         else FrameFiles.within(root / labels, (".label",)).joined(files),
     )
+    if form is None or label_file is None:
+        return drive
+    parts = {one.name: getattr(drive, one.name) for one in fields(drive) if one.init}
+    boxes = BoxLabels(label_file, form, described.classes, drive)
+    return LabelledFolderDrive(**parts, box_labels=boxes)
 
 
 def recording_at(path: Path, config: OpenConfig) -> Recording | None:

@@ -7,7 +7,7 @@ calibration/calib_cam_to_velo.txt  calib_cam_to_pose.txt  perspective.txt
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,6 @@ import numpy as np
 from data.derived.motion_labels import PosedLabels
 from data.kitti.drive import KittiDrive, find_reflectance_scale
 from data.kitti.image_joining import join_images
-from data.kitti.labels import empty_labels
 from data.kitti.sensor_files import (
     IMAGE_SUFFIXES,
     FrameFiles,
@@ -29,7 +28,7 @@ from data.kitti360.bounding_boxes import DriveBoxes
 from data.kitti360.calibration import RigCalibration, missing_files
 from data.kitti360.poses import POSES, FrameClock, ScanPoses, StatedPoses
 from data.labelled_objects import labels_of_boxes
-from data.labels_in_view import labels_in_view
+from data.labels_in_view import labels_of_camera
 from data.layouts import Layout, OpenConfig
 from perception.errors import DriveError, UsageError
 from perception.geometry.boxes import transform_boxes
@@ -84,14 +83,7 @@ class Kitti360Drive(KittiDrive):
 
     def labels(self, index: int) -> Labels:
         """Return the labels of the objects in the view of the camera; all of it is DontCare in a frame without labels."""
-        around = self.labels_around(index)
-        size_px = None if self.calibration is None else self.calibration.image_size_px
-        if around is None:
-            image_px = np.array([] if size_px is None else [0.0, 0.0, *size_px]).reshape(-1, 4)
-            return replace(empty_labels(), dont_care_px=image_px)
-        if self.calibration is None:
-            return around
-        return labels_in_view(around, self.calibration, self.points_velo(index))
+        return labels_of_camera(self.labels_around(index), self, index)
 
     def labels_around(self, index: int) -> Labels | None:
         """Return the labels of all objects around; None where no pose is near, or nothing was annotated."""

@@ -9,7 +9,7 @@ from data.derived.motion_labels import PosedLabels
 from data.drive_images import ImageFiles
 from data.kitti.sensor_files import list_folder
 from data.labelled_objects import box_owners
-from data.labels_in_view import labels_in_view
+from data.labels_in_view import labels_of_camera
 from data.layouts import Layout, OpenConfig
 from data.nearest_time import NONE, nearest_in_time
 from data.nuscenes.boxes import SceneBoxes
@@ -123,10 +123,7 @@ class NuScenesScene(RecordedDrive):
 
     def labels(self, index: int) -> Labels:
         """Return the labels of the objects in the view of the camera."""
-        around = self.labels_around(index)
-        if self.calibration is None:
-            return around
-        return labels_in_view(around, self.calibration, self.points_velo(index))
+        return labels_of_camera(self.labels_around(index), self, index)
 
     def labels_around(self, index: int) -> Labels:
         """Return the labels of all objects around; between key frames on the way from one to the next."""

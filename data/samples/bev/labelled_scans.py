@@ -35,7 +35,7 @@ from perception.types import (
     Labels,
 )
 
-_ALL_AROUND = (0.0, np.pi)
+_ALL_AROUND, _NOWHERE = (0.0, np.pi), (0.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,8 @@ def _labels_around(
 ) -> tuple[Labels, tuple[float, float]]:
     """Return the labels of a frame, and the directions in which everything is labelled."""
     if isinstance(drive, LabelledAround):
-        return drive.labels_around(index) or empty_labels(), _ALL_AROUND
+        around = drive.labels_around(index)
+        return (empty_labels(), _NOWHERE) if around is None else (around, _ALL_AROUND)
     if isinstance(drive, ObjectFrames) and calibration is not None:
         truth = drive.root / "truth_labels" / f"{drive.scans.paths[index].stem}.txt"
         if truth.is_file():

@@ -1,0 +1,139 @@
+"""Labels of a drive as a tool wrote them: joined to the scans, validated, and read in the axes of the LiDAR."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from data.box_labels.axes_check import LabelledSample, boxes_of, choose_reading, numbers_of_boxes
+from data.box_labels.boxes import LabelForm, LabelledBox, Reading, read_content
+from data.box_labels.forms import label_files
+from data.box_labels.label_types import label_type
+from data.folder.drive import FolderDrive
+from data.labelled_objects import labels_of_boxes
+from data.reflectance import sample_indices
+from perception.detection.bev.bev_map import BevGrid, BevMapper
+from perception.errors import LabelError
+from perception.types import Float64, Labels
+
+_SAMPLES = 6  # frames, of which the axes are checked
+_UNTRACKED = -1
+
+
+@dataclass(frozen=True)
+class BoxLabels:
+    """Labels of everything around.
+
+    Attributes:
+        path: File of labels, or folder of them.
+        form: Form of the labels.
+        classes: Other names for classes of the labels.
+        drive: The whole drive without labels, to whose scans they belong.
+    """
+
+    path: Path
+    form: LabelForm
+    classes: Mapping[str, str]
+    drive: FolderDrive
+
+    def at(self, name: str, velo_SE3_file: Float64) -> Labels | None:
+        """Return the labels of a frame, None of one that is not labelled.
+
+        Args:
+            name: Name of the frame.
+            velo_SE3_file: (4, 4) transform from the axes of its scan to the LiDAR frame.
+
+        Raises:
+            LabelError: The labels cannot be read, or do not fit the scans.
+        """
+        boxes = self._boxes.get(name, None if self.form.is_per_scan else ())
+        if boxes is None:
+            return None
+        numbers = self._reading.boxes(numbers_of_boxes(boxes))
+        types = [label_type(box.kind, self.classes) for box in boxes]
+        ids = [self._track_ids.get(box.track, _UNTRACKED) for box in boxes]
+        return labels_of_boxes(boxes_of(numbers, velo_SE3_file), types, np.array(ids, np.int64))
+
+    def file(self, name: str) -> Path:
+        """Return the file of the labels of a frame, or the path of all."""
+        return self._files.get(name, self.path)
+
+    @cached_property
+    def _files(self) -> Mapping[str, Path]:
+        """File of each frame, of a form with one a scan."""
+        paths = label_files(self.path).paths if self.form.is_per_scan else ()
+        return {self._frames[one.stem]: one for one in paths if one.stem in self._frames}
+
+    @cached_property
+    def _boxes(self) -> Mapping[str, Sequence[LabelledBox]]:
+        """Boxes of each labelled frame, of all files: a fault in one is met before anything is made of the others."""
+        boxes: dict[str, list[LabelledBox]] = {}
+        for path in label_files(self.path).paths:
+            content = read_content(path)
+            if not self.form.is_of(content):
+                expected = f"labels of {self.form.name}, as the other files"
+                raise LabelError(path, expected=expected, found="another content")
+            for frame, ones in self.form.read(path, content).items():
+                where = ones[0].where if ones else str(path)
+                name = self._frame(frame or path.stem, where)
+                if name in boxes:
+                    raise LabelError(path, expected="a scan once", found=f"labels of {name} again")
+                boxes[name] = list(ones)
+        for ones in boxes.values():
+            _require_single(ones)
+        return boxes
+
+    @cached_property
+    def _frames(self) -> Mapping[str, str]:
+        """Name of each frame by the names and numbers that labels may call it."""
+        names = self.drive.scans.names
+        numbers = map(str, self.drive.scans.numbers)
+        stems = (path.stem for path in self.drive.scans.paths)
+        return {**dict(zip(numbers, names, strict=True)), **dict(zip(stems, names, strict=True))}
+
+    def _frame(self, name: str, where: str) -> str:
+        known = self._frames.get(name) or self._frames.get(name.lstrip("0") or "0")
+        if known is None:
+            names = self.drive.scans.names
+            found = f"labels of {name}, which is none of {len(names)} scans such as {names[0]}"
+            advice = "add the scan, or remove the labels"
+            raise LabelError(where, expected="labels of scans", found=found, advice=advice)
+        return known
+
+    @cached_property
+    def _track_ids(self) -> Mapping[str, int]:
+        """Number of each object: its own where all are numbers, else from 0 in the order of names."""
+        names = {box.track for boxes in self._boxes.values() for box in boxes if box.track}
+        if all(name.isdecimal() and len(name) < 10 for name in names):
+            return {name: int(name) for name in names}
+        return {name: number for number, name in enumerate(sorted(names))}
+
+    @cached_property
+    def _reading(self) -> Reading:
+        return choose_reading(self.form, list(self._samples()), self.classes)
+
+    def _samples(self) -> Iterator[LabelledSample]:
+        mapper, names = BevMapper(self.drive.sensor, BevGrid()), self.drive.scans.names
+        labelled = [index for index, name in enumerate(names) if self._boxes.get(name)]
+        for place in sample_indices(len(labelled), _SAMPLES):
+            index = labelled[place]
+            points_velo = self.drive.scan(index).points_velo
+            ground = mapper.ground(points_velo)
+            heights_m = ground.distance_m(points_velo)
+            transform, boxes = self.drive.velo_SE3_file(index), self._boxes[names[index]]
+            yield LabelledSample(boxes, points_velo, heights_m, ground, transform)
+
+
+def _require_single(boxes: Sequence[LabelledBox]) -> None:
+    """Validate that no object is twice in a frame."""
+    seen: dict[str, str] = {}
+    for box in boxes:
+        if box.track and box.track in seen:
+            found = f"{box.track} there and in {seen[box.track]}"
+            advice = "remove one of them"
+            raise LabelError(
+                box.where, expected="each id once in a frame", found=found, advice=advice
+            )
+        seen[box.track] = box.where

@@ -1,0 +1,170 @@
+"""Labelled boxes of a file as it states them, and the parts of its numbers, each fault one sentence."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data.kitti.reading import read_text
+from perception.errors import LabelError
+from perception.geometry.se3 import wrap
+from perception.types import Float64
+
+Record = Mapping[str, Any]
+_MAX_M = 1e5
+
+
+@dataclass(frozen=True)
+class LabelledBox:
+    """One box of one frame.
+
+    Attributes:
+        where: File and object, for error messages.
+        kind: Class as the file names it.
+        track: Id of the object, empty without one.
+        numbers: x, y, z of the centre, lengths along x, y, z of the box, heading; units and axes are those of a reading.
+    """
+
+    where: str
+    kind: str
+    track: str
+    numbers: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Validate that the numbers are finite, and the lengths above 0."""
+        if not (all(map(math.isfinite, self.numbers)) and max(map(abs, self.numbers)) < _MAX_M):
+            shown = ", ".join(f"{one:g}" for one in self.numbers)
+            raise LabelError(self.where, expected="finite numbers of a box", found=shown)
+        if min(self.numbers[3:6]) <= 0:
+            sizes = " x ".join(f"{one:g}" for one in self.numbers[3:6])
+            advice = "correct or remove it in the labelling tool"
+            raise LabelError(
+                self.where, expected="a box with sizes above 0", found=sizes, advice=advice
+            )
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One of the ways in which the numbers of a form may be meant.
+
+    Attributes:
+        name: Meaning in a few words.
+        boxes: Function from (M, 7) numbers of boxes to such of centres in metres, of lengths along and across the heading
+            and upwards, and of headings in rad from +x towards +y, in the axes of the scans.
+    """
+
+    name: str
+    boxes: Callable[[Float64], Float64]
+
+
+Frames = Mapping[str, Sequence[LabelledBox]]
+
+
+@dataclass(frozen=True)
+class LabelForm:
+    """Form of labels.
+
+    Attributes:
+        name: Name of the tool or the standard.
+        is_of: Whether the parsed content of a file is of the form: a document of JSON, or the text.
+        read: Function from a file and its content to the boxes by frame: the name, or the number in digits, of a scan.
+        readings: Ways in which the numbers may be meant, the usual one first.
+        is_per_scan: Whether a file holds one scan, after which it is named; its frame is then "".
+    """
+
+    name: str
+    is_of: Callable[[Any], bool]
+    read: Callable[[Path, Any], Frames]
+    readings: tuple[Reading, ...]
+    is_per_scan: bool = False
+
+
+def as_stated(numbers: Float64) -> Float64:
+    """Return boxes that are stated as `Reading` has them."""
+    return numbers
+
+
+def along_y(numbers: Float64) -> Float64:
+    """Return boxes whose heading is the y axis of the box."""
+    return np.column_stack([numbers[:, :3], numbers[:, [4, 3, 5]], wrap(numbers[:, 6] + np.pi / 2)])
+
+
+def from_bottom(numbers: Float64) -> Float64:
+    """Return boxes whose z is that of the bottom."""
+    return np.column_stack([numbers[:, :2], numbers[:, 2] + numbers[:, 5] / 2, numbers[:, 3:]])
+
+
+def in_degrees(numbers: Float64) -> Float64:
+    """Return boxes whose headings are in degrees."""
+    return np.column_stack([numbers[:, :6], np.radians(numbers[:, 6])])
+
+
+AXES = (Reading("x forward", as_stated), Reading("y forward", along_y))
+
+
+def read_content(path: Path) -> Any:  # noqa: ANN401 - any document
+    """Return the document of a JSON file, or the text of another.
+
+    Raises:
+        LabelError: The file cannot be read, or is no JSON.
+    """
+    text = read_text(path, LabelError, "labels as text")
+    if path.suffix.lower() != ".json":
+        return text
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        advice = "export it again, it may be cut off"
+        raise LabelError(path, expected="JSON", found=str(error), advice=advice) from error
+
+
+def entry(record: object, name: str | int, where: str) -> Any:  # noqa: ANN401 - of any kind
+    """Return the value of a name in a record, or at a place in a list.
+
+    Raises:
+        LabelError: There is none.
+    """
+    try:
+        return record[name]  # type: ignore[index]
+    except (KeyError, IndexError, TypeError) as error:
+        found = (
+            ", ".join(map(str, record)) if isinstance(record, Mapping) else type(record).__name__
+        )
+        raise LabelError(
+            where, expected=f"an entry {name!r}", found=found[:80] or "none"
+        ) from error
+
+
+def numbers_of(record: object, names: Sequence[str | int], where: str) -> tuple[float, ...]:
+    """Return the numbers of some names in a record, or of some places in a list.
+
+    Raises:
+        LabelError: One is missing, or is no number.
+    """
+    values = [entry(record, name, where) for name in names]
+    try:
+        return tuple(map(float, values))
+    except (TypeError, ValueError) as error:
+        expected = f"numbers {', '.join(map(str, names))}"
+        raise LabelError(where, expected=expected, found=str(values)[:80]) from error
+
+
+def records(document: object, name: str, where: str | Path) -> list[Any]:
+    """Return the list of a name in a document.
+
+    Raises:
+        LabelError: There is no list.
+    """
+    found = entry(document, name, str(where))
+    if not isinstance(found, list):
+        raise LabelError(where, expected=f"a list {name}", found=type(found).__name__)
+    return found
+
+
+def has(document: object, *names: str) -> bool:
+    """Return whether a document is a record with some names."""
+    return isinstance(document, Mapping) and all(name in document for name in names)

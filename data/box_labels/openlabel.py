@@ -1,0 +1,63 @@
+"""ASAM OpenLABEL: objects by id, and in each frame a cuboid of 10 numbers with a quaternion, or 9 with Euler angles.
+
+A frame is named by the file of its point cloud where its properties state one, else by its number.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from data.box_labels.boxes import AXES, Frames, LabelForm, LabelledBox, entry, has, numbers_of
+from data.clouds.read_cloud import CLOUD_SUFFIXES
+from perception.errors import LabelError
+
+_LENGTHS = (9, 10)
+
+
+def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON document
+    content = entry(document, "openlabel", str(path))
+    named = content.get("objects", {})
+    frames: dict[str, list[LabelledBox]] = {}
+    for number, frame in content.get("frames", {}).items():
+        name = _cloud_of(frame) or number
+        boxes = frames.setdefault(name, [])
+        for track, one in (frame.get("objects") or {}).items():
+            where = f"{path} frame {number} object {track}"
+            kind = entry(entry(named, track, where), "type", where)
+            for cuboid in one.get("object_data", {}).get("cuboid", ()):
+                boxes.append(LabelledBox(where, str(kind), track, _numbers(cuboid, where)))
+    return frames
+
+
+def _numbers(cuboid: Any, where: str) -> tuple[float, ...]:  # noqa: ANN401 - of a document
+    values = entry(cuboid, "val", where)
+    if not isinstance(values, list) or len(values) not in _LENGTHS:
+        found = f"{len(values)}" if isinstance(values, list) else type(values).__name__
+        raise LabelError(where, expected="a cuboid of 9 or 10 numbers", found=found)
+    numbers = numbers_of(values, range(len(values)), where)
+    turn = np.array(numbers[3:-3])
+    if not np.isfinite(turn).all() or (len(turn) == 4 and not np.linalg.norm(turn) > 0):
+        raise LabelError(where, expected="a rotation", found=str(turn.tolist()))
+    rotation = Rotation.from_quat(turn) if len(turn) == 4 else Rotation.from_euler("xyz", turn)
+    forward = rotation.as_matrix()[:, 0]
+    return (*numbers[:3], *numbers[-3:], float(np.arctan2(forward[1], forward[0])))
+
+
+def _cloud_of(frame: Any) -> str | None:  # noqa: ANN401 - of a document
+    """Return the name of a point cloud in the properties of a frame, without its suffix."""
+    files = (PurePosixPath(text) for text in _texts(frame.get("frame_properties", {})))
+    return next((one.stem for one in files if one.suffix.lower() in CLOUD_SUFFIXES), None)
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from _texts(one)
+
+
+OPENLABEL = LabelForm("ASAM OpenLABEL", lambda document: has(document, "openlabel"), _read, AXES)

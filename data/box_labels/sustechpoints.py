@@ -1,0 +1,43 @@
+"""SUSTechPOINTS: a JSON file a scan, a list of objects with `psr`: position of the centre, scale, and rotation in rad."""
+
+from pathlib import Path
+from typing import Any
+
+from data.box_labels.boxes import (
+    Frames,
+    LabelForm,
+    LabelledBox,
+    Reading,
+    as_stated,
+    entry,
+    has,
+    numbers_of,
+)
+
+_FIELDS = {"position": ("x", "y", "z"), "scale": ("x", "y", "z"), "rotation": ("z",)}
+
+
+def _objects(document: Any) -> Any:  # noqa: ANN401 - of a document
+    return document["objs"] if has(document, "objs") else document
+
+
+def _is_of(document: Any) -> bool:  # noqa: ANN401 - any document
+    boxes = _objects(document)
+    return isinstance(boxes, list) and all(has(one, "psr") for one in boxes[:1])
+
+
+def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON document
+    boxes = []
+    for number, one in enumerate(_objects(document), start=1):
+        where = f"{path} object {number}"
+        psr = entry(one, "psr", where)
+        parts = ((entry(psr, part, where), names) for part, names in _FIELDS.items())
+        numbers = tuple(value for part, names in parts for value in numbers_of(part, names, where))
+        kind, track = entry(one, "obj_type", where), one.get("obj_id")
+        boxes.append(LabelledBox(where, str(kind), "" if track is None else str(track), numbers))
+    return {"": boxes}
+
+
+SUSTECHPOINTS = LabelForm(
+    "SUSTechPOINTS", _is_of, _read, (Reading("x forward", as_stated),), is_per_scan=True
+)

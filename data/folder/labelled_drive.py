@@ -1,0 +1,43 @@
+"""A folder of scans in which everything around is labelled, by a labelling tool."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.box_labels.box_labels import BoxLabels
+from data.derived.motion_labels import PosedLabels
+from data.folder.config import FILE_NAME
+from data.folder.drive import FolderDrive
+from data.labels_in_view import labels_of_camera
+from perception.types import Labels
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelledFolderDrive(FolderDrive):
+    """Frames of one folder with boxes all around, for which no camera is needed.
+
+    Attributes:
+        box_labels: Labels of the whole folder.
+    """
+
+    box_labels: BoxLabels
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes: yes."""
+        return True
+
+    def labels(self, index: int) -> Labels:
+        """Return the labels of the objects in the view of the camera, of all around without one."""
+        return labels_of_camera(self.labels_around(index), self, index)
+
+    def labels_around(self, index: int) -> Labels | None:
+        """Return the labels of all objects around; None of a frame that is not labelled."""
+        return self.box_labels.at(self.frame_names[index], self.velo_SE3_file(index))
+
+    def other_labels(self) -> list[PosedLabels]:
+        """Return none: all labels are of scans."""
+        return []
+
+    def _texts(self, index: int) -> tuple[Path | None, ...]:
+        # drive.yaml has names of classes.
+        return self.box_labels.file(self.frame_names[index]), self.root / FILE_NAME
