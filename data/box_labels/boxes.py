@@ -26,7 +26,7 @@ class LabelledBox:
         where: File and object, for error messages.
         kind: Class as the file names it.
         track: Id of the object, empty without one.
-        numbers: x, y, z of the centre, lengths along x, y, z of the box, heading; units and axes are those of a reading.
+        numbers: Place x, y, z, lengths along the axes x, y, z of the box, and heading, as a reading of the form means them.
     """
 
     where: str

@@ -5,6 +5,7 @@
 A row of eight words, `x y z length width height angle type`, is that of custom data sets of detection suites.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from data.box_labels.boxes import (
 from data.kitti.labels import DONT_CARE
 from data.kitti.rows import to_numbers
 from perception.errors import LabelError
-from perception.geometry.se3 import wrap
+from perception.geometry.se3 import inverse, wrap
 from perception.types import Float64
 
 _SHORT, _OBJECT, _TRACKING = 8, 15, 17
@@ -71,16 +72,22 @@ def _read(path: Path, text: Any) -> Frames:  # noqa: ANN401 - a text
     return frames or {"": []}
 
 
-def _from_camera(numbers: Float64) -> Float64:
-    """Return boxes of a camera without calibration, whose x is right, y down and z forward, at the LiDAR."""
-    x, y, z = numbers[:, 2], -numbers[:, 0], -numbers[:, 1] + numbers[:, 5] / 2
-    return np.column_stack([x, y, z, numbers[:, 3:6], wrap(-numbers[:, 6] - np.pi / 2)])
+def _from_camera(lidar_SE3_cam: Float64) -> Reading:
+    """Return the reading of boxes in the frame of a camera, x right, y down and z forward."""
+
+    def boxes(numbers: Float64) -> Float64:
+        bottoms_m = numbers[:, :3] @ lidar_SE3_cam[:3, :3].T + lidar_SE3_cam[:3, 3]
+        heading = wrap(-numbers[:, 6] - np.pi / 2)
+        return from_bottom(np.column_stack([bottoms_m, numbers[:, 3:6], heading]))
+
+    return Reading("axes of a camera", boxes)
 
 
 _READINGS = (
     Reading("axes of the scans, z of the centre", as_stated),
     Reading("axes of the scans, z of the bottom", from_bottom),
-    Reading("axes of a camera", _from_camera),
+    # A camera without a calibration is taken to look ahead from where the LiDAR is.
+    _from_camera(np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])),
 )
 KITTI_FRAMES = LabelForm(
     "KITTI's rows a scan",
@@ -95,3 +102,15 @@ KITTI_TRACKING = LabelForm(
     _read,
     _READINGS,
 )
+
+
+def with_camera(form: LabelForm, cam_SE3_lidar: Float64 | None) -> LabelForm:
+    """Return a form with the calibration of the camera, in whose frame KITTI's rows may be.
+
+    Args:
+        form: Form of labels.
+        cam_SE3_lidar: (4, 4) transform from the axes of the scans to the camera, or None.
+    """
+    if cam_SE3_lidar is None or form.readings is not _READINGS:
+        return form
+    return replace(form, readings=(_from_camera(inverse(cam_SE3_lidar)), *_READINGS[:2]))

@@ -7,6 +7,7 @@ import numpy as np
 
 from data.box_labels.box_labels import BoxLabels
 from data.box_labels.forms import is_in_view, require_form
+from data.box_labels.kitti_rows import with_camera
 from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
@@ -102,7 +103,8 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
     if form is None or label_file is None:
         return drive
     parts = {one.name: getattr(drive, one.name) for one in fields(drive) if one.init}
-    boxes = BoxLabels(label_file, form, described.classes, drive)
+    camera_pose = None if name is None else cameras[name].lidar_to_camera.dst_SE3_src()
+    boxes = BoxLabels(label_file, with_camera(form, camera_pose), described.classes, drive)
     return LabelledFolderDrive(**parts, box_labels=boxes)
 
 
