@@ -27,7 +27,7 @@ from perception.types import Boxes3D, Float, Float32, Float64, GroundModel
 _ABOVE_M = (0.2, 4.0)  # returns of objects
 _NEAR_M, _MARGIN_M = 0.7, 0.1
 _FEWEST = 3  # boxes, from which axes can be told
-_GAIN, _RATIO = 0.15, 1.25  # of the fit, from which a mistake is named
+_GAIN, _RATIO = 0.08, 1.25  # of the fit, from which a mistake is named
 _MIN_SHARE = 0.3  # of boxes with a return
 _MAX_BOTTOM_M = 1.0  # middle distance from the ground
 _MAX_TURN_RAD = 2 * np.pi + 0.01

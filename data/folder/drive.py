@@ -131,7 +131,9 @@ class FolderDrive(FileDrive):
         return len(self._cloud(index))
 
     def _texts(self, index: int) -> tuple[Path | None, ...]:
-        return (self.label_file,)
+        file = self.label_file
+        is_folder = file is not None and file.is_dir()
+        return (file / f"{self.scans.paths[index].stem}.txt" if file and is_folder else file,)
 
     def frame_files(self, index: int) -> tuple[Path, ...]:
         """Return the files of one frame; none of a recording, in which all frames are one file."""

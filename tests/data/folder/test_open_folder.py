@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from data.clouds.pcd import read_viewpoint
+from data.derived.motion_labels import LabelledAround
 from data.folder import observation
 from data.layouts import OpenConfig
 from data.open_drive import open_drive, sequences_in
@@ -327,3 +328,39 @@ def test_scans_alone_are_opened_as_they_are_seen(write_folder):
     assert drive.sensor.height_m == pytest.approx(1.73, abs=0.02)
     assert any("trifuse adopt" in note for note in drive.notes)
     assert any("rate 10 Hz is a guess" in note for note in drive.notes)
+
+
+ROW = "Car 0 0 0 {} 1.5 1.6 4.0 2 1.7 12 -1.57\n"
+
+
+def test_rows_of_each_scan_are_in_the_view_of_the_camera(folder):
+    write_images(folder, [f"{index:06d}.png" for index in range(4)])
+    (folder / "label_2").mkdir()
+    (folder / "label_2" / "000002.txt").write_text(ROW.format("1 2 9 8"))
+    (folder / "drive.yaml").write_text(LIDAR + CAMERA + "labels: label_2\n")
+    drive = open_drive(folder)
+    assert not isinstance(drive, LabelledAround)
+    assert [len(drive.labels(index)) for index in range(4)] == [0, 0, 1, 0]
+    labels = drive.labels(2)
+    np.testing.assert_allclose(labels.boxes_velo.bottom_m, [[12, -2, -1.7]], atol=1e-6)
+    assert labels.boxes_px.tolist() == [[1, 2, 9, 8]]
+
+
+def test_rows_of_a_camera_that_is_not_described_are_not_used(folder):
+    (folder / "label_2").mkdir()
+    (folder / "label_2" / "000002.txt").write_text(ROW.format("1 2 9 8"))
+    (folder / "drive.yaml").write_text(LIDAR + "labels: label_2\n")
+    drive = open_drive(folder)
+    assert not drive.has_labels
+    assert "labels are not used, as they need the calibration of a camera" in drive.notes[0]
+
+
+def test_rows_without_boxes_in_the_image_are_of_everything_around(folder):
+    write_images(folder, [f"{index:06d}.png" for index in range(4)])
+    (folder / "labels.txt").write_text("2 7 " + ROW.format("-1 -1 -1 -1"))
+    (folder / "drive.yaml").write_text(LIDAR + CAMERA + "labels: labels.txt\n")
+    drive = open_drive(folder)
+    assert isinstance(drive, LabelledAround)
+    labels = drive.labels_around(2)
+    np.testing.assert_allclose(labels.boxes_velo.bottom_m, [[12, -2, -1.7]], atol=1e-6)
+    assert labels.track_ids.tolist() == [7]
