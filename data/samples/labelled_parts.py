@@ -45,7 +45,9 @@ def require_classes(class_names: Sequence[str], labels: Counter[str], where: str
         where,
         expected=f"at least one {' and one '.join(missing)}",
         found=", ".join(f"{count} {name}" for name, count in labels.most_common()) or "no object",
-        advice=f"write {', '.join(near)}" if near else "choose drives with such labels",
+        advice=f"write {', '.join(near)}"
+        if near
+        else "choose drives with such labels, or classes by --model.classes",
     )
 
 
