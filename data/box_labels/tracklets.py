@@ -1,26 +1,23 @@
 """KITTI's tracklets, as the raw data set and CVAT write them: an object at a time, with a pose for each of its frames."""
 
+import re
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from data.box_labels.boxes import Frames, LabelForm, LabelledBox, Reading, as_stated, from_bottom
 from data.kitti.rows import to_numbers
+from data.kitti360.storage import parse_elements
 from perception.errors import LabelError
 from perception.types import Float64
 
+_DOCUMENT_TYPE = re.compile(r"<!DOCTYPE\s+\w+\s*>")  # which declares nothing
 _SIZES, _POSE = ("l", "w", "h"), ("tx", "ty", "tz", "rz")
 
 
 def _read(path: Path, text: Any) -> Frames:  # noqa: ANN401 - a text
-    if "<!ENTITY" in text:
-        raise LabelError(path, expected="tracklets without entities", found="an entity")
-    try:
-        root = ElementTree.fromstring(text.encode())
-    except ElementTree.ParseError as error:
-        raise LabelError(path, expected="XML", found=str(error)) from error
+    root = parse_elements(path, _DOCUMENT_TYPE.sub("", text, count=1))
     frames: dict[str, list[LabelledBox]] = {}
     for track, one in enumerate(root.findall("tracklets/item")):
         where = f"{path} tracklet {track}"
@@ -42,7 +39,7 @@ def _read(path: Path, text: Any) -> Frames:  # noqa: ANN401 - a text
     return frames
 
 
-def _numbers(element: ElementTree.Element, names: tuple[str, ...]) -> list[float]:
+def _numbers(element: Any, names: tuple[str, ...]) -> list[float]:  # noqa: ANN401 - of XML
     """Return the numbers of some names; NaN of one that is missing or no number."""
     words = [element.findtext(name, "") for name in names]
     numbers: list[float] = to_numbers([words], len(names))[0].tolist()

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
@@ -94,6 +95,32 @@ def read_storage(
     except expat.ExpatError as error:
         found = f"an error: {expat.ErrorString(error.code)}"
         raise LabelError(f"{path} line {error.lineno}", expected=_WHAT, found=found) from error
+
+
+def parse_elements(path: Path, text: str) -> ElementTree.Element:
+    """Return the root of a document of XML without document type.
+
+    Args:
+        path: File of the document, for error messages.
+        text: The document.
+
+    Raises:
+        LabelError: It is no XML, or has a document type, in which entities can be declared.
+    """
+    parser, builder = expat.ParserCreate("UTF-8"), ElementTree.TreeBuilder()
+
+    def refuse(*_: Any) -> None:  # noqa: ANN401 - arguments of expat
+        raise LabelError(path, expected="XML without declarations", found="a DOCTYPE")
+
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text.encode(), True)
+        return builder.close()
+    except expat.ExpatError as error:
+        found = f"an error: {expat.ErrorString(error.code)}"
+        raise LabelError(f"{path} line {error.lineno}", expected="XML", found=found) from error
 
 
 class _StorageReader:

@@ -258,3 +258,22 @@ def test_scans_with_labels_train_without_a_camera(drive_folder, tmp_path):
     assert labelled.view_rad.tolist() == pytest.approx([0.0, np.pi])
     assert (labelled.returns > 100).all()
     assert len(unlabelled) == 0 and unlabelled.view_rad[1] < 0  # nothing is learned there
+
+
+def test_tracklets_declare_no_entities(drive_folder):
+    root = drive_folder()
+    writers.tracklets(root, 1)
+    path = root / "labels" / "tracklet_labels.xml"
+    declared = "<!DOCTYPE boost_serialization [<!ENTITY a 'b'>]>"
+    path.write_text(path.read_text().replace("<!DOCTYPE boost_serialization>", declared))
+    with fault(LabelError, "tracklet_labels.xml", "XML without declarations", "a DOCTYPE"):
+        labels_at(root)
+
+
+def test_tracklets_that_are_cut_off_are_named(drive_folder):
+    root = drive_folder()
+    writers.tracklets(root, 1)
+    path = root / "labels" / "tracklet_labels.xml"
+    path.write_text(path.read_text()[:-20])
+    with fault(LabelError, "tracklet_labels.xml line 3", "XML", "an error"):
+        labels_at(root)
