@@ -122,12 +122,15 @@ TABLES: Final[Mapping[str, Columns]] = {
         "y1_px": TableColumn("double", "upper edge"),
         "x2_px": TableColumn("double", "right edge"),
         "y2_px": TableColumn("double", "lower edge"),
-        "dominant_modality": TableColumn("string", "detector with the largest weight: rgb, dm, rm"),
+        "dominant_modality": TableColumn(
+            "string", "detector with the largest weight: rgb, dm, rm, bev"
+        ),
         "score_rgb": TableColumn("double", "score of the camera's detector"),
         "score_dm": TableColumn("double", "score of the depth map's detector"),
         "score_rm": TableColumn("double", "score of the reflectance map's detector"),
+        "score_bev": TableColumn("double", "score of the bird's-eye view's detector"),
         "points": TableColumn("int32", "LiDAR points on the vehicle"),
-        "distance_m": TableColumn("double", "distance from the LiDAR to the nearest return"),
+        "distance_m": TableColumn("double", "distance to the nearest return"),
     },
     "timings": {
         **_FRAME,

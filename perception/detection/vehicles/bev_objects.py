@@ -1,0 +1,129 @@
+"""Objects of the bird's-eye view as vehicles: their points, and the image that shows each."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from perception.detection.bev.boxes import BevDetections
+from perception.geometry.box_overlap_px import area_px
+from perception.geometry.camera import box_outlines_px
+from perception.maps.projection import camera_of
+from perception.types import (
+    BoxDeviations,
+    Boxes3D,
+    Detections,
+    Float32,
+    Float64,
+    Frame,
+    FusedDetections,
+    Int,
+    Vehicles,
+)
+
+_CELL_M = 0.2  # edge of the cells by which returns are found in boxes
+_MARGIN_M = 0.1  # by which boxes are grown for these
+_GROUND_M = 0.15  # above the bottom of a box, below which returns are of the ground
+_MIN_VISIBLE_SHARE = 0.3  # minimum share of the outline of a box in an image that shows it
+_MIN_POSITION_M, _MIN_SIZE_M, _MIN_AXIS_RAD = 0.1, 0.05, 0.03  # minimum standard deviations
+_ANY_AXIS_RAD = np.pi / np.sqrt(12)  # standard deviation of an axis of any direction
+_EDGE = 1e-3  # minimum distance of probabilities from 0 and 1
+# Log-odds that there is an object: slope over those of its score, and offset.
+_VEHICLE_ODDS, _PERSON_ODDS = (1.0, 0.5), (1.0, 0.0)
+_VEHICLES = ("Car", "Van", "Truck", "Bus", "Trailer")
+
+
+def bev_vehicles(found: BevDetections, class_names: Sequence[str], frame: Frame) -> Vehicles:
+    """Return the objects of the bird's-eye view as vehicles, without ids.
+
+    The box of each in the image is the outline of its 3D box in the camera that shows most of it; NaN where none does.
+
+    Args:
+        found: M objects in the LiDAR frame, best first.
+        class_names: Names of the classes.
+        frame: Frame of the scan.
+    """
+    count, boxes, points_velo = len(found), found.boxes, frame.points_velo
+    owners = owners_of_points(boxes, points_velo)
+    inside = np.flatnonzero(owners >= 0)
+    distances_m = np.full(count, np.inf)
+    np.minimum.at(distances_m, owners[inside], np.linalg.norm(points_velo[inside, :3], axis=1))
+    cameras, boxes_px = _best_images(boxes, frame)
+    types = np.array(class_names, np.str_)[found.classes]
+    detections = Detections(boxes_px, _probabilities(found.scores, types), types)
+    position_m, _, *size_m, axis_rad = np.maximum(
+        found.deviations, [_MIN_POSITION_M, *(4 * [_MIN_SIZE_M]), _MIN_AXIS_RAD]
+    ).T
+    covariances = np.full((count, 4, 4), np.nan)
+    covariances[:, :2, :2] = position_m[:, None, None] ** 2 * np.eye(2)
+    return Vehicles(
+        fused=FusedDetections.unfused(detections),
+        ids=np.full(count, -1),
+        boxes=boxes,
+        distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
+        velocities_m_s=np.full((count, 2), np.nan),
+        covariances=covariances,
+        box_deviations=BoxDeviations(
+            np.column_stack(size_m), np.minimum(axis_rad, _ANY_AXIS_RAD), found.reversals
+        ),
+        owners=owners,
+        cameras=cameras,
+        bev_scores=found.scores,
+    )
+
+
+def owners_of_points(boxes: Boxes3D, points_velo: Float32) -> Int:
+    """Return (N,) the row of the box above the ground around each point, of several the first; -1 without one."""
+    reach_m = np.linalg.norm(boxes.size_m[:, :2], axis=1) / 2 + _MARGIN_M
+    places_m = np.abs(boxes.bottom_m[:, :2]).max(axis=1, initial=0.0)
+    half = int((places_m + reach_m).max(initial=0.0) / _CELL_M) + 2
+    owner_of_cell = np.full((2 * half, 2 * half), -1, np.int16)
+    for row in range(len(boxes))[::-1]:
+        center = boxes.bottom_m[row, :2] / _CELL_M + half
+        low = np.maximum((center - reach_m[row] / _CELL_M).astype(np.int64), 0)
+        high = (center + reach_m[row] / _CELL_M).astype(np.int64) + 1
+        x_m, y_m = (
+            (np.arange(low[one], high[one]) + 0.5 - center[one]) * _CELL_M for one in (0, 1)
+        )
+        cos, sin = np.cos(boxes.yaw_rad[row]), np.sin(boxes.yaw_rad[row])
+        length_m, width_m = boxes.size_m[row, :2] / 2 + _MARGIN_M
+        is_in = np.abs(cos * x_m[:, None] + sin * y_m) <= length_m
+        is_in &= np.abs(cos * y_m - sin * x_m[:, None]) <= width_m
+        owner_of_cell[low[0] : high[0], low[1] : high[1]][is_in] = row
+    cells = np.floor(points_velo[:, :2] * np.float32(1 / _CELL_M)).astype(np.int64) + half
+    near = np.flatnonzero(((cells >= 0) & (cells < 2 * half)).all(axis=1))
+    owners = np.full(len(points_velo), -1)
+    owners[near] = owner_of_cell[cells[near, 0], cells[near, 1]]
+    near = near[owners[near] >= 0]
+    of = owners[near]
+    above_m = points_velo[near, 2] - boxes.bottom_m[of, 2]
+    is_above = (above_m >= _GROUND_M) & (above_m <= boxes.size_m[of, 2] + _MARGIN_M)
+    owners[near[~is_above]] = -1
+    return owners
+
+
+def log_odds(probabilities: Float64) -> Float64:
+    """Return the log-odds of probabilities."""
+    inside = np.clip(probabilities, _EDGE, 1 - _EDGE)
+    return np.asarray(np.log(inside / (1 - inside)))
+
+
+def _probabilities(scores: Float64, types: np.ndarray) -> Float64:
+    odds = np.where(np.isin(types, _VEHICLES)[:, None], _VEHICLE_ODDS, _PERSON_ODDS)
+    return np.asarray(1 / (1 + np.exp(-odds[:, 0] * log_odds(scores) - odds[:, 1])))
+
+
+def _best_images(boxes: Boxes3D, frame: Frame) -> tuple[Int, Float64]:
+    """Return (M,) the camera that shows most of each box, -1 without one, and (M, 4) the outline there."""
+    cameras, boxes_px = np.full(len(boxes), -1), np.full((len(boxes), 4), np.nan)
+    best = np.full(len(boxes), _MIN_VISIBLE_SHARE)
+    for number, view in enumerate(frame.views):
+        if view.calibration is None:
+            continue
+        calibration, size_px = camera_of(view)
+        whole_px, cut_px = (
+            box_outlines_px(calibration.image_P_velo, boxes, size) for size in (None, size_px)
+        )
+        shares = np.nan_to_num(area_px(cut_px) / area_px(whole_px))
+        rows = np.flatnonzero(shares > best)
+        cameras[rows], boxes_px[rows], best[rows] = number, cut_px[rows], shares[rows]
+    return cameras, boxes_px
