@@ -32,10 +32,7 @@ _FRAME: Columns = {
 def _place(frame: str, of: str) -> Columns:
     """Return the columns of an object's place in one frame of reference."""
     axes = {axis: TableColumn("double", f"centre of the bottom face in {of}") for axis in "xyz"}
-    speeds = {
-        axis: TableColumn("double", f"velocity over the ground along {axis} of {of}")
-        for axis in "xy"
-    }
+    speeds = {axis: TableColumn("double", f"velocity along {axis} of {of}") for axis in "xy"}
     return {
         **{f"{axis}_{frame}_m": column for axis, column in axes.items()},
         f"yaw_{frame}_rad": TableColumn("double", "heading from -pi to pi, from x towards y"),

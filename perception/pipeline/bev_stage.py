@@ -24,15 +24,17 @@ class BevOutput(NamedTuple):
 class BevStage:
     """Detects in scans from above, on the ground of the pipeline where that covers the map."""
 
-    def __init__(self, detector: BevDetector, area: LocalArea) -> None:
+    def __init__(self, detector: BevDetector, area: LocalArea, min_score: float) -> None:
         """Start the thread.
 
         Args:
             detector: Detector of the bird's-eye view.
             area: Area of the pipeline's ground.
+            min_score: Score below which nothing is reported.
         """
         self.detector = detector
         """Detector of the bird's-eye view."""
+        self._min_score = min_score
         self._uses_ground = area.covers(detector.area)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="bev")
 
@@ -52,6 +54,6 @@ class BevStage:
         start_s = time.perf_counter() - started_s
         with limit_blas_threads():
             found = self.detector.detect(frame.points_velo, below)
-            vehicles = bev_vehicles(found, self.detector.class_names, frame)
+            vehicles = bev_vehicles(found, self.detector.class_names, frame, self._min_score)
         stop_s, worker = time.perf_counter() - started_s, threading.current_thread().name
         return BevOutput(vehicles, StageSpan(STAGE, worker, start_s, stop_s))

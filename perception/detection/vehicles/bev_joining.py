@@ -2,7 +2,7 @@
 
 A detection in an image and an object seen from above are the same where the outline of its 3D box in that image overlaps
 the detection, and both are as far along the ray. The image keeps class and rectangle, the 3D box is the one of the lower
-stated deviations, and the log-odds of both scores add up. What a camera should have seen and has not keeps a lower score.
+stated deviations, and log-odds of scores are added. What a camera should have seen and has not keeps a lower score.
 """
 
 from collections.abc import Collection
@@ -27,10 +27,12 @@ _MAX_DEVIATIONS = 3.0  # of the distances along the ray of one object
 _RAY_NOISE_M, _RAY_NOISE_SHARE = 0.7, 0.04  # deviation of these, and its growth with distance
 _ASSUMED_DEPTH_SHARE = 0.3  # deviation of a distance by the height in the image alone
 _CLASS_COST = 0.2  # cost of a pair of two classes
-# Log-odds that what one of both finds is there for the other, by chance; of vehicles and people.
-_PRIOR = (1.0, 1.5)
-# Log-odds that an object is there although a camera that should show it does not; of both, too.
-_UNSEEN = (-1.0, -1.5)
+# Log-odds that the view from above adds to a detection: share of its own, since both err alike where an object is far or
+# hidden, and those of being found at all. On 140 frames of synthetic streets, of 64 and 32 beams, more of its own would
+# cost precision in the image (0.82 and 0.66 of it, vehicles and people; 0.81 and 0.65 with all) for that on the ground.
+_OWN_SHARE, _FOUND = 0.3, 1.0
+# Log-odds that an object is there although a camera that should show it does not; of vehicles and people, as fitted there.
+_UNSEEN = (-1.7, -1.0)
 
 
 def join_bev(
@@ -50,8 +52,10 @@ def join_bev(
     joined = _joined(vehicles, found, rows, of_bev, is_better)
     left = pairs.unmatched_detections
     left = left[~_are_covered(found.boxes[left], joined)]
-    is_unseen = np.isin(found.cameras[left], list(searched))
-    rest = _with_evidence(found.select(left), is_unseen * _by_kind(found.select(left), _UNSEEN))
+    rest = found.select(left)
+    has_sides = SizePriors.of(rest.fused.detections.types).has_sides
+    is_unseen = np.isin(rest.cameras, list(searched))
+    rest = _with_evidence(rest, is_unseen * np.where(has_sides, *_UNSEEN))
     # Returns of an object go with its 3D box.
     row_of = np.full(len(found), -1)
     row_of[of_bev], row_of[left] = rows, len(joined) + np.arange(len(left))
@@ -116,7 +120,7 @@ def _joined(
     seen, places = found.select(of_bev), rows[is_better]
     better = seen.select(np.flatnonzero(is_better))
     evidence, bev_scores = np.zeros(len(vehicles)), np.full(len(vehicles), np.nan)
-    evidence[rows] = log_odds(seen.fused.detections.scores) + _by_kind(seen, _PRIOR)
+    evidence[rows] = _OWN_SHARE * log_odds(seen.fused.detections.scores) + _FOUND
     bev_scores[rows] = seen.bev_scores
     covariances, distances_m = vehicles.covariances.copy(), vehicles.distances_m.copy()
     covariances[places] = better.covariances
@@ -146,8 +150,3 @@ def _with_evidence(vehicles: Vehicles, evidence: Float64) -> Vehicles:
     )
     detections = replace(fused.detections, scores=scores)
     return replace(vehicles, fused=replace(fused, detections=detections, existence=existence))
-
-
-def _by_kind(vehicles: Vehicles, of_kinds: tuple[float, float]) -> Float64:
-    """Return (M,) the first of two values for vehicles, the second for people."""
-    return np.where(SizePriors.of(vehicles.fused.detections.types).has_sides, *of_kinds)

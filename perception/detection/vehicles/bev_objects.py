@@ -3,11 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.detection.bev.boxes import BevDetections
+from perception.detection.config import NmsConfig
 from perception.geometry.box_overlap_px import area_px
 from perception.geometry.camera import box_outlines_px
 from perception.maps.projection import camera_of
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import (
     BoxDeviations,
     Boxes3D,
@@ -27,12 +30,18 @@ _MIN_VISIBLE_SHARE = 0.3  # minimum share of the outline of a box in an image th
 _MIN_POSITION_M, _MIN_SIZE_M, _MIN_AXIS_RAD = 0.1, 0.05, 0.03  # minimum standard deviations
 _ANY_AXIS_RAD = np.pi / np.sqrt(12)  # standard deviation of an axis of any direction
 _EDGE = 1e-3  # minimum distance of probabilities from 0 and 1
-# Log-odds that there is an object: slope over those of its score, and offset.
-_VEHICLE_ODDS, _PERSON_ODDS = (1.0, 0.5), (1.0, 0.0)
-_VEHICLES = ("Car", "Van", "Truck", "Bus", "Trailer")
+# Log-odds that there is an object: slope over those of its score, and offset; of vehicles and of people and cycles, fitted
+# to 140 frames of synthetic streets, of 64 and 32 beams, which agree.
+_ODDS = ((2.6, 2.1), (3.0, 1.65))
+_MIN_OWNER = 0.05  # minimum probability of an object that has returns
 
 
-def bev_vehicles(found: BevDetections, class_names: Sequence[str], frame: Frame) -> Vehicles:
+def bev_vehicles(
+    found: BevDetections,
+    class_names: Sequence[str],
+    frame: Frame,
+    min_score: float = NmsConfig.min_score,
+) -> Vehicles:
     """Return the objects of the bird's-eye view as vehicles, without ids.
 
     The box of each in the image is the outline of its 3D box in the camera that shows most of it; NaN where none does.
@@ -41,15 +50,20 @@ def bev_vehicles(found: BevDetections, class_names: Sequence[str], frame: Frame)
         found: M objects in the LiDAR frame, best first.
         class_names: Names of the classes.
         frame: Frame of the scan.
+        min_score: Probability below which none is returned.
     """
+    types = np.array(class_names, np.str_)[found.classes]
+    probable = probabilities(found.scores, types)
+    rows = np.flatnonzero(probable >= min_score)
+    found, types, probable = found[rows], types[rows], probable[rows]
     count, boxes, points_velo = len(found), found.boxes, frame.points_velo
-    owners = owners_of_points(boxes, points_velo)
+    likely = np.flatnonzero(probable >= _MIN_OWNER)
+    owners = np.append(likely, -1)[owners_of_points(boxes[likely], points_velo)]
     inside = np.flatnonzero(owners >= 0)
     distances_m = np.full(count, np.inf)
     np.minimum.at(distances_m, owners[inside], np.linalg.norm(points_velo[inside, :3], axis=1))
     cameras, boxes_px = _best_images(boxes, frame)
-    types = np.array(class_names, np.str_)[found.classes]
-    detections = Detections(boxes_px, _probabilities(found.scores, types), types)
+    detections = Detections(boxes_px, probable, types)
     position_m, _, *size_m, axis_rad = np.maximum(
         found.deviations, [_MIN_POSITION_M, *(4 * [_MIN_SIZE_M]), _MIN_AXIS_RAD]
     ).T
@@ -107,9 +121,10 @@ def log_odds(probabilities: Float64) -> Float64:
     return np.asarray(np.log(inside / (1 - inside)))
 
 
-def _probabilities(scores: Float64, types: np.ndarray) -> Float64:
-    odds = np.where(np.isin(types, _VEHICLES)[:, None], _VEHICLE_ODDS, _PERSON_ODDS)
-    return np.asarray(1 / (1 + np.exp(-odds[:, 0] * log_odds(scores) - odds[:, 1])))
+def probabilities(scores: Float64, types: NDArray[np.str_]) -> Float64:
+    """Return the (M,) probabilities that there are objects of (M,) classes by their scores from above."""
+    slopes, offsets = np.where(SizePriors.of(types).has_sides[:, None], *_ODDS).T
+    return np.asarray(1 / (1 + np.exp(-slopes * log_odds(scores) - offsets)))
 
 
 def _best_images(boxes: Boxes3D, frame: Frame) -> tuple[Int, Float64]:
