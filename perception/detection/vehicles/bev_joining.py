@@ -27,10 +27,12 @@ _MAX_DEVIATIONS = 3.0  # of the distances along the ray of one object
 _RAY_NOISE_M, _RAY_NOISE_SHARE = 0.7, 0.04  # deviation of these, and its growth with distance
 _ASSUMED_DEPTH_SHARE = 0.3  # deviation of a distance by the height in the image alone
 _CLASS_COST = 0.2  # cost of a pair of two classes
-# Log-odds that the view from above adds to a detection: share of its own, since both err alike where an object is far or
-# hidden, and those of being found at all. On 140 frames of synthetic streets, of 64 and 32 beams, more of its own would
-# cost precision in the image (0.82 and 0.66 of it, vehicles and people; 0.81 and 0.65 with all) for that on the ground.
-_OWN_SHARE, _FOUND = 0.3, 1.0
+# What the view from above adds to the log-odds of a detection's score, that its rectangle fits, and of its existence: share
+# of its own log-odds, and what being found at all says. Fitted to 140 frames of synthetic streets, of 64 and 32 beams: of
+# the rectangle it tells little that the camera does not (a share of 1 would cost precision), of existence as much.
+_SCORE_EVIDENCE, _EXISTENCE_EVIDENCE = (0.1, 0.5), (0.5, 1.0)
+# Beyond synthetic streets errors are larger than stated; those of a located detection are those of labelled ones.
+_INFLATION = 2.0
 # Log-odds that an object is there although a camera that should show it does not; of vehicles and people, as fitted there.
 _UNSEEN = (-1.7, -1.0)
 
@@ -48,14 +50,16 @@ def join_bev(
     """
     pairs = _pairs(vehicles, found, frame)
     rows, of_bev = pairs.tracks, pairs.detections
-    is_better = _spreads_m2(found.select(of_bev)) < _spreads_m2(vehicles.select(rows))
+    found_m2, own_m2 = _spreads_m2(found.select(of_bev)), _spreads_m2(vehicles.select(rows))
+    is_better = _INFLATION**2 * found_m2 < own_m2
     joined = _joined(vehicles, found, rows, of_bev, is_better)
     left = pairs.unmatched_detections
     left = left[~_are_covered(found.boxes[left], joined)]
     rest = found.select(left)
     has_sides = SizePriors.of(rest.fused.detections.types).has_sides
     is_unseen = np.isin(rest.cameras, list(searched))
-    rest = _with_evidence(rest, is_unseen * np.where(has_sides, *_UNSEEN))
+    unseen = is_unseen * np.where(has_sides, *_UNSEEN)
+    rest = _with_evidence(rest, unseen, unseen)
     # Returns of an object go with its 3D box.
     row_of = np.full(len(found), -1)
     row_of[of_bev], row_of[left] = rows, len(joined) + np.arange(len(left))
@@ -119,14 +123,18 @@ def _joined(
     """Return V vehicles, those of some rows with the evidence and, where it is better, the box of objects from above."""
     seen, places = found.select(of_bev), rows[is_better]
     better = seen.select(np.flatnonzero(is_better))
-    evidence, bev_scores = np.zeros(len(vehicles)), np.full(len(vehicles), np.nan)
-    evidence[rows] = _OWN_SHARE * log_odds(seen.fused.detections.scores) + _FOUND
+    odds, bev_scores = log_odds(seen.fused.detections.scores), np.full(len(vehicles), np.nan)
+    evidence = np.zeros((2, len(vehicles)))
+    for row, (share, constant) in zip(
+        evidence, (_SCORE_EVIDENCE, _EXISTENCE_EVIDENCE), strict=True
+    ):
+        row[rows] = np.maximum(share * odds + constant, 0.0)
     bev_scores[rows] = seen.bev_scores
     covariances, distances_m = vehicles.covariances.copy(), vehicles.distances_m.copy()
     covariances[places] = better.covariances
     distances_m[places] = better.distances_m
     return replace(
-        _with_evidence(vehicles, np.maximum(evidence, 0.0)),
+        _with_evidence(vehicles, *evidence),
         boxes=vehicles.boxes.replaced(places, better.boxes),
         covariances=covariances,
         box_deviations=vehicles.box_deviations.replaced(places, better.box_deviations),
@@ -141,12 +149,15 @@ def _are_covered(boxes: Boxes3D, vehicles: Vehicles) -> Bool:
     return np.asarray(overlap.max(axis=1, initial=0.0) >= _MIN_IOU)
 
 
-def _with_evidence(vehicles: Vehicles, evidence: Float64) -> Vehicles:
-    """Return vehicles with (M,) log-odds added to their scores and existence."""
+def _with_evidence(vehicles: Vehicles, of_score: Float64, of_existence: Float64) -> Vehicles:
+    """Return vehicles with (M,) log-odds added to their scores and to their existence."""
     fused = vehicles.fused
     scores, existence = (
         np.where(evidence == 0, one, probability(log_odds(one) + evidence))
-        for one in (fused.detections.scores, fused.existence)
+        for one, evidence in (
+            (fused.detections.scores, of_score),
+            (fused.existence, of_existence),
+        )
     )
     detections = replace(fused.detections, scores=scores)
     return replace(vehicles, fused=replace(fused, detections=detections, existence=existence))
