@@ -33,7 +33,7 @@ _EDGE = 1e-3  # minimum distance of probabilities from 0 and 1
 # Log-odds that there is an object: slope over those of its score, and offset; of vehicles and of people and cycles, fitted
 # to 140 frames of synthetic streets, of 64 and 32 beams, which agree.
 _ODDS = ((2.6, 2.1), (3.0, 1.65))
-_MIN_OWNER = 0.05  # minimum probability of an object that has returns
+_MIN_OWNER = 0.2  # minimum probability of an object that has returns, as of one that is tracked
 
 
 def bev_vehicles(
