@@ -14,6 +14,7 @@ from perception.detection.vehicles.bev_objects import log_odds
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
+from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
 from perception.tracking.vehicles.class_sizes import SizePriors
@@ -33,7 +34,9 @@ _CLASS_COST = 0.2  # cost of a pair of two classes
 _SCORE_EVIDENCE, _EXISTENCE_EVIDENCE = (0.1, 0.0), (0.5, 1.0)
 # Ratio of the deviations from above to those of the camera and its returns at which both boxes are as good, on these streets.
 _INFLATION = 3.0
-_UNSEEN = -1.7  # log-odds that an object is there although a camera that should show it does not, fitted there
+_UNSEEN = (
+    -1.7
+)  # log-odds that an object is there although a camera that should show it does not, fitted there
 
 
 def join_bev(
@@ -118,23 +121,29 @@ def _joined(
     vehicles: Vehicles, found: Vehicles, rows: Int, of_bev: Int, is_better: Bool
 ) -> Vehicles:
     """Return V vehicles, those of some rows with the evidence and, where it is better, the box of objects from above."""
-    seen, places = found.select(of_bev), rows[is_better]
-    better = seen.select(np.flatnonzero(is_better))
-    odds, bev_scores = log_odds(seen.fused.detections.scores), np.full(len(vehicles), np.nan)
-    evidence = np.zeros((2, len(vehicles)))
-    for row, (share, constant) in zip(
-        evidence, (_SCORE_EVIDENCE, _EXISTENCE_EVIDENCE), strict=True
-    ):
+    own, seen = vehicles.select(rows), found.select(of_bev)
+    odds, evidence = log_odds(seen.fused.detections.scores), np.zeros((2, len(vehicles)))
+    constants = (_SCORE_EVIDENCE, _EXISTENCE_EVIDENCE)
+    for row, (share, constant) in zip(evidence, constants, strict=True):
         row[rows] = np.maximum(share * odds + constant, 0.0)
-    bev_scores[rows] = seen.bev_scores
     covariances, distances_m = vehicles.covariances.copy(), vehicles.distances_m.copy()
-    covariances[places] = better.covariances
-    distances_m[places] = better.distances_m
+    covariances[rows[is_better]] = seen.covariances[is_better]
+    distances_m[rows[is_better]] = seen.distances_m[is_better]
+    bev_scores = np.full(len(vehicles), np.nan)
+    bev_scores[rows] = seen.bev_scores
+    # Which end is the front says the surer one, whichever box is taken.
+    is_surer = seen.box_deviations.reversal < own.box_deviations.reversal
+    ahead_rad = seen.boxes.yaw_rad + wrap(own.boxes.yaw_rad - seen.boxes.yaw_rad, np.pi)
+    boxes = replace(own.boxes, yaw_rad=np.where(is_surer, wrap(ahead_rad), own.boxes.yaw_rad))
+    reversal = np.where(is_surer, seen.box_deviations.reversal, own.box_deviations.reversal)
+    deviations = replace(own.box_deviations, reversal=reversal)
     return replace(
         _with_evidence(vehicles, *evidence),
-        boxes=vehicles.boxes.replaced(places, better.boxes),
+        boxes=vehicles.boxes.replaced(rows, boxes.replaced(is_better, seen.boxes[is_better])),
         covariances=covariances,
-        box_deviations=vehicles.box_deviations.replaced(places, better.box_deviations),
+        box_deviations=vehicles.box_deviations.replaced(
+            rows, deviations.replaced(is_better, seen.box_deviations[is_better])
+        ),
         distances_m=distances_m,
         bev_scores=bev_scores,
     )

@@ -75,6 +75,19 @@ def test_a_box_of_large_deviations_does_not_replace_that_of_the_camera():
     np.testing.assert_array_equal(joined.boxes.bottom_m, located.boxes.bottom_m)
 
 
+def test_the_front_is_that_of_the_surer_one_whichever_box_is_taken():
+    true = cars((15.0, 3.0, 0.2 - np.pi))  # against the traffic
+    for reversal, is_turned in ((0.02, True), (0.4, False)):
+        found = replace(above(true, position_m=3.0), reversals=np.array([reversal]))
+        frame, located, seen = seen_by_both(true, found)
+        if not is_turned:
+            located = replace(located, boxes=replace(located.boxes, yaw_rad=np.array([0.2])))
+        joined = join_bev(located, seen, frame, [0])
+        np.testing.assert_array_equal(joined.boxes.bottom_m, located.boxes.bottom_m)
+        assert (np.cos(joined.boxes.yaw_rad[0] - true.yaw_rad[0]) > 0.9) == is_turned
+        assert joined.box_deviations.reversal[0] == min(reversal, 0.1)
+
+
 def test_what_the_view_from_above_does_not_find_stays_as_the_camera_shows_it():
     true = cars(AHEAD, (25.0, -4.0, 0.0))
     frame, located, found = seen_by_both(true, above(true[:0]))
