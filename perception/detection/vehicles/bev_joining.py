@@ -58,7 +58,7 @@ def join_bev(
     left = pairs.unmatched_detections
     left = left[~_are_covered(found.boxes[left], joined)]
     rest = found.select(left)
-    unseen = _UNSEEN * np.isin(rest.cameras, list(searched))
+    unseen = np.where(np.isin(rest.cameras, list(searched)), _UNSEEN, 0.0)
     rest = _with_evidence(rest, unseen, unseen)
     # Returns of an object go with its 3D box.
     row_of = np.full(len(found), -1)
@@ -114,7 +114,7 @@ def _spreads_m2(vehicles: Vehicles) -> Float64:
     deviations, size_m = vehicles.box_deviations, vehicles.boxes.size_m
     ends_m = np.column_stack([deviations.size_m[:, :2] / 2, deviations.yaw_rad * size_m[:, 0] / 2])
     places_m2 = np.trace(vehicles.covariances[:, :2, :2], axis1=1, axis2=2)
-    return np.nan_to_num(places_m2 + (ends_m**2).sum(axis=1), nan=np.inf)
+    return np.asarray(np.nan_to_num(places_m2 + (ends_m**2).sum(axis=1), nan=np.inf))
 
 
 def _joined(
