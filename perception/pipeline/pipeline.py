@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Self
 
 from perception.geometry.threads import find_blas, limit_opencv_threads, usable_cores
@@ -138,7 +139,7 @@ class Pipeline:
         result = self._lidar_worker.submit(
             self._run_lidar_stages, frame, health, ground, clock, has_snapshot
         )
-        result.add_done_callback(lambda _: ground.done() or ground.set_result(None))
+        result.add_done_callback(partial(_give_up, ground))
         lidar = LidarFutures(health, ground, result)
         return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, lidar)
 
@@ -166,6 +167,13 @@ class Pipeline:
     def _submit_reset(self) -> "Future[None]":
         self._camera_worker.submit(self._camera.reset)
         return self._lidar_worker.submit(self._lidar.reset)
+
+
+def _give_up(ground: "Future[GroundModel | None]", result: "Future[LidarResult]") -> None:
+    """Let nothing wait for the ground of a scan that ended without one."""
+    del result
+    if not ground.done():
+        ground.set_result(None)
 
 
 def frames_in_flight() -> int:
