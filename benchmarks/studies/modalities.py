@@ -99,8 +99,8 @@ def modalities(
             )
             timed = Timed(reader.results(opened, PipelineConfig(detection=own)))
             report, _ = measure_task_run(opened, timed)
-            found = (report.classes[one].mean_ap for one in _CLASSES)
-            rows[words] = SetMetrics(*found, cost_ms=_cost_ms(timed) - idle_ms)
+            car, pedestrian = (report.classes[one].mean_ap for one in _CLASSES)
+            rows[words] = SetMetrics(car, pedestrian, _cost_ms(timed) - idle_ms)
     tables: dict[str, Table[Any]] = {
         name: Table(name, SetMetrics.columns(), rows, "modalities")
         for name, rows in measured.items()
