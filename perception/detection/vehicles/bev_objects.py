@@ -9,6 +9,7 @@ from perception.detection.bev.boxes import BevDetections
 from perception.detection.config import NmsConfig
 from perception.geometry.box_overlap_px import area_px
 from perception.geometry.camera import box_outlines_px
+from perception.kernels.box_owners import owners_in_boxes
 from perception.maps.projection import camera_of
 from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import (
@@ -87,32 +88,9 @@ def bev_vehicles(
 
 def owners_of_points(boxes: Boxes3D, points_velo: Float32) -> Int:
     """Return (N,) the row of the box above the ground around each point, of several the first; -1 without one."""
-    reach_m = np.linalg.norm(boxes.size_m[:, :2], axis=1) / 2 + _MARGIN_M
-    places_m = np.abs(boxes.bottom_m[:, :2]).max(axis=1, initial=0.0)
-    half = int((places_m + reach_m).max(initial=0.0) / _CELL_M) + 2
-    owner_of_cell = np.full((2 * half, 2 * half), -1, np.int16)
-    for row in range(len(boxes))[::-1]:
-        center = boxes.bottom_m[row, :2] / _CELL_M + half
-        low = np.maximum((center - reach_m[row] / _CELL_M).astype(np.int64), 0)
-        high = (center + reach_m[row] / _CELL_M).astype(np.int64) + 1
-        x_m, y_m = (
-            (np.arange(low[one], high[one]) + 0.5 - center[one]) * _CELL_M for one in (0, 1)
-        )
-        cos, sin = np.cos(boxes.yaw_rad[row]), np.sin(boxes.yaw_rad[row])
-        length_m, width_m = boxes.size_m[row, :2] / 2 + _MARGIN_M
-        is_in = np.abs(cos * x_m[:, None] + sin * y_m) <= length_m
-        is_in &= np.abs(cos * y_m - sin * x_m[:, None]) <= width_m
-        owner_of_cell[low[0] : high[0], low[1] : high[1]][is_in] = row
-    cells = np.floor(points_velo[:, :2] * np.float32(1 / _CELL_M)).astype(np.int64) + half
-    near = np.flatnonzero(((cells >= 0) & (cells < 2 * half)).all(axis=1))
-    owners = np.full(len(points_velo), -1)
-    owners[near] = owner_of_cell[cells[near, 0], cells[near, 1]]
-    near = near[owners[near] >= 0]
-    of = owners[near]
-    above_m = points_velo[near, 2] - boxes.bottom_m[of, 2]
-    is_above = (above_m >= _GROUND_M) & (above_m <= boxes.size_m[of, 2] + _MARGIN_M)
-    owners[near[~is_above]] = -1
-    return owners
+    columns = np.column_stack([boxes.bottom_m, boxes.size_m, boxes.yaw_rad])
+    points = np.ascontiguousarray(points_velo, np.float32)
+    return owners_in_boxes(points, columns, _CELL_M, _MARGIN_M, _GROUND_M)
 
 
 def log_odds(probabilities: Float64) -> Float64:
