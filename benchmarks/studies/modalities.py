@@ -72,6 +72,7 @@ def modalities(
     *,
     drive: LabelledDriveFlags,
     sets: tuple[str, ...] = SETS,
+    evidence: list[Path] | None = None,
     detection: DetectionConfig = _DETECTION,
     out: Path = RESULTS / "modalities.png",
 ) -> None:
@@ -82,10 +83,14 @@ def modalities(
     Args:
         drives: Labelled drives of sensors with few and many beams; one or several.
         sets: Modalities joined by +, several sets with commas.
+        evidence: Labelled synthetic drives with images, with commas between them, to which the constants are fitted by
+            which detections in an image and from above are joined.
         detection: Networks of the modalities.
         out: Figure; the numbers are written beside it.
     """
+    from benchmarks.studies.bev_evidence import Evidence, measure_evidence
     from data.measured_task import measure_task_run
+    from data.open_drive import open_drives
 
     reader, measured = drive.reader(), dict[str, dict[str, SetMetrics]]()
     for name, opened in reader.drives(drives):
@@ -112,8 +117,13 @@ def modalities(
         }
         for heading, value in (("mean AP, 0 to 1", "mean_ap"), ("CPU/frame [ms]", "cost_ms"))
     }
+    if evidence:
+        title = "Evidence of the view from above"
+        config = replace(detection, modalities=("rgb", "bev"))
+        fitted = measure_evidence(open_drives(evidence), config)
+        tables[title] = Table(title, Evidence.columns(), fitted, "objects")
     plot_groups(out, "Modalities by sensor", list(measured), figures)
-    conditions = {"drives": drives, "sets": sets, "detection": detection}
+    conditions = {"drives": drives, "sets": sets, "evidence": evidence, "detection": detection}
     publish(out, "none: the thesis has no view from above", tables, conditions)
 
 

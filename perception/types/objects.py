@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -171,7 +172,7 @@ class Vehicles:
         names = np.array([*MODALITIES, ""])[self.fused.dominant_modality]
         return np.where((names == "") & np.isfinite(self.bev_scores), "bev", names)
 
-    @property
+    @cached_property
     def point_counts(self) -> Int:
         """(M,) number of points of each vehicle."""
         return np.bincount(self.owners[self.owners >= 0], minlength=len(self))

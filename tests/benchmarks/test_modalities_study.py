@@ -1,14 +1,18 @@
 """Sets of modalities on a drive without a camera, by a detector whose answer is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks.studies.bev_evidence import SeenFromAbove, fit_evidence
 from benchmarks.studies.modalities import SetMetrics, Timed
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
+from perception.detection.vehicles.bev_objects import log_odds
 from perception.sensor import VLP_16
+from perception.tracking.vehicles.evidence import probability
 from tests.detection.filled_cells import filled_cells
 
 
@@ -22,6 +26,33 @@ def test_the_first_frame_is_not_timed():
     timed = Timed(range(4))
     assert list(timed) == [0, 1, 2, 3]
     assert len(timed.seconds) == 3
+
+
+def test_constants_are_those_that_made_what_was_found():
+    random, count = np.random.default_rng(0), 20_000
+    scores = random.uniform(0.05, 0.95, count)
+    above = 2.5 * log_odds(scores) + 1.5
+    is_unseen = random.random(count) < 0.4
+    camera = np.where(is_unseen, np.nan, random.uniform(0.05, 0.95, count))
+    fitting = np.nan_to_num(log_odds(camera)) + 0.2 * above + 0.6
+    found = SeenFromAbove(
+        is_vehicle=np.ones(count, bool),
+        scores=scores,
+        is_object=random.random(count) < probability(above),
+        is_unseen=is_unseen,
+        camera_scores=camera,
+        fits=random.random(count) < probability(fitting),
+        spread_ratios=random.uniform(0.5, 8.0, count),
+        ious=np.empty((count, 2)),
+    )
+    # The box from above is the better one where its deviations are a third.
+    is_better = found.spread_ratios > 3
+    ious = np.column_stack([np.full(count, 0.6), np.where(is_better, 0.8, 0.4)])
+    fitted = fit_evidence(replace(found, ious=ious))
+    assert (fitted.slope, fitted.offset) == pytest.approx((2.5, 1.5), abs=0.1)
+    assert (fitted.share, fitted.constant) == pytest.approx((0.2, 0.6), abs=0.06)
+    assert fitted.unseen == pytest.approx(0.0, abs=0.1)
+    assert fitted.ratio == 3
 
 
 def test_each_set_has_a_row(tmp_path, capsys):

@@ -50,13 +50,13 @@ def join_bev(
         frame: Frame of both.
         searched: Numbers of the cameras whose images were searched.
     """
-    pairs = _pairs(vehicles, found, frame)
+    pairs = find_pairs(vehicles, found, frame)
     rows, of_bev = pairs.tracks, pairs.detections
-    found_m2, own_m2 = _spreads_m2(found.select(of_bev)), _spreads_m2(vehicles.select(rows))
+    found_m2, own_m2 = spreads_m2(found.select(of_bev)), spreads_m2(vehicles.select(rows))
     is_better = _INFLATION**2 * found_m2 < own_m2
     joined = _joined(vehicles, found, rows, of_bev, is_better)
     left = pairs.unmatched_detections
-    left = left[~_are_covered(found.boxes[left], joined)]
+    left = left[~are_covered(found.boxes[left], joined)]
     rest = found.select(left)
     unseen = np.where(np.isin(rest.cameras, list(searched)), _UNSEEN, 0.0)
     rest = _with_evidence(rest, unseen, unseen)
@@ -70,7 +70,7 @@ def join_bev(
     return both.select(np.argsort(-both.fused.detections.scores, kind="stable"))
 
 
-def _pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> Association:
+def find_pairs(vehicles: Vehicles, found: Vehicles, frame: Frame) -> Association:
     """Return the pairs of V vehicles and M of the bird's-eye view that are one."""
     overlap_px, is_as_far = (np.zeros((len(vehicles), len(found))) for _ in range(2))
     for camera in np.unique(vehicles.cameras).tolist():
@@ -109,7 +109,7 @@ def _are_as_far(vehicles: Vehicles, found: Vehicles, camera: FrameGeometry) -> B
     return np.asarray((away_m[:, None] - found_m) ** 2 <= _MAX_DEVIATIONS**2 * variances_m2)
 
 
-def _spreads_m2(vehicles: Vehicles) -> Float64:
+def spreads_m2(vehicles: Vehicles) -> Float64:
     """Return (M,) stated variances of the outlines on the ground, infinite where they are not known."""
     deviations, size_m = vehicles.box_deviations, vehicles.boxes.size_m
     ends_m = np.column_stack([deviations.size_m[:, :2] / 2, deviations.yaw_rad * size_m[:, 0] / 2])
@@ -149,7 +149,7 @@ def _joined(
     )
 
 
-def _are_covered(boxes: Boxes3D, vehicles: Vehicles) -> Bool:
+def are_covered(boxes: Boxes3D, vehicles: Vehicles) -> Bool:
     """Return (M,) whether boxes from above overlap a vehicle on the ground."""
     overlap = np.nan_to_num(iou_bev(boxes, vehicles.boxes))
     return np.asarray(overlap.max(axis=1, initial=0.0) >= _MIN_IOU)

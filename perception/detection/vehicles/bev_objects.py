@@ -113,9 +113,8 @@ def _best_images(boxes: Boxes3D, frame: Frame) -> tuple[Int, Float64]:
         if view.calibration is None:
             continue
         calibration, size_px = camera_of(view)
-        whole_px, cut_px = (
-            box_outlines_px(calibration.image_P_velo, boxes, size) for size in (None, size_px)
-        )
+        whole_px = box_outlines_px(calibration.image_P_velo, boxes)
+        cut_px = np.clip(whole_px, 0, np.tile(np.subtract(size_px, 1), 2))
         shares = np.nan_to_num(area_px(cut_px) / area_px(whole_px))
         rows = np.flatnonzero(shares > best)
         cameras[rows], boxes_px[rows], best[rows] = number, cut_px[rows], shares[rows]
