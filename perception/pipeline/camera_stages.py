@@ -208,7 +208,9 @@ class CameraStages(Restorable):
         """Return the same of the frame as a further camera sees it."""
         if self._detectors is None:
             return None
-        uses_maps = any(name in MAP_MODALITIES for name in modalities)
+        uses_maps = any(
+            name in MAP_MODALITIES and name in self._detectors.detectors for name in modalities
+        )
         maps = clock.run("maps", _make_maps, view) if uses_maps else None
         with clock.nested() as spans:
             output = self._start_detectors(view, maps, modalities)()
