@@ -9,9 +9,8 @@ from perception.detection.bev.detector import BevDetector
 from perception.detection.vehicles.bev_objects import bev_vehicles
 from perception.geometry.grids import LocalArea
 from perception.geometry.threads import limit_blas_threads
+from perception.pipeline.skipped_stages import BEV_DETECTOR
 from perception.types import Frame, GroundModel, StageSpan, Vehicles
-
-STAGE = "bev detector"
 
 
 class BevOutput(NamedTuple):
@@ -56,4 +55,4 @@ class BevStage:
             found = self.detector.detect(frame.points_velo, below)
             vehicles = bev_vehicles(found, self.detector.class_names, frame, self._min_score)
         stop_s, worker = time.perf_counter() - started_s, threading.current_thread().name
-        return BevOutput(vehicles, StageSpan(STAGE, worker, start_s, stop_s))
+        return BevOutput(vehicles, StageSpan(BEV_DETECTOR, worker, start_s, stop_s))

@@ -27,6 +27,7 @@ from perception.pipeline.budget import TimeBudget
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.lidar_stages import LidarFutures, LidarResult
 from perception.pipeline.skipped_stages import (
+    BEV_DETECTOR,
     DEPTHCN,
     SkippableStage,
     modalities_without,
@@ -40,6 +41,7 @@ from perception.types import (
     MAP_MODALITIES,
     MODALITIES,
     Detections,
+    DetectorModality,
     Frame,
     Modality,
     ModalityDetections,
@@ -102,11 +104,12 @@ class CameraStages(Restorable):
         has_scan = is_scan_usable(lidar.health.result())
         # By the frames before: camera and LiDAR are joined by what their edges tell, not by a calibration that is off.
         frame = corrected(usable, self._miscalibration.correction)
-        bev = self._bev.start(frame, lidar.ground) if self._bev is not None and has_scan else None
-        started_s = clock.elapsed_s
         maps = clock.run("maps", _make_maps, frame) if self._uses_maps and has_scan else None
         skippable = self._skippable(frame, has_scan=has_scan)
         skipped = self._budget.stages_to_skip(skippable, clock)
+        started_s, bev = clock.elapsed_s, None
+        if self._bev is not None and has_scan and BEV_DETECTOR not in skipped:
+            bev = self._bev.start(frame, lidar.ground)
         # A map of a scan that failed is no evidence against an object.
         modalities = modalities_without(skipped, MODALITIES if has_scan else ("rgb",))
         with self._budget.measured(skipped, clock):
@@ -178,11 +181,13 @@ class CameraStages(Restorable):
     def _skippable(self, frame: Frame, *, has_scan: bool) -> list[SkippableStage]:
         """Return the stages that this frame may go without, the first of them first."""
         sources = {"rgb": frame.image is not None and frame.calibration is not None}
-        detecting = [
+        detecting: list[DetectorModality] = [
             name
             for name in (self._detectors.detectors if self._detectors else ())
             if sources.get(name, has_scan)
         ]
+        if self._bev is not None and has_scan:
+            detecting.append("bev")
         has_depthcn = self._depthcn is not None and has_scan
         return skippable_stages(self._skips, detecting, has_depthcn=has_depthcn)
 
