@@ -9,6 +9,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.detection.vehicles.bev_objects import log_odds
 from perception.geometry.box_overlap import iou_bev
@@ -34,9 +35,10 @@ _CLASS_COST = 0.2  # cost of a pair of two classes
 _SCORE_EVIDENCE, _EXISTENCE_EVIDENCE = (0.1, 0.0), (0.5, 1.0)
 # Ratio of the deviations from above to those of the camera and its returns at which both boxes are as good, on these streets.
 _INFLATION = 3.0
-_UNSEEN = (
-    -1.7
-)  # log-odds that an object is there although a camera that should show it does not, fitted there
+# Log-odds that an object is there although a camera that should show it does not, fitted there.
+_UNSEEN = -1.7
+# Classes of the view from above that a detector in an image calls trucks.
+_LARGE, _TRUCK = ("Bus", "Trailer"), "Truck"
 
 
 def join_bev(
@@ -137,8 +139,11 @@ def _joined(
     boxes = replace(own.boxes, yaw_rad=np.where(is_surer, wrap(ahead_rad), own.boxes.yaw_rad))
     reversal = np.where(is_surer, seen.box_deviations.reversal, own.box_deviations.reversal)
     deviations = replace(own.box_deviations, reversal=reversal)
+    types, above = own.fused.detections.types, seen.fused.detections.types
+    of_all = vehicles.fused.detections.types.astype(np.result_type(types, above))
+    of_all[rows] = np.where((types == _TRUCK) & np.isin(above, _LARGE), above, types)
     return replace(
-        _with_evidence(vehicles, *evidence),
+        _with_evidence(_with_types(vehicles, of_all), *evidence),
         boxes=vehicles.boxes.replaced(rows, boxes.replaced(is_better, seen.boxes[is_better])),
         covariances=covariances,
         box_deviations=vehicles.box_deviations.replaced(
@@ -153,6 +158,11 @@ def are_covered(boxes: Boxes3D, vehicles: Vehicles) -> Bool:
     """Return (M,) whether boxes from above overlap a vehicle on the ground."""
     overlap = np.nan_to_num(iou_bev(boxes, vehicles.boxes))
     return np.asarray(overlap.max(axis=1, initial=0.0) >= _MIN_IOU)
+
+
+def _with_types(vehicles: Vehicles, types: NDArray[np.str_]) -> Vehicles:
+    detections = replace(vehicles.fused.detections, types=types)
+    return replace(vehicles, fused=replace(vehicles.fused, detections=detections))
 
 
 def _with_evidence(vehicles: Vehicles, of_score: Float64, of_existence: Float64) -> Vehicles:

@@ -35,7 +35,7 @@ class ClassSize:
 
 
 # Mean and standard deviation of the 7,481 labelled training frames of KITTI's object benchmark; of the classes that it does
-# not have, means of nuScenes.
+# not have, means of nuScenes; but heights do not tell buses and trailers from trucks.
 CLASS_SIZES: Mapping[str, ClassSize] = {
     "car": ClassSize(Normal(3.88, 0.43), Normal(1.63, 0.10), Normal(1.53, 0.14)),
     "van": ClassSize(Normal(5.08, 0.83), Normal(1.90, 0.17), Normal(2.21, 0.32)),
@@ -44,8 +44,8 @@ CLASS_SIZES: Mapping[str, ClassSize] = {
     "pedestrian": ClassSize(Normal(0.84, 0.23), Normal(0.66, 0.14), Normal(1.76, 0.11), False),
     "person_sitting": ClassSize(Normal(0.80, 0.22), Normal(0.59, 0.08), Normal(1.27, 0.11), False),
     "cyclist": ClassSize(Normal(1.76, 0.18), Normal(0.60, 0.12), Normal(1.74, 0.09), False),
-    "bus": ClassSize(Normal(11.10, 2.0), Normal(2.90, 0.25), Normal(3.44, 0.35)),
-    "trailer": ClassSize(Normal(12.28, 3.0), Normal(2.92, 0.3), Normal(3.87, 0.5)),
+    "bus": ClassSize(Normal(11.10, 2.0), Normal(2.90, 0.25), Normal(3.25, 0.45)),
+    "trailer": ClassSize(Normal(12.28, 3.0), Normal(2.92, 0.3), Normal(3.25, 0.45)),
     "motorcycle": ClassSize(Normal(2.10, 0.25), Normal(0.77, 0.15), Normal(1.47, 0.2), False),
     "bicycle": ClassSize(Normal(1.70, 0.2), Normal(0.61, 0.15), Normal(1.29, 0.2), False),
 }

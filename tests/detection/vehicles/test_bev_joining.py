@@ -25,7 +25,7 @@ from tests.vehicle_scenes import (
     sides,
 )
 
-CLASSES = ("Car", "Truck", "Pedestrian")
+CLASSES = ("Car", "Truck", "Pedestrian", "Bus")
 AHEAD, BEHIND, BESIDE = (15.0, 3.0, 0.2), (-12.0, -3.0, 0.1), (2.0, 9.0, 1.5)
 
 
@@ -37,12 +37,15 @@ def above(boxes: Boxes3D, *, score: float = 0.6, number: int = 0, position_m: fl
     return BevDetections(boxes, classes, scores, deviations, np.full(count, 0.05))
 
 
-def seen_by_both(boxes: Boxes3D, found: BevDetections, score: float = 0.6):
+def seen_by_both(boxes: Boxes3D, found: BevDetections, score: float = 0.6, kind: str = "Car"):
     """Return the frame of some cars, what a camera shows of them, and what is seen from above."""
     frame = frame_of(road(), sides(boxes))
     in_camera = box_outlines_px(CALIBRATION.image_P_velo, boxes, SIZE_PX)
     shown = boxes[np.isfinite(in_camera).all(axis=1)]
-    located = locate(detected(shown, score), frame, FlatRoad())
+    fused = detected(shown, score)
+    types = np.full(len(shown), kind)
+    fused = replace(fused, detections=replace(fused.detections, types=types))
+    located = locate(fused, frame, FlatRoad())
     return frame, located, bev_vehicles(found, CLASSES, frame)
 
 
@@ -114,6 +117,19 @@ def test_only_what_a_camera_should_show_and_does_not_has_a_lower_score():
     assert unseen.dominant_modalities.tolist() == ["bev", "bev"]
     unsearched = join_bev(Vehicles.empty(len(frame.points_velo)), found, frame, [])
     assert unsearched.fused.detections.scores.tolist() == own.tolist()
+
+
+def test_a_bus_that_a_camera_calls_a_truck_is_a_bus_and_stays_one():
+    true = cars((20.0, 3.0, 0.1), size_m=(11.0, 2.9, 3.1))
+    tracker, bus = VehicleTracker(), CLASSES.index("Bus")
+    for index in range(3):
+        frame, located, found = seen_by_both(true, above(true, number=bus), kind="Truck")
+        frame = replace(frame, index=index, stamp_s=0.1 * index)
+        joined = join_bev(located, found, frame, [0])
+        assert joined.fused.detections.types.tolist() == ["Bus"]
+        tracked = tracker.update(joined, frame, np.eye(4)).vehicles
+    assert tracked.fused.detections.types.tolist() == ["Bus"]
+    assert tracked.ids[0] >= 0
 
 
 def test_a_person_before_a_car_and_a_car_behind_another_stay_two():
