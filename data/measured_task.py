@@ -24,6 +24,7 @@ from perception.evaluation.nuscenes.boxes import TaskDetections
 from perception.evaluation.nuscenes.protocol import MAX_BOXES, PROTOCOL
 from perception.evaluation.nuscenes.report import SampleObjects, TaskReport, measure_task
 from perception.pipeline import PipelineConfig
+from perception.types import Result
 
 _TITLE = "nuScenes detection task"
 _SPLIT = "the files under data; the training data of the program are not known"
@@ -101,17 +102,30 @@ def measure_task_drives(
     for name, drive in reader.drives(paths):
         networks = open_vehicle_detector("fused", drive, detection, LabelNoise()).metadata
         evaluation_labels(drive, 0)  # a fault in them is met before the pipeline runs
-        entries, indices = ResultEntries(drive), []
-        for result in reader.results(drive, PipelineConfig(detection=detection)):
-            entries.add(result)
-            indices.append(result.frame.index)
-        samples = read_samples(drive, indices)
-        results = ResultFiles(drive.root, "detections", "nuScenes", entries.document())
+        task, indices = measure_task_run(
+            drive, reader.results(drive, PipelineConfig(detection=detection))
+        )
         sampled = [index for index in indices if drive.sample_token(index) is not None]
-        info = reader.describe(name, drive, sampled, networks)
-        measured.append((info, _measure(results, samples)))
+        measured.append((reader.describe(name, drive, sampled, networks), task))
     report = DrivesReport(measured)
     return report, EvaluationDocument.of_networks("detection", report.data, PROTOCOL, networks)
+
+
+def measure_task_run(
+    drive: RecordedDrive, results: Iterable[Result]
+) -> tuple[TaskReport, list[int]]:
+    """Measure the vehicles of a run; return the metrics, and the indices of its frames.
+
+    Args:
+        drive: Labelled drive.
+        results: Results of the pipeline on its frames.
+    """
+    entries, indices = ResultEntries(drive), []
+    for result in results:
+        entries.add(result)
+        indices.append(result.frame.index)
+    files = ResultFiles(drive.root, "detections", "nuScenes", entries.document())
+    return _measure(files, read_samples(drive, indices)), indices
 
 
 def require_unset(**flags: object) -> None:

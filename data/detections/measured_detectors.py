@@ -9,6 +9,7 @@ import numpy as np
 
 from data.array_store import ArrayStore
 from data.detections.cached_detections import FingerprintedDetector, detected_scene
+from perception.detection.bev.detector import BevDetector
 from perception.detection.config import DetectionConfig, FusionVariant
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.detector_description import YAML_SUFFIXES
@@ -22,7 +23,9 @@ from perception.detection.fusion.detector_fusion import (
     fusion_of,
 )
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.networks import open_depthcn, open_detectors, open_fusion
+from perception.detection.networks import open_bev, open_depthcn, open_detectors, open_fusion
+from perception.detection.vehicles.bev_joining import join_bev
+from perception.detection.vehicles.bev_objects import bev_vehicles
 from perception.detection.vehicles.locate import locate
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import LocatedDetections
@@ -51,20 +54,25 @@ class SceneLocator:
         fusion: Fusion of the modalities.
         sensor: LiDAR model of the scans.
         config: Pipeline configuration.
+        bev: Detector of the bird's-eye view, whose objects are joined; None without it.
     """
 
     fusion: DetectionFusion
     sensor: LidarModel
     config: PipelineConfig
+    bev: BevDetector | None = None
 
     def locate(self, scene: DetectedScene, frame: Frame) -> LocatedScene:
         """Return the detections of a frame with those of the fusion located in its scan."""
         fused = self.fusion.fuse(scene)
         vehicles = locate(fused, frame, self._ground(frame), self.config.vehicles)
-        camera, _ = camera_of(frame)
-        return LocatedScene(
-            scene, LocatedDetections(vehicles.fused.detections, vehicles.boxes, camera)
-        )
+        if self.bev is not None:
+            found = bev_vehicles(self.bev.detect(frame.points_velo), self.bev.class_names, frame)
+            searched = [0] if "rgb" in scene.modality_detections else []
+            joined = join_bev(vehicles, found, frame, searched)
+            vehicles = joined.select(np.flatnonzero(joined.cameras == 0))
+        located = LocatedDetections(vehicles.fused.detections, vehicles.boxes, camera_of(frame)[0])
+        return LocatedScene(scene, located, has_bev=self.bev is not None)
 
     def _ground(self, frame: Frame) -> GroundModel:
         """Return the ground of a drive that starts with this frame."""
@@ -192,7 +200,8 @@ def _fusion(options: DetectorOptions) -> MeasuredDetector:
     def start(drive: Drive) -> tuple[Detect, FusionMeasure]:
         measure = FusionMeasure(classes, options.metric, options.progress, fusions=fusions)
 
-        locator = SceneLocator(fusion, drive.sensor, PipelineConfig())
+        bev = open_bev(options.config, drive.sensor)
+        locator = SceneLocator(fusion, drive.sensor, PipelineConfig(), bev)
 
         def detect(frame: Frame) -> LocatedScene:
             scene = detected_scene(drive, frame.index, cached, store)

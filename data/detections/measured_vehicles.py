@@ -10,7 +10,7 @@ from data.labelled_drives import LabelledDrives
 from data.recorded_drive import RecordedDrive
 from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.networks import open_detectors, open_fusion
+from perception.detection.networks import open_bev, open_detectors, open_fusion
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.errors import CalibrationError, DriveError
@@ -83,6 +83,8 @@ def open_vehicle_detector(
         return OpenedVehicleDetector(detector.detect, {"depthcn": detector.verifier.model.metadata})
     metadata = {str(key): one.metadata for key, one in open_detectors(config).items()}
     metadata["fusion default"] = open_fusion(config).metadata
+    if (bev := open_bev(config, drive.sensor)) is not None:
+        metadata["bev"] = bev.model.metadata
     return OpenedVehicleDetector(metadata=metadata)
 
 

@@ -80,21 +80,21 @@ def _vehicle_rows(result: Result, min_score: float) -> Rows:
     vehicles = result.vehicles
     assert vehicles is not None
     rows = np.flatnonzero(vehicles.fused.detections.scores >= min_score)
-    fused = vehicles.fused[rows]
+    fused, cameras = vehicles.fused[rows], vehicles.cameras[rows]  # -1 is no camera
     boxes_px = fused.detections.boxes_px
     if result.frame.calibration is None:
         boxes_px = np.full_like(boxes_px, np.nan)
-    modalities = np.array([*MODALITIES, ""])  # -1 is no modality
     return {
         **_object_rows(result, vehicles.as_tracks(rows)),
         "existence": fused.existence,
-        "camera": np.array([view.camera for view in result.frame.views])[vehicles.cameras[rows]],
+        "camera": np.array([*(view.camera for view in result.frame.views), ""])[cameras],
         **dict(zip(("x1_px", "y1_px", "x2_px", "y2_px"), boxes_px.T, strict=True)),
-        "dominant_modality": modalities[fused.dominant_modality],
+        "dominant_modality": vehicles.dominant_modalities[rows],
         **{
-            f"score_{modality}": _source_scores(result, modality, sources, vehicles.cameras[rows])
+            f"score_{modality}": _source_scores(result, modality, sources, cameras)
             for modality, sources in zip(MODALITIES, fused.source_indices.T, strict=True)
         },
+        "score_bev": vehicles.bev_scores[rows],
         "points": vehicles.point_counts[rows],
         "distance_m": vehicles.distances_m[rows],
     }

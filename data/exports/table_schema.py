@@ -32,10 +32,7 @@ _FRAME: Columns = {
 def _place(frame: str, of: str) -> Columns:
     """Return the columns of an object's place in one frame of reference."""
     axes = {axis: TableColumn("double", f"centre of the bottom face in {of}") for axis in "xyz"}
-    speeds = {
-        axis: TableColumn("double", f"velocity over the ground along {axis} of {of}")
-        for axis in "xy"
-    }
+    speeds = {axis: TableColumn("double", f"velocity along {axis} of {of}") for axis in "xy"}
     return {
         **{f"{axis}_{frame}_m": column for axis, column in axes.items()},
         f"yaw_{frame}_rad": TableColumn("double", "heading from -pi to pi, from x towards y"),
@@ -56,8 +53,8 @@ _OBJECT: Columns = {
     **_place("world", "the world frame of `poses`"),
     "std_x_velo_m": TableColumn("double", "standard deviation of x"),
     "std_y_velo_m": TableColumn("double", "standard deviation of y"),
-    "std_vx_velo_m_s": TableColumn("double", "standard deviation of the velocity along x"),
-    "std_vy_velo_m_s": TableColumn("double", "standard deviation of the velocity along y"),
+    "std_vx_velo_m_s": TableColumn("double", "standard deviation of vx"),
+    "std_vy_velo_m_s": TableColumn("double", "standard deviation of vy"),
     "std_length_m": TableColumn("double", "standard deviation of the length"),
     "std_width_m": TableColumn("double", "standard deviation of the width"),
     "std_height_m": TableColumn("double", "standard deviation of the height"),
@@ -122,12 +119,15 @@ TABLES: Final[Mapping[str, Columns]] = {
         "y1_px": TableColumn("double", "upper edge"),
         "x2_px": TableColumn("double", "right edge"),
         "y2_px": TableColumn("double", "lower edge"),
-        "dominant_modality": TableColumn("string", "detector with the largest weight: rgb, dm, rm"),
+        "dominant_modality": TableColumn(
+            "string", "detector with the largest weight: rgb, dm, rm, bev"
+        ),
         "score_rgb": TableColumn("double", "score of the camera's detector"),
         "score_dm": TableColumn("double", "score of the depth map's detector"),
         "score_rm": TableColumn("double", "score of the reflectance map's detector"),
+        "score_bev": TableColumn("double", "score of the bird's-eye view's detector"),
         "points": TableColumn("int32", "LiDAR points on the vehicle"),
-        "distance_m": TableColumn("double", "distance from the LiDAR to the nearest return"),
+        "distance_m": TableColumn("double", "distance to the nearest return"),
     },
     "timings": {
         **_FRAME,

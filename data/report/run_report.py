@@ -26,9 +26,14 @@ from data.results.run_folder import FindingRecord, FrameRecord
 from perception.detection.config import DetectionConfig
 from perception.evaluation.stage_times import END_TO_END, stage_table
 from perception.render.curve_plots import Curve, CurvePanel, precision_panel
-from perception.types import MODALITIES, HealthLevel, Progress
+from perception.types import DETECTOR_MODALITIES, HealthLevel, Progress
 
-MODALITY_NAMES = {"rgb": "image", "dm": "depth map", "rm": "reflectance map"}
+MODALITY_NAMES = {
+    "rgb": "image",
+    "dm": "depth map",
+    "rm": "reflectance map",
+    "bev": "from above",
+}
 COLUMNS = ("object", "id", "speed [m/s]", "distance [m]", "score")
 FRAME = "frame"
 _NO_IMAGES = "No images: the run left neither a video nor panels."
@@ -230,25 +235,26 @@ def _detection_sections(run: RunData, plots: Plots) -> list[Section]:
         figures.append(plots.add(f"Precision-recall: {one.title}", curves_figure(panel)))
     if run.vehicles:
         counts = _agreement(run)
-        names = [MODALITY_NAMES[one] for one in MODALITIES]
+        used = np.flatnonzero(counts.diagonal())
+        names = [MODALITY_NAMES[DETECTOR_MODALITIES[one]] for one in used]
         note = (
             "Listed vehicles with a fused score of at least "
             f"{DetectionConfig.display_score:g} that both detectors found; the diagonal counts all of one detector."
         )
-        figure = matrix_figure(names, counts, "")
+        figure = matrix_figure(names, counts[np.ix_(used, used)], "")
         figures.append(plots.add("Vehicles found by each pair of detectors", figure, note))
     return [Section("Detection", f'<div class="plots">{"".join(figures)}</div>')] if figures else []
 
 
 def _agreement(run: RunData) -> np.ndarray[Any, Any]:
-    """Return the (3, 3) number of vehicles that two modalities found together."""
+    """Return the (4, 4) number of vehicles that two modalities found together."""
     found_by = [
-        [one.scores.get(name) is not None for name in MODALITIES]
+        [one.scores.get(name) is not None for name in DETECTOR_MODALITIES]
         for frame in run.vehicles.values()
         for one in frame.vehicles
         if (one.score or 0.0) >= DetectionConfig.display_score
     ]
-    found = np.array(found_by, np.int64).reshape(-1, len(MODALITIES))
+    found = np.array(found_by, np.int64).reshape(-1, len(DETECTOR_MODALITIES))
     return np.asarray(found.T @ found)
 
 

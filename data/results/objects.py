@@ -127,9 +127,11 @@ class VehicleRecord(ObjectRecord):
 
     Attributes:
         existence: Probability that the object exists, accumulated over the detections of its track, 0 to 1.
-        camera: Name of the camera that the rectangle and the scores are of, the one that shows the vehicle best.
+        camera: Name of the camera that the rectangle and the scores are of, the one that shows the vehicle best;
+            empty where none does.
         box_px: Rectangle x1 y1 x2 y2 in its image; null without a camera.
-        dominant_modality: Modality of the detector with the largest weight in the fused score.
+        dominant_modality: Modality of the detector with the largest weight in the fused score; bev where it is seen
+            from above alone.
         scores: Score of each detector by modality; null where it has no detection.
         points: Number of LiDAR points on the vehicle.
         distance_m: Distance from the LiDAR to the nearest return.
@@ -162,15 +164,20 @@ class FrameVehicles(FrameLine):
             return None
         rows = np.flatnonzero(vehicles.fused.detections.scores >= min_score)
         fused, has_camera = vehicles.fused[rows], result.frame.calibration is not None
+        cameras = vehicles.cameras[rows].tolist()
+        bev_scores = to_serializable(np.round(vehicles.bev_scores[rows], 4))
         columns = {
             "existence": numbers(fused.existence),
-            "camera": [result.frame.views[one].camera for one in vehicles.cameras[rows].tolist()],
-            "box_px": numbers(fused.detections.boxes_px) if has_camera else [None] * len(rows),
-            "dominant_modality": [MODALITIES[one] for one in fused.dominant_modality],
+            "camera": [result.frame.views[one].camera if one >= 0 else "" for one in cameras],
+            "box_px": [
+                numbers(box_px) if has_camera and np.isfinite(box_px).all() else None
+                for box_px in fused.detections.boxes_px
+            ],
+            "dominant_modality": vehicles.dominant_modalities[rows].tolist(),
             "scores": [
-                _scores(result.detections_in(camera), sources)
-                for camera, sources in zip(
-                    vehicles.cameras[rows].tolist(), fused.source_indices, strict=True
+                {**_scores(result.detections_in(camera), sources), "bev": bev_score}
+                for camera, sources, bev_score in zip(
+                    cameras, fused.source_indices, bev_scores, strict=True
                 )
             ],
             "points": vehicles.point_counts[rows].tolist(),

@@ -14,6 +14,7 @@ from data.results.result_writer import ResultWriter
 from data.results.run_config import RunConfig
 from data.results.run_folder import RunFiles
 from data.results.run_video import RunVideo
+from perception.detection.networks import enabled_modalities
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
 from perception.render.scene import SelectedObject
@@ -21,6 +22,7 @@ from perception.types import Drive, Progress, Result
 
 # Bounds the memory of frames that wait to be written.
 _MAX_QUEUED = 2
+_BEV_REACH_M = 50.0  # that the video shows all round
 
 
 class BackgroundWriter(ResultWriter):
@@ -83,6 +85,7 @@ def run_writers(
     """
     composition = Composition(
         area=config.pipeline.area,
+        reach_m=_BEV_REACH_M if "bev" in enabled_modalities(config.pipeline.detection) else 0.0,
         period_s=frame_period_s(drive),
         display_score=config.pipeline.detection.display_score,
         detector_views=config.video_views,

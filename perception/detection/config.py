@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from perception.errors import UsageError
-from perception.types import MODALITIES, Method, Modality
+from perception.types import DETECTOR_MODALITIES, DetectorModality, Method, Modality
 
 _SMALLEST_CELL_M = 0.05
 
@@ -184,14 +184,15 @@ def tri_box_config(variant: FusionVariant, max_partners: int | None = None) -> T
 
 @dataclass(frozen=True)
 class DetectionConfig:
-    """Vehicle detectors that run on each frame with a camera.
+    """Detectors that run on each frame.
 
     Attributes:
-        modalities: Modalities to detect in and fuse: rgb (image), dm (depth map), rm (reflectance map);
-            an empty list for none; else all that have a network.
+        modalities: Modalities to detect in and fuse: rgb (image), dm (depth map), rm (reflectance map),
+            bev (scan from above); an empty list for none; else rgb, dm and rm.
         rgb_model: ONNX file of another image detector than the one of this package.
         dm_model: ONNX file of another depth map detector.
         rm_model: ONNX file of another reflectance map detector.
+        bev_model: ONNX file of another detector of the bird's-eye view.
         fusion_model: ONNX file of another fusion network of the modalities (6.2.4).
         depthcn: DepthCN, the LiDAR detector.
         tri_boxes: Combinations of boxes in place of those that the fusion was trained with.
@@ -199,10 +200,11 @@ class DetectionConfig:
         display_score: Score from which a detection is drawn, and counted as a vehicle in summaries, 0 to 1.
     """
 
-    modalities: tuple[Modality, ...] | None = None
+    modalities: tuple[DetectorModality, ...] | None = None
     rgb_model: Path | None = None
     dm_model: Path | None = None
     rm_model: Path | None = None
+    bev_model: Path | None = None
     fusion_model: Path | None = None
     depthcn: DepthCnConfig = field(default_factory=DepthCnConfig)
     tri_boxes: TriBoxOverrides = field(default_factory=TriBoxOverrides)
@@ -211,11 +213,11 @@ class DetectionConfig:
 
     def __post_init__(self) -> None:
         """Validate modalities and display score; take names of files as paths."""
-        _take_as_paths(self, "rgb_model", "dm_model", "rm_model", "fusion_model")
+        _take_as_paths(self, "rgb_model", "dm_model", "rm_model", "bev_model", "fusion_model")
         if self.modalities is not None and len(set(self.modalities)) < len(self.modalities):
             raise UsageError(
                 "modalities",
-                expected=f"some of {', '.join(MODALITIES)}, each once",
+                expected=f"some of {', '.join(DETECTOR_MODALITIES)}, each once",
                 found=", ".join(self.modalities),
             )
         if not 0 <= self.display_score <= 1:
@@ -225,7 +227,7 @@ class DetectionConfig:
 
     @property
     def models(self) -> dict[Modality, Path | None]:
-        """ONNX file of each modality's detector, where one is named."""
+        """ONNX file of the detector of each modality in an image, where one is named."""
         return {"rgb": self.rgb_model, "dm": self.dm_model, "rm": self.rm_model}
 
 

@@ -1,5 +1,6 @@
 """The networks that a configuration names, opened."""
 
+from perception.detection.bev.detector import BevDetector
 from perception.detection.config import DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modalities import SHIPPED_DETECTORS
@@ -7,11 +8,13 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
 from perception.sensor import LidarModel
-from perception.types import MODALITIES, Modality
+from perception.types import MODALITIES, DetectorModality, Modality
+
+SHIPPED_BEV = "bev_centers"
 
 
-def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
-    """Return the configured modalities; where none are given, all whose network is there."""
+def enabled_modalities(config: DetectionConfig) -> tuple[DetectorModality, ...]:
+    """Return the configured modalities; where none are given, all in an image whose network is there."""
     if config.modalities is not None:
         return config.modalities
     return tuple(
@@ -21,15 +24,27 @@ def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
     )
 
 
+def open_bev(config: DetectionConfig, sensor: LidarModel) -> BevDetector | None:
+    """Open the detector of the bird's-eye view, for one thread; None where it is not among the modalities.
+
+    Raises:
+        ModelError: there is no such file, or it holds no such detector.
+    """
+    if "bev" not in enabled_modalities(config):
+        return None
+    return BevDetector(config.bev_model or shipped_model(SHIPPED_BEV), sensor, threads=1)
+
+
 def open_detectors(config: DetectionConfig) -> dict[Modality, ModalityDetector]:
-    """Open the detectors of the configured modalities, for one thread each.
+    """Open the detectors of the configured modalities in an image, for one thread each.
 
     Raises:
         ModelError: there is no such file, or it holds no detector.
     """
     return {
         modality: ModalityDetector(config.models[modality] or modality, threads=1, nms=config.nms)
-        for modality in enabled_modalities(config)
+        for modality in MODALITIES
+        if modality in enabled_modalities(config)
     }
 
 

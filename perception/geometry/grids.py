@@ -52,6 +52,11 @@ class LocalArea:
             & (np.abs(y) < self.side_m + margin_m)
         )
 
+    def covers(self, other: "LocalArea") -> bool:
+        """Tell whether another area, seen from above, lies within this one."""
+        reaches = ((one.ahead_m, one.behind_m, one.side_m) for one in (self, other))
+        return all(own >= others for own, others in zip(*reaches, strict=True))
+
     def crop(self, points_velo: Float) -> CroppedScan:
         """Return the (N, 3+) points that lie over the area."""
         rectangle = (-self.behind_m, self.ahead_m, -self.side_m, self.side_m)

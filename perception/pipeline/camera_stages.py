@@ -1,4 +1,4 @@
-"""The stages that detect vehicles: dense maps, detectors of three modalities and their fusion, DepthCN, tracks.
+"""The stages that detect vehicles: detectors in images, in dense maps and from above, their fusion, DepthCN, tracks.
 
 With several cameras, maps, detectors and fusion run for each of them, one camera after the other with the same
 networks. Each camera's detections are located in the scan, those of one object are joined there, and tracked once.
@@ -6,16 +6,15 @@ networks. Each camera's detections are located in the scan, those of one object 
 
 import logging
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import Future
 from dataclasses import replace
 
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
 from perception.detection.fusion.nms_fusion import NmsFusion
-from perception.detection.networks import open_depthcn, open_detectors, open_fusion
+from perception.detection.networks import open_bev, open_depthcn, open_detectors, open_fusion
 from perception.detection.onnx_model import shipped_model
+from perception.detection.vehicles.bev_joining import join_bev
 from perception.detection.vehicles.camera_joining import join_cameras
-from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.health.camera_monitors import AllCameraMonitors, without_failed_cameras
 from perception.health.miscalibration import MiscalibrationMonitor, corrected
@@ -23,9 +22,12 @@ from perception.health.monitors import is_scan_usable
 from perception.health.stage_times import StageTimeMonitor
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
+from perception.pipeline.bev_stage import BevStage
 from perception.pipeline.budget import TimeBudget
-from perception.pipeline.lidar_stages import LidarResult
+from perception.pipeline.config import PipelineConfig
+from perception.pipeline.lidar_stages import LidarFutures, LidarResult
 from perception.pipeline.skipped_stages import (
+    BEV_DETECTOR,
     DEPTHCN,
     SkippableStage,
     modalities_without,
@@ -39,11 +41,12 @@ from perception.types import (
     MAP_MODALITIES,
     MODALITIES,
     Detections,
+    DetectorModality,
     Frame,
-    Health,
     Modality,
     ModalityDetections,
     Result,
+    Vehicles,
 )
 
 log = logging.getLogger(__name__)
@@ -57,32 +60,24 @@ class CameraStages(Restorable):
         *("_camera_monitors", "_stage_times", "_miscalibration"),
     )
 
-    def __init__(
-        self,
-        sensor: LidarModel,
-        detection: DetectionConfig,
-        vehicles: VehicleConfig,
-        budget_ms: float | None = None,
-        budget_skips: Sequence[SkippableStage] = (),
-    ) -> None:
+    def __init__(self, sensor: LidarModel, config: PipelineConfig) -> None:
         """Open the networks.
 
         Args:
             sensor: LiDAR model of the scans.
-            detection: Detection configuration.
-            vehicles: Configuration of location and tracking.
-            budget_ms: Time from the arrival of a frame to its result in milliseconds; None without a limit.
-            budget_skips: Stages that a late frame skips, the first of them first.
+            config: Pipeline configuration.
 
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.
         """
-        self._sensor = sensor
+        self._sensor, detection = sensor, config.detection
         self._detectors = _open_detectors(detection)
+        bev = open_bev(detection, sensor)
+        self._bev = None if bev is None else BevStage(bev, config.area, detection.nms.min_score)
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
-        self._vehicles = vehicles
-        self._budget_s = None if budget_ms is None else budget_ms / 1e3
-        self._budget, self._skips = TimeBudget(self._budget_s), tuple(budget_skips)
+        self._vehicles = config.vehicles
+        self._budget_s = None if config.budget_ms is None else config.budget_ms / 1e3
+        self._budget, self._skips = TimeBudget(self._budget_s), tuple(config.budget_skips)
         self._noted: set[tuple[str, str]] = set()  # a camera and what it lacks
         self.reset()
 
@@ -93,19 +88,12 @@ class CameraStages(Restorable):
         self._stage_times = StageTimeMonitor(self._budget_s)
         self._miscalibration = MiscalibrationMonitor(self._sensor)
 
-    def step(
-        self,
-        frame: Frame,
-        health: "Future[Health]",
-        lidar: "Future[LidarResult]",
-        clock: StageClock,
-    ) -> Result:
+    def step(self, frame: Frame, lidar: LidarFutures, clock: StageClock) -> Result:
         """Run the stages on a frame in their order, beside those of the LiDAR worker.
 
         Args:
             frame: Frame of the drive.
-            health: Health of LiDAR and INS, which the LiDAR worker finds out first.
-            lidar: Result of the LiDAR stages, once they are done.
+            lidar: Results of the LiDAR stages, once they are done.
             clock: Clock of the stages.
         """
         for view in frame.views:
@@ -113,13 +101,15 @@ class CameraStages(Restorable):
         measured = frame
         camera = clock.run("image health", self._camera_monitors.update, frame)
         usable = without_failed_cameras(frame, camera)
-        has_scan = is_scan_usable(health.result())
+        has_scan = is_scan_usable(lidar.health.result())
         # By the frames before: camera and LiDAR are joined by what their edges tell, not by a calibration that is off.
         frame = corrected(usable, self._miscalibration.correction)
-        has_detector = self._detectors is not None or self._depthcn is not None
-        maps = clock.run("maps", _make_maps, frame) if has_detector and has_scan else None
+        maps = clock.run("maps", _make_maps, frame) if self._uses_maps and has_scan else None
         skippable = self._skippable(frame, has_scan=has_scan)
         skipped = self._budget.stages_to_skip(skippable, clock)
+        started_s, bev = clock.elapsed_s, None
+        if self._bev is not None and has_scan and BEV_DETECTOR not in skipped:
+            bev = self._bev.start(frame, lidar.ground)
         # A map of a scan that failed is no evidence against an object.
         modalities = modalities_without(skipped, MODALITIES if has_scan else ("rgb",))
         with self._budget.measured(skipped, clock):
@@ -133,8 +123,12 @@ class CameraStages(Restorable):
             detections += [
                 self._detect_further(view, modalities, clock) for view in frame.views[1:]
             ]
-            lidar_result = lidar.result()
-            vehicles = self._locate_and_track(frame, detections, lidar_result, clock)
+            above = None if bev is None else bev.result()
+            if above is not None:
+                clock.add(above.span, started_s)
+            lidar_result = lidar.result.result()
+            found = None if above is None else above.vehicles
+            vehicles = self._locate_and_track(frame, detections, found, lidar_result, clock)
         result = lidar_result.of_frame(measured)
         if vehicles is not None:
             main, *further = (_modality_detections(one) for one in detections)
@@ -161,21 +155,25 @@ class CameraStages(Restorable):
             ),
         )
 
+    @property
+    def _uses_maps(self) -> bool:
+        has_maps = self._detectors is not None and self._detectors.detectors.keys() != {"rgb"}
+        return has_maps or self._depthcn is not None
+
     def _note_missing(self, frame: Frame) -> None:
         """Log once each what the detectors have to do without."""
         modalities = set(self._detectors.detectors) if self._detectors else set()
-        uses_maps = self._depthcn is not None or bool(modalities - {"rgb"})
-        if frame.calibration is None and (modalities or uses_maps):
-            missing, rest = "calibration of a camera", "maps of a virtual camera"
+        if frame.calibration is None and (modalities or self._uses_maps):
+            missing, maps = "calibration of a camera", "maps of a virtual camera"
         elif frame.image is None and "rgb" in modalities:
-            missing, rest = "camera image", "maps of the scan"
+            missing, maps = "camera image", "maps of the scan"
         else:
             return
         if (frame.camera, missing) not in self._noted:
+            above = ["the scan from above"] if self._bev is not None else []
+            rest = " and ".join([maps] * self._uses_maps + above)
             vehicles = (
-                f"vehicles are detected in {rest} alone"
-                if uses_maps
-                else "no vehicles are detected"
+                f"vehicles are detected in {rest} alone" if rest else "no vehicles are detected"
             )
             log.warning("%s: no %s: %s", _named(frame), missing, vehicles)
             self._noted.add((frame.camera, missing))
@@ -183,11 +181,13 @@ class CameraStages(Restorable):
     def _skippable(self, frame: Frame, *, has_scan: bool) -> list[SkippableStage]:
         """Return the stages that this frame may go without, the first of them first."""
         sources = {"rgb": frame.image is not None and frame.calibration is not None}
-        detecting = [
+        detecting: list[DetectorModality] = [
             name
             for name in (self._detectors.detectors if self._detectors else ())
             if sources.get(name, has_scan)
         ]
+        if self._bev is not None and has_scan:
+            detecting.append("bev")
         has_depthcn = self._depthcn is not None and has_scan
         return skippable_stages(self._skips, detecting, has_depthcn=has_depthcn)
 
@@ -213,7 +213,9 @@ class CameraStages(Restorable):
         """Return the same of the frame as a further camera sees it."""
         if self._detectors is None:
             return None
-        uses_maps = any(name in MAP_MODALITIES for name in modalities)
+        uses_maps = any(
+            name in MAP_MODALITIES and name in self._detectors.detectors for name in modalities
+        )
         maps = clock.run("maps", _make_maps, view) if uses_maps else None
         with clock.nested() as spans:
             output = self._start_detectors(view, maps, modalities)()
@@ -235,13 +237,14 @@ class CameraStages(Restorable):
         self,
         frame: Frame,
         detections: Sequence[MultimodalOutput | None],
+        found: Vehicles | None,
         lidar: LidarResult,
         clock: StageClock,
     ) -> VehicleTrackerResult | None:
-        """Return the detections in each camera as tracked vehicles on the road, each once."""
+        """Return the detections in each camera and those from above as tracked vehicles on the road, each once."""
         if lidar.is_reset:
             self._tracker.clear()
-        if all(one is None for one in detections):
+        if found is None and all(one is None for one in detections):
             return None
         with clock.stage("vehicles"):
             # What was seen at another time says nothing of now.
@@ -260,6 +263,9 @@ class CameraStages(Restorable):
                 if one is not None
             }
             vehicles = join_cameras(located, frame, self._vehicles.min_existence)
+            if found is not None and is_now:
+                searched = [n for n, one in enumerate(detections) if _has_searched_image(one)]
+                vehicles = join_bev(vehicles, found, frame, searched)
             return self._tracker.update(vehicles, frame, lidar.world_SE3_velo, lidar.tracks)
 
 
@@ -270,6 +276,10 @@ def _modality_detections(output: MultimodalOutput | None) -> ModalityDetections:
 def _named(frame: Frame) -> str:
     """Return the file of a frame and, where it is not the only one, the name of the camera, for messages."""
     return frame.source if frame.camera == Frame.camera else f"{frame.source} {frame.camera}"
+
+
+def _has_searched_image(output: MultimodalOutput | None) -> bool:
+    return output is not None and "rgb" in output.scene.modality_detections
 
 
 def _make_maps(frame: Frame) -> DenseMaps:

@@ -1,7 +1,9 @@
 """The stages that need the scans alone: registration, ground, voxels, static and moving, moving objects."""
 
+from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -97,6 +99,20 @@ class LidarResult:
         )
 
 
+class LidarFutures(NamedTuple):
+    """What the LiDAR worker finds out of one frame, in this order.
+
+    Attributes:
+        health: Health of LiDAR and INS.
+        ground: Ground of the scan; None where it is not known of this one.
+        result: Result of all LiDAR stages.
+    """
+
+    health: Future[Health]
+    ground: Future[GroundModel | None]
+    result: Future[LidarResult]
+
+
 class LidarStages(Restorable):
     """Runs the LiDAR stages on the frames of a drive in turn."""
 
@@ -146,7 +162,13 @@ class LidarStages(Restorable):
         return clock.run("scan health", self._monitors.update, frame)
 
     def step(
-        self, frame: Frame, health: Health, clock: StageClock, *, with_datmo: bool = True
+        self,
+        frame: Frame,
+        health: Health,
+        clock: StageClock,
+        *,
+        with_datmo: bool = True,
+        on_ground: Callable[[GroundModel], object] | None = None,
     ) -> LidarResult:
         """Run the stages on a frame, in their order.
 
@@ -155,6 +177,7 @@ class LidarStages(Restorable):
             health: Health of LiDAR and INS in it, by `check`.
             clock: Clock of the stages.
             with_datmo: Whether moving objects are detected and tracked, where DATMO is on.
+            on_ground: Function that takes the ground of the scan as soon as it is known.
 
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
@@ -172,6 +195,8 @@ class LidarStages(Restorable):
             if self._last is not None and not scans.is_reset:
                 return self._segment_alone(frame, self._last, scans, health, clock)
         ground = clock.run("ground", self._ground.update, scans.window)
+        if on_ground is not None:
+            on_ground(ground)
         voxels = clock.run("voxels", self._motion.voxelize, scans.window, ground)
         obstacles = clock.run("static and moving", self._motion.segment, voxels)
         self._registration.mark_moving(obstacles.point_states == PointState.MOVING)

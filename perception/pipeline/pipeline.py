@@ -3,7 +3,7 @@
     LiDAR worker   | scan health - registration - ground - voxels - static and moving - moving objects -.
                    |     |                                                                            |
     camera worker  | image health - maps -.- DepthCN --------.- fusion ------------------------------- vehicles - Result
-    its threads    |                      `- three detectors -'
+    its threads    |    `- bird's-eye view `- three detectors -'
 
 Each worker is a thread, which takes one frame after another; a stage waits for the stages whose results it needs.
 Compiled functions, NumPy, OpenCV and the networks release Python's lock, so that both threads run at once.
@@ -13,18 +13,19 @@ import time
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Self
 
 from perception.geometry.threads import find_blas, limit_opencv_threads, usable_cores
 from perception.kernels.compiled import load_compiled
 from perception.pipeline.camera_stages import CameraStages
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.lidar_stages import LidarResult, LidarStages
+from perception.pipeline.lidar_stages import LidarFutures, LidarResult, LidarStages
 from perception.pipeline.memory import exempt_from_collection, limit_heaps, release_compiler
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, StageClock, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Frame, Health, PipelineSnapshot, Result
+from perception.types import Frame, GroundModel, Health, PipelineSnapshot, Result
 
 
 class Pipeline:
@@ -49,9 +50,7 @@ class Pipeline:
         self._lidar = LidarStages(sensor, config)
         with ThreadPoolExecutor(1) as loader:
             loading = loader.submit(load_compiled)
-            self._camera = CameraStages(
-                sensor, config.detection, config.vehicles, config.budget_ms, config.budget_skips
-            )
+            self._camera = CameraStages(sensor, config)
             loading.result()
         find_blas()
         if config.parallel:
@@ -136,29 +135,31 @@ class Pipeline:
         """Give the stages of a frame to the two workers."""
         clock = StageClock(self._lidar_worker.name, arrival_s)
         health = self._lidar_worker.submit(self._lidar.check, frame, clock)
-        lidar = self._lidar_worker.submit(
-            self._run_lidar_stages, frame, health, clock, has_snapshot
+        ground: Future[GroundModel | None] = Future()
+        result = self._lidar_worker.submit(
+            self._run_lidar_stages, frame, health, ground, clock, has_snapshot
         )
-        return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, health, lidar)
+        result.add_done_callback(partial(_give_up, ground))
+        lidar = LidarFutures(health, ground, result)
+        return self._camera_worker.submit(self._run_camera_stages, frame, arrival_s, lidar)
 
     def _run_lidar_stages(
-        self, frame: Frame, health: "Future[Health]", clock: StageClock, has_snapshot: bool
-    ) -> LidarResult:
-        """Run registration, ground, voxels, static and moving, and moving objects."""
-        result = self._lidar.step(frame, health.result(), clock)
-        return replace(result, snapshot=self._lidar.snapshot()) if has_snapshot else result
-
-    def _run_camera_stages(
         self,
         frame: Frame,
-        arrival_s: float,
         health: "Future[Health]",
-        lidar: "Future[LidarResult]",
-    ) -> Result:
+        ground: "Future[GroundModel | None]",
+        clock: StageClock,
+        has_snapshot: bool,
+    ) -> LidarResult:
+        """Run registration, ground, voxels, static and moving, and moving objects."""
+        result = self._lidar.step(frame, health.result(), clock, on_ground=ground.set_result)
+        return replace(result, snapshot=self._lidar.snapshot()) if has_snapshot else result
+
+    def _run_camera_stages(self, frame: Frame, arrival_s: float, lidar: LidarFutures) -> Result:
         """Run maps, detectors, fusion and DepthCN; then, with the LiDAR stages' result, vehicles."""
         clock = StageClock(self._camera_worker.name, arrival_s)
-        result = self._camera.step(frame, health, lidar, clock)
-        snapshot = lidar.result().snapshot
+        result = self._camera.step(frame, lidar, clock)
+        snapshot = lidar.result.result().snapshot
         if snapshot is None:
             return result
         return replace(result, snapshot=PipelineSnapshot(snapshot, self._camera.snapshot()))
@@ -166,6 +167,13 @@ class Pipeline:
     def _submit_reset(self) -> "Future[None]":
         self._camera_worker.submit(self._camera.reset)
         return self._lidar_worker.submit(self._lidar.reset)
+
+
+def _give_up(ground: "Future[GroundModel | None]", result: "Future[LidarResult]") -> None:
+    """Let nothing wait for the ground of a scan that ended without one."""
+    del result
+    if not ground.done():
+        ground.set_result(None)
 
 
 def frames_in_flight() -> int:

@@ -3,20 +3,22 @@
 from collections.abc import Collection, Iterable, Sequence
 from typing import Literal
 
-from perception.types import MODALITIES, Modality
+from perception.types import MODALITIES, DetectorModality, Modality
 
 # Names as in the times of the stages.
-SkippableStage = Literal["DepthCN", "rgb detector", "dm detector", "rm detector"]
+SkippableStage = Literal["DepthCN", "rgb detector", "dm detector", "rm detector", "bev detector"]
 DEPTHCN: SkippableStage = "DepthCN"
-_DETECTORS: dict[SkippableStage, Modality] = {
+BEV_DETECTOR: SkippableStage = "bev detector"
+_DETECTORS: dict[SkippableStage, DetectorModality] = {
     "rgb detector": "rgb",
     "dm detector": "dm",
     "rm detector": "rm",
+    BEV_DETECTOR: "bev",
 }
 
 
 def skippable_stages(
-    order: Iterable[SkippableStage], detecting: Iterable[Modality], *, has_depthcn: bool
+    order: Iterable[SkippableStage], detecting: Iterable[DetectorModality], *, has_depthcn: bool
 ) -> list[SkippableStage]:
     """Return those of some stages that a frame may go without, in their order.
 

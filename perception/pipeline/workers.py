@@ -59,6 +59,11 @@ class StageClock:
         with self.stage(name):
             return stage(*args, **kwargs)
 
+    def add(self, span: StageSpan, offset_s: float) -> None:
+        """Take over a stage that was measured elsewhere, since a time of this clock."""
+        times_s = (offset_s + span.start_s, offset_s + span.stop_s)
+        self.spans += (StageSpan(span.stage, span.worker or self._worker, *times_s),)
+
     @contextmanager
     def nested(self) -> Iterator[list[StageSpan]]:
         """Take over stages that were measured elsewhere: append their spans, relative to now, to the list.
@@ -68,15 +73,8 @@ class StageClock:
         offset_s = self.elapsed_s
         nested: list[StageSpan] = []
         yield nested
-        self.spans += tuple(
-            StageSpan(
-                span.stage,
-                span.worker or self._worker,
-                offset_s + span.start_s,
-                offset_s + span.stop_s,
-            )
-            for span in nested
-        )
+        for span in nested:
+            self.add(span, offset_s)
 
 
 class ThreadWorker:

@@ -65,6 +65,7 @@ class Composition:
     Attributes:
         size_px: (width, height) of an image; video needs even numbers.
         area: Local area of the obstacle stages.
+        reach_m: Distance in metres that the view from above shows all round; 0 for the local area alone.
         period_s: Time from one scan to the next in seconds, the time budget of a frame.
         display_score: Score from which a detection is drawn.
         detector_views: Whether the boxes of each modality's detector are drawn on the camera image.
@@ -72,6 +73,7 @@ class Composition:
 
     size_px: tuple[int, int] = (1600, 900)
     area: LocalArea = field(default_factory=LocalArea)
+    reach_m: float = 0.0
     period_s: float = 0.1
     display_score: float = DetectionConfig.display_score
     detector_views: bool = False
@@ -248,8 +250,9 @@ class _Views:
     def draw_from_above(self, panel: UInt8) -> None:
         """Draw the scene from above, with its scale."""
         area, size_px = self._layout.area, (panel.shape[1], panel.shape[0])
-        margins_m = (area.ahead_m, area.behind_m, area.side_m)
-        view = view_of_area(LocalArea(*(each_m + _SURROUND_M for each_m in margins_m)), size_px)
+        reaches_m = (area.ahead_m, area.behind_m, area.side_m)
+        shown_m = (max(each_m + _SURROUND_M, self._layout.reach_m) for each_m in reaches_m)
+        view = view_of_area(LocalArea(*shown_m), size_px)
         draw_birds_eye(panel, view, self._scene.result, self._surface)
         taken_px = draw_scale(panel, view, self._style.text_px - 1)
         labels = draw_objects(panel, view.image_P_velo, self._figures, self._style)

@@ -5,9 +5,11 @@ Other packages import all of it from here: `from perception.types import Frame`.
 """
 
 from perception.types.detections import (
+    DETECTOR_MODALITIES,
     MAP_MODALITIES,
     MODALITIES,
     Detections,
+    DetectorModality,
     FusedDetections,
     MapModality,
     Modality,
@@ -54,12 +56,12 @@ from perception.types.table import (
 )
 
 __all__ = [
-    "CALIBRATION", "CAMERA", "INS", "LIDAR", "MAP_MODALITIES", "MODALITIES", "SENSOR_PARTS",
-    "SHARED", "ArrayTable", "Bool", "BoxDeviations", "Boxes3D", "Calibration", "CameraImage",
-    "Complex64", "Detections", "Drive", "Fit", "Float", "Float32", "Float64", "Frame",
-    "FusedDetections", "GroundModel", "Health", "HealthFinding", "HealthLevel", "Int",
-    "KittiLayout", "Labels", "LidarModel", "MapFilling", "MapMethod", "MapModality", "Method",
-    "Modality", "ModalityDetections", "Obstacles", "OnBadFrame", "PipelineSnapshot", "PointState",
-    "PointTruth", "Progress", "Result", "StageSpan", "Tracks", "UInt8", "Vehicles", "Voxels",
-    "relative_to_start", "require_shape",
+    "CALIBRATION", "CAMERA", "DETECTOR_MODALITIES", "INS", "LIDAR", "MAP_MODALITIES", "MODALITIES",
+    "SENSOR_PARTS", "SHARED", "ArrayTable", "Bool", "BoxDeviations", "Boxes3D", "Calibration",
+    "CameraImage", "Complex64", "Detections", "DetectorModality", "Drive", "Fit", "Float",
+    "Float32", "Float64", "Frame", "FusedDetections", "GroundModel", "Health", "HealthFinding",
+    "HealthLevel", "Int", "KittiLayout", "Labels", "LidarModel", "MapFilling", "MapMethod",
+    "MapModality", "Method", "Modality", "ModalityDetections", "Obstacles", "OnBadFrame",
+    "PipelineSnapshot", "PointState", "PointTruth", "Progress", "Result", "StageSpan", "Tracks",
+    "UInt8", "Vehicles", "Voxels", "relative_to_start", "require_shape",
 ]  # fmt: skip

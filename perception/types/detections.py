@@ -32,6 +32,9 @@ class Detections(ArrayTable):
     types: NDArray[np.str_]
 
 
+# What the pipeline detects in: one of these images, or the scan from above.
+DetectorModality = Literal["rgb", "dm", "rm", "bev"]
+DETECTOR_MODALITIES: tuple[DetectorModality, ...] = get_args(DetectorModality)
 # Detections by modality; a modality whose detector did not run has no entry.
 ModalityDetections = Mapping[Modality, Detections]
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.types.detections import FusedDetections
+from perception.types.detections import MODALITIES, FusedDetections
 from perception.types.table import ArrayTable, Bool, Float64, Int, require_shape
 
 
@@ -115,7 +116,8 @@ class Vehicles:
         box_deviations: (M) standard deviations of the boxes.
         owners: (N,) vehicle that each point belongs to, or -1.
         cameras: (M,) camera whose image the detection is in, 0 of the main one and n of the n-th of
-            `Frame.further_cameras`; else the main camera of all.
+            `Frame.further_cameras`, -1 of one in no image; else the main camera of all.
+        bev_scores: (M,) score of the detector of the bird's-eye view, NaN where it has not found the vehicle.
     """
 
     fused: FusedDetections
@@ -127,13 +129,17 @@ class Vehicles:
     box_deviations: BoxDeviations
     owners: Int
     cameras: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    bev_scores: Float64 = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Validate shapes and lengths."""
         count = len(self.fused)
         if not len(self.cameras):
             object.__setattr__(self, "cameras", np.zeros(count, np.int64))
+        if not len(self.bev_scores):
+            object.__setattr__(self, "bev_scores", np.full(count, np.nan))
         require_shape("Vehicles.cameras", self.cameras, (count,))
+        require_shape("Vehicles.bev_scores", self.bev_scores, (count,))
         require_shape("Vehicles.ids", self.ids, (count,))
         require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
         require_shape("Vehicles.distances_m", self.distances_m, (count,))
@@ -141,11 +147,32 @@ class Vehicles:
         require_shape("Vehicles.covariances", self.covariances, (count, 4, 4))
         require_shape("Vehicles.box_deviations.yaw_rad", self.box_deviations.yaw_rad, (count,))
 
+    @classmethod
+    def empty(cls, points: int) -> Self:
+        """Return no vehicles in a scan of some number of points."""
+        unknown = np.zeros(0)
+        return cls(
+            fused=FusedDetections.empty(),
+            ids=np.zeros(0, np.int64),
+            boxes=Boxes3D.empty(),
+            distances_m=unknown,
+            velocities_m_s=np.zeros((0, 2)),
+            covariances=np.zeros((0, 4, 4)),
+            box_deviations=BoxDeviations.unknown(0),
+            owners=np.full(points, -1),
+        )
+
     def __len__(self) -> int:
         """Return M."""
         return len(self.fused)
 
     @property
+    def dominant_modalities(self) -> NDArray[np.str_]:
+        """(M,) names of the modalities with the largest contribution, empty where it is of none."""
+        names = np.array([*MODALITIES, ""])[self.fused.dominant_modality]
+        return np.where((names == "") & np.isfinite(self.bev_scores), "bev", names)
+
+    @cached_property
     def point_counts(self) -> Int:
         """(M,) number of points of each vehicle."""
         return np.bincount(self.owners[self.owners >= 0], minlength=len(self))

@@ -12,7 +12,7 @@ from data.results.documents import to_serializable
 from data.results.objects import FrameVehicles
 from data.results.records import read_records
 from perception.cli.main import main
-from perception.types import MODALITIES
+from perception.types import DETECTOR_MODALITIES, MODALITIES
 from tests.car_frames import write_car_frames_with_a_gap
 from tests.detection.bright_cells import bright_cells
 
@@ -71,7 +71,7 @@ def test_every_vehicle_has_the_scores_of_its_detectors(run_of_cars):
     written = [json.loads(line) for line in (run_of_cars / "vehicles.jsonl").open()]
     assert [to_serializable(line) for line in lines] == written
     for one in (vehicle for line in lines for vehicle in line.vehicles):
-        assert set(one.scores) == set(MODALITIES)
+        assert set(one.scores) == set(DETECTOR_MODALITIES)
         # There is no image, so that only the detectors of the LiDAR's maps run.
         assert one.scores["rgb"] is None
         assert one.dominant_modality in ("dm", "rm")

@@ -9,8 +9,9 @@ import pytest
 from data.synthetic.drive import SyntheticDrive
 from perception.detection.config import DetectionConfig
 from perception.pipeline import PipelineConfig
-from perception.types import MODALITIES
+from perception.types import DETECTOR_MODALITIES, MODALITIES
 from tests.detection.bright_cells import bright_cells
+from tests.detection.filled_cells import filled_cells
 
 FRAMES = 3
 
@@ -35,7 +36,9 @@ def all_stages(tmp_path_factory) -> PipelineConfig:
     for modality in MODALITIES:
         files[f"{modality}_model"] = folder / f"{modality}.onnx"
         files[f"{modality}_model"].write_bytes(bright_cells(modality))
-    return PipelineConfig(detection=DetectionConfig(modalities=MODALITIES, **files))
+    files["bev_model"] = folder / "bev.onnx"
+    files["bev_model"].write_bytes(filled_cells())
+    return PipelineConfig(detection=DetectionConfig(modalities=DETECTOR_MODALITIES, **files))
 
 
 @pytest.fixture(scope="session")

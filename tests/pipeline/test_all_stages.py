@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from perception.detection.bev.detector import BevDetector
 from perception.detection.config import NO_DETECTION, DepthCnConfig, DetectionConfig
 from perception.detection.depthcn import detector as depthcn_detector
 from perception.detection.depthcn.detector import DepthCn
@@ -14,6 +15,7 @@ from perception.detection.detectors import modalities
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import ModelError, PoseError
+from perception.geometry.grids import LocalArea
 from perception.maps.densify import densify
 from perception.maps.projection import VIRTUAL_CAMERA
 from perception.pipeline import Pipeline, PipelineConfig, camera_stages
@@ -23,7 +25,7 @@ from perception.types import MODALITIES
 STAGES = {
     *("scan health", "image health", "calibration"),
     *("registration", "ground", "voxels", "static and moving", "moving objects", "DepthCN"),
-    *("maps", "rgb detector", "dm detector", "rm detector", "fusion", "vehicles"),
+    *("maps", "rgb detector", "dm detector", "rm detector", "bev detector", "fusion", "vehicles"),
 }
 
 
@@ -95,9 +97,9 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
         has_detected.set()
         return verified
 
-    def step_late(*given):
+    def step_late(*given, **named):
         waited.append(has_detected.wait(timeout=20))
-        return step(*given)
+        return step(*given, **named)
 
     monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
     monkeypatch.setattr(LidarStages, "step", step_late)
@@ -145,6 +147,45 @@ def test_maps_are_made_once_for_all_detectors(street_frames, stages_in_turn, mon
     assert len(made) == 1
 
 
+def test_the_view_from_above_finds_vehicles_all_round_without_a_camera(
+    street_frames, stages_in_turn
+):
+    detection = replace(
+        stages_in_turn.detection, modalities=("bev",), depthcn=DepthCnConfig(enabled=False)
+    )
+    above = replace(stages_in_turn, detection=detection)
+    with Pipeline(config=above) as pipeline:
+        results = [
+            pipeline.step(replace(frame, image=None, calibration=None)) for frame in street_frames
+        ]
+    vehicles = results[-1].vehicles
+    assert results[-1].modality_detections == {}
+    assert set(vehicles.cameras.tolist()) == {-1}
+    assert (vehicles.ids >= 0).any()
+    bearings_rad = np.arctan2(vehicles.boxes.bottom_m[:, 1], vehicles.boxes.bottom_m[:, 0])
+    assert (np.abs(bearings_rad) > 2.5).any()
+    assert (np.abs(bearings_rad) < 0.5).any()
+    assert "maps" not in results[-1].timings_s
+
+
+def test_the_view_from_above_uses_the_ground_of_the_pipeline_where_that_covers_it(
+    street_frames, stages_in_turn, monkeypatch
+):
+    given = []
+    detect = BevDetector.detect
+
+    def note(detector, points_velo, ground=None):
+        given.append(ground)
+        return detect(detector, points_velo, ground)
+
+    monkeypatch.setattr(BevDetector, "detect", note)
+    for area in (LocalArea(30.0, 30.0, 30.0), LocalArea(30.0, 10.0, 30.0)):
+        with Pipeline(config=replace(stages_in_turn, area=area)) as pipeline:
+            given.append(pipeline.step(street_frames[0]).ground)
+    assert given[0] is given[1]
+    assert given[2] is None
+
+
 def test_result_holds_the_map_images(street_frames, stages_in_turn):
     frame = street_frames[0]
     with Pipeline(config=stages_in_turn) as pipeline:
@@ -189,6 +230,8 @@ def test_what_is_missing_of_the_camera_is_noted_once(
     street_frames, stages_in_turn, caplog, missing, named, camera
 ):
     frames = [replace(frame, **dict.fromkeys(missing)) for frame in street_frames]
+    in_images = replace(stages_in_turn.detection, modalities=MODALITIES)
+    stages_in_turn = replace(stages_in_turn, detection=in_images)
     with Pipeline(config=stages_in_turn) as pipeline:
         results = [pipeline.step(frame) for frame in frames]
     ((source, what, _),) = notes_of(caplog)

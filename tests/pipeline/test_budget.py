@@ -1,5 +1,8 @@
 """A frame that would be late goes without some stages, and its result says so."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from perception.errors import UsageError
@@ -91,6 +94,17 @@ def test_a_late_frame_goes_without_the_stages_that_are_named(street_frames):
     assert result.depthcn is not None and result.vehicles is not None
     faults = {finding.fault for finding in result.health.findings}
     assert faults >= {"rm detector left out", "dm detector left out"}
+
+
+def test_a_late_frame_goes_without_the_view_from_above(street_frames, all_stages):
+    late = replace(
+        all_stages, parallel=False, budget_ms=1.0, budget_skips=("bev detector", "rgb detector")
+    )
+    with Pipeline(HDL_64E, late) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert result.skipped == ("bev detector", "rgb detector")
+    assert np.isnan(result.vehicles.bev_scores).all()
+    assert "bev detector" not in result.timings_s
 
 
 def test_a_budget_is_positive():

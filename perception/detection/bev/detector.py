@@ -14,6 +14,7 @@ from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
 from perception.detection.bev.classes import GROUPS
 from perception.detection.onnx_model import Array, ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
+from perception.geometry.grids import LocalArea
 from perception.sensor import LidarModel
 from perception.types import Float32, GroundModel
 
@@ -54,13 +55,22 @@ class BevDetector:
         grid = BevGrid(float(stated["reach_m"]), float(stated["cell_m"]))
         self._mapper = BevMapper(sensor, grid)
 
-    def detect(self, points_velo: Float32) -> BevDetections:
-        """Return the objects around in one scan of (N, 4) points, best first, in the LiDAR frame.
+    @property
+    def area(self) -> LocalArea:
+        """Area of the map."""
+        return self._mapper.grid.area
+
+    def detect(self, points_velo: Float32, ground: GroundModel | None = None) -> BevDetections:
+        """Return the objects around in one scan, best first, in the LiDAR frame.
+
+        Args:
+            points_velo: (N, 4) points.
+            ground: Ground over the area of the map; else it is estimated.
 
         Raises:
             ModelError: an output of the network is not finite.
         """
-        ground = self._mapper.ground(points_velo)
+        ground = ground or self._mapper.ground(points_velo)
         found = self.postprocess(self.model({"maps": self._maps(points_velo, ground)}))
         bottom_m = found.boxes.bottom_m.copy()
         bottom_m[:, 2] += ground.height_m(bottom_m[:, :2])

@@ -39,6 +39,8 @@ def join_cameras(
         frame: Frame of the detections.
         min_existence: Minimum existence of a detection that is joined.
     """
+    if not located:
+        return Vehicles.empty(len(frame.points_velo))
     if located.keys() == {0}:
         return located[0]
     vehicles, owners = _concatenated(located)

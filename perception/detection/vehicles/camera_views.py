@@ -20,14 +20,17 @@ def views_of(result: Result) -> tuple[Result, ...]:
 
 def view_of(result: Result, camera: int) -> Result:
     """Return one of these, by the number of its camera in `Frame.views`."""
-    if not result.frame.further_cameras:
+    is_alone = not result.frame.further_cameras
+    if is_alone and (result.vehicles is None or not result.vehicles.cameras.any()):
         return result
     view = replace(result.frame.views[camera], further_cameras=())
     is_main = camera == 0
     return replace(
         result,
         frame=view,
-        modality_detections=result.detections_in(camera) if result.further_detections else {},
+        modality_detections=result.detections_in(camera)
+        if is_alone or result.further_detections
+        else {},
         map_images=result.map_images if is_main else {},
         depthcn=result.depthcn if is_main else None,
         vehicles=None if result.vehicles is None else _vehicles_in(result.vehicles, view, camera),

@@ -57,6 +57,7 @@ VARIANT_NAMES: Mapping[FusionVariant, str] = {
     "default": "Trifuse fusion",
 }
 MERGED = "merged by NMS"
+WITH_BEV = "with bird's-eye view"
 PERFECT = "perfect detector"
 # Table 7.10: easy, moderate, hard. Fig. 7.14 has 53.60 for the last; the text's gain of 1.05 points fits 55.10.
 THESIS_PERCENT: Mapping[str, Sequence[float]] = {
@@ -115,12 +116,14 @@ class LocatedScene:
     """Detections of one frame.
 
     Attributes:
-        scene: Detections of each modality.
+        scene: Detections of each modality in an image.
         fused: Detections of the fusion, located in the scan.
+        has_bev: Whether objects of the bird's-eye view are joined with these.
     """
 
     scene: DetectedScene
     fused: LocatedDetections
+    has_bev: bool = False
 
 
 @dataclass(frozen=True)
@@ -327,6 +330,8 @@ class FusionMeasure(PrecisionMeasure[LocatedScene]):
         no_intervals = replace(self.config, bootstrap=0)
         functions = row_functions(scenes, self.fusions)
         detected = {name: self._detected(one) for name, one in functions.items()}
+        if any(output.has_bev for output in self.outputs):
+            detected[WITH_BEV] = self.detected(lambda output: output.fused.detections)
         modalities = [name for name in MODALITIES if MODALITY_NAMES[name] in detected]
         precision = _Precision(
             rows={name: self.precision(found) for name, found in detected.items()},

@@ -34,7 +34,8 @@ class ClassSize:
     has_sides: bool = True
 
 
-# Mean and standard deviation of the 7,481 labelled training frames of KITTI's object benchmark.
+# Mean and standard deviation of the 7,481 labelled training frames of KITTI's object benchmark; of the classes that it does
+# not have, means of nuScenes; but heights do not tell buses and trailers from trucks.
 CLASS_SIZES: Mapping[str, ClassSize] = {
     "car": ClassSize(Normal(3.88, 0.43), Normal(1.63, 0.10), Normal(1.53, 0.14)),
     "van": ClassSize(Normal(5.08, 0.83), Normal(1.90, 0.17), Normal(2.21, 0.32)),
@@ -43,6 +44,10 @@ CLASS_SIZES: Mapping[str, ClassSize] = {
     "pedestrian": ClassSize(Normal(0.84, 0.23), Normal(0.66, 0.14), Normal(1.76, 0.11), False),
     "person_sitting": ClassSize(Normal(0.80, 0.22), Normal(0.59, 0.08), Normal(1.27, 0.11), False),
     "cyclist": ClassSize(Normal(1.76, 0.18), Normal(0.60, 0.12), Normal(1.74, 0.09), False),
+    "bus": ClassSize(Normal(11.10, 2.0), Normal(2.90, 0.25), Normal(3.25, 0.45)),
+    "trailer": ClassSize(Normal(12.28, 3.0), Normal(2.92, 0.3), Normal(3.25, 0.45)),
+    "motorcycle": ClassSize(Normal(2.10, 0.25), Normal(0.77, 0.15), Normal(1.47, 0.2), False),
+    "bicycle": ClassSize(Normal(1.70, 0.2), Normal(0.61, 0.15), Normal(1.29, 0.2), False),
 }
 _ROW_OF = {name: row for row, name in enumerate(CLASS_SIZES)}
 # Probability that a tracked object of a class is of another: about the shares of the boxes of 20 synthetic streets.
@@ -54,6 +59,10 @@ _MISTAKEN: Mapping[str, Mapping[str, float]] = {
     "pedestrian": {"cyclist": 0.3},
     "person_sitting": {"pedestrian": 0.3},
     "cyclist": {"pedestrian": 0.15},
+    "bus": {"truck": 0.1},
+    "trailer": {"truck": 0.1},
+    "motorcycle": {"cyclist": 0.15},
+    "bicycle": {"cyclist": 0.15},
 }
 _OTHERS = np.array(
     [[_MISTAKEN[name].get(other, 0.0) for other in CLASS_SIZES] for name in CLASS_SIZES]

@@ -35,6 +35,11 @@ from perception.tracking.vehicles.observations import (
     VehicleObservations,
 )
 from perception.tracking.vehicles.shared_ids import SharedIds
+from perception.tracking.vehicles.surround_views import (
+    surround_views,
+    with_views,
+    without_views,
+)
 from perception.tracking.vehicles.track_update import (
     MIN_TRAVELLED_M,
     RELOCATE_AFTER_S,
@@ -127,6 +132,10 @@ class VehicleTracker:
             FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo, size_px)
             for calibration, size_px in map(camera_of, frame.views)
         ]
+        real = len(cameras)
+        if (vehicles.cameras < 0).any() or (self._tracks.cameras >= real).any():
+            views = surround_views(frame.stamp_s, world_SE3_velo)
+            cameras, vehicles = [*cameras, *views], with_views(vehicles, views, real)
         self._predict(cameras[0])
         self._learn_classes(vehicles.fused.detections.types)
         observations = VehicleObservations.of(
@@ -135,7 +144,8 @@ class VehicleTracker:
         self._update_and_init(observations, cameras)
         types = self._types(self._tracks)
         tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
-        return VehicleTrackerResult(self._with_tracks(vehicles, cameras, types), tracks)
+        tracked = self._with_tracks(vehicles, cameras, types)
+        return VehicleTrackerResult(without_views(tracked, real), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
         """Predict the tracks, and delete those that the frame before has missed for too long; after a long pause all."""

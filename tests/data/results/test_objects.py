@@ -58,7 +58,7 @@ def test_a_line_of_vehicles_holds_what_is_known_of_them(result):
     shared = ("id", "size_m", "speed_m_s", "covariance", "velo", "world")
     assert {name: car[name] for name in shared} == {name: track[name] for name in shared}
     assert (car["type"], car["score"], car["dominant_modality"]) == ("Car", 0.875, "rgb")
-    assert car["scores"] == {"rgb": 0.75, "dm": 0.5, "rm": None}
+    assert car["scores"] == {"rgb": 0.75, "dm": 0.5, "rm": None, "bev": None}
     assert (car["points"], car["distance_m"]) == (2, 8.5)
     unknown = {"position_m": [None] * 3, "yaw_rad": None, "velocity_m_s": [None] * 3}
     assert (faint["id"], faint["type"], faint["points"]) == (None, "Van", 0)

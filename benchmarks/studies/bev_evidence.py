@@ -1,0 +1,178 @@
+"""What the view from above tells of objects beside a camera, fitted to labelled synthetic drives.
+
+The constants of `bev_objects` and `bev_joining` are the rows of this table. Real frames are not fitted to.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from scipy.optimize import minimize
+
+from data.recorded_drive import RecordedDrive
+from perception.detection.bev.detector import BevDetector
+from perception.detection.config import DetectionConfig
+from perception.detection.detectors.multimodal import MultimodalDetector
+from perception.detection.networks import open_bev, open_detectors, open_fusion
+from perception.detection.vehicles.bev_joining import are_covered, find_pairs, spreads_m2
+from perception.detection.vehicles.bev_objects import bev_vehicles, log_odds
+from perception.detection.vehicles.locate import locate
+from perception.evaluation.report import Metric, Metrics
+from perception.geometry.box_overlap import center_distances_m, iou_3d
+from perception.geometry.box_overlap_px import iou_px
+from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.types import ArrayTable, Bool, Float64, Frame, Labels, Vehicles
+
+_NEAR_M, _NEAR_PERSON_M = 2.0, 1.0  # maximum distance of an object from its label
+_MIN_IOU_PX, _MIN_PERSON_IOU_PX = 0.7, 0.5  # minimum IoU of a rectangle that fits
+_RATIOS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # of deviations, of which the best is taken
+
+
+@dataclass(frozen=True)
+class SeenFromAbove(ArrayTable):
+    """M objects in the view of a camera that the bird's-eye view has found.
+
+    Attributes:
+        is_vehicle: (M,) whether they have sides; else people and cycles.
+        scores: (M,) scores from above.
+        is_object: (M,) whether a labelled object is there.
+        is_unseen: (M,) whether the camera does not show them.
+        camera_scores: (M,) scores of the camera's detections of the same, NaN without one.
+        fits: (M,) whether the rectangle of the camera fits a label of its class.
+        spread_ratios: (M,) ratio of the stated deviations of the camera's box to those from above.
+        ious: (M, 2) IoU in space with a label, of the camera's box and of that from above.
+    """
+
+    is_vehicle: Bool
+    scores: Float64
+    is_object: Bool
+    is_unseen: Bool
+    camera_scores: Float64
+    fits: Bool
+    spread_ratios: Float64
+    ious: Annotated[Float64, 2]
+
+
+@dataclass(frozen=True)
+class Evidence(Metrics):
+    """Constants for one kind of objects.
+
+    Attributes:
+        objects: Number of true objects from above.
+        slope: Log-odds that there is an object for those of its score.
+        offset: The same at even scores.
+        unseen: Log-odds that it is there although the camera does not show it.
+        share: Share of the log-odds from above that is added to those of a camera's score.
+        constant: Log-odds that are added to these whatever the score from above.
+        ratio: Ratio of deviations above which the box from above is taken.
+    """
+
+    objects: Annotated[int, Metric("objects")]
+    slope: Annotated[float, Metric("slope", ".2f")]
+    offset: Annotated[float, Metric("offset", ".2f")]
+    unseen: Annotated[float, Metric("unseen", ".2f")]
+    share: Annotated[float, Metric("share", ".2f")]
+    constant: Annotated[float, Metric("constant", ".2f")]
+    ratio: Annotated[float, Metric("ratio", ".1f")]
+
+
+def measure_evidence(
+    drives: Sequence[RecordedDrive], config: DetectionConfig
+) -> Mapping[str, Evidence]:
+    """Return the constants of vehicles and of people, fitted to drives with labels and images."""
+    camera = MultimodalDetector(open_detectors(config), open_fusion(config))
+    found = SeenFromAbove.concatenate(
+        seen for drive in drives for seen in _seen(drive, camera, config)
+    )
+    return {
+        name: fit_evidence(found[found.is_vehicle == is_vehicle])
+        for name, is_vehicle in (("vehicles", True), ("people and cycles", False))
+    }
+
+
+def fit_evidence(found: SeenFromAbove) -> Evidence:
+    """Return the constants of objects of one kind."""
+    odds = log_odds(found.scores)
+    slope, offset = _logistic(np.column_stack([odds, np.ones(len(odds))]), found.is_object)
+    above, unseen = slope * odds + offset, found.is_unseen
+    (missed,) = _logistic(np.ones((unseen.sum(), 1)), found.is_object[unseen], above[unseen])
+    both = np.isfinite(found.camera_scores)
+    own = log_odds(found.camera_scores[both])
+    share, constant = _logistic(
+        np.column_stack([above[both], np.ones(both.sum())]), found.fits[both], own
+    )
+    ious = {
+        ratio: np.where(found.spread_ratios > ratio, found.ious[:, 1], found.ious[:, 0])[
+            both
+        ].mean()
+        for ratio in _RATIOS
+    }
+    best = max(ious, key=lambda ratio: ious[ratio])
+    return Evidence(int(found.is_object.sum()), slope, offset, missed, share, constant, best)
+
+
+def _logistic(inputs: Float64, is_true: Bool, known: Float64 | float = 0.0) -> list[float]:
+    """Return the weights of inputs by which log-odds, beside known ones, fit what is true."""
+    signs = 2.0 * is_true - 1
+
+    def loss(weights: Float64) -> float:
+        return float(np.logaddexp(0, -signs * (inputs @ weights + known)).mean())
+
+    fitted: list[float] = minimize(loss, np.zeros(inputs.shape[1])).x.tolist()
+    return fitted
+
+
+def _seen(
+    drive: RecordedDrive, camera: MultimodalDetector, config: DetectionConfig
+) -> Iterator[SeenFromAbove]:
+    above = open_bev(config, drive.sensor)
+    assert above is not None  # a modality of the configuration
+    for index in range(len(drive)):
+        frame, labels = drive[index], drive.labels(index)
+        if len(labels):
+            yield _seen_in(frame, labels, camera, above)
+
+
+def _seen_in(
+    frame: Frame, labels: Labels, camera: MultimodalDetector, above: BevDetector
+) -> SeenFromAbove:
+    found = bev_vehicles(above.detect(frame.points_velo), above.class_names, frame)
+    found = found.select(np.flatnonzero(found.cameras == 0))
+    vehicles = locate(camera.detect(frame).fused, frame, None)
+    pairs = find_pairs(vehicles, found, frame)
+    count, rows, columns = len(found), pairs.detections, pairs.tracks
+    is_vehicle = SizePriors.of(found.fused.detections.types).has_sides
+    of_label = SizePriors.of(labels.types).has_sides
+    away_m = center_distances_m(found.boxes, labels.boxes_velo)
+    away_m[is_vehicle[:, None] != of_label] = np.inf
+    is_unseen = ~are_covered(found.boxes, vehicles)
+    is_unseen[rows] = False
+    scores, ratios = np.full((2, count), np.nan)
+    fits, ious = np.zeros(count, bool), np.zeros((count, 2))
+    scores[rows] = vehicles.fused.detections.scores[columns]
+    fits[rows] = _fit(vehicles, labels)[columns]
+    own_m2, found_m2 = spreads_m2(vehicles), spreads_m2(found)
+    ratios[rows] = np.sqrt(own_m2[columns] / found_m2[rows])
+    ious[:, 1] = iou_3d(found.boxes, labels.boxes_velo).max(axis=1)
+    ious[rows, 0] = np.nan_to_num(iou_3d(vehicles.boxes, labels.boxes_velo)).max(axis=1)[columns]
+    return SeenFromAbove(
+        is_vehicle=is_vehicle,
+        scores=found.bev_scores,
+        is_object=away_m.min(axis=1) <= np.where(is_vehicle, _NEAR_M, _NEAR_PERSON_M),
+        is_unseen=is_unseen,
+        camera_scores=scores,
+        fits=fits,
+        spread_ratios=ratios,
+        ious=ious,
+    )
+
+
+def _fit(vehicles: Vehicles, labels: Labels) -> Bool:
+    """Return (V,) whether the rectangle of each vehicle fits a label of its class."""
+    detections = vehicles.fused.detections
+    overlap = iou_px(detections.boxes_px, labels.boxes_px)
+    overlap *= detections.types[:, None] == labels.types
+    has_sides = SizePriors.of(detections.types).has_sides
+    min_iou = np.where(has_sides, _MIN_IOU_PX, _MIN_PERSON_IOU_PX)
+    return np.asarray(overlap.max(axis=1) >= min_iou)
