@@ -28,7 +28,7 @@ from perception.pipeline import PipelineConfig
 from perception.pipeline.workers import StageClock
 from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
-from perception.types import Method
+from perception.types import Float64, Method
 
 METHODS: tuple[Method, ...] = ("default", "thesis")
 _PANELS = {"IoU [%]": "iou", "found static [%]": "missed_share", "false/100 scans": "false_a_scan"}
@@ -123,7 +123,7 @@ def motion_scenes(
         for method in METHODS
     }
     title = f"Moving object segmentation, {streets.title}"
-    panels = {
+    panels: dict[str, dict[str, Float64]] = {
         heading: {
             method: np.array([100 * getattr(one, key) for one in scenes.values()])
             for method, scenes in rows.items()
@@ -137,7 +137,7 @@ def motion_scenes(
     columns = MotionCounts.columns()
     of_objects = [one for one in columns if one.key not in _OF_EVERYTHING]
     del by_speed["all"]
-    tables = {
+    tables: dict[str, Table[MotionCounts]] = {
         method: Table(f"{title}: {method}", columns, with_total(scenes), heading="scene")
         for method, scenes in rows.items()
     }
