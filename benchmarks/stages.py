@@ -38,7 +38,7 @@ def prepare(drive: Drive, frames: int, config: PipelineConfig) -> PreparedDrive:
             frame.points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         ).world_SE3_velo
         read.append(frame)
-        scans.append(PosedScan(frame.points_velo, pose))
+        scans.append(PosedScan(frame.points_velo, pose, stamp_s=frame.stamp_s))
     if len(scans) < 2:
         raise DriveError(drive.root, expected="at least two frames", found=str(len(scans)))
     windows = []

@@ -122,7 +122,9 @@ def obstacle_measure(drive: Drive, area: LocalArea, protocol: ObstacleProtocol) 
         and drive.has_poses
     ):
         motion = label_drive_motion(drive, protocol.motion)
-    return ObstacleMeasure(area, protocol.objects, motion)
+    return ObstacleMeasure(
+        area, protocol.objects, motion, is_labelled_around=isinstance(drive, LabelledAround)
+    )
 
 
 @runtime_checkable

@@ -47,9 +47,8 @@ def evaluate_obstacles(
 ) -> None:
     """Count labelled objects that are found, missed and misclassified as static or moving, and false moving clusters.
 
-    What moves follows from label boxes and INS poses. Where every point has a class, as in synthetic drives,
-    SemanticKITTI, nuScenes-lidarseg and Argoverse 2, every post, tree, wall and object is counted, and the points
-    classified as moving and static too: precision, recall, F1 and IoU. Points without a label are left out.
+    What moves follows from label boxes and INS poses. Where every point has a class, every post, tree, wall and object
+    is counted. IoU of moving points is that of SemanticKITTI-MOS; points without a label are left out.
 
     Example: trifuse evaluate obstacles kitti/tracking --sequence 0000 --json obstacles.json
 

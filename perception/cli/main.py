@@ -198,6 +198,7 @@ SUMMARIES: Mapping[str, str] = {
     "study poses": "poses over LiDAR, frame rate and INS, beside KISS-ICP and small_gicp",
     "study uncertainty": "share of exact truth within the 90 % intervals of poses, moving objects and boxes, by LiDAR",
     "study false-movers": "false movers at fences, hedges and rows of trees over speed and distance",
+    "study motion-scenes": "moving points, missed objects and false clusters by LiDAR, frame rate, INS and scene",
     "study jams": "long vehicles in traffic jams, with and without INS: moving points, ids and poses",
     "study fault-detection": "delay and recall of faults of sensors that are named, and false alarms",
     "study growth": "processor time of a frame over beams, points, area and length of the drive",

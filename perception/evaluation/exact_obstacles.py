@@ -156,20 +156,21 @@ def _box_around(points_m: Float) -> Boxes3D:
     return Boxes3D(bottom, (high - low)[None].astype(np.float64), np.zeros(1))
 
 
-def count_false(points_m: Float, is_true: Bool) -> int:
+def count_false(points_m: Float, is_true: Bool, min_points: int = _MIN_POINTS) -> int:
     """Count the clusters of points of which at least half are wrongly classified."""
-    return len(false_clusters_m(points_m, is_true))
+    return len(false_clusters_m(points_m, is_true, min_points))
 
 
-def false_clusters_m(points_m: Float, is_true: Bool) -> Float64:
+def false_clusters_m(points_m: Float, is_true: Bool, min_points: int = _MIN_POINTS) -> Float64:
     """Return (K, 2) centers of the clusters of points of which at least half are wrongly classified.
 
     Args:
         points_m: (N, 2+) points of one class.
         is_true: (N,) whether the class is right.
+        min_points: Number of points of the smallest cluster that counts.
     """
     ids = cluster_ids(points_m)
     sizes = np.bincount(ids)
-    is_false = (np.bincount(ids, is_true) <= _MIN_SHARE * sizes) & (sizes >= _MIN_POINTS)
+    is_false = (np.bincount(ids, is_true) <= _MIN_SHARE * sizes) & (sizes >= min_points)
     sums = [np.bincount(ids, points_m[:, axis])[is_false] for axis in (0, 1)]
     return np.stack(sums, axis=1) / sizes[is_false, None]

@@ -6,7 +6,12 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from perception.evaluation import exact_obstacles, false_obstacles, obstacles
+from perception.evaluation import (
+    exact_obstacles,
+    false_obstacles,
+    moving_segmentation,
+    obstacles,
+)
 from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, add_confusions
 from perception.evaluation.exact_obstacles import count_exactly
@@ -15,6 +20,12 @@ from perception.evaluation.false_obstacles import (
     ShadowDetector,
     Shadows,
     moving_clusters,
+)
+from perception.evaluation.moving_segmentation import (
+    MotionCounts,
+    count_motion,
+    speeds_of,
+    truth_of_boxes,
 )
 from perception.evaluation.objects import LabelledObjects, LabelledView, MotionState
 from perception.evaluation.obstacle_counts import ObstacleCounts
@@ -31,17 +42,19 @@ from perception.evaluation.obstacles import (
 )
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table
 from perception.geometry.grids import LocalArea
-from perception.types import Int, Labels, PointTruth, Result
+from perception.types import Float64, Int, Labels, PointTruth, Result
 
 # Thresholds that are counted beside those of the protocol; a share of 0 asks for any point.
 _OTHER_MIN_POINTS, _OTHER_MOVING_SHARES = (1, 5, 50), (0.0, 0.1, 0.5)
 _CLUSTER_POINTS = (1, 5, 20)  # of the smallest cluster that counts; 5 is the thesis' T_d
+_OF_OBJECTS = ("objects", "missed", "missed_share", "recall")
 _WARM_UP = 1  # first frames, which are also counted apart, since motion needs a history
 
 PROTOCOL_WORDS = {
     "objects": obstacles.__doc__,
     "false_obstacles": false_obstacles.__doc__,
     "exact_truth": exact_obstacles.__doc__,
+    "moving_segmentation": moving_segmentation.__doc__,
     "points": (
         "points classified as moving against those that move (SemanticKITTI: classes 252 to 259), and those "
         "classified as static against all others off the ground, within the local area and below its height, "
@@ -60,6 +73,10 @@ class MotionTruth(Protocol):
 
     def of(self, frame: int, track_ids: Int) -> Int:
         """Return (M,) the `MotionState` of each track in a frame."""
+        ...
+
+    def velocities_of(self, frame: int, track_ids: Int) -> Float64:
+        """Return the (M, 2) velocities of tracks in a frame, NaN where they have no box."""
         ...
 
 
@@ -110,6 +127,7 @@ class ObstacleReport(Report):
         counts: Obstacles in the columns of Table 7.2, by frame.
         is_exact: Whether these are counted by exact truth of points, rather than by labels.
         object_motions: Motion of each labelled object that enters the area: moving where it moves in any frame.
+        moving_segmentation: Moving points and objects all around, of all speeds and of each class of speeds.
         objects: Labelled objects under the protocol's thresholds.
         objects_by_min_points: Labelled objects by the number of points that they must hold.
         objects_by_moving_share: Labelled objects by the required share of moving points.
@@ -128,6 +146,7 @@ class ObstacleReport(Report):
     counts: Annotated[Mapping[int, ObstacleCounts], CONTEXT] = field(default_factory=dict)
     is_exact: bool = False
     object_motions: Mapping[str, str] = field(default_factory=dict)
+    moving_segmentation: Mapping[str, MotionCounts] = field(default_factory=dict)
     objects: ObjectCounts | None = None
     objects_by_min_points: Mapping[str, ObjectCounts] = field(default_factory=dict)
     objects_by_moving_share: Mapping[str, ObjectCounts] = field(default_factory=dict)
@@ -164,7 +183,11 @@ class ObstacleReport(Report):
         view = "in the camera's view"
         shadows = f"False static obstacles: shadows of moving objects, {view}"
         exact = "Moving and static points against exact truth"
-        objects = ObjectCounts.columns()
+        objects, segmented = ObjectCounts.columns(), MotionCounts.columns()
+        # False points and clusters have no speed.
+        of_objects = [one for one in segmented if one.key in _OF_OBJECTS]
+        by_speed = dict(self.moving_segmentation)
+        everything = {"all": by_speed.pop("all")} if by_speed else {}
         # fmt: off
         tables: list[Table[Any]] = [
             Table(self.title, ObstacleCounts.columns(), {"all frames": self.total} if self.counts else {}),
@@ -175,6 +198,8 @@ class ObstacleReport(Report):
             Table(shadows, ShadowCounts.columns(), self.shadows),
             Table(exact, Confusion.columns(), {n: one for n, one in points.items() if one is not None}),
             Table(f"{exact}: moving, by length of the object", Confusion.columns(), self.points_by_length),
+            Table("Moving objects and their points, by speed", of_objects, {n: one for n, one in by_speed.items() if one.objects}),
+            Table("Moving object segmentation (MOS)", segmented, everything),
         ]
         # fmt: on
         tables = [table for table in tables if table.rows]
@@ -191,6 +216,8 @@ class ObstacleMeasure:
         area: LocalArea,
         config: ObjectMatchConfig | None = None,
         motion: MotionTruth | None = None,
+        *,
+        is_labelled_around: bool = False,
     ) -> None:
         """Start without a frame.
 
@@ -198,7 +225,10 @@ class ObstacleMeasure:
             area: Area over which objects and points count.
             config: Thresholds at which an object counts and is found.
             motion: Motion of the labelled objects, or None where it is unknown.
+            is_labelled_around: Whether objects beside the camera's view are labelled, too.
         """
+        self._is_labelled_around = is_labelled_around
+        self._segmented: dict[str, MotionCounts] = {}
         self._area, self._config, self._motion = area, config or ObjectMatchConfig(), motion
         self._shadow_detector = ShadowDetector()
         self._observed: list[ObjectObservations] = []
@@ -225,12 +255,32 @@ class ObstacleMeasure:
             exact = count_exactly(result, truth, self._area, self._config)
             counted = replace(exact, false_obstacles=exact.false_obstacles + shadows)
             self._is_exact = True
+        self._add_motion(result, labels, truth)
         if counted is not None:
             self._counted[result.frame.index] = counted
 
     def obstacles_of(self, frame: int) -> FrameObstacles | None:
         """Return the obstacles of a frame in the columns of Table 7.2, or None where their motion is not known."""
         return self._counted.get(frame)
+
+    def _add_motion(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
+        """Add the moving points and objects of a frame, by the truth of its points, or of its boxes and their motion."""
+        index, speeds_m_s = result.frame.index, {}
+        if labels is not None and self._motion is not None:
+            ids = labels.track_ids
+            speeds_m_s = speeds_of(ids, self._motion.velocities_of(index, ids))
+            view = LabelledView.of(result.frame, labels.dont_care_px)
+            if truth is None and (self._is_labelled_around or view is not None):
+                objects = LabelledObjects(labels.boxes_velo, self._motion.of(index, ids), ids)
+                truth = truth_of_boxes(
+                    result.frame.points_velo,
+                    objects,
+                    None if self._is_labelled_around else view,
+                    self._config.clearance_m,
+                )
+        if truth is not None:
+            for name, counts in count_motion(result, truth, self._config, speeds_m_s).items():
+                self._segmented[name] = self._segmented.get(name, MotionCounts()) + counts
 
     def _add_objects(self, result: Result, labels: Labels) -> FrameObstacles | None:
         """Add the labelled objects of a frame, and return its obstacles where motion and view are known."""
@@ -261,6 +311,7 @@ class ObstacleMeasure:
             self._missing(),
             counts={frame: counted.counts for frame, counted in self._counted.items()},
             is_exact=self._is_exact,
+            moving_segmentation=self._segmented,
             points_moving=moving,
             points_static=static,
             points_by_length={n: one for n, one in self._by_length.items() if one.true_points},

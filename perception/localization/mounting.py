@@ -63,7 +63,8 @@ def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "firs
     if below.support >= _SEEN_SUPPORT * share_below and error_m <= _HEIGHT_TOLERANCE_M:
         return
     ground = _ground(sample, up=2)
-    if ground.support < _SURE_SUPPORT / share_below:
+    is_right = abs(ground.height_m - sensor.height_m) <= _HEIGHT_TOLERANCE_M
+    if is_right or ground.support < _SURE_SUPPORT / share_below:
         return
     if ground.height_m < 0:
         raise MountingError(

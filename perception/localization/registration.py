@@ -68,7 +68,7 @@ class Registration:
         """
         points_velo, rows = scan.points_velo, scan.rows
         if self._method == "thesis" and frame.world_SE3_velo is not None:
-            self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
+            self._window.push(PosedScan(points_velo, frame.world_SE3_velo, stamp_s=frame.stamp_s))
             window = register_window(self._window, self._config.icp)
             return RegisteredScans(window, rows, is_reset=False)
         pose = self._odometry.update(points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source)
@@ -83,7 +83,7 @@ class Registration:
             fusion.update(frame, pose.world_SE3_velo, is_continuous=is_continuous)
         # One whose pose is not known stays out of the window.
         window = ScanWindow(0) if is_extrapolated and not pose.is_reset else self._window
-        window.push(PosedScan(points_velo, pose.world_SE3_velo, pose.of_motion))
+        window.push(PosedScan(points_velo, pose.world_SE3_velo, pose.of_motion, frame.stamp_s))
         return RegisteredScans(
             window,
             rows,
@@ -122,5 +122,5 @@ def register_window(window: ScanWindow, config: WindowIcpConfig | None = None) -
             )
             if found.is_converged:
                 pose = newest.world_SE3_velo @ np.round(found.target_SE3_source, 10)
-        registered.push(PosedScan(scan.points_velo, pose))
+        registered.push(PosedScan(scan.points_velo, pose, stamp_s=scan.stamp_s))
     return registered

@@ -20,11 +20,13 @@ class PosedScan:
         world_SE3_velo: (4, 4) refined pose.
         covariance: (6, 6) covariance of the pose beside those of the scans before, position in m and rotation vector in
             rad along the axes of the world.
+        stamp_s: Time of the scan in seconds, for what asks how old it is.
     """
 
     points_velo: Float32
     world_SE3_velo: Float64
     covariance: Float64 = field(default_factory=lambda: np.zeros((6, 6)))
+    stamp_s: float = 0.0
 
 
 class ScanWindow:

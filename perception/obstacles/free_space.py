@@ -74,12 +74,14 @@ class _PastScan:
         image: Its range image.
         world_SE3_velo: (4, 4) pose of the scan.
         covariance: (6, 6) covariance of the pose.
+        stamp_s: Time of the scan in seconds.
         static_columns: (C,) rising keys of the columns that held something static.
     """
 
     image: RangeImage
     world_SE3_velo: Float64
     covariance: Float64
+    stamp_s: float
     static_columns: Keys
 
 
@@ -94,16 +96,27 @@ class FreeSpaceMemory:
             horizon_s: Age of the oldest queried scan in seconds.
         """
         self._projection = SphericalProjection(sensor, tolerance_m=_MARGIN_M / 2)
-        self._period_s = 1 / sensor.rate_hz
-        self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
+        self._max_age_s = horizon_s + 0.5 / sensor.rate_hz  # stamps jitter
+        self._scans: deque[_PastScan] = deque()
 
     def push(
-        self, points_velo: Float32, world_SE3_velo: Float64, covariance: Float64 | None = None
+        self,
+        points_velo: Float32,
+        world_SE3_velo: Float64,
+        stamp_s: float,
+        covariance: Float64 | None = None,
     ) -> None:
-        """Add the newest scan, its pose of a (6, 6) covariance or exact; the oldest drops out."""
+        """Add the newest scan, its pose of a (6, 6) covariance or exact; those beyond the horizon drop out but the last."""
         image = RangeImage(points_velo, self._projection)
         covariance = np.zeros((6, 6)) if covariance is None else covariance
-        self._scans.append(_PastScan(image, world_SE3_velo, covariance, np.zeros(0, np.int64)))
+        nothing = np.zeros(0, np.int64)
+        self._scans.append(_PastScan(image, world_SE3_velo, covariance, stamp_s, nothing))
+        while len(self._scans) > 2 and self.age_s(len(self._scans) - 1) > self._max_age_s:
+            self._scans.popleft()
+
+    def age_s(self, age: int) -> float:
+        """Return the age in seconds of the scan so many scans before the newest."""
+        return self._scans[-1].stamp_s - self._scans[-1 - age].stamp_s
 
     def clear(self) -> None:
         """Forget all scans."""
@@ -159,7 +172,7 @@ class FreeSpaceMemory:
             for states in (was_free, was_behind_departed):
                 states[row] &= ~is_doubtful
         return VisibilityHistory(
-            np.array(ages) * self._period_s,
+            np.array([self.age_s(age) for age in ages], np.float64),
             was_free,
             was_hit,
             was_behind_departed,

@@ -135,7 +135,9 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         """Take the newest scan's obstacles and their voxels, and remember its free space."""
         newest = window.newest
         grid, static_map = self._init_drive(window)
-        self._memory.push(newest.points_velo, newest.world_SE3_velo, newest.covariance)
+        self._memory.push(
+            newest.points_velo, newest.world_SE3_velo, newest.stamp_s, newest.covariance
+        )
         above_ground = split_by_ground(
             newest.points_velo, ground, self._area, self._config.free_space.min_ground_distance_m
         )

@@ -356,8 +356,8 @@ class _Path:
         filled before.
         """
         body = self.body
-        *younger, oldest = self.ages
-        came_m = self.distance_m * younger[-1] / oldest if younger else 0.0
+        younger = self.ages[:-1]
+        came_m = self._came_m(younger[-1]) if younger else 0.0
         if came_m < _MIN_CAME_M:
             return False
         if not self._leaves(self._rear_was_hit, self.rear_now, self.distance_m):
@@ -420,11 +420,10 @@ class _Path:
 
         At a steady speed the places of the front were free then, and the rear hid its own from behind.
         """
-        *younger, oldest = self.ages
-        telling = [age for age in younger if self.distance_m * age >= _MIN_CAME_M * oldest]
+        telling = [age for age in self.ages[:-1] if self._came_m(age) >= _MIN_CAME_M]
         if not telling:
             return False
-        came_m = np.array([0.0, self.distance_m * telling[0] / oldest], np.float32)
+        came_m = np.array([0.0, self._came_m(telling[0])], np.float32)
         body, places_m = self.body, self.occupied.places_m
         front = body.front[
             self._is_in_end(body.front, body.axis, came_m[1]) & (not body.is_front_cut)
@@ -441,10 +440,13 @@ class _Path:
         came += np.count_nonzero(rear_now == Visibility.OCCLUDED)
         return bool(stayed > _STOPPED_RATIO * came)
 
+    def _came_m(self, age: int) -> float:
+        """Return how far a steady speed brought it since an earlier scan."""
+        return self.distance_m * self.memory.age_s(age) / self.memory.age_s(self.ages[-1])
+
     def _was_on_its_way(self, age: int) -> bool:
         """Return whether an earlier scan hit the body somewhere near where a steady speed puts it then."""
-        share = age / self.ages[-1]
-        distances_m = self.distance_m * share * _SPEEDS_ON_THE_WAY
+        distances_m = self._came_m(age) * _SPEEDS_ON_THE_WAY
         places_m = self.occupied.places_m[self.body.samples]
         moved = _moved_back(places_m, self.body.axis, distances_m.astype(np.float32))
         return bool(_fits(self.memory.states(moved, age).reshape(len(distances_m), -1)).any())

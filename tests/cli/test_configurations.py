@@ -22,6 +22,7 @@ INPUTS = {
         ("study growth", "study thesis", "study uncertainty", "study false-movers", "study jams"),
         "",
     ),
+    "study motion-scenes": "",
 }
 OUTPUTS = {
     "synth": "out",

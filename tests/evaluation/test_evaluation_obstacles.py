@@ -182,6 +182,9 @@ class MovesFromFrame7:
     def of(self, frame: int, track_ids: np.ndarray) -> np.ndarray:
         return np.full(len(track_ids), MotionState.MOVING if frame >= 7 else MotionState.STATIC)
 
+    def velocities_of(self, frame: int, track_ids: np.ndarray) -> np.ndarray:
+        return np.full((len(track_ids), 2), 3.0 if frame >= 7 else 0.0)
+
 
 def test_objects_of_a_drive_are_counted_by_points_shares_and_frames():
     labels = Labels(

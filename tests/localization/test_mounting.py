@@ -5,6 +5,7 @@ import pytest
 
 from perception.errors import MountingError
 from perception.geometry.se3 import from_euler, transform_points
+from perception.localization import mounting
 from perception.localization.mounting import check_mounting
 from perception.sensor import HDL_32E, HDL_64E, SENSORS, VLP_16, LidarModel
 
@@ -109,3 +110,10 @@ def test_real_scans(kitti_root):
             check_mounting(transform_points(UPSIDE_DOWN, points_velo), HDL_64E)
         assert error.value.found.endswith("m above the LiDAR")
     assert len(paths) == 16 + 27
+
+
+def test_a_ground_at_the_right_height_passes_under_a_lower_plane(monkeypatch):
+    """Few points lie on what bounds the scan from below, as in a ditch, and many on the road."""
+    monkeypatch.setattr(mounting, "_bounding_plane", lambda *_, **__: mounting._Plane(4.0, 0.01))
+    monkeypatch.setattr(mounting, "_ground", lambda *_, **__: mounting._Plane(1.77, 0.6))
+    check_mounting(street(HDL_64E), HDL_64E)

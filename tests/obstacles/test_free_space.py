@@ -27,7 +27,7 @@ def past_returns(scans, moving=()):
     memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for number, letter in enumerate(scans):
         points = sphere({"F": 20.0, "H": 10.0, "B": 5.0}[letter])
-        memory.push(points, np.eye(4))
+        memory.push(points, np.eye(4), 0.1 * number)
         if number in moving:
             memory.classify(points, points[:0])
     past = memory.query(PLACE).past_returns(np.array([0]))
@@ -47,7 +47,7 @@ def passed_in_column(scans, wire_m, age_of_wire):
     """Return how often a beam passed at the place while something static was in its column or beside it."""
     memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for age in reversed(range(scans)):
-        memory.push(sphere(20.0) if age else sphere(10.0), np.eye(4))
+        memory.push(sphere(20.0) if age else sphere(10.0), np.eye(4), -0.1 * age)
         wire = PLACE + np.float32([0.0, wire_m, 0.5])
         memory.classify(PLACE[:0], wire if age == age_of_wire else wire[:0])
     return memory.query(PLACE).past_returns(np.array([0])).passed_in_column[0]
@@ -64,3 +64,12 @@ def test_a_beam_that_passed_between_wires_is_counted(wire_m, age_of_wire, expect
 
 def test_what_moved_through_a_place_has_not_left_it():
     assert past_returns("HFFFH", moving=[0]) == (0, 3)
+
+
+def test_scans_are_as_old_as_their_stamps_say():
+    memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
+    for stamp_s in (0.0, 0.5, 1.0, 1.5, 2.0):
+        memory.push(sphere(20.0), np.eye(4), stamp_s)
+    assert memory.query(PLACE).ages_s.tolist() == [0.5, 1.0, 1.5]
+    memory.push(sphere(20.0), np.eye(4), 6.0)
+    assert memory.query(PLACE).ages_s.tolist() == [4.0]

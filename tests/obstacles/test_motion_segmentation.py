@@ -90,7 +90,7 @@ def drive(
     for k in range(frames):
         points, owner = cast(sensor, (ego_x(k), 0.0), [WALL, *boxes_at(k)])
         place = np.array([ego_x(k), 0.0, 0.0]) + rng.normal(0, pose_noise_m, 3) * (1, 1, 0)
-        window.push(PosedScan(points, from_euler(0, 0, 0, place)))
+        window.push(PosedScan(points, from_euler(0, 0, 0, place), stamp_s=k / sensor.rate_hz))
         obstacles = segmenter.update(window, Road(sensor.height_m))
         yield owner, obstacles.point_states, obstacles
 
@@ -160,7 +160,7 @@ def test_a_body_of_one_visible_side_hides_what_is_behind_it(gap_m, moves, monkey
     memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for k in range(16):
         points, owner = scan(k)
-        memory.push(points, np.eye(4))
+        memory.push(points, np.eye(4), 0.1 * k)
     places = np.random.default_rng(3).permutation(points[owner > 0, :3])
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
     occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, LocalArea())
@@ -175,7 +175,7 @@ def moves_as_a_body(scene, area=AREA):
     memory = FreeSpaceMemory(HDL_64E, horizon_s=1.5)
     for k in range(16):
         points, owner = cast(HDL_64E, (0.0, 0.0), scene(k))
-        memory.push(points, np.eye(4))
+        memory.push(points, np.eye(4), 0.1 * k)
     places = points[(owner == 1) & area.contains_xy(points), :3]
     every, none = np.ones(len(places), bool), np.zeros(len(places), bool)
     occupied = OccupiedPlaces(places, every.astype(np.int64), every, every, none, none, area)
@@ -397,7 +397,7 @@ def test_the_world_s_origin_does_not_matter():
             points, _ = cast(
                 HDL_64E, (0.0, 0.0), [WALL, box(9.03, -3.0 + 0.15 * k), box(12.03, 3.03)]
             )
-            window.push(PosedScan(points, shift))
+            window.push(PosedScan(points, shift, stamp_s=0.1 * k))
             obstacles = segmenter.update(window, Road(HDL_64E.height_m))
         return obstacles
 
@@ -410,8 +410,8 @@ def test_a_scan_without_obstacles_is_segmented():
     points = np.array([[5, 0, -1.73, 0.2], [6, 1, -1.73, 0.2]], np.float32)
     window = ScanWindow(6)
     segmenter = FreeSpaceSegmenter(HDL_64E, AREA)
-    for _ in range(3):
-        window.push(PosedScan(points, np.eye(4)))
+    for k in range(3):
+        window.push(PosedScan(points, np.eye(4), stamp_s=0.1 * k))
         obstacles = segmenter.update(window, Road(1.73))
     assert obstacles.point_states.tolist() == [PointState.GROUND, PointState.GROUND]
     assert len(obstacles.static) == len(obstacles.moving) == 0
