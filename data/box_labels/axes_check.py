@@ -137,14 +137,13 @@ def choose_reading(
         found = f"{boxes[row].numbers[6]:g}, as headings in degrees are"
         raise LabelError(boxes[row].where, expected="a heading in rad", found=found, advice=_ADVICE)
     is_long = np.array([label_type(box.kind, renamed) in _LONG_TYPES for box in boxes], bool)
-    scores = [
-        _fits(samples, one.boxes).mean() - _are_wide(one.boxes(numbers)[is_long])
-        if len(boxes) else 0.0
-        for one in possible
-    ]  # fmt: skip
-    reading = possible[int(np.argmax(scores))]
-    _require_fit(form, reading, samples, boxes, is_wide=_are_wide(reading.boxes(numbers)[is_long]))
-    return reading
+    fits = [_fits(samples, one.boxes) for one in possible]
+    are_wide = [_are_wide(one.boxes(numbers)[is_long]) for one in possible]
+    scores = [of_one.sum() - len(boxes) * wide for of_one, wide in zip(fits, are_wide, strict=True)]
+    best = int(np.argmax(scores))
+    if len(boxes) >= _FEWEST:
+        _require_fit(form, possible[best], samples, fits[best], is_wide=are_wide[best])
+    return possible[best]
 
 
 def _is_turn(numbers: Float64) -> bool:
@@ -171,13 +170,12 @@ def _require_fit(
     form: LabelForm,
     reading: Reading,
     samples: Sequence[LabelledSample],
-    boxes: Sequence[LabelledBox],
+    fits: Float64,
     *,
     is_wide: bool,
 ) -> None:
-    if len(boxes) < _FEWEST:
-        return
-    fits = _fits(samples, reading.boxes)
+    """Validate the (M,) fits of the boxes of some scans by a reading."""
+    boxes = [box for one in samples for box in one.boxes]
     if is_wide:
         expected, what = "vehicles longer than wide", "length and width have changed places"
         raise LabelError(

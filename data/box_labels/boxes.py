@@ -153,6 +153,23 @@ def numbers_of(record: object, names: Sequence[str | int], where: str) -> tuple[
         raise LabelError(where, expected=expected, found=str(values)[:80]) from error
 
 
+def numbers_in(
+    record: object, fields: Mapping[str, Sequence[str | int]], where: str
+) -> tuple[float, ...]:
+    """Return the numbers of the parts of a record, such as place, lengths and turns, one part after the other.
+
+    Raises:
+        LabelError: One is missing, or is no number.
+    """
+    parts = ((entry(record, part, where), names) for part, names in fields.items())
+    return tuple(value for part, names in parts for value in numbers_of(part, names, where))
+
+
+def track_name(track: object) -> str:
+    """Return the id of an object as text, empty without one."""
+    return "" if track is None else str(track)
+
+
 def records(document: object, name: str, where: str | Path) -> list[Any]:
     """Return the list of a name in a document.
 

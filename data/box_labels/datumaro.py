@@ -10,11 +10,12 @@ from data.box_labels.boxes import (
     LabelledBox,
     entry,
     has,
-    numbers_of,
+    numbers_in,
     records,
+    track_name,
 )
 
-_PARTS = ("position", "scale")
+_FIELDS = {"position": (0, 1, 2), "scale": (0, 1, 2), "rotation": (2,)}
 
 
 def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON document
@@ -31,17 +32,8 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
         for number, one in enumerate(cuboids, start=1):
             where = f"{path} item {name} cuboid {number}"
             kind = entry(entry(names, entry(one, "label_id", where), where), "name", where)
-            parts = [numbers_of(entry(one, part, where), (0, 1, 2), where) for part in _PARTS]
-            turn = numbers_of(entry(one, "rotation", where), (2,), where)
-            track = (one.get("attributes") or {}).get("track_id")
-            boxes.append(
-                LabelledBox(
-                    where,
-                    str(kind),
-                    "" if track is None else str(track),
-                    (*parts[0], *parts[1], *turn),
-                )
-            )
+            track = track_name((one.get("attributes") or {}).get("track_id"))
+            boxes.append(LabelledBox(where, str(kind), track, numbers_in(one, _FIELDS, where)))
     return frames
 
 

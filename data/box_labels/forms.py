@@ -59,13 +59,12 @@ def require_form(path: Path) -> LabelForm:
     return form
 
 
-def is_in_view(path: Path) -> bool:
-    """Return whether labels at a path are KITTI's of a camera's view: rows with boxes in the image.
+def is_in_view(form: LabelForm, path: Path) -> bool:
+    """Return whether labels of a form at a path are KITTI's of a camera's view: rows with boxes in the image.
 
     Raises:
         LabelError: The file cannot be read.
     """
-    form = find_form(path)
     if form not in (KITTI_FRAMES, KITTI_TRACKING):
         return False
     texts = (read_content(one) for one in label_files(path).paths)

@@ -18,6 +18,7 @@ from data.box_labels.boxes import (
     entry,
     has,
     in_degrees,
+    numbers_in,
     numbers_of,
     records,
 )
@@ -45,10 +46,7 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
         if has(one, "vertices"):
             numbers = _of_corners(one["vertices"], where)
         else:
-            parts = ((entry(one, part, where), names) for part, names in _FIELDS.items())
-            numbers = tuple(
-                value for part, names in parts for value in numbers_of(part, names, where)
-            )
+            numbers = numbers_in(one, _FIELDS, where)
         boxes.append(LabelledBox(where, str(entry(one, "name", where)), "", numbers))
     return {"": boxes}
 

@@ -10,13 +10,13 @@ from data.box_labels.boxes import (
     LabelledBox,
     entry,
     has,
-    numbers_of,
+    numbers_in,
     read_content,
     records,
 )
 
 _CLOUDS = "frame_pointcloud_map.json"
-_PARTS, _AXES = ("position", "dimensions"), ("x", "y", "z")
+_FIELDS = {"position": ("x", "y", "z"), "dimensions": ("x", "y", "z"), "rotation": ("z",)}
 
 
 def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON document
@@ -37,9 +37,7 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
             if figure.get("geometryType") != "cuboid_3d":
                 continue
             shape, track = entry(figure, "geometry", where), entry(figure, "objectKey", where)
-            parts = [numbers_of(entry(shape, part, where), _AXES, where) for part in _PARTS]
-            turn = numbers_of(entry(shape, "rotation", where), ("z",), where)
-            numbers = (*parts[0], *parts[1], *turn)
+            numbers = numbers_in(shape, _FIELDS, where)
             boxes.append(LabelledBox(where, entry(kinds, track, where), str(track), numbers))
     return frames
 

@@ -11,7 +11,8 @@ from data.box_labels.boxes import (
     as_stated,
     entry,
     has,
-    numbers_of,
+    numbers_in,
+    track_name,
 )
 
 _FIELDS = {"position": ("x", "y", "z"), "scale": ("x", "y", "z"), "rotation": ("z",)}
@@ -30,11 +31,9 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
     boxes = []
     for number, one in enumerate(_objects(document), start=1):
         where = f"{path} object {number}"
-        psr = entry(one, "psr", where)
-        parts = ((entry(psr, part, where), names) for part, names in _FIELDS.items())
-        numbers = tuple(value for part, names in parts for value in numbers_of(part, names, where))
-        kind, track = entry(one, "obj_type", where), one.get("obj_id")
-        boxes.append(LabelledBox(where, str(kind), "" if track is None else str(track), numbers))
+        numbers = numbers_in(entry(one, "psr", where), _FIELDS, where)
+        kind, track = entry(one, "obj_type", where), track_name(one.get("obj_id"))
+        boxes.append(LabelledBox(where, str(kind), track, numbers))
     return {"": boxes}
 
 

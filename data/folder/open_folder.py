@@ -68,7 +68,7 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
     labels = described.lidar.point_labels
     label_file = _existing(root, described.labels, "labels")
     form = None if label_file is None else require_form(label_file)
-    if label_file is not None and is_in_view(label_file):
+    if label_file is not None and form is not None and is_in_view(form, label_file):
         form = None
         if calibration is None:
             notes += (
