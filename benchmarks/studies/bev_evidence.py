@@ -16,12 +16,13 @@ from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.networks import open_bev, open_detectors, open_fusion
 from perception.detection.vehicles.bev_joining import are_covered, find_pairs, spreads_m2
-from perception.detection.vehicles.bev_objects import bev_vehicles, log_odds
+from perception.detection.vehicles.bev_objects import LEAST, bev_vehicles
 from perception.detection.vehicles.locate import locate
 from perception.evaluation.report import Metric, Metrics
 from perception.geometry.box_overlap import center_distances_m, iou_3d
 from perception.geometry.box_overlap_px import iou_px
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.evidence import log_odds
 from perception.types import ArrayTable, Bool, Float64, Frame, Labels, Vehicles
 
 _NEAR_M, _NEAR_PERSON_M = 2.0, 1.0  # maximum distance of an object from its label
@@ -93,12 +94,12 @@ def measure_evidence(
 
 def fit_evidence(found: SeenFromAbove) -> Evidence:
     """Return the constants of objects of one kind."""
-    odds = log_odds(found.scores)
+    odds = log_odds(found.scores, LEAST)
     slope, offset = _logistic(np.column_stack([odds, np.ones(len(odds))]), found.is_object)
     above, unseen = slope * odds + offset, found.is_unseen
     (missed,) = _logistic(np.ones((unseen.sum(), 1)), found.is_object[unseen], above[unseen])
     both = np.isfinite(found.camera_scores)
-    own = log_odds(found.camera_scores[both])
+    own = log_odds(found.camera_scores[both], LEAST)
     share, constant = _logistic(
         np.column_stack([above[both], np.ones(both.sum())]), found.fits[both], own
     )

@@ -205,6 +205,11 @@ class Vehicles:
         places[rows] = np.arange(len(rows))
         return replace(self, **columns, owners=places[self.owners])
 
+    def with_detections(self, **columns: Any) -> Self:  # noqa: ANN401 - columns of `Detections`
+        """Return the vehicles with other values in some columns of their detections."""
+        detections = replace(self.fused.detections, **columns)
+        return replace(self, fused=replace(self.fused, detections=detections))
+
     def as_tracks(self, rows: Int) -> Tracks:
         """Return the vehicles of some rows as tracks that are observed in this scan."""
         detections = self.fused.detections

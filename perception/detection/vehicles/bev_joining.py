@@ -9,9 +9,8 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from perception.detection.vehicles.bev_objects import log_odds
+from perception.detection.vehicles.bev_objects import LEAST
 from perception.geometry.box_overlap import iou_bev
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.camera import box_outlines_px
@@ -19,7 +18,7 @@ from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
 from perception.tracking.vehicles.class_sizes import SizePriors
-from perception.tracking.vehicles.evidence import probability
+from perception.tracking.vehicles.evidence import log_odds, probability
 from perception.tracking.vehicles.observations import ASSUMED_HEIGHT_M, FrameGeometry
 from perception.types import Bool, Boxes3D, Float64, Frame, Int, Vehicles
 
@@ -124,7 +123,7 @@ def _joined(
 ) -> Vehicles:
     """Return V vehicles, those of some rows with the evidence and, where it is better, the box of objects from above."""
     own, seen = vehicles.select(rows), found.select(of_bev)
-    odds, evidence = log_odds(seen.fused.detections.scores), np.zeros((2, len(vehicles)))
+    odds, evidence = log_odds(seen.fused.detections.scores, LEAST), np.zeros((2, len(vehicles)))
     constants = (_SCORE_EVIDENCE, _EXISTENCE_EVIDENCE)
     for row, (share, constant) in zip(evidence, constants, strict=True):
         row[rows] = np.maximum(share * odds + constant, 0.0)
@@ -143,7 +142,7 @@ def _joined(
     of_all = vehicles.fused.detections.types.astype(np.result_type(types, above))
     of_all[rows] = np.where((types == _TRUCK) & np.isin(above, _LARGE), above, types)
     return replace(
-        _with_evidence(_with_types(vehicles, of_all), *evidence),
+        _with_evidence(vehicles.with_detections(types=of_all), *evidence),
         boxes=vehicles.boxes.replaced(rows, boxes.replaced(is_better, seen.boxes[is_better])),
         covariances=covariances,
         box_deviations=vehicles.box_deviations.replaced(
@@ -160,20 +159,15 @@ def are_covered(boxes: Boxes3D, vehicles: Vehicles) -> Bool:
     return np.asarray(overlap.max(axis=1, initial=0.0) >= _MIN_IOU)
 
 
-def _with_types(vehicles: Vehicles, types: NDArray[np.str_]) -> Vehicles:
-    detections = replace(vehicles.fused.detections, types=types)
-    return replace(vehicles, fused=replace(vehicles.fused, detections=detections))
-
-
 def _with_evidence(vehicles: Vehicles, of_score: Float64, of_existence: Float64) -> Vehicles:
     """Return vehicles with (M,) log-odds added to their scores and to their existence."""
     fused = vehicles.fused
     scores, existence = (
-        np.where(evidence == 0, one, probability(log_odds(one) + evidence))
+        np.where(evidence == 0, one, probability(log_odds(one, LEAST) + evidence))
         for one, evidence in (
             (fused.detections.scores, of_score),
             (fused.existence, of_existence),
         )
     )
-    detections = replace(fused.detections, scores=scores)
-    return replace(vehicles, fused=replace(fused, detections=detections, existence=existence))
+    with_scores = vehicles.with_detections(scores=scores)
+    return replace(with_scores, fused=replace(with_scores.fused, existence=existence))

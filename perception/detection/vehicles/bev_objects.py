@@ -12,6 +12,7 @@ from perception.geometry.camera import box_outlines_px
 from perception.kernels.box_owners import owners_in_boxes
 from perception.maps.projection import camera_of
 from perception.tracking.vehicles.class_sizes import SizePriors
+from perception.tracking.vehicles.evidence import log_odds, probability
 from perception.types import (
     BoxDeviations,
     Boxes3D,
@@ -30,7 +31,7 @@ _GROUND_M = 0.15  # above the bottom of a box, below which returns are of the gr
 _MIN_VISIBLE_SHARE = 0.3  # minimum share of the outline of a box in an image that shows it
 _MIN_POSITION_M, _MIN_SIZE_M, _MIN_AXIS_RAD = 0.1, 0.05, 0.03  # minimum standard deviations
 _ANY_AXIS_RAD = np.pi / np.sqrt(12)  # standard deviation of an axis of any direction
-_EDGE = 1e-3  # minimum distance of probabilities from 0 and 1
+LEAST = 1e-3  # smallest probability whose log-odds count
 # Log-odds that there is an object: slope over those of its score, and offset; of vehicles and of people and cycles, fitted
 # to 140 frames of synthetic streets, of 64 and 32 beams, which agree.
 _ODDS = ((2.6, 2.1), (3.0, 1.65))
@@ -93,16 +94,10 @@ def owners_of_points(boxes: Boxes3D, points_velo: Float32) -> Int:
     return owners_in_boxes(points, columns, _CELL_M, _MARGIN_M, _GROUND_M)
 
 
-def log_odds(probabilities: Float64) -> Float64:
-    """Return the log-odds of probabilities."""
-    inside = np.clip(probabilities, _EDGE, 1 - _EDGE)
-    return np.asarray(np.log(inside / (1 - inside)))
-
-
 def probabilities(scores: Float64, types: NDArray[np.str_]) -> Float64:
     """Return the (M,) probabilities that there are objects of (M,) classes by their scores from above."""
     slopes, offsets = np.where(SizePriors.of(types).has_sides[:, None], *_ODDS).T
-    return np.asarray(1 / (1 + np.exp(-slopes * log_odds(scores) - offsets)))
+    return probability(slopes * log_odds(scores, LEAST) + offsets)
 
 
 def _best_images(boxes: Boxes3D, frame: Frame) -> tuple[Int, Float64]:

@@ -10,7 +10,7 @@ from perception.types import Detections, Float64, Int
 _MIN_HEIGHT_DEVIATION_M = 0.15  # of a class, against which the height in the image is evidence
 _MAX_HEIGHT_EVIDENCE = 3.0  # maximum evidence that a height takes away
 # Beyond these, a single detection would settle a track for good.
-_MIN_PROBABILITY, _MAX_PROBABILITY = 0.02, 0.98
+_MIN_PROBABILITY = 0.02
 _LOWEST_VEHICLE = "Car"
 # Time constant of the memory of evidence, since detections of one object err alike, and the evidence of an object that is
 # always detected, in that of one detection.
@@ -90,7 +90,12 @@ def likeliest_classes(
     return np.asarray(np.where(is_alike, likelihoods, -np.inf).argmax(axis=1))
 
 
-def log_odds(probabilities: Float64) -> Float64:
-    """Return the evidence of probabilities; 0 of even chances."""
-    inside = np.clip(probabilities, _MIN_PROBABILITY, _MAX_PROBABILITY)
+def log_odds(probabilities: Float64, least: float = _MIN_PROBABILITY) -> Float64:
+    """Return the evidence of probabilities; 0 of even chances.
+
+    Args:
+        probabilities: Probabilities; those nearer to 0 or 1 than the least count as that.
+        least: Smallest probability.
+    """
+    inside = np.clip(probabilities, least, 1.0 - least)
     return np.asarray(np.log(inside / (1.0 - inside)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.geometry.camera import box_outlines_px
 from perception.tracking.vehicles.observations import FrameGeometry
-from perception.types import Float64, Int, Vehicles
+from perception.types import Float64, Vehicles
 
 _VIEWS = 4
 _FOCAL_PX = 700.0
@@ -53,7 +53,7 @@ def with_views(vehicles: Vehicles, views: Sequence[FrameGeometry], first: int) -
         here = rows[numbers == number]
         boxes = vehicles.boxes[here]
         boxes_px[here] = box_outlines_px(view.image_P_velo, boxes, view.image_size_px)
-    return _in_images(vehicles, cameras, boxes_px)
+    return replace(vehicles.with_detections(boxes_px=boxes_px), cameras=cameras)
 
 
 def without_views(vehicles: Vehicles, first: int) -> Vehicles:
@@ -62,9 +62,5 @@ def without_views(vehicles: Vehicles, first: int) -> Vehicles:
     if not is_in_view.any():
         return vehicles
     boxes_px = np.where(is_in_view[:, None], np.nan, vehicles.fused.detections.boxes_px)
-    return _in_images(vehicles, np.where(is_in_view, -1, vehicles.cameras), boxes_px)
-
-
-def _in_images(vehicles: Vehicles, cameras: Int, boxes_px: Float64) -> Vehicles:
-    detections = replace(vehicles.fused.detections, boxes_px=boxes_px)
-    return replace(vehicles, cameras=cameras, fused=replace(vehicles.fused, detections=detections))
+    cameras = np.where(is_in_view, -1, vehicles.cameras)
+    return replace(vehicles.with_detections(boxes_px=boxes_px), cameras=cameras)
