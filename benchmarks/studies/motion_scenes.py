@@ -9,18 +9,17 @@ from functools import partial, reduce
 from itertools import product
 from operator import add
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, StreetFlags, publish
 from data.batch.parts import run_parts
-from data.synthetic.ins import InsNoise
 from data.synthetic.words import StreetKind
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.config import ObjectMatchConfig
-from perception.evaluation.moving_segmentation import MotionCounts, count_motion, speeds_of
 from perception.evaluation.report import Table, with_total
 from perception.geometry.grids import LocalArea
 from perception.geometry.threads import limit_blas_threads, usable_cores
@@ -30,10 +29,13 @@ from perception.render.bar_plots import plot_groups
 from perception.sensor import load_sensor
 from perception.types import Float64, Method
 
+if TYPE_CHECKING:
+    from perception.evaluation.moving_segmentation import MotionCounts
+
 METHODS: tuple[Method, ...] = ("default", "thesis")
 _PANELS = {"IoU [%]": "iou", "found static [%]": "missed_share", "false/100 scans": "false_a_scan"}
 _OF_EVERYTHING = ("false_clusters", "precision", "iou", "false_a_scan")
-_POOR_INS = InsNoise(position_m=0.5, angle_deg=0.5)
+_POOR_INS = (0.5, 0.5)
 
 
 @dataclass(frozen=True)
@@ -44,14 +46,14 @@ class MotionScene:
         street: Kind of street.
         sensor: LiDAR model.
         rate_hz: Scans per second.
-        noise: Noise of the INS; that of KITTI's by default.
+        ins_noise: Standard deviations of the INS in metres and degrees; those of KITTI's by default.
         has_ins: Whether frames carry the pose of the INS.
     """
 
     street: StreetKind
     sensor: str
     rate_hz: float = 10.0
-    noise: InsNoise | None = None
+    ins_noise: tuple[float, float] | None = None
     has_ins: bool = True
 
 
@@ -60,7 +62,7 @@ SCENES: Mapping[str, MotionScene] = {
     "fences, hedges": MotionScene("park", "HDL-64E"),
     "jam": MotionScene("jam", "HDL-64E"),
     "shopping": MotionScene("shopping", "HDL-64E"),
-    "junction, poor INS": MotionScene("junction", "HDL-64E", noise=_POOR_INS),
+    "junction, poor INS": MotionScene("junction", "HDL-64E", ins_noise=_POOR_INS),
     "cycling, no INS": MotionScene("cycling", "HDL-64E", has_ins=False),
     "main road, 2 Hz": MotionScene("main-road", "HDL-32E", 2.0),
     "town, 2 Hz": MotionScene("town", "HDL-32E", 2.0),
@@ -111,6 +113,8 @@ def motion_scenes(
     Args:
         out: Figure; a JSON file with the numbers is written beside it.
     """
+    from perception.evaluation.moving_segmentation import MotionCounts
+
     cases = list(product(METHODS, SCENES, streets.seeds))
     measure = partial(measure_scene, frames=streets.frames, area=config.area)
     done = run_parts(measure, cases, config.workers or usable_cores())
@@ -152,19 +156,22 @@ def motion_scenes(
 
 def measure_scene(
     case: tuple[Method, str, int], frames: int, area: LocalArea
-) -> dict[str, MotionCounts]:
+) -> "dict[str, MotionCounts]":
     """Measure one method on one scene, all objects and those of each class of speeds; called by workers."""
     from data.derived.moving_truth import moving_truth
     from data.synthetic.drive import SyntheticDrive
+    from data.synthetic.ins import InsNoise
     from data.synthetic.world_kinds import STREETS
+    from perception.evaluation.moving_segmentation import MotionCounts, count_motion, speeds_of
     from perception.pipeline.lidar_stages import LidarStages
 
     method, name, seed = case
     scene = SCENES[name]
     sensor = replace(load_sensor(scene.sensor), rate_hz=scene.rate_hz)
     world = STREETS[scene.street](np.random.default_rng(seed))
+    noise = None if scene.ins_noise is None else InsNoise(*scene.ins_noise)
     drive = SyntheticDrive(
-        frames, seed=seed, sensor=sensor, config=world, noise=scene.noise, images=False
+        frames, seed=seed, sensor=sensor, config=world, noise=noise, images=False
     )
     motion, match = moving_truth(drive, "all").motion, ObjectMatchConfig()
     config = PipelineConfig.for_motion()

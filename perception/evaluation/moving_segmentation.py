@@ -97,7 +97,8 @@ def count_motion(
     counts = (states != PointState.OUTSIDE) & ~np.isin(truth.classes, UNLABELLED_CLASSES)
     found, moves = states[counts] == PointState.MOVING, truth.is_moving[counts]
     instances = np.where(moves, truth.instances[counts], 0)
-    points, moving = np.bincount(instances), np.bincount(instances, found)
+    points = np.bincount(instances, minlength=1)
+    moving = np.bincount(instances, found, minlength=1)
     is_object = points >= config.min_points
     is_object[0] = False
     is_missed = is_object & ((moving == 0) | (moving < config.moving_share * points))

@@ -34,7 +34,7 @@ def test_counts_of_drives_are_added():
 
 
 def test_movers_are_counted_on_a_road():
-    found = _measure((5.0, 3), 4, VLP_16, LocalArea(40.0, 40.0, 40.0))
+    found = _measure((5.0, 2), 4, VLP_16, LocalArea(40.0, 40.0, 40.0))
     assert (found.scans, found.movers, len(found.false_m), found.halted) == (4, 8, 0, 0)
     assert found.missed <= 7
 

@@ -23,8 +23,8 @@ def are_in_both_images(boxes: Boxes3D):
 
 
 def test_no_object_is_a_vehicle_of_each_camera():
-    town = STREETS["town"](np.random.default_rng(401))
-    drive = SyntheticDrive(5, seed=401, sensor=HDL_32E, config=town, cameras=CAMERAS)
+    town = STREETS["town"](np.random.default_rng(402))
+    drive = SyntheticDrive(5, seed=402, sensor=HDL_32E, config=town, cameras=CAMERAS)
     found = in_both = 0
     with Pipeline(drive.sensor) as pipeline:
         for frame in drive:
