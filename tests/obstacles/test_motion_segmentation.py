@@ -364,7 +364,7 @@ def test_a_new_window_forgets():
 
 
 @pytest.mark.parametrize("is_stated", [False, True])
-def test_a_scan_of_doubtful_pose_adds_nothing_that_moves(is_stated):
+def test_a_scan_of_uncertain_pose_adds_no_moving_points(is_stated):
     """Two degrees and 0.4 m off in one scan; no later scan takes it for evidence either."""
     scene = [WALL, box(9.0, -4.0), box(12.0, 3.0), box(18.0, -6.0, 4.2, 1.8, 1.5)]
     off, moving = from_euler(0, 0, np.radians(2.0), np.array([0.4, 0.0, 0.0])), []

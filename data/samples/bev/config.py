@@ -17,7 +17,7 @@ class BevAugmentationConfig(AugmentationConfig):
         mirror: Probability that left and right change places.
         scale: Largest factor of all lengths, less 1.
         thinning: Probability that every second beam is left out, of a sensor of 32 and more.
-        lost: Largest share of returns that are lost, as in rain.
+        dropout: Largest share of points that drop out, as in rain.
         reflectance: Probability that no reflectance is known.
         gain: Standard deviation of the logarithm of a factor of reflectance.
         ground_m: Standard deviation in metres of an error of the ground's height.
@@ -30,7 +30,7 @@ class BevAugmentationConfig(AugmentationConfig):
         "mirror": 1.0,
         "scale": 0.5,
         "thinning": 1.0,
-        "lost": 0.9,
+        "dropout": 0.9,
         "reflectance": 1.0,
         "crop": 0.9,
     }
@@ -39,7 +39,7 @@ class BevAugmentationConfig(AugmentationConfig):
     mirror: float = 0.5
     scale: float = 0.05
     thinning: float = 0.3
-    lost: float = 0.3
+    dropout: float = 0.3
     reflectance: float = 0.3
     gain: float = 1.0
     ground_m: float = 0.08

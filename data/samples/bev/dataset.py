@@ -103,7 +103,7 @@ class BevDataset(Dataset[Sample]):
         magnitudes, rng = self.augmentation, np.random.default_rng([self.seed, *index.view])
         step = 1 + (sensor.beams >= _THINNED_FROM and rng.random() < magnitudes.thinning)
         scan = augment(_every(scan, sensor, step), magnitudes, rng)
-        scan = disturb(scan, magnitudes, rng)
+        scan = jitter(scan, magnitudes, rng)
         maps = self._mapper(sensor, step).make(scan.points_velo, scan.heights_m)
         if rng.random() < magnitudes.reflectance:
             maps[..., REFLECTANCE] = 0
@@ -197,11 +197,11 @@ def augment(
     return LabelledScan(points, heights_m, replace(labels, boxes=boxes, view_rad=view))
 
 
-def disturb(
+def jitter(
     scan: LabelledScan, magnitudes: BevAugmentationConfig, rng: np.random.Generator
 ) -> LabelledScan:
     """Return a scan as another sensor or ground would give it: fewer returns, brighter, and the ground off a little."""
-    scan = _kept(scan, rng.random(len(scan.points_velo)) >= rng.uniform(0, magnitudes.lost))
+    scan = _kept(scan, rng.random(len(scan.points_velo)) >= rng.uniform(0, magnitudes.dropout))
     points = np.array(scan.points_velo)
     points[:, 3] = np.minimum(points[:, 3] * np.exp(rng.normal(0, magnitudes.gain)), 1)
     offset_m = np.float32(rng.normal(0, magnitudes.ground_m))

@@ -355,7 +355,7 @@ def test_rows_of_a_camera_that_is_not_described_are_not_used(folder):
     assert "labels are not used, as they need the calibration of a camera" in drive.notes[0]
 
 
-def test_rows_without_boxes_in_the_image_are_of_everything_around(folder):
+def test_rows_without_boxes_in_the_image_are_labels_all_round(folder):
     write_images(folder, [f"{index:06d}.png" for index in range(4)])
     (folder / "labels.txt").write_text("2 7 " + ROW.format("-1 -1 -1 -1"))
     (folder / "drive.yaml").write_text(LIDAR + CAMERA + "labels: labels.txt\n")

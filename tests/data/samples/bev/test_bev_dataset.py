@@ -8,7 +8,7 @@ import pytest
 from data.array_store import ArrayStore
 from data.open_drive import open_drive
 from data.samples.bev.config import BevAugmentationConfig
-from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop, disturb
+from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop, jitter
 from data.samples.bev.labelled_scans import LabelledScans
 from data.samples.epoch_samplers import SampleIndex
 from data.synthetic.collection import SynthConfig, write_drives
@@ -39,7 +39,7 @@ def drives(tmp_path_factory):
 
 
 STILL = dict.fromkeys(
-    ("turn_rad", "mirror", "scale", "thinning", "lost", "reflectance", "gain", "ground_m", "tilt_rad"),
+    ("turn_rad", "mirror", "scale", "thinning", "dropout", "reflectance", "gain", "ground_m", "tilt_rad"),
     0.0,
 )  # fmt: skip
 
@@ -116,27 +116,27 @@ def test_points_stay_in_their_boxes(scans):
     assert not np.allclose(scan.labels.boxes, moved.labels.boxes, atol=0.5)
 
 
-def test_a_disturbed_scan_keeps_the_share_of_returns_and_heights_of_boxes_over_returns(scans):
+def test_a_jittered_scan_keeps_shares_of_returns_and_heights_of_boxes(scans):
     scan = scans.scan(0)
-    magnitudes = BevAugmentationConfig(lost=0.9, ground_m=0.5, tilt_rad=0.05)
-    disturbed = disturb(scan, magnitudes, np.random.default_rng(1))
-    share = len(disturbed.points_velo) / len(scan.points_velo)
+    magnitudes = BevAugmentationConfig(dropout=0.9, ground_m=0.5, tilt_rad=0.05)
+    jittered = jitter(scan, magnitudes, np.random.default_rng(1))
+    share = len(jittered.points_velo) / len(scan.points_velo)
     assert 0.1 < share < 0.9
     expected = scan.labels.returns * share
-    assert np.allclose(disturbed.labels.returns, expected, atol=1)
-    rises_m = disturbed.labels.boxes[:, 2] - scan.labels.boxes[:, 2]
+    assert np.allclose(jittered.labels.returns, expected, atol=1)
+    rises_m = jittered.labels.boxes[:, 2] - scan.labels.boxes[:, 2]
     ground = np.column_stack([scan.labels.boxes[:, :2], np.ones(len(rises_m))])
     plane, *_ = np.linalg.lstsq(ground, rises_m, rcond=None)
     assert np.abs(ground @ plane - rises_m).max() < 1e-4
     assert np.abs(plane[:2]).min() > 1e-3
     rows = {tuple(point) for point in scan.points_velo[:, :3]}
-    assert all(tuple(point) in rows for point in disturbed.points_velo[:, :3])
+    assert all(tuple(point) in rows for point in jittered.points_velo[:, :3])
 
 
-def test_a_scan_that_nothing_disturbs_keeps_its_returns(scans):
+def test_a_scan_without_jitter_keeps_its_returns(scans):
     scan = scans.scan(0)
-    none = BevAugmentationConfig(lost=0.0, gain=0.0, ground_m=0.0, tilt_rad=0.0)
-    same = disturb(scan, none, np.random.default_rng(1))
+    none = BevAugmentationConfig(dropout=0.0, gain=0.0, ground_m=0.0, tilt_rad=0.0)
+    same = jitter(scan, none, np.random.default_rng(1))
     assert np.array_equal(same.points_velo, scan.points_velo)
     assert np.array_equal(same.heights_m, scan.heights_m)
     assert np.array_equal(same.labels.boxes, scan.labels.boxes)
