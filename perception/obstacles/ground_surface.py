@@ -23,6 +23,7 @@ from perception.kernels.heights import (
     robust_plane,
     sums_of_cells,
 )
+from perception.localization.pose_covariance import height_deviations_m
 from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.config import GroundSurfaceConfig
 from perception.sensor import LidarModel
@@ -48,14 +49,17 @@ _BAND_M = 0.20  # from the coarse surface to a point that may be ground
 _OBSTACLE_BAND_M = (0.3, 1.5)  # heights of points that make a cell unfit for the memory
 _REMEMBER_EVERY = 3  # scans
 _MEMORY_WEIGHT = 0.3  # of remembered averages, against 1 of new ones
+# Deviation of a height by the poses of two scans beyond which an average tells nothing; no faultless drive has as much.
+_MAX_DEVIATION_M = 0.15
 
 
 @dataclass(frozen=True)
 class _Memory:
-    """Averages of one earlier scan, and its pose."""
+    """Averages of one earlier scan, its pose, and the covariance of that."""
 
     samples: HeightSamples
     world_SE3_velo: Float64
+    covariance: Float64
 
 
 class GroundSurfaceEstimator:
@@ -100,7 +104,7 @@ class GroundSurfaceEstimator:
         scan = window.newest
         stride = max(-(-len(scan.points_velo) // self._config.max_points), 1)
         points, cells = points_over_cells(scan.points_velo, stride, self._samples.numbers)
-        memory = self._recall(scan.world_SE3_velo)
+        memory = self._recall(scan)
         stiff = self._stiff_surface(self._lowest(points, cells).joined(memory))
         averages, is_clean = self._averages(points, cells, stiff)
         samples = averages.joined(self._gaps(memory, averages))
@@ -154,14 +158,21 @@ class GroundSurfaceEstimator:
         weights = np.minimum(counts, _FULL_COUNT) / _FULL_COUNT
         return HeightSamples(sums[seen, :3] / counts[:, None], weights), ~has_obstacle[seen]
 
-    def _recall(self, world_SE3_velo: Float64) -> HeightSamples:
-        """Return the remembered averages and the ground below the vehicle, in the newest scan's frame, inside the grid."""
-        velo_SE3_world = inverse(world_SE3_velo)
+    def _recall(self, scan: PosedScan) -> HeightSamples:
+        """Return the remembered averages and the ground below the vehicle, in the newest scan's frame, inside the grid.
+
+        Averages whose height the two poses do not tell are left out.
+        """
+        velo_SE3_world = inverse(scan.world_SE3_velo)
         recalled = self._footing
         for memory in self._memories:
             velo_SE3_then = velo_SE3_world @ memory.world_SE3_velo
             moved = memory.samples.points @ velo_SE3_then[:3, :3].T + velo_SE3_then[:3, 3]
-            recalled = recalled.joined(HeightSamples(moved, memory.samples.weights))
+            deviations_m = height_deviations_m(
+                scan.covariance + memory.covariance, moved @ scan.world_SE3_velo[:3, :3].T
+            )
+            samples = HeightSamples(moved, memory.samples.weights)
+            recalled = recalled.joined(samples[deviations_m <= _MAX_DEVIATION_M])
         inside = self._cells_of(recalled.points) >= 0
         weights = _MEMORY_WEIGHT * recalled.weights
         return HeightSamples(recalled.points[inside], weights[inside])
@@ -179,7 +190,7 @@ class GroundSurfaceEstimator:
 
     def _remember(self, clean: HeightSamples, scan: PosedScan) -> None:
         if self._updates % _REMEMBER_EVERY == 0:
-            self._memories.append(_Memory(clean, scan.world_SE3_velo))
+            self._memories.append(_Memory(clean, scan.world_SE3_velo, scan.covariance))
         self._updates += 1
 
 

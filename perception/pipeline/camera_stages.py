@@ -266,7 +266,8 @@ class CameraStages(Restorable):
             if found is not None and is_now:
                 searched = [n for n, one in enumerate(detections) if _has_searched_image(one)]
                 vehicles = join_bev(vehicles, found, frame, searched)
-            return self._tracker.update(vehicles, frame, lidar.world_SE3_velo, lidar.tracks)
+            pose, covariance = lidar.world_SE3_velo, lidar.scan.covariance
+            return self._tracker.update(vehicles, frame, pose, lidar.tracks, covariance)
 
 
 def _modality_detections(output: MultimodalOutput | None) -> ModalityDetections:

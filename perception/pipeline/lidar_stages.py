@@ -267,7 +267,8 @@ class LidarStages(Restorable):
         obstacles = clock.run("static and moving", motion.segment, voxels)
         obstacles = _of_whole_scan(frame, scans, obstacles)
         predicted = self._predict(frame, last, health, clock)
-        return replace(predicted, ground=ground, obstacles=obstacles)
+        scan = replace(predicted.scan, covariance=scans.window.newest.covariance)
+        return replace(predicted, ground=ground, obstacles=obstacles, scan=scan)
 
     def _motion_since(self, last: LidarResult, frame: Frame, stamp_s: float) -> Float64:
         """Return the (4, 4) motion since the last scan by the INS, else at constant velocity."""

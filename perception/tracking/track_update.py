@@ -80,11 +80,11 @@ class SensorPose:
     place_m: Float64
     covariance: Float64 | None = None
 
-    def noise(self, clusters: Footprints) -> Float64:
-        """Return (F, 2, 2) what an uncommon error of the pose adds to the covariances of F clusters."""
-        away_m = clusters.centroids_m - self.place_m
+    def noise(self, places_m: Float64) -> Float64:
+        """Return (P, 2, 2) what an uncommon error of the pose adds to the covariances of (P, 2) places."""
         if self.covariance is None:
-            return np.zeros((len(clusters), 2, 2))
+            return np.zeros((len(places_m), 2, 2))
+        away_m = places_m - self.place_m
         variances, axes = np.linalg.eigh(plane_covariances_m2(self.covariance, away_m))
         beyond = np.maximum(variances - _POSE_M**2, 0.0)
         return np.asarray(axes * beyond[:, None] @ axes.transpose(0, 2, 1))
@@ -108,7 +108,7 @@ class BoxMeasurements:
 def measure_boxes(tracks: TrackTable, clusters: Footprints, sensor: SensorPose) -> BoxMeasurements:
     """Measure every track by every one of F clusters, at least one."""
     seen = measure_extents(clusters, tracks.yaw_rad, sensor.place_m)
-    return _measure(tracks, seen, clusters.points[None], sensor.noise(clusters)[None])
+    return _measure(tracks, seen, clusters.points[None], sensor.noise(clusters.centroids_m)[None])
 
 
 def _measure(
@@ -135,7 +135,9 @@ def update_tracks(tracks: TrackTable, clusters: Footprints, sensor: SensorPose) 
     tracks = update_from_shape(tracks, clusters)
     seen = _own_extents(clusters, tracks.yaw_rad, sensor.place_m)
     tracks = _grown(tracks, seen)
-    measured = _measure(tracks, seen, clusters.points[:, None], sensor.noise(clusters)[:, None])
+    measured = _measure(
+        tracks, seen, clusters.points[:, None], sensor.noise(clusters.centroids_m)[:, None]
+    )
     tracks = motion_model.correct(tracks, measured.centers_m[:, 0], measured.noise[:, 0])
     heights_m = clusters.high_m - clusters.low_m
     return replace(
@@ -171,7 +173,9 @@ def init_tracks(clusters: Footprints, sensor: SensorPose, stamp_s: float) -> Tra
         points=clusters.points,
         is_confirmed=np.zeros(count, bool),
     )
-    measured = _measure(tracks, seen, clusters.points[:, None], sensor.noise(clusters)[:, None])
+    measured = _measure(
+        tracks, seen, clusters.points[:, None], sensor.noise(clusters.centroids_m)[:, None]
+    )
     centers_m = measured.centers_m[:, 0]
     states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m)
     return replace(

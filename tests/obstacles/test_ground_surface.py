@@ -149,6 +149,28 @@ def test_earlier_scans_fill_what_the_newest_does_not_see() -> None:
     assert abs(forgotten - (-1.73 + 0.2)) > 0.10
 
 
+@pytest.mark.parametrize("turned", [0, 1])
+@pytest.mark.parametrize(("is_stated", "bent_m"), [(False, 0.49), (True, 0.0)])
+def test_a_scan_of_doubtful_pose_bends_no_ground(
+    turned: int, is_stated: bool, bent_m: float
+) -> None:
+    """Of two scans of a level road, the second behind a wall, one has a pose that is pitched by two degrees."""
+    pitch_rad = np.radians(2.0)
+    doubt = np.diag([0, 0, 0, 0, pitch_rad**2 if is_stated else 0.0, 0])
+    scans = [
+        PosedScan(
+            rings(HDL_64E, level, walls),
+            from_euler(0, pitch_rad if number == turned else 0.0, 0),
+            doubt if number == turned else np.zeros((6, 6)),
+        )
+        for number, walls in enumerate([[], [(9.0, -6.0, 9.5, 6.0)]])
+    ]
+    ground = GroundSurfaceEstimator(HDL_64E)
+    ground.update(window_of(scans[0]))
+    hidden_m = ground.update(window_of(*scans)).height_m(np.array([[14.0, 0.0]]))[0]
+    assert abs(hidden_m + 1.73) == pytest.approx(bent_m, abs=0.02)
+
+
 def test_a_window_of_one_scan_resets() -> None:
     def high(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.full_like(x, -1.5)

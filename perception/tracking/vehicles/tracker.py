@@ -17,6 +17,7 @@ from perception.maps.projection import camera_of
 from perception.tracking import motion_model
 from perception.tracking.association import assign_with_max_cost
 from perception.tracking.track_table import MAX_PAUSE_S, ROUNDING_S
+from perception.tracking.track_update import SensorPose
 from perception.tracking.tracker import covariances_velo
 from perception.tracking.vehicles.box_uncertainty import box_deviations, tracked_covariances
 from perception.tracking.vehicles.class_sizes import SizePriors
@@ -117,6 +118,7 @@ class VehicleTracker:
         frame: Frame,
         world_SE3_velo: Float64,
         tracks: Tracks | None = None,
+        covariance: Float64 | None = None,
     ) -> VehicleTrackerResult:
         """Update the tracks by the detections of one frame.
 
@@ -125,6 +127,7 @@ class VehicleTracker:
             frame: Time and cameras; a frame that is not later than the last one clears the tracks.
             world_SE3_velo: (4, 4) pose of the frame.
             tracks: Moving objects in the same scan, with the ids of their own tracker; None without one.
+            covariance: (6, 6) covariance of the pose; vehicles are located as much worse. None where it is exact.
         """
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
             self.clear()
@@ -136,11 +139,14 @@ class VehicleTracker:
         if (vehicles.cameras < 0).any() or (self._tracks.cameras >= real).any():
             views = surround_views(frame.stamp_s, world_SE3_velo)
             cameras, vehicles = [*cameras, *views], with_views(vehicles, views, real)
+        self._sensor = SensorPose(world_SE3_velo[:2, 3], covariance)
         self._predict(cameras[0])
         self._learn_classes(vehicles.fused.detections.types)
         observations = VehicleObservations.of(
             vehicles, cameras, self._classes, self._config.min_existence
         )
+        doubt = self._sensor.noise(observations.boxes_world.bottom_m[:, :2])
+        observations = replace(observations, noise=observations.noise + doubt)
         self._update_and_init(observations, cameras)
         types = self._types(self._tracks)
         tracks = self._give_ids(cameras[0], types, tracks or Tracks.empty())
@@ -246,14 +252,16 @@ class VehicleTracker:
         """Return (T, 4) standard deviations of the sides of expected boxes.
 
         What was hidden for a second may be a metre from where its last velocity takes it, which shifts its box across
-        the image.
+        the image, as a turn that the pose lacks does.
         """
         tracks = self._tracks
         sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], _MIN_SIZE_PX)
         deviations_px = _SIDE_DEVIATION_SHARE * sizes_px
         unseen_s = 0.0 if self._stamp_s is None else self._stamp_s - tracks.last_seen_s
         heights_m = np.where(tracks.is_located, tracks.sizes_m[:, 2], ASSUMED_HEIGHT_M)
-        moved_px = unseen_s * tracks.speed_deviations_m_s / heights_m * sizes_px[:, 1]
+        doubt_m2 = self._sensor.noise(tracks.mean[:, :2]).trace(axis1=1, axis2=2)
+        moved_m = np.sqrt((unseen_s * tracks.speed_deviations_m_s) ** 2 + doubt_m2)
+        moved_px = moved_m / heights_m * sizes_px[:, 1]
         deviations_px[:, 0] = np.hypot(deviations_px[:, 0], moved_px)
         return np.tile(deviations_px, 2)
 

@@ -7,6 +7,7 @@ import pytest
 
 from perception.detection.vehicles.locate import locate
 from perception.geometry.camera import box_outlines_px
+from perception.geometry.se3 import from_euler
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import Boxes3D, FusedDetections, Tracks
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, observed_from, road, sides
@@ -82,6 +83,24 @@ def test_parked_cars_keep_their_ids_and_stand_still():
     assert [one.ids.tolist() for one in reported] == [[0, 1, 2]] * 20
     np.testing.assert_allclose(reported[-1].velocities_m_s, 0.0, atol=0.3)
     assert np.isnan(reported[0].velocities_m_s).all()
+
+
+@pytest.mark.parametrize(("is_stated", "off_m", "number"), [(False, 1.56, 1), (True, 0.05, 0)])
+def test_a_scan_of_doubtful_pose_hardly_moves_a_vehicle(is_stated, off_m, number):
+    """One scan turned by two degrees shifts a car 45 m away by 1.6 m, and by its width in the image."""
+    tracker, turned, world = VehicleTracker(), np.radians(2.0), cars((45.0, 2.0, 0.0))
+    found = []
+    for step in range(20):
+        pose = from_euler(0, 0, turned if step == 15 else 0.0)
+        stated = np.diag([0, 0, 0, 0, 0, turned**2]) if is_stated and step == 15 else None
+        frame = frame_of(_ROAD, sides(world), index=step)
+        located = locate(detected(world), frame, FlatRoad())
+        vehicles = tracker.update(located, frame, pose, covariance=stated).vehicles
+        place_m = pose[:3, :3] @ vehicles.boxes.bottom_m[0]
+        found.append((place_m[1] - 2.0, *vehicles.ids.tolist()))
+    off, ids = np.array(found[15:]).T
+    assert np.abs(off).max() == pytest.approx(off_m, abs=0.01)
+    assert ids.tolist() == [number, 0, 0, 0, 0]
 
 
 def test_a_less_sure_detection_is_confirmed_by_the_next_one():
