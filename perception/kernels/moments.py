@@ -50,9 +50,10 @@ def flattest_direction(
     p, q, r = (a - mean) / spread, (d - mean) / spread, (f - mean) / spread
     u, v, w = b / spread, c / spread, e / spread
     half_determinant = (p * (q * r - w * w) - u * (u * r - w * v) + v * (u * w - q * v)) / 2
-    angle = np.arccos(min(max(half_determinant, -1.0), 1.0)) / 3
-    smallest = mean + 2 * spread * np.cos(angle + 2 * np.pi / 3)
-    largest = mean + 2 * spread * np.cos(angle)
+    # Eigenvalues are mean + 2 spread cos(angle + k 2 pi / 3), with an angle of at most pi / 3.
+    cosine = np.cos(np.arccos(min(max(half_determinant, -1.0), 1.0)) / 3)
+    smallest = mean - spread * (cosine + np.sqrt(3 * (1 - cosine * cosine)))
+    largest = mean + 2 * spread * cosine
     middle = 3 * mean - smallest - largest
     if middle < min_breadth * largest or smallest > max_thickness * middle:
         return 0.0, 0.0, 0.0

@@ -118,6 +118,8 @@ _SEARCH_STEP_M, _SEARCH_PART_M, _SEARCH_M = 0.15, 4.0, 8.0
 _SEARCH_BACK_M = 3.0
 _SEARCH_POINTS = 1000  # of a scan; fewer miss the motion by chance
 _SEARCH_LOSS = 0.02  # by which fewer of these may be on surfaces than at the motion found
+# Of some of them, first: where so much fewer are, as at most motions, no more are looked at (three deviations).
+_ROUGH_POINTS, _ROUGH_LOSS = 250, 0.1
 # After a correction, until the moving points are known again, only what lies on surfaces takes part.
 _CORRECTED_S = 1.0
 # A step of one scan tells the velocity worse than the way since an older keyframe.
@@ -423,8 +425,8 @@ class LidarOdometry:
             guess = self._search_ahead(points, stamp_s, found)
         if guess is None or not self._is_apart(guess, found):
             return None
-        other = self._surface_alignment(points, guess)
-        if other is None or not self._is_apart(other.target_SE3_source, found):
+        other = self._surface_alignment(points, guess, found)
+        if other is None:
             return None
         is_farther = other.target_SE3_source[0, 3] > found[0, 3]
         keyframe, min_gain = self._keyframe.points, _MIN_SURFACE_GAIN
@@ -449,12 +451,16 @@ class LidarOdometry:
         if found[0, 3] > _SEARCH_BACK_M:
             start_m = max(start_m, float(found[0, 3]))
         sample = points.thinned(_SEARCH_POINTS)
-        target = self._keyframe.points.all
+        rough, target = sample.thinned(_ROUGH_POINTS), self._keyframe.points.all
         best, most = None, self._share(sample, target, found) - _SEARCH_LOSS
         for ahead_m in np.arange(start_m, min(end_m, self._searched_m), _SEARCH_STEP_M):
             motion = found.copy()
             motion[0, 3] = ahead_m
-            share = self._share(sample, target, motion) if self._is_apart(motion, found) else 0.0
+            if not self._is_apart(motion, found):
+                continue
+            if self._share(rough, target, motion) < most - _ROUGH_LOSS:
+                continue
+            share = self._share(sample, target, motion)
             if share > most:
                 best, most = motion, share
         return best
@@ -465,8 +471,10 @@ class LidarOdometry:
         """Return the share of points that a motion brings onto surfaces of the keyframe."""
         return share_on_surfaces(points, target, motion, _TIGHT_M)
 
-    def _surface_alignment(self, points: PreprocessedPoints, motion: Float64) -> Alignment | None:
-        """Align what a motion brings onto surfaces, and once more what the alignment found brings there."""
+    def _surface_alignment(
+        self, points: PreprocessedPoints, motion: Float64, carried: Float64
+    ) -> Alignment | None:
+        """Align what a motion brings onto surfaces, and once more what that brings there, unless it is the carried one."""
         found, target = None, self._keyframe.points.all
         for _ in range(2):
             kept = on_surfaces(points, target, motion, _SURFACE_M)
@@ -474,6 +482,8 @@ class LidarOdometry:
             if found is None:
                 return None
             motion = found.target_SE3_source
+            if not self._is_apart(motion, carried):
+                return None
         return found
 
     def _is_apart(self, motion: Float64, other: Float64) -> bool:
