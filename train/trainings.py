@@ -124,7 +124,7 @@ TRAININGS: Mapping[str, Training] = {
         "scans",
         "Train the detector of the bird's-eye view, which sees a scan from above",
         "highest AP of centres within 2 m",
-        "`trifuse train detector --modality bev` is the same. Nothing of this package runs the network yet.",
+        "`trifuse train detector --modality bev` is the same. Make a model file with: trifuse export OUT/best.ckpt --out bev.onnx",
         "trifuse train bev synth/train --validation synth/val --out results/bev",
     ),
     "depthcn": Training(

@@ -51,6 +51,19 @@ def require_classes(class_names: Sequence[str], labels: Counter[str], where: str
     )
 
 
+def warn_of_missing(class_names: Sequence[str], labels: Counter[str], where: str) -> None:
+    """Warn of classes without labels, which a network does not learn.
+
+    Raises:
+        LabelError: No class has labels.
+    """
+    missing = [name for name in class_names if not labels[name]]
+    if len(missing) == len(class_names):
+        require_classes(missing, labels, where)
+    if missing:
+        log.warning("%s: no %s, which will not be detected", where, ", no ".join(missing))
+
+
 def warn_of_few(class_names: Sequence[str], labels: Counter[str], where: str) -> None:
     """Warn of classes with too few objects for KITTI's average precision, which samples as many recalls."""
     counts = Counter[str]()

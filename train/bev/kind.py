@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from data.samples.bev.datamodule import BevDataModule
@@ -37,17 +38,17 @@ class BevResult:
         scans = f"{self.counts[f'{self.part}_frames']} {self.part} scans"
         title = f"bev, epoch {self.epoch}: centres within {DISTANCE_M:g} m on {scans}"
         columns = [
-            Column[Mapping[str, float]]("AP [%]", lambda row: 100 * row["ap"], ".1f"),
-            Column[Mapping[str, float]]("mean AP [%]", _mean_ap, ".1f"),
+            Column[Mapping[str, float]]("AP [%]", partial(_percent, "ap"), ".1f"),
+            Column[Mapping[str, float]]("mean AP [%]", partial(_percent, "mean_ap"), ".1f"),
             Column[Mapping[str, float]]("labels", lambda row: row["labels"], "d"),
-            Column[Mapping[str, float]]("recall [%]", lambda row: 100 * row["recall"], ".1f"),
+            Column[Mapping[str, float]]("recall [%]", partial(_percent, "recall"), ".1f"),
         ]
         return Table(title, columns, self.precision, "class")
 
 
-def _mean_ap(row: Mapping[str, float]) -> float | None:
-    """Return the mean over 0.5 to 4 m; None of a checkpoint that does not state it."""
-    return 100 * row["mean_ap"] if "mean_ap" in row else None
+def _percent(name: str, row: Mapping[str, float]) -> float | None:
+    """Return a metric in percent; None of a class without labels, and of a checkpoint that does not state it."""
+    return 100 * row[name] if name in row and row["labels"] else None
 
 
 def report(module: BevTraining, data: BevDataModule, stage: Stage, checkpoint: Path) -> BevResult:

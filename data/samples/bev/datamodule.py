@@ -13,7 +13,7 @@ from data.samples.bev.labelled_scans import LabelledScans
 from data.samples.config import TrainingDrives
 from data.samples.datamodule import SampleDataModule
 from data.samples.epoch_samplers import ShuffledSampler
-from data.samples.labelled_parts import require_classes, warn_of_few
+from data.samples.labelled_parts import warn_of_few, warn_of_missing
 from perception.types import Drive
 
 _BEV = BevConfig()
@@ -65,8 +65,9 @@ class BevDataModule(SampleDataModule[LabelledScans, BevDataset]):
         return BevDataset(frames, np.arange(len(frames)), self.bev, augmentation, self.seed)
 
     def _require_labels(self) -> None:
-        names, seen = self.bev.class_names, "labels with returns"
-        require_classes(names, self.training.target_types(), f"{seen} of the training scans")
+        names, seen, learned = self.bev.class_names, "labels with returns", self.training
+        warn_of_missing(names, learned.target_types(), f"{seen} of the training scans")
+        names = tuple(name for name in names if learned.target_types()[name])
         warn_of_few(names, self.validation.target_types(), f"{seen} of the validation scans")
 
     def _epoch_sampler(self) -> ShuffledSampler:
