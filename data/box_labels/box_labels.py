@@ -48,7 +48,8 @@ class BoxLabels:
         Raises:
             LabelError: The labels cannot be read, or do not fit the scans.
         """
-        boxes = self._boxes.get(name, None if self.form.is_per_scan else ())
+        is_named = self.form.is_per_scan or self.form.names_frames
+        boxes = self._boxes.get(name, None if is_named else ())
         if boxes is None:
             return None
         numbers = self._reading.boxes(numbers_of_boxes(boxes))

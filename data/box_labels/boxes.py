@@ -74,6 +74,7 @@ class LabelForm:
         read: Function from a file and its content to the boxes by frame: the name, or the number in digits, of a scan.
         readings: Ways in which the numbers may be meant, the usual one first.
         is_per_scan: Whether a file holds one scan, after which it is named; its frame is then "".
+        names_frames: Whether frames without a box are named, too; others are then not labelled.
     """
 
     name: str
@@ -81,6 +82,7 @@ class LabelForm:
     read: Callable[[Path, Any], Frames]
     readings: tuple[Reading, ...]
     is_per_scan: bool = False
+    names_frames: bool = False
 
 
 def as_stated(numbers: Float64) -> Float64:

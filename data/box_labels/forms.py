@@ -7,6 +7,7 @@ from data.box_labels.boxes import LabelForm, read_content
 from data.box_labels.datumaro import DATUMARO
 from data.box_labels.kitti_rows import KITTI_FRAMES, KITTI_TRACKING, has_image_boxes
 from data.box_labels.labelcloud import LABELCLOUD
+from data.box_labels.nuscenes_tables import NUSCENES_TABLES, TABLES
 from data.box_labels.openlabel import OPENLABEL
 from data.box_labels.supervisely import SUPERVISELY
 from data.box_labels.sustechpoints import SUSTECHPOINTS
@@ -16,11 +17,13 @@ from perception.errors import LabelError
 
 FORMS: Sequence[LabelForm] = (
     LABELCLOUD, SUSTECHPOINTS, KITTI_FRAMES, KITTI_TRACKING, OPENLABEL, DATUMARO, TRACKLETS, SUPERVISELY,
+    NUSCENES_TABLES,
 )  # fmt: skip
 _SUFFIXES = (".json", ".txt", ".xml")
 # Files that tools write beside their labels.
 _BESIDE = {
     "classes.txt", "frame_list.txt", "frame_pointcloud_map.json", "key_id_map.json", "meta.json",
+    *(f"{name}.json" for name in TABLES),
 }  # fmt: skip
 
 

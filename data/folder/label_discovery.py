@@ -10,7 +10,7 @@ from data.folder.discovery import folders_below
 from data.kitti.sensor_files import list_folder
 from perception.errors import LabelError
 
-_NAMES = re.compile(r"(label|annot|tracklet|openlabel)", re.I)
+_NAMES = re.compile(r"(label|annot|tracklet|openlabel|sample_annotation)", re.I)
 
 
 def find_labels(root: Path, scans: Path) -> tuple[Path, LabelForm] | None:

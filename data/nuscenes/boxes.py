@@ -74,13 +74,18 @@ def category(name: str, attributes: tuple[str, ...] = ()) -> ObjectCategory:
         name: Name of the category, such as vehicle.car.
         attributes: Names of the attributes of an annotation.
     """
-    if name in _WITH_RIDER and _RIDDEN in attributes:
+    if is_ridden(name, attributes):
         return _WITH_RIDER[name]
     words = name.split(".")
     for count in range(len(words), 0, -1):
         if (start := ".".join(words[:count])) in CATEGORIES:
             return CATEGORIES[start]
     return _OTHER
+
+
+def is_ridden(name: str, attributes: tuple[str, ...]) -> bool:
+    """Return whether a category is a cycle, and its attributes say that it has a rider."""
+    return name in _WITH_RIDER and _RIDDEN in attributes
 
 
 @dataclass(frozen=True)

@@ -280,8 +280,8 @@ def scenes_of_samples(path: Path) -> dict[str, str]:
 
 
 def scenes_at(path: Path) -> tuple[str, ...] | None:
-    """Return the names of the scenes, or None where there are no tables of nuScenes."""
-    folders = _table_folders(path)
+    """Return the names of the scenes, or None where no tables of nuScenes lie beside samples."""
+    folders = [one for one in _table_folders(path) if (one.parent / "samples").is_dir()]
     return tuple(sorted(name for folder in folders for name in _scenes_in(folder))) or None
 
 

@@ -277,3 +277,12 @@ def test_tracklets_that_are_cut_off_are_named(drive_folder):
     path.write_text(path.read_text()[:-20])
     with fault(LabelError, "tracklet_labels.xml line 3", "XML", "an error"):
         labels_at(root)
+
+
+def test_tables_without_a_sample_leave_its_scan_without_labels(drive_folder):
+    root = drive_folder()
+    writers.nuscenes_tables(root, 1)
+    assert labels_at(root, 1) is None and len(labels_at(root, 0)) == 4
+    rewrite(root, lambda rows: rows[2].update(sample_token="s9"), "sample_annotation.json")
+    with fault(LabelError, "sample_annotation.json record 3", "a scan in sample_data.json", "s9"):
+        labels_at(root)

@@ -5,6 +5,9 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from perception.geometry.boxes import corners
 from tests.data.box_labels.conftest import ObjectRow, objects_of, true_boxes
 
@@ -196,11 +199,67 @@ def exported_tracklets(root: Path, frames: int) -> None:
     tracklets(root, frames, order="whl", lift=0.0)
 
 
+WORLD = np.array([[0, -1, 0, 500.0], [1, 0, 0, -80.0], [0, 0, 1, 3.0], [0, 0, 0, 1]])
+EGO = np.array([[0, 1, 0, 1.0], [-1, 0, 0, 0.0], [0, 0, 1, 1.8], [0, 0, 0, 1]])  # of the LiDAR
+
+
+def _record(token: str, pose: np.ndarray, **more: object) -> dict[str, object]:
+    x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    translation = pose[:3, 3].tolist()
+    return {"token": token, "translation": translation, "rotation": [w, x, y, z], **more}
+
+
+def nuscenes_tables(root: Path, frames: int) -> None:
+    kinds = {"Car": "vehicle.car", "Truck": "vehicle.truck", "Pedestrian": "human.pedestrian.adult"}
+    names = {one.track: kinds.get(one.kind, "vehicle.bicycle") for one in objects_of(0)}
+    boxes, data = [], []
+    for frame in range(frames):
+        for one in objects_of(frame):
+            turn = Rotation.from_euler("z", one.yaw_rad).as_matrix()
+            pose = np.eye(4)
+            pose[:3] = np.column_stack([turn, one.center_m])
+            length, width, height = one.size_m
+            ridden = ["ridden"] if one.kind == "Cyclist" else []
+            more = {
+                "instance_token": one.track,
+                "attribute_tokens": ridden,
+                "size": [width, length, height],
+            }
+            boxes.append(_record("", WORLD @ EGO @ pose, sample_token=f"s{frame}", **more))
+        tokens = {"ego_pose_token": "world", "calibrated_sensor_token": "lidar"}
+        for name, is_key in (
+            (f"samples/L/{frame:06d}.npy", True),
+            (f"samples/C/{frame:06d}.png", True),
+            ("sweeps/L/7.npy", False),
+        ):
+            data.append(
+                {
+                    "token": name,
+                    "sample_token": f"s{frame}",
+                    "filename": name,
+                    "is_key_frame": is_key,
+                    **tokens,
+                }
+            )
+    tables = {
+        "sample_annotation": boxes,
+        "sample_data": data,
+        "ego_pose": [_record("world", WORLD)],
+        "calibrated_sensor": [_record("lidar", EGO)],
+        "instance": [{"token": track, "category_token": name} for track, name in names.items()],
+        "category": [{"token": name, "name": name} for name in names.values()],
+        "attribute": [{"token": "ridden", "name": "cycle.with_rider"}],
+    }  # fmt: skip
+    for name, table in tables.items():
+        _write(root / f"labels/{name}.json", table)
+
+
 FORMS: Mapping[str, Callable[[Path, int], None]] = {
     one.__name__: one
     for one in (
         labelcloud, labelcloud_rad, labelcloud_corners, sustechpoints, kitti_lidar, short_rows, kitti_camera,
         openlabel, openlabel_along_y, datumaro, supervisely, tracklets, tracklets_of_centres, exported_tracklets,
+        nuscenes_tables,
     )
 }  # fmt: skip
 TRACKED = {
@@ -211,4 +270,5 @@ TRACKED = {
     "datumaro",
     "supervisely",
     "tracklets",
+    "nuscenes_tables",
 }
