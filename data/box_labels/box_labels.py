@@ -16,7 +16,7 @@ from data.labelled_objects import labels_of_boxes
 from data.reflectance import sample_indices
 from perception.detection.bev.bev_map import BevGrid, BevMapper
 from perception.errors import LabelError
-from perception.types import Float64, Labels
+from perception.types import Float64, Int, Labels
 
 _SAMPLES = 6  # frames, of which the axes are checked
 _UNTRACKED = -1
@@ -48,14 +48,26 @@ class BoxLabels:
         Raises:
             LabelError: The labels cannot be read, or do not fit the scans.
         """
-        is_named = self.form.is_per_scan or self.form.names_frames
-        boxes = self._boxes.get(name, None if is_named else ())
+        boxes = self.boxes(name)
         if boxes is None:
             return None
         numbers = self._reading.boxes(numbers_of_boxes(boxes))
-        types = [label_type(box.kind, self.classes) for box in boxes]
+        found = boxes_of(numbers, velo_SE3_file)
+        return labels_of_boxes(found, self.types(boxes), self.track_ids(boxes))
+
+    def boxes(self, name: str) -> Sequence[LabelledBox] | None:
+        """Return the boxes of a frame as the files state them, None of one that is not labelled."""
+        is_named = self.form.is_per_scan or self.form.names_frames
+        return self._boxes.get(name, None if is_named else ())
+
+    def types(self, boxes: Sequence[LabelledBox]) -> list[str]:
+        """Return the types of some boxes."""
+        return [label_type(box.kind, self.classes) for box in boxes]
+
+    def track_ids(self, boxes: Sequence[LabelledBox]) -> Int:
+        """Return the (M,) numbers of the objects of some boxes, -1 of those without."""
         ids = [self._track_ids.get(box.track, _UNTRACKED) for box in boxes]
-        return labels_of_boxes(boxes_of(numbers, velo_SE3_file), types, np.array(ids, np.int64))
+        return np.array(ids, np.int64)
 
     def file(self, name: str) -> Path:
         """Return the file of the labels of a frame, or the path of all."""
@@ -79,6 +91,8 @@ class BoxLabels:
             for frame, ones in self.form.read(path, content).items():
                 where = ones[0].where if ones else str(path)
                 name = self._frame(frame or path.stem, where)
+                if name is None:
+                    continue
                 if name in boxes:
                     raise LabelError(path, expected="a scan once", found=f"labels of {name} again")
                 boxes[name] = list(ones)
@@ -94,7 +108,8 @@ class BoxLabels:
         stems = (path.stem for path in self.drive.scans.paths)
         return {**dict(zip(numbers, names, strict=True)), **dict(zip(stems, names, strict=True))}
 
-    def _frame(self, name: str, where: str) -> str:
+    def _frame(self, name: str, where: str) -> str | None:
+        """Return the name of the frame that labels call so; None of one that is none of the drive's."""
         known = self._frames.get(name) or self._frames.get(name.lstrip("0") or "0")
         if known is None:
             names = self.drive.scans.names

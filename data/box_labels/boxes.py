@@ -75,6 +75,7 @@ class LabelForm:
         readings: Ways in which the numbers may be meant, the usual one first.
         is_per_scan: Whether a file holds one scan, after which it is named; its frame is then "".
         names_frames: Whether frames without a box are named, too; others are then not labelled.
+        is_of_image: Whether boxes are those of images, by whose names frames are called.
     """
 
     name: str
@@ -83,6 +84,7 @@ class LabelForm:
     readings: tuple[Reading, ...]
     is_per_scan: bool = False
     names_frames: bool = False
+    is_of_image: bool = False
 
 
 def as_stated(numbers: Float64) -> Float64:

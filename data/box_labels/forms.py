@@ -5,6 +5,7 @@ from pathlib import Path
 
 from data.box_labels.boxes import LabelForm, read_content
 from data.box_labels.datumaro import DATUMARO
+from data.box_labels.image_boxes import COCO, YOLO
 from data.box_labels.kitti_rows import KITTI_FRAMES, KITTI_TRACKING, has_image_boxes
 from data.box_labels.labelcloud import LABELCLOUD
 from data.box_labels.nuscenes_tables import NUSCENES_TABLES, TABLES
@@ -16,8 +17,8 @@ from data.kitti.sensor_files import FrameFiles
 from perception.errors import LabelError
 
 FORMS: Sequence[LabelForm] = (
-    LABELCLOUD, SUSTECHPOINTS, KITTI_FRAMES, KITTI_TRACKING, OPENLABEL, DATUMARO, TRACKLETS, SUPERVISELY,
-    NUSCENES_TABLES,
+    LABELCLOUD, SUSTECHPOINTS, YOLO, KITTI_FRAMES, KITTI_TRACKING, OPENLABEL, DATUMARO, TRACKLETS, SUPERVISELY,
+    NUSCENES_TABLES, COCO,
 )  # fmt: skip
 _SUFFIXES = (".json", ".txt", ".xml")
 # Files that tools write beside their labels.

@@ -11,13 +11,14 @@ does not flicker.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy import ndimage
 
 from data.recorded_drive import RecordedDrive
-from perception.errors import PoseError
+from perception.errors import LabelError, PoseError
 from perception.evaluation.config import MotionLabelConfig, ObstacleProtocol
 from perception.evaluation.objects import MotionState
 from perception.evaluation.obstacle_measure import ObstacleMeasure
@@ -141,12 +142,28 @@ class LabelledAround(Protocol):
 
 
 def evaluation_labels(drive: Drive, index: int) -> Labels | None:
-    """Return all labels of one frame, also of what is beside the camera's view; None without labels."""
+    """Return all labels of one frame, also of what is beside the camera's view; None without labels.
+
+    Raises:
+        LabelError: They cannot be read, or are of images alone.
+    """
     if not drive.has_labels:
         return None
     if isinstance(drive, LabelledAround):
         return drive.labels_around(index)
-    return drive.labels(index)
+    labels = drive.labels(index)
+    require_located(labels, drive.root)
+    return labels
+
+
+def require_located(labels: Labels, where: Path) -> None:
+    """Validate that labels have 3D boxes.
+
+    Raises:
+        LabelError: They are of images alone.
+    """
+    if np.isnan(labels.boxes_velo.bottom_m).any():
+        raise LabelError(where, expected="labels of 3D boxes", found="those of images alone")
 
 
 def label_drive_motion(

@@ -1,9 +1,10 @@
-"""A folder of scans in which everything around is labelled, by a labelling tool."""
+"""A folder of scans that a labelling tool has labelled: everything around, or images."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from data.box_labels.box_labels import BoxLabels
+from data.box_labels.image_labels import ImageLabels
 from data.derived.motion_labels import PosedLabels
 from data.folder.config import FILE_NAME
 from data.folder.drive import FolderDrive
@@ -41,3 +42,27 @@ class LabelledFolderDrive(FolderDrive):
     def _texts(self, index: int) -> tuple[Path | None, ...]:
         # drive.yaml has names of classes.
         return self.box_labels.file(self.frame_names[index]), self.root / FILE_NAME
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelledImagesDrive(FolderDrive):
+    """Frames of one folder with boxes in the images of its camera alone.
+
+    Attributes:
+        image_labels: Labels of the images of the whole folder.
+    """
+
+    image_labels: ImageLabels
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes: yes."""
+        return True
+
+    def labels(self, index: int) -> Labels:
+        """Return the labels of an image; of one that is not labelled, all of it is DontCare."""
+        found = self.image_labels.in_image(self.frame_names[index])
+        return labels_of_camera(None, self, index) if found is None else found
+
+    def _texts(self, index: int) -> tuple[Path | None, ...]:
+        return self.image_labels.file(self.frame_names[index]), self.root / FILE_NAME

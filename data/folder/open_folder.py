@@ -7,12 +7,13 @@ import numpy as np
 
 from data.box_labels.box_labels import BoxLabels
 from data.box_labels.forms import is_in_view, require_form
+from data.box_labels.image_labels import ImageLabels
 from data.box_labels.kitti_rows import with_camera
 from data.drive_images import ImageFiles
 from data.folder.config import FILE_NAME, CameraConfig, FolderConfig, LidarConfig
 from data.folder.discovery import cloud_files, find_scans, image_files
 from data.folder.drive import FolderDrive, velo_to_body
-from data.folder.labelled_drive import LabelledFolderDrive
+from data.folder.labelled_drive import LabelledFolderDrive, LabelledImagesDrive
 from data.folder.observation import observe_folder, observe_recording, viewpoint_observation
 from data.folder.pose_track import PoseTrack, read_pose_track
 from data.folder.stamps import read_stamps, stamps_in_names
@@ -103,6 +104,14 @@ def open_folder(path: Path, config: OpenConfig) -> FolderDrive:
     if form is None or label_file is None:
         return drive
     parts = {one.name: getattr(drive, one.name) for one in fields(drive) if one.init}
+    if form.is_of_image:
+        if images is None or images.lens is None:
+            expected = "a camera of these images, in a section camera"
+            raise DriveError(
+                root / FILE_NAME, expected=expected, found=f"labels of {form.name} alone"
+            )
+        of_images = ImageLabels(label_file, form, described.classes, drive, images, images.lens)
+        return LabelledImagesDrive(**parts, image_labels=of_images)
     camera_pose = None if name is None else cameras[name].lidar_to_camera.dst_SE3_src()
     boxes = BoxLabels(label_file, with_camera(form, camera_pose), described.classes, drive)
     return LabelledFolderDrive(**parts, box_labels=boxes)

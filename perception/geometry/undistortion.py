@@ -112,6 +112,25 @@ class Lens:
         columns, rows = self._maps
         return np.asarray(cv2.remap(image, columns, rows, cv2.INTER_LINEAR))
 
+    def undistort_boxes(self, boxes_px: Float64) -> Float64:
+        """Return (M, 4) the rectangles around (M, 4) distorted ones, x1 y1 x2 y2, as the pinhole camera shows them."""
+        if self.is_pinhole or not len(boxes_px):
+            return boxes_px
+        x, y = boxes_px[:, [0, 2]], boxes_px[:, [1, 3]]
+        steps = np.linspace(0, 1, 5)
+        columns = x[:, :1] + steps * (x[:, 1:] - x[:, :1])
+        rows = y[:, :1] + steps * (y[:, 1:] - y[:, :1])
+        points = np.stack(np.broadcast_arrays(columns[:, :, None], rows[:, None, :]), axis=-1)
+        make = cv2.fisheye if self.is_fisheye else cv2
+        found = make.undistortPoints(
+            np.ascontiguousarray(points.reshape(-1, 1, 2)),
+            self.camera_matrix,
+            self._used,
+            R=self._turn,
+            P=self.pinhole_matrix,
+        ).reshape(len(boxes_px), -1, 2)
+        return np.concatenate([found.min(axis=1), found.max(axis=1)], axis=1)
+
     @cached_property
     def _maps(self) -> tuple[np.ndarray, np.ndarray]:
         """Pixels of the distorted image that are shown at each pixel, as OpenCV's fixed-point maps."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import perception.obstacles
 from data.array_store import Arrays, ArrayStore
-from data.derived.motion_labels import LabelledAround
+from data.derived.motion_labels import LabelledAround, require_located
 from data.frame_fingerprint import code_fingerprint
 from data.kitti.labels import empty_labels, read_object_labels, read_tracking_labels
 from data.kitti.objects import ObjectFrames
@@ -185,7 +185,9 @@ def _labels_around(
             expected="labels of everything around, or a camera whose image has a size",
             found="neither",
         )
-    return drive.labels(index), _view_of(calibration)
+    labels = drive.labels(index)
+    require_located(labels, drive.root)
+    return labels, _view_of(calibration)
 
 
 def _view_of(calibration: Calibration) -> tuple[float, float]:

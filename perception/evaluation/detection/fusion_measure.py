@@ -355,9 +355,15 @@ class FusionMeasure(PrecisionMeasure[LocatedScene]):
 
     def _benchmark(self) -> BenchmarkScores:
         fused = [output.fused for output in self.outputs]
-        truths = TrueBoxes.of_frames(self.labels, [one.camera for one in fused])
-        found, frames = DetectedBoxes.of_located(fused), len(fused)
-        return measure_benchmark(truths, found, frames, self.classes, self.config, self.progress)
+        if any(np.isnan(one.boxes_velo.bottom_m).any() for one in self.labels):  # those of images
+            truths = TrueBoxes.of_frames(self.labels)
+            found = DetectedBoxes.of_frames([one.detections for one in fused])
+        else:
+            truths = TrueBoxes.of_frames(self.labels, [one.camera for one in fused])
+            found = DetectedBoxes.of_located(fused)
+        return measure_benchmark(
+            truths, found, len(fused), self.classes, self.config, self.progress
+        )
 
     def _detected(self, fuse: Fuse) -> DetectedBoxes:
         return self.detected(lambda output: fuse(output.scene))
