@@ -2,14 +2,15 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from data.kitti.reading import read_text
+from perception.atomic_file import write_atomically
 from perception.errors import LabelError
 from perception.geometry.se3 import wrap
 from perception.types import Float64
@@ -65,6 +66,36 @@ Frames = Mapping[str, Sequence[LabelledBox]]
 
 
 @dataclass(frozen=True)
+class LabelledFrame:
+    """A frame to be written with its boxes.
+
+    Attributes:
+        name: Name of the scan, as its file is named without the suffix.
+        number: Number of the frame.
+        scan: Name of the file of the scan.
+        boxes: Boxes of objects: centre, lengths along and across the heading and upwards, heading in rad, in the axes of the scan.
+        world_SE3_file: (4, 4) pose of the scan.
+        stamp_us: Time of the scan in microseconds.
+        image: Name of the file of the image, None without one.
+        size_px: Width and height of the image.
+        image_boxes: Boxes in the image: shares of x and y of the centre, 0, of width and height, 1 and 0.
+    """
+
+    name: str
+    number: int
+    scan: str
+    boxes: Sequence[LabelledBox]
+    world_SE3_file: Float64 = field(default_factory=lambda: np.eye(4))
+    stamp_us: int = 0
+    image: str | None = None
+    size_px: tuple[int, int] = (0, 0)
+    image_boxes: Sequence[LabelledBox] = ()
+
+
+Write = Callable[[Path, Sequence[LabelledFrame]], None]
+
+
+@dataclass(frozen=True)
 class LabelForm:
     """Form of labels.
 
@@ -73,6 +104,7 @@ class LabelForm:
         is_of: Whether the parsed content of a file is of the form: a document of JSON, or the text.
         read: Function from a file and its content to the boxes by frame: the name, or the number in digits, of a scan.
         readings: Ways in which the numbers may be meant, the usual one first.
+        write: Function that writes frames into a folder.
         is_per_scan: Whether a file holds one scan, after which it is named; its frame is then "".
         names_frames: Whether frames without a box are named, too; others are then not labelled.
         is_of_image: Whether boxes are those of images, by whose names frames are called.
@@ -82,6 +114,7 @@ class LabelForm:
     is_of: Callable[[Any], bool]
     read: Callable[[Path, Any], Frames]
     readings: tuple[Reading, ...]
+    write: Write
     is_per_scan: bool = False
     names_frames: bool = False
     is_of_image: bool = False
@@ -167,6 +200,22 @@ def numbers_in(
     """
     parts = ((entry(record, part, where), names) for part, names in fields.items())
     return tuple(value for part, names in parts for value in numbers_of(part, names, where))
+
+
+def named(names: str, values: Iterable[float]) -> dict[str, float]:
+    """Return rounded numbers by names that blanks divide."""
+    return dict(zip(names.split(), rounded(values), strict=True))
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Return numbers to a tenth of a millimetre, or so of a rad."""
+    return [round(float(one), 4) + 0.0 for one in values]
+
+
+def write_document(path: Path, document: object) -> None:
+    """Write a JSON document, or a text."""
+    text = document if isinstance(document, str) else json.dumps(document, indent=1)
+    write_atomically(path, text.encode())
 
 
 def track_name(track: object) -> str:

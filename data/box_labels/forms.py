@@ -1,10 +1,11 @@
 """The forms of labels that are read, and which of them a file or a folder is of."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from data.box_labels.boxes import LabelForm, read_content
 from data.box_labels.datumaro import DATUMARO
+from data.box_labels.form_names import LabelFormName
 from data.box_labels.image_boxes import COCO, YOLO
 from data.box_labels.kitti_rows import KITTI_FRAMES, KITTI_TRACKING, has_image_boxes
 from data.box_labels.labelcloud import LABELCLOUD
@@ -16,10 +17,20 @@ from data.box_labels.tracklets import TRACKLETS
 from data.kitti.sensor_files import FrameFiles
 from perception.errors import LabelError
 
-FORMS: Sequence[LabelForm] = (
-    LABELCLOUD, SUSTECHPOINTS, YOLO, KITTI_FRAMES, KITTI_TRACKING, OPENLABEL, DATUMARO, TRACKLETS, SUPERVISELY,
-    NUSCENES_TABLES, COCO,
-)  # fmt: skip
+FORM_OF_NAME: Mapping[LabelFormName, LabelForm] = {
+    "labelcloud": LABELCLOUD,
+    "sustechpoints": SUSTECHPOINTS,
+    "yolo": YOLO,
+    "kitti": KITTI_FRAMES,
+    "kitti-tracking": KITTI_TRACKING,
+    "openlabel": OPENLABEL,
+    "datumaro": DATUMARO,
+    "tracklets": TRACKLETS,
+    "supervisely": SUPERVISELY,
+    "nuscenes": NUSCENES_TABLES,
+    "coco": COCO,
+}
+FORMS = tuple(FORM_OF_NAME.values())
 _SUFFIXES = (".json", ".txt", ".xml")
 # Files that tools write beside their labels.
 _BESIDE = {

@@ -13,13 +13,16 @@ from data.box_labels.boxes import (
     Frames,
     LabelForm,
     LabelledBox,
+    LabelledFrame,
     Reading,
     as_stated,
     entry,
     has,
     numbers_of,
     records,
+    rounded,
     track_name,
+    write_document,
 )
 from data.kitti.labels import DONT_CARE
 from data.kitti.reading import read_text
@@ -132,12 +135,59 @@ def _name_files(path: Path) -> Iterator[Path]:
 
 
 _READINGS = (Reading("shares of the image", as_stated),)
+
+
+def _write_coco(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    kinds = _kinds(frames)
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for frame in frames:
+        if frame.image is None:
+            continue
+        width, height = frame.size_px
+        number = len(images) + 1
+        images.append({"id": number, "file_name": frame.image, "width": width, "height": height})
+        for box in frame.image_boxes:
+            x, y, _, across, down, _, _ = box.numbers
+            edges = rounded(
+                ((x - across / 2) * width, (y - down / 2) * height, across * width, down * height)
+            )
+            annotation = {
+                "id": len(annotations) + 1, "image_id": number, "category_id": kinds.index(box.kind) + 1,
+                "bbox": edges, "area": round(edges[2] * edges[3], 2), "iscrowd": 0,
+            }  # fmt: skip
+            annotations.append({**annotation, "track_id": box.track} if box.track else annotation)
+    categories = [{"id": number, "name": kind} for number, kind in enumerate(kinds, start=1)]
+    document = {"images": images, "annotations": annotations, "categories": categories}
+    write_document(out / "instances.json", document)
+
+
+def _write_yolo(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    kinds = _kinds(frames)
+    for frame in frames:
+        if frame.image is not None:
+            rows = (
+                (kinds.index(b.kind), *(f"{b.numbers[k]:.6f}" for k in (0, 1, 3, 4)))
+                for b in frame.image_boxes
+            )
+            text = "".join(f"{' '.join(map(str, row))}\n" for row in rows)
+            write_document(out / f"{PurePosixPath(frame.image).stem}.txt", text)
+    write_document(out / _NAME_FILES[0], "".join(f"{kind}\n" for kind in kinds))
+
+
+def _kinds(frames: Sequence[LabelledFrame]) -> list[str]:
+    return sorted({box.kind for frame in frames for box in frame.image_boxes})
+
+
 COCO = LabelForm(
     "COCO",
     lambda document: has(document, "images", "annotations", "categories"),
     _read_coco,
     _READINGS,
+    _write_coco,
     names_frames=True,
     is_of_image=True,
 )
-YOLO = LabelForm("YOLO", _is_yolo, _read_yolo, _READINGS, is_per_scan=True, is_of_image=True)
+YOLO = LabelForm(
+    "YOLO", _is_yolo, _read_yolo, _READINGS, _write_yolo, is_per_scan=True, is_of_image=True
+)

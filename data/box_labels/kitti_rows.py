@@ -5,6 +5,7 @@
 A row of eight words, `x y z length width height angle type`, is that of custom data sets of detection suites.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,12 @@ from data.box_labels.boxes import (
     Frames,
     LabelForm,
     LabelledBox,
+    LabelledFrame,
     Reading,
     as_stated,
     from_bottom,
+    rounded,
+    write_document,
 )
 from data.kitti.labels import DONT_CARE
 from data.kitti.rows import to_numbers
@@ -89,11 +93,33 @@ _READINGS = (
     # A camera without a calibration is taken to look ahead from where the LiDAR is.
     _from_camera(np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])),
 )
+
+
+def _row(box: LabelledBox) -> str:
+    x, y, z, length, width, height, heading = box.numbers
+    numbers = rounded((height, width, length, x, y, z, heading))
+    kind = box.kind.replace(" ", "_")
+    return f"{kind} 0 0 -10 -1 -1 -1 -1 {' '.join(f'{one:g}' for one in numbers)}\n"
+
+
+def _write_frames(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    for frame in frames:
+        write_document(out / f"{frame.name}.txt", "".join(map(_row, frame.boxes)))
+
+
+def _write_tracking(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    rows = (
+        f"{frame.number} {box.track or -1} {_row(box)}" for frame in frames for box in frame.boxes
+    )
+    write_document(out / "labels.txt", "".join(rows))
+
+
 KITTI_FRAMES = LabelForm(
     "KITTI's rows a scan",
     lambda text: _is_of(text, _SHORT, _OBJECT, _OBJECT + 1),
     _read,
     _READINGS,
+    _write_frames,
     is_per_scan=True,
 )
 KITTI_TRACKING = LabelForm(
@@ -101,6 +127,7 @@ KITTI_TRACKING = LabelForm(
     lambda text: _is_of(text, _TRACKING, _TRACKING + 1),
     _read,
     _READINGS,
+    _write_tracking,
 )
 
 

@@ -4,6 +4,8 @@ Angles are in degrees (`centroid_abs`) or rad (`centroid_rel`). Of the corners, 
 object faces the side of 2 and 3.
 """
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +15,17 @@ from data.box_labels.boxes import (
     Frames,
     LabelForm,
     LabelledBox,
+    LabelledFrame,
     Reading,
     as_stated,
     entry,
     has,
     in_degrees,
+    named,
     numbers_in,
     numbers_of,
     records,
+    write_document,
 )
 from perception.errors import LabelError
 
@@ -66,10 +71,26 @@ def _of_corners(vertices: Any, where: str) -> tuple[float, ...]:  # noqa: ANN401
     return (*corners.mean(axis=0).tolist(), *lengths, heading)
 
 
+def _write(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    for frame in frames:
+        objects = [
+            {
+                "name": one.kind,
+                "centroid": named("x y z", one.numbers[:3]),
+                "dimensions": named("length width height", one.numbers[3:6]),
+                "rotations": named("x y z", (0, 0, math.degrees(one.numbers[6]) % 360)),
+            }
+            for one in frame.boxes
+        ]
+        document = {"folder": "", "filename": frame.scan, "path": frame.scan, "objects": objects}
+        write_document(out / f"{frame.name}.json", document)
+
+
 LABELCLOUD = LabelForm(
     "labelCloud",
     _is_of,
     _read,
     (Reading("angles in degrees", in_degrees), Reading("angles in rad", as_stated)),
+    _write,
     is_per_scan=True,
 )

@@ -4,7 +4,8 @@ A sample is the key frame of its LiDAR, named by its file. Boxes are in the axes
 poses of the vehicle.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -15,6 +16,7 @@ from data.box_labels.boxes import (
     Frames,
     LabelForm,
     LabelledBox,
+    LabelledFrame,
     Reading,
     Record,
     as_stated,
@@ -22,6 +24,8 @@ from data.box_labels.boxes import (
     has,
     numbers_in,
     read_content,
+    rounded,
+    write_document,
 )
 from data.clouds.read_cloud import CLOUD_SUFFIXES
 from data.nuscenes.boxes import is_ridden
@@ -121,6 +125,95 @@ def _name(file: str) -> str:
     return PurePosixPath(file).stem
 
 
+def _write(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    """Write the tables of one scene, whose scans lie in samples/LIDAR_TOP; boxes without a track are objects of their own."""
+    kinds = {kind: f"category-{kind}" for kind in sorted({b.kind for f in frames for b in f.boxes})}
+    tables: dict[str, list[Record]] = {
+        name: [] for name in (*TABLES, "sample_annotation") if name != "lidarseg"
+    }
+    tables["category"] = [
+        {"token": token, "name": kind, "description": ""} for kind, token in kinds.items()
+    ]
+    tables["sensor"] = [{"token": "lidar", "channel": "LIDAR_TOP", "modality": "lidar"}]
+    tables["calibrated_sensor"] = [
+        {**_record("lidar", np.eye(4)), "sensor_token": "lidar", "camera_intrinsic": []}
+    ]
+    samples = [f"sample-{frame.name}" for frame in frames]
+    ends = {"first_sample_token": samples[0], "last_sample_token": samples[-1]} if samples else {}
+    tables["scene"] = [
+        {
+            "token": "scene",
+            "name": "scene-0000",
+            "log_token": "log",
+            "nbr_samples": len(frames),
+            "description": "",
+            **ends,
+        }
+    ]
+    tables["log"] = [
+        {"token": "log", "logfile": "", "vehicle": "", "date_captured": "", "location": ""}
+    ]
+    instances: dict[str, list[dict[str, Any]]] = {}
+    for place, (frame, token) in enumerate(zip(frames, samples, strict=True)):
+        links = {
+            "prev": samples[place - 1] if place else "",
+            "next": samples[place + 1] if place + 1 < len(samples) else "",
+        }
+        tables["sample"].append(
+            {"token": token, "timestamp": frame.stamp_us, "scene_token": "scene", **links}
+        )
+        tables["ego_pose"].append(
+            {**_record(token, frame.world_SE3_file), "timestamp": frame.stamp_us}
+        )
+        data = {
+            "filename": f"samples/LIDAR_TOP/{frame.scan}",
+            "fileformat": "",
+            "is_key_frame": True,
+            "width": 0,
+            "height": 0,
+        }
+        owners = {
+            "sample_token": token,
+            "ego_pose_token": token,
+            "calibrated_sensor_token": "lidar",
+        }
+        tables["sample_data"].append(
+            {"token": token, "timestamp": frame.stamp_us, **owners, **data, **links}
+        )
+        for number, box in enumerate(frame.boxes):
+            key = f"instance-{box.track}" if box.track else f"instance-{frame.name}-{number}"
+            x, y, z, length, width, height, heading = box.numbers
+            turn = Rotation.from_euler("z", heading).as_matrix()
+            pose = from_rotation_translation(turn, np.array([x, y, z]))
+            record = {
+                **_record(f"annotation-{frame.name}-{number}", frame.world_SE3_file @ pose),
+                "size": rounded((width, length, height)), "sample_token": token, "instance_token": key,
+                "attribute_tokens": [], "visibility_token": "", "prev": "", "next": "", "category": box.kind,
+            }  # fmt: skip
+            instances.setdefault(key, []).append(record)
+    for key, ones in instances.items():
+        for first, second in pairwise(ones):
+            first["next"], second["prev"] = second["token"], first["token"]
+        ends = {
+            "first_annotation_token": ones[0]["token"],
+            "last_annotation_token": ones[-1]["token"],
+        }
+        category = {"category_token": kinds[ones[0]["category"]], "nbr_annotations": len(ones)}
+        tables["instance"].append({"token": key, **category, **ends})
+        tables["sample_annotation"] += [
+            {k: v for k, v in one.items() if k != "category"} for one in ones
+        ]
+    for name, table in tables.items():
+        write_document(out / f"{name}.json", table)
+
+
+def _record(token: str, pose: Float64) -> dict[str, Any]:
+    """Return a record of a pose."""
+    x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    translation = rounded(pose[:3, 3])
+    return {"token": token, "translation": translation, "rotation": [w, x, y, z]}
+
+
 NUSCENES_TABLES = LabelForm(
-    "nuScenes' tables", _is_of, _read, (Reading("x forward", as_stated),), names_frames=True
+    "nuScenes' tables", _is_of, _read, (Reading("x forward", as_stated),), _write, names_frames=True
 )

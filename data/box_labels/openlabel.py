@@ -3,14 +3,25 @@
 A frame is named by the file of its point cloud where its properties state one, else by its number.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from data.box_labels.boxes import AXES, Frames, LabelForm, LabelledBox, entry, has, numbers_of
+from data.box_labels.boxes import (
+    AXES,
+    Frames,
+    LabelForm,
+    LabelledBox,
+    LabelledFrame,
+    entry,
+    has,
+    numbers_of,
+    rounded,
+    write_document,
+)
 from data.clouds.read_cloud import CLOUD_SUFFIXES
 from perception.errors import LabelError
 
@@ -60,4 +71,25 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(one)
 
 
-OPENLABEL = LabelForm("ASAM OpenLABEL", lambda document: has(document, "openlabel"), _read, AXES)
+def _write(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    """Write objects with their ids; a box without a track is an object of its own."""
+    named: dict[str, dict[str, str]] = {}
+    listed: dict[str, dict[str, object]] = {}
+    for frame in frames:
+        objects: dict[str, object] = {}
+        for number, one in enumerate(frame.boxes):
+            key = one.track or f"{frame.number}-{number}"
+            named.setdefault(key, {"name": key, "type": one.kind})
+            turn = (0.0, 0.0, np.sin(one.numbers[6] / 2), np.cos(one.numbers[6] / 2))
+            values = rounded((*one.numbers[:3], *turn, *one.numbers[3:6]))
+            objects[key] = {"object_data": {"cuboid": [{"name": "shape", "val": values}]}}
+        streams = {"lidar": {"uri": frame.scan}}
+        properties = {"timestamp": frame.stamp_us / 1e6, "streams": streams}
+        listed[str(frame.number)] = {"objects": objects, "frame_properties": properties}
+    content = {"metadata": {"schema_version": "1.0.0"}, "objects": named, "frames": listed}
+    write_document(out / "openlabel.json", {"openlabel": content})
+
+
+OPENLABEL = LabelForm(
+    "ASAM OpenLABEL", lambda document: has(document, "openlabel"), _read, AXES, _write
+)

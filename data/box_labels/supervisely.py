@@ -1,5 +1,7 @@
 """Supervisely's episodes: `annotation.json` with figures by frame, and beside it the cloud of each frame."""
 
+import math
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -8,11 +10,14 @@ from data.box_labels.boxes import (
     Frames,
     LabelForm,
     LabelledBox,
+    LabelledFrame,
     entry,
     has,
+    named,
     numbers_in,
     read_content,
     records,
+    write_document,
 )
 
 _CLOUDS = "frame_pointcloud_map.json"
@@ -42,6 +47,43 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
     return frames
 
 
+def _write(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    kinds: dict[str, str] = {}
+    listed = []
+    for index, frame in enumerate(frames):
+        figures = []
+        for number, one in enumerate(frame.boxes):
+            key = one.track or f"{index}-{number}"
+            kinds.setdefault(key, one.kind)
+            # Lengths are along the axes of the box, of which y is forward.
+            length, width, height = one.numbers[3:6]
+            geometry = {
+                "position": named("x y z", one.numbers[:3]),
+                "rotation": named("x y z", (0, 0, one.numbers[6] - math.pi / 2)),
+                "dimensions": named("x y z", (width, length, height)),
+            }
+            figures.append(
+                {
+                    "key": f"{index}-{number}",
+                    "objectKey": key,
+                    "geometryType": "cuboid_3d",
+                    "geometry": geometry,
+                }
+            )
+        listed.append({"index": index, "figures": figures})
+    objects = [{"key": key, "classTitle": kind, "tags": []} for key, kind in kinds.items()]
+    document = {
+        "description": "",
+        "key": "trifuse",
+        "tags": [],
+        "framesCount": len(frames),
+        "objects": objects,
+        "frames": listed,
+    }
+    write_document(out / "annotation.json", document)
+    write_document(out / _CLOUDS, {str(index): frame.scan for index, frame in enumerate(frames)})
+
+
 SUPERVISELY = LabelForm(
-    "Supervisely", lambda document: has(document, "objects", "frames"), _read, AXES
+    "Supervisely", lambda document: has(document, "objects", "frames"), _read, AXES, _write
 )

@@ -1,5 +1,6 @@
 """SUSTechPOINTS: a JSON file a scan, a list of objects with `psr`: position of the centre, scale, and rotation in rad."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -7,12 +8,15 @@ from data.box_labels.boxes import (
     Frames,
     LabelForm,
     LabelledBox,
+    LabelledFrame,
     Reading,
     as_stated,
     entry,
     has,
+    named,
     numbers_in,
     track_name,
+    write_document,
 )
 
 _FIELDS = {"position": ("x", "y", "z"), "scale": ("x", "y", "z"), "rotation": ("z",)}
@@ -37,6 +41,23 @@ def _read(path: Path, document: Any) -> Frames:  # noqa: ANN401 - a JSON documen
     return {"": boxes}
 
 
+def _write(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    for frame in frames:
+        objects = [
+            {
+                "obj_id": one.track,
+                "obj_type": one.kind,
+                "psr": {
+                    "position": named("x y z", one.numbers[:3]),
+                    "scale": named("x y z", one.numbers[3:6]),
+                    "rotation": named("x y z", (0, 0, one.numbers[6])),
+                },
+            }
+            for one in frame.boxes
+        ]
+        write_document(out / f"{frame.name}.json", objects)
+
+
 SUSTECHPOINTS = LabelForm(
-    "SUSTechPOINTS", _is_of, _read, (Reading("x forward", as_stated),), is_per_scan=True
+    "SUSTechPOINTS", _is_of, _read, (Reading("x forward", as_stated),), _write, is_per_scan=True
 )

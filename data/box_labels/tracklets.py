@@ -1,12 +1,24 @@
 """KITTI's tracklets, as the raw data set and CVAT write them: an object at a time, with a pose for each of its frames."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 
-from data.box_labels.boxes import Frames, LabelForm, LabelledBox, Reading, as_stated, from_bottom
+from data.box_labels.boxes import (
+    Frames,
+    LabelForm,
+    LabelledBox,
+    LabelledFrame,
+    Reading,
+    as_stated,
+    from_bottom,
+    rounded,
+    write_document,
+)
 from data.kitti.rows import to_numbers
 from data.kitti360.storage import parse_elements
 from perception.errors import LabelError
@@ -51,6 +63,46 @@ def _exported(numbers: Float64) -> Float64:
     return np.column_stack([numbers[:, :3], numbers[:, [4, 5, 3]], numbers[:, 6]])
 
 
+def _write(out: Path, frames: Sequence[LabelledFrame]) -> None:
+    """Write each object's boxes in frames that follow each other; a gap begins a new tracklet."""
+    parts: dict[str, list[list[tuple[int, LabelledBox]]]] = {}
+    for frame in frames:
+        for number, box in enumerate(frame.boxes):
+            runs = parts.setdefault(box.track or f"{frame.number}-{number}", [])
+            if not runs or runs[-1][-1][0] != frame.number - 1:
+                runs.append([])
+            runs[-1].append((frame.number, box))
+    items = [_item(run) for runs in parts.values() for run in runs]
+    text = (
+        '<?xml version="1.0" encoding="UTF-8" standalone="yes" ?>\n<!DOCTYPE boost_serialization>\n'
+        '<boost_serialization signature="serialization::archive" version="9">\n<tracklets class_id="0">\n'
+        f"<count>{len(items)}</count>\n<item_version>1</item_version>\n{''.join(items)}</tracklets>\n</boost_serialization>\n"
+    )
+    write_document(out / "tracklet_labels.xml", text)
+
+
+def _item(run: Sequence[tuple[int, LabelledBox]]) -> str:
+    """Return the element of one object, whose sizes are those of its first box."""
+    first = run[0][1]
+    sizes = _elements(("l", "w", "h"), first.numbers[3:6])
+    poses = ""
+    for _, one in run:
+        x, y, z, _, _, height, heading = one.numbers
+        pose = _elements(
+            ("tx", "ty", "tz", "rx", "ry", "rz"), (x, y, z - height / 2, 0, 0, heading)
+        )
+        poses += f"<item>{pose}<state>2</state></item>\n"
+    return (
+        f"<item><objectType>{escape(first.kind)}</objectType>{sizes}<first_frame>{run[0][0]}</first_frame>\n"
+        f"<poses><count>{len(run)}</count><item_version>2</item_version>\n{poses}</poses><finished>1</finished></item>\n"
+    )
+
+
+def _elements(names: Sequence[str], values: Sequence[float]) -> str:
+    pairs = zip(names, rounded(values), strict=True)
+    return "".join(f"<{name}>{value}</{name}>" for name, value in pairs)
+
+
 TRACKLETS = LabelForm(
     "KITTI's tracklets",
     lambda text: isinstance(text, str) and "<tracklets" in text[:4000],
@@ -60,4 +112,5 @@ TRACKLETS = LabelForm(
         Reading("z of the centre", as_stated),
         Reading("w, h and l along x, y and z", _exported),
     ),
+    _write,
 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
+from data.box_labels.form_names import LabelFormName
 from perception.errors import UsageError, optional_package
 
 # Package and extra of each export, by its field.
@@ -28,6 +29,9 @@ class RunExports:
         report: Write report.html, a page with a player of the drive and figures, where plotly is installed.
         nuscenes: JSON file of the detected vehicles in the form of nuScenes' detection task, whose samples are the key frames
             of a nuScenes scene, else frame numbers.
+        labels: Folder for the vehicles that a video shows as labels of their scans, in the form of a labelling tool.
+        label_form: Form of the labels: openlabel, labelcloud, sustechpoints, kitti, kitti-tracking, datumaro (CVAT), tracklets,
+            supervisely, nuscenes; of images coco, yolo.
         rerun: Recording for the Rerun viewer, a file that ends in .rrd.
         view: Show the run live in the Rerun viewer.
     """
@@ -36,6 +40,8 @@ class RunExports:
     mcap: bool = False
     report: bool = True
     nuscenes: Path | None = None
+    labels: Path | None = None
+    label_form: LabelFormName = "openlabel"
     rerun: Path | None = None
     view: bool = False
 

@@ -66,7 +66,7 @@ def run_drive(
     with open_writers(run_writers(drive, out, config, drawing, report_progress)) as writers:
         if checkpoint is not None:
             if len(writers) != len(checkpoint.writers):
-                expected = "--nuscenes as of the run that was stopped"
+                expected = "--nuscenes and --labels as of the run that was stopped"
                 raise UsageError("--resume", expected=expected, found="another number of outputs")
             for writer, snapshot in zip(writers, checkpoint.writers, strict=True):
                 writer.restore(snapshot)

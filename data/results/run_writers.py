@@ -120,6 +120,11 @@ def run_writers(
         from data.exports.nuscenes_writer import NuScenesWriter
 
         yield NuScenesWriter(config.exports.nuscenes, drive)
+    if config.exports.labels is not None and isinstance(drive, RecordedDrive):
+        from data.exports.label_writer import LabelWriter
+
+        score = config.pipeline.detection.display_score
+        yield LabelWriter(config.exports.labels, config.exports.label_form, drive, score)
     if config.exports.rerun is not None or config.exports.view:
         from data.exports.rerun_writer import RerunWriter
 

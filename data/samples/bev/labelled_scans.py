@@ -185,9 +185,9 @@ def _labels_around(
             expected="labels of everything around, or a camera whose image has a size",
             found="neither",
         )
-    labels = drive.labels(index)
-    require_located(labels, drive.root)
-    return labels, _view_of(calibration)
+    in_view = drive.labels(index)
+    require_located(in_view, drive.root)
+    return in_view, _view_of(calibration)
 
 
 def _view_of(calibration: Calibration) -> tuple[float, float]:
