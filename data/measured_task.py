@@ -159,8 +159,9 @@ def _drives(results: ResultFiles, labels: Path) -> list[Callable[[], RecordedDri
 
 
 def _measure(results: ResultFiles, samples: Sequence[Sample]) -> TaskReport:
+    is_around = all(one.surroundings.view is None for one in samples)
     return measure_task(
-        _TITLE,
+        _TITLE if is_around else f"{_TITLE}, in the labelled image",
         [
             SampleObjects(one.truths, _detected(results, one.token), one.surroundings)
             for one in samples

@@ -151,7 +151,7 @@ def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
 
 
 def _labelled_view(frame: Frame, dont_care_px: Float64) -> LabelledView:
-    view = LabelledView.of(frame, dont_care_px)
+    view = LabelledView.of(frame.calibration, dont_care_px)
     if view is None:
         raise CalibrationError(
             frame.source,

@@ -1,7 +1,7 @@
 """Labelled frames of any drive as samples of nuScenes' detection task."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,8 +20,10 @@ from data.recorded_drive import RecordedDrive
 from perception.errors import DriveError, LabelError
 from perception.evaluation.nuscenes.boxes import Racks, Surroundings, TaskObjects
 from perception.evaluation.nuscenes.protocol import MAX_GAP_S
+from perception.evaluation.objects import LabelledView
 from perception.geometry.boxes import points_inside, transform_boxes
-from perception.types import Float64, Int
+from perception.geometry.se3 import inverse
+from perception.types import Float64, Int, Labels
 
 _RACK = "static_object.bicycle_rack"
 
@@ -154,9 +156,19 @@ def _labelled_samples(drive: RecordedDrive, indices: Sequence[int]) -> Iterator[
             attributes=np.full(len(labels), ""),
             has_points=np.asarray(inside.any(axis=1)),
         )
-        surroundings = Surroundings(pose[:2, 3], Racks.empty())
+        view = _labelled_view(drive, index, labels)
+        surroundings = Surroundings(pose[:2, 3], Racks.empty(), view)
         stamp_us = round(drive.stamp_s(index) * 1e6)
         yield Sample(token, stamp_us, truths, labels.track_ids, surroundings)
+
+
+def _labelled_view(drive: RecordedDrive, index: int, labels: Labels) -> LabelledView | None:
+    """Return the image to which the labels of a frame are confined, its camera in the world of results; None without one."""
+    calibration = drive.frame_calibration(index)
+    if isinstance(drive, LabelledAround) or calibration is None:
+        return None
+    cam_SE3_map = calibration.cam_SE3_velo @ inverse(drive.map_SE3_velo(index))
+    return LabelledView.of(replace(calibration, cam_SE3_velo=cam_SE3_map), labels.dont_care_px)
 
 
 def central_velocities(positions: TrackPositions) -> Float64:

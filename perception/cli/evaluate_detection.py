@@ -49,7 +49,7 @@ def evaluate_detection(
 
     Args:
         drives: Labelled drive of any layout; one or several.
-        protocol: KITTI's object benchmark, or nuScenes' detection task: 3D boxes of the whole pipeline all round, by distance.
+        protocol: KITTI's object benchmark, or nuScenes' detection task: 3D boxes of the whole pipeline wherever objects are labelled, by distance.
         detector: Detector: fusion, depthcn, rgb, dm, rm, or a file of any, ONNX or YAML; several with commas.
         classes: Classes to measure, several with commas; by default all of the network, of the fusion KITTI's.
         fusions: ONNX files of further fusion networks to compare, such as the thesis' two variants.
@@ -71,7 +71,7 @@ def evaluate_detection(
     if protocol == "nuscenes":
         require_unset(classes=classes, fusions=fusions, cache=cache, worst_frames=worst_frames)
         require_unset(detector=detector != ("fusion",), reliability_plot=reliability_plot)
-        title = "nuScenes' detection task, all round"
+        title = "nuScenes' detection task, where objects are labelled"
         measured, document = measure_task_drives(drives, drive.reader(), detection)
     else:
         if reliability_plot is not None and detector != ("fusion",):

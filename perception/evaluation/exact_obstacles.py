@@ -88,7 +88,7 @@ def exact_points(result: Result, truth: PointTruth, area: LocalArea) -> ExactPoi
     points = result.frame.points_velo
     counts = area.contains_xy(points) & ~np.isin(truth.classes, UNLABELLED_CLASSES)
     heights_m = _heights_m(points[counts], np.isin(truth.classes[counts], GROUND_CLASSES))
-    view = LabelledView.of(result.frame, np.zeros((0, 4)))
+    view = LabelledView.of(result.frame.calibration, np.zeros((0, 4)))
     counted = ExactPoints(
         points[counts],
         result.obstacles.point_states[counts],

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from perception.geometry.camera import is_in_view, project
-from perception.types import ArrayTable, Bool, Boxes3D, Calibration, Float, Float64, Frame, Int
+from perception.types import ArrayTable, Bool, Boxes3D, Calibration, Float, Float64, Int
 
 _LENGTHS_M = {"under 2 m": (0.0, 2.0), "2 to 6 m": (2.0, 6.0), "over 6 m": (6.0, np.inf)}
 
@@ -50,9 +50,8 @@ class LabelledView:
     dont_care_px: Float64
 
     @classmethod
-    def of(cls, frame: Frame, dont_care_px: Float64) -> Self | None:
-        """Return the view of a frame's camera, or None where its image size is not known."""
-        calibration = frame.calibration
+    def of(cls, calibration: Calibration | None, dont_care_px: Float64) -> Self | None:
+        """Return the view of a camera, or None where its image size is not known."""
         if calibration is None or calibration.image_size_px is None:
             return None
         return cls(calibration, calibration.image_size_px, dont_care_px)

@@ -269,7 +269,7 @@ class ObstacleMeasure:
         if labels is not None and self._motion is not None:
             ids = labels.track_ids
             speeds_m_s = speeds_of(ids, self._motion.velocities_of(index, ids))
-            view = LabelledView.of(result.frame, labels.dont_care_px)
+            view = LabelledView.of(result.frame.calibration, labels.dont_care_px)
             if truth is None and (self._is_labelled_around or view is not None):
                 objects = LabelledObjects(labels.boxes_velo, self._motion.of(index, ids), ids)
                 truth = truth_of_boxes(
@@ -291,7 +291,7 @@ class ObstacleMeasure:
         objects = LabelledObjects(labels.boxes_velo, motions, labels.track_ids)
         observed = observe_objects(index, scan, states, objects, self._area, self._config)
         self._observed.append(observed)
-        view = LabelledView.of(result.frame, labels.dont_care_px)
+        view = LabelledView.of(result.frame.calibration, labels.dont_care_px)
         if self._motion is None or view is None:
             return None
         clusters = moving_clusters(index, scan, states, objects, view)

@@ -19,7 +19,8 @@ from perception.evaluation.nuscenes.boxes import Racks, Surroundings, TaskDetect
 from perception.evaluation.nuscenes.precision import match_centers
 from perception.evaluation.nuscenes.protocol import CLASSES, ERRORS
 from perception.evaluation.nuscenes.report import SampleObjects, TaskMetrics, measure_task
-from perception.types import Float64
+from perception.evaluation.objects import LabelledView
+from perception.types import Calibration, Float64
 
 _SHARED = Path(__file__).parents[3] / "shared"
 AROUND = Surroundings(np.zeros(2), Racks.empty())
@@ -172,6 +173,33 @@ def test_what_counts():
     other = measured((objects((5, 0), name=""), detections((5, 0, 0.5), name="")))
     assert (other.objects, other.detections) == (0, 0)
     assert [CLASSES[name].max_distance_m for name in ("bus", "bicycle", "barrier")] == [50, 40, 30]
+
+
+def test_detections_beside_the_labelled_image_do_not_count():
+    # 200 x 100 px, 45 degrees to either side of x; the box of the columns is 4 x 2 m.
+    image_P_cam = np.array([[100.0, 0, 100, 0], [0, 100, 50, 0], [0, 0, 1, 0]])
+    cam_SE3_world = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+    dont_care_px = np.array([[140.0, 0, 160, 100]])  # around x, y = 20, -10
+    view = LabelledView(Calibration(image_P_cam, cam_SE3_world), (200, 100), dont_care_px)
+    truths = objects((20, 0), (10, 10.5))
+    found = [
+        (20, 0, 0.4),  # true
+        (10, 10.6, 0.9),  # true: its centre is beside the image, as that of its object
+        (10, -10.5, 0.95),  # false, but only a part of it is in the image
+        (20, -10, 0.95),  # false, in a DontCare region
+        (-20, 0, 0.99),  # behind
+        (10, 20, 0.99),  # beside
+    ]
+    at = Surroundings(np.zeros(2), Racks.empty(), view)
+    one = measured((truths, detections(*found)), at=at)
+    assert (one.objects, one.detections, one.mean_ap) == (2, 4, pytest.approx(1))
+    assert measured((truths, detections(*found))).mean_ap < 0.5
+    # In the image a false detection counts.
+    one = measured((truths, detections(*found, (20, 5, 0.95))), at=at)
+    assert one.mean_ap == pytest.approx(
+        measured((truths, detections(*found[:2], (20, 5, 0.95)))).mean_ap
+    )
+    assert one.mean_ap < 0.6
 
 
 def test_bicycles_in_a_rack_do_not_count():

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.evaluation.nuscenes.protocol import CLASSES, IN_RACKS
-from perception.types import ArrayTable, Bool, Float64
+from perception.evaluation.objects import LabelledView
+from perception.geometry.camera import box_outlines_px
+from perception.types import ArrayTable, Bool, Boxes3D, Float64
 
 
 @dataclass(frozen=True)
@@ -81,10 +83,12 @@ class Surroundings:
     Attributes:
         vehicle_m: (2,) place of the vehicle.
         racks: Bicycle racks.
+        view: Image to which the labels are confined, its camera in the world; None where all around is labelled.
     """
 
     vehicle_m: Float64
     racks: Racks
+    view: LabelledView | None = None
 
     def count(self, boxes: TaskBoxes) -> Bool:
         """Tell which of (M,) boxes are of a class, near enough, and in no rack if bicycles."""
@@ -94,3 +98,22 @@ class Surroundings:
         is_near = np.linalg.norm(offsets_m, axis=1) < max_m
         is_cycle = np.isin(boxes.types, IN_RACKS)
         return np.asarray(is_near & ~(is_cycle & self.racks.contain(boxes.centers_m)))
+
+    def reach_into_view(self, boxes: TaskBoxes) -> Bool:
+        """Tell which of (M,) boxes are at least in part where objects are labelled."""
+        if self.view is None:
+            return np.ones(len(boxes), np.bool_)
+        bottoms_m = boxes.centers_m - boxes.size_m * (0.0, 0.0, 0.5)
+        outlines_px = box_outlines_px(
+            self.view.calibration.image_P_velo,
+            Boxes3D(bottoms_m, boxes.size_m, boxes.yaw_rad),
+            self.view.image_size_px,
+        )
+        return np.asarray(np.isfinite(outlines_px).all(axis=1))
+
+    def are_in_view(self, boxes: TaskBoxes) -> Bool:
+        """Tell which of (M,) boxes have their centre where all objects are labelled."""
+        if self.view is None:
+            return np.ones(len(boxes), np.bool_)
+        centers_m = boxes.centers_m
+        return self.view.contains(centers_m) & ~self.view.is_dont_care(centers_m)

@@ -48,6 +48,7 @@ def measure_class(
     found: TaskDetections,
     found_samples: Int,
     rule: TaskClass,
+    is_in_view: Bool,
 ) -> ClassCurves:
     """Measure the detections of one class.
 
@@ -57,15 +58,22 @@ def measure_class(
         found: (D) detections that count, of all samples.
         found_samples: (D,) number of the sample of each.
         rule: Class.
+        is_in_view: (D,) whether each is where all objects are labelled; one that is not and matches none does not count.
     """
     # Of equal scores the last comes first.
     order = np.lexsort((-np.arange(len(found)), -found.scores))
-    found, found_samples = found[order], found_samples[order]
+    found, found_samples, is_in_view = found[order], found_samples[order], is_in_view[order]
     matches = match_centers(
         truths.centers_m[:, :2], truth_samples, found.centers_m[:, :2], found_samples
     )
-    precision = [precision_over_recall(one != FREE, len(truths)) for one in matches]
-    errors = _mean_errors(truths, found, matches[DISTANCES_M.index(ERROR_DISTANCE_M)], rule)
+    counts = is_in_view | (matches != FREE)
+    precision = [
+        precision_over_recall(one[rows] != FREE, len(truths))
+        for one, rows in zip(matches, counts, strict=True)
+    ]
+    level = DISTANCES_M.index(ERROR_DISTANCE_M)
+    rows = counts[level]
+    errors = _mean_errors(truths, found[rows], matches[level, rows], rule)
     is_measured = np.isin(ERRORS, rule.errors)
     return ClassCurves(np.array(precision), np.where(is_measured, errors, np.nan))
 

@@ -68,8 +68,9 @@ PROTOCOL: Mapping[str, Any] = {
         "and motorcycles outside of bicycle racks"
     ),
     "drives": (
-        "of other data sets: all labelled boxes, in KITTI those in the image; distances from the LiDAR, velocities from the "
-        "labels before and behind, no attributes and no racks"
+        "of other data sets: all labelled boxes; distances from the LiDAR, velocities from the labels before and behind, no "
+        "attributes and no racks; where labels are confined to an image, as in KITTI, detections beside it do not count, "
+        "nor those without an object whose centre is beside it or in a DontCare region"
     ),
     "precision": (
         "AP: mean precision above 0.1 at recall 0.11, 0.12 .. 1, scaled to 1; mAP: mean over classes and distances"

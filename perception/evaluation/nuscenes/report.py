@@ -154,18 +154,27 @@ def measure_task(title: str, samples: Sequence[SampleObjects]) -> TaskReport:
     """
     truths, truth_samples = [TaskObjects.empty()], []
     found, found_samples = [TaskDetections.empty()], []
+    is_in_view = [np.zeros(0, np.bool_)]
     for number, one in enumerate(samples):
         truths.append(one.truths[one.surroundings.count(one.truths) & one.truths.has_points])
-        found.append(one.found[one.surroundings.count(one.found)])
+        nearby = one.found[one.surroundings.count(one.found)]
+        found.append(nearby[one.surroundings.reach_into_view(nearby)])
+        is_in_view.append(one.surroundings.are_in_view(found[-1]))
         truth_samples += [number] * len(truths[-1])
         found_samples += [number] * len(found[-1])
     true, detected = TaskObjects.concatenate(truths), TaskDetections.concatenate(found)
     of_true, of_detected = np.array(truth_samples, np.int64), np.array(found_samples, np.int64)
+    in_view = np.concatenate(is_in_view)
     classes, precision = {}, {}
     for name, rule in CLASSES.items():
         rows, found_rows = true.types == name, detected.types == name
         curves = measure_class(
-            true[rows], of_true[rows], detected[found_rows], of_detected[found_rows], rule
+            true[rows],
+            of_true[rows],
+            detected[found_rows],
+            of_detected[found_rows],
+            rule,
+            in_view[found_rows],
         )
         classes[name] = _metrics(int(rows.sum()), int(found_rows.sum()), curves)
         precision[name] = curves.precision
