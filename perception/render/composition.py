@@ -51,7 +51,7 @@ _LEGEND: tuple[tuple[LegendEntry, ...], ...] = (
 )
 _CLASSES: tuple[tuple[LegendEntry, ...], ...] = tuple(
     tuple(LegendEntry(name, (palette.CLASSES[name],)) for name in names)
-    for names in (("Car", "Van", "Truck"), ("Pedestrian", "Cyclist"))
+    for names in (tuple(palette.CLASSES)[:5], tuple(palette.CLASSES)[5:])  # vehicles, others
 )
 _SELECTED = LegendEntry("selected", (palette.TRACKED_OBJECT,))
 _REGION = (LegendEntry("its region", (palette.INSIDE,)), LegendEntry("ring", (palette.RING,)))

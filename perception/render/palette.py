@@ -25,13 +25,17 @@ TRACKS: tuple[Color, ...] = (
     (187, 187, 238),
 )
 
-# Colours of classes (Okabe and Ito 2008), which the colour blind distinguish, too.
+# Colours of classes (all but the last two of Okabe and Ito 2008), which the colour blind distinguish, too.
 CLASSES: dict[str, Color] = {
     "Car": (86, 180, 233),
     "Van": (0, 158, 115),
     "Truck": (213, 94, 0),
+    "Bus": (230, 159, 0),
+    "Trailer": (0, 114, 178),
     "Pedestrian": (204, 121, 167),
     "Cyclist": (240, 228, 66),
+    "Motorcycle": (150, 80, 250),
+    "Bicycle": (200, 245, 200),
 }
 
 # Object of the one-object tracker, its region of the image and the ring around it (thesis Fig. 5.13), the path of

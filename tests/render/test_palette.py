@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from perception.detection.bev.classes import BEV_CLASSES
 from perception.render.palette import (
     CLASSES,
     FAINT_TEXT,
@@ -48,6 +49,10 @@ def test_tracks_differ_from_one_another_and_from_what_lies_below(vision):
 def test_classes_differ_from_one_another(vision):
     pairs = combinations(CLASSES.values(), 2)
     assert min(np.linalg.norm(lab(a, vision) - lab(b, vision)) for a, b in pairs) > 15
+
+
+def test_every_class_that_a_detector_finds_has_a_colour():
+    assert list(CLASSES) == list(BEV_CLASSES)
 
 
 def test_a_class_has_its_colour_and_another_name_is_grey():
