@@ -17,7 +17,7 @@ def maps(
     all: bool = False,
     method: MapMethod = "default",
 ) -> None:
-    """Write 8-bit depth and reflectance maps of LiDAR scans, as the camera sees them.
+    """Write 8-bit depth and reflectance maps of LiDAR scans, as each camera sees them.
 
     Example: trifuse maps kitti/object --frame 1468 --out results/maps
 

@@ -45,3 +45,22 @@ def test_the_first_frames_can_be_chosen(drive, tmp_path, capsys):
     assert main(["maps", str(drive), "--all", "--frames", "1", "--out", str(tmp_path)]) == 0
     assert [path.name for path in (tmp_path / "depth").iterdir()] == ["000000.png"]
     assert capsys.readouterr().out.startswith("1 depth and reflectance maps")
+
+
+@pytest.mark.parametrize("flags", [("--frame", "1"), ("--all",)])
+def test_maps_are_of_every_camera_that_is_asked_for(tmp_path, flags):
+    write = ["synth", str(tmp_path / "drive"), "--frames", "2", "--layout", "folder"]
+    assert main([*write, "--sensor", "VLP-16", "--cameras", "front,rear"]) == 0
+    out = tmp_path / "maps"
+    drive = str(tmp_path / "drive" / "0000")
+    assert main(["maps", drive, "--camera", "rear,front", *flags, "--out", str(out)]) == 0
+    assert main(["maps", drive, "--camera", "rear", *flags, "--out", str(tmp_path / "rear")]) == 0
+    for kind in ("depth", "reflectance"):
+        written = {path.name for path in (out / kind).iterdir()}
+        frames = ("000001",) if "--frame" in flags else ("000000", "000001")
+        assert written == {
+            f"{frame}_{camera}.png" for frame in frames for camera in ("front", "rear")
+        }
+        rear = (out / kind / "000001_rear.png").read_bytes()
+        assert rear == (tmp_path / "rear" / kind / "000001.png").read_bytes()
+        assert rear != (out / kind / "000001_front.png").read_bytes()
