@@ -6,6 +6,9 @@
    the averages: it follows camber, crests and kerbs.
 3. Averages of earlier scans fill the gaps of the newest: behind obstacles, close to the vehicle, and between the
    beams of a sparse sensor.
+
+A fit costs the fourth power of the nodes along a side. So in a wide area both surfaces have few nodes far apart, as the
+rings of beams are far from the sensor, and a second flexible surface, with nodes close together, replaces them nearby.
 """
 
 from collections import deque
@@ -13,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.grids import LocalArea
+from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 from perception.geometry.se3 import inverse
 from perception.kernels.heights import (
@@ -31,8 +34,10 @@ from perception.types import Bool, Float32, Float64, Int
 
 # Measured on real drives.
 _MARGIN_M = 3.0  # reach of the surface beyond the local area
-# In a wider area nodes are farther apart: a fit costs the square of their number.
-_MAX_CELLS_ACROSS = 60
+# A wider area than this has a whole number of cells in one, of which at most 22 are across, and the cells themselves nearby.
+_MAX_CELLS_ACROSS, _WIDE_CELLS_ACROSS = 40, 22
+_NEARBY = MOVING_OBJECT_AREA
+_WIDE_STEP = 4  # of the remembered averages to which the stiff surface is fitted then
 _SAMPLE_M = 0.5  # edge of the cells in which points are averaged
 _FULL_COUNT = 5  # points from which on a cell's average has full weight
 _PLANE_ROUNDS = 12
@@ -76,13 +81,14 @@ class GroundSurfaceEstimator:
     ) -> None:
         self._height_m = sensor.height_m
         self._config = config or GroundSurfaceConfig()
-        area = area or LocalArea()
-        low_m = (-area.behind_m - _MARGIN_M, -area.side_m - _MARGIN_M)
-        high_m = (area.ahead_m + _MARGIN_M, area.side_m + _MARGIN_M)
-        cell_m = max(self._config.cell_m, (high_m[1] - low_m[1]) / _MAX_CELLS_ACROSS)
-        self._stiffness_ratio = (self._config.cell_m / cell_m) ** 2  # the same bend of the surface
-        self._stiff = HeightGrid.covering(low_m, high_m, 2 * cell_m)
+        low_m, high_m = _corners(area or LocalArea())
+        cell_m = self._config.cell_m
+        across = (high_m[1] - low_m[1]) / cell_m
+        is_wide = across > _MAX_CELLS_ACROSS
+        wide_m = cell_m * (np.ceil(across / _WIDE_CELLS_ACROSS) if is_wide else 2)
+        self._stiff = HeightGrid.covering(low_m, high_m, wide_m)
         self._fine = HeightGrid.covering(low_m, high_m, cell_m)
+        self._nearby = _Patch.within(self._fine, *_corners(_NEARBY)) if is_wide else None
         self._samples = HeightGrid.covering(low_m, high_m, _SAMPLE_M)
         cell_centers_m = self._samples.nodes_xy_m + self._samples.cell_m / 2
         self._stiff_at_cells = self._stiff.bilinear(cell_centers_m)
@@ -105,14 +111,34 @@ class GroundSurfaceEstimator:
         stride = max(-(-len(scan.points_velo) // self._config.max_points), 1)
         points, cells = points_over_cells(scan.points_velo, stride, self._samples.numbers)
         memory = self._recall(scan)
-        stiff = self._stiff_surface(self._lowest(points, cells).joined(memory))
+        stiff = self._stiff_surface(self._lowest(points, cells).joined(self._thinned(memory)))
         averages, is_clean = self._averages(points, cells, stiff)
         samples = averages.joined(self._gaps(memory, averages))
-        coarse_m = self._stiff_at_fine.interpolate(stiff)
-        scales_m = (_FINE_SCALE_M,) * self._config.rounds
-        fine = self._robust_fit(self._fine, samples, coarse_m, scales_m, _FINE_STIFFNESS)
         self._remember(averages[is_clean], scan)
-        return HeightSurface(self._fine, fine)
+        return HeightSurface(self._fine, self._flexible_surface(samples, stiff))
+
+    def _thinned(self, memory: HeightSamples) -> HeightSamples:
+        """Return fewer remembered averages of more weight where the nodes of the stiff surface are far apart."""
+        step = _WIDE_STEP if self._nearby is not None else 1
+        return HeightSamples(memory.points[::step], step * memory.weights[::step])
+
+    def _flexible_surface(self, samples: HeightSamples, stiff_m: Float64) -> Float64:
+        """Return the heights of the surface that follows the averages, starting from the stiff one."""
+        if self._nearby is None:
+            start_m = self._stiff_at_fine.interpolate(stiff_m)
+            return self._flexible_fit(self._fine, samples, start_m)
+        wide_m = self._flexible_fit(self._stiff, samples, stiff_m)
+        heights_m = self._stiff_at_fine.interpolate(wide_m)
+        patch = self._nearby
+        is_near = cells_of(samples.points, patch.grid.numbers) >= 0
+        near_m = self._flexible_fit(patch.grid, samples[is_near], heights_m[patch.nodes])
+        heights_m[patch.nodes] += patch.shares * (near_m - heights_m[patch.nodes])
+        return heights_m
+
+    def _flexible_fit(self, grid: HeightGrid, samples: HeightSamples, start_m: Float64) -> Float64:
+        scales_m = (_FINE_SCALE_M,) * self._config.rounds
+        stiffness = _FINE_STIFFNESS * (self._config.cell_m / grid.cell_m) ** 2
+        return _robust_fit(grid, samples, start_m, scales_m, stiffness)
 
     def _lowest(self, points: Float32, cells: Int) -> HeightSamples:
         """Return the lowest point of each small cell, where its height can be that of the ground."""
@@ -125,23 +151,8 @@ class GroundSurfaceEstimator:
         sample = samples.points[:: max(1, len(samples) // _PLANE_SAMPLE)]
         plane = robust_plane(np.ascontiguousarray(sample), -self._height_m, _PLANE_ROUNDS)
         plane_m = self._stiff.nodes_xy_m @ plane[:2] + plane[2]
-        return self._robust_fit(self._stiff, samples, plane_m, _SCALES_M, _STIFFNESS)
-
-    def _robust_fit(
-        self,
-        grid: HeightGrid,
-        samples: HeightSamples,
-        start_m: Float64,
-        scales_m: tuple[float, ...],
-        stiffness: float,
-    ) -> Float64:
-        """Fit repeatedly, with less weight for samples of larger residual."""
-        heights_m = start_m
-        for scale_m in scales_m:
-            low_m = scale_m * _LOW_SCALE_RATIO
-            scales = (low_m, scale_m)
-            heights_m = grid.fit(samples, self._stiffness_ratio * stiffness, heights_m, scales)
-        return heights_m
+        stiffness = _STIFFNESS * (2 * self._config.cell_m / self._stiff.cell_m) ** 2
+        return _robust_fit(self._stiff, samples, plane_m, _SCALES_M, stiffness)
 
     def _averages(
         self, points: Float32, cells: Int, stiff_m: Float64
@@ -164,7 +175,7 @@ class GroundSurfaceEstimator:
         Averages whose height the two poses do not tell are left out.
         """
         velo_SE3_world = inverse(scan.world_SE3_velo)
-        recalled = self._footing
+        parts = [self._footing]
         for memory in self._memories:
             velo_SE3_then = velo_SE3_world @ memory.world_SE3_velo
             moved = memory.samples.points @ velo_SE3_then[:3, :3].T + velo_SE3_then[:3, 3]
@@ -172,7 +183,8 @@ class GroundSurfaceEstimator:
                 scan.covariance + memory.covariance, moved @ scan.world_SE3_velo[:3, :3].T
             )
             samples = HeightSamples(moved, memory.samples.weights)
-            recalled = recalled.joined(samples[deviations_m <= _MAX_DEVIATION_M])
+            parts.append(samples[deviations_m <= _MAX_DEVIATION_M])
+        recalled = HeightSamples.concatenate(parts)
         inside = self._cells_of(recalled.points) >= 0
         weights = _MEMORY_WEIGHT * recalled.weights
         return HeightSamples(recalled.points[inside], weights[inside])
@@ -192,6 +204,68 @@ class GroundSurfaceEstimator:
         if self._updates % _REMEMBER_EVERY == 0:
             self._memories.append(_Memory(clean, scan.world_SE3_velo, scan.covariance))
         self._updates += 1
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """A part of a grid, whose surface passes into that of the grid within the margin.
+
+    Attributes:
+        grid: Nodes of the part.
+        nodes: (grid.size,) numbers of these nodes in the whole grid.
+        shares: (grid.size,) share of the part's surface at each node: 1 inside of the margin, 0 at the border.
+    """
+
+    grid: HeightGrid
+    nodes: Int
+    shares: Float64
+
+    @classmethod
+    def within(
+        cls, whole: HeightGrid, low_m: tuple[float, float], high_m: tuple[float, float]
+    ) -> "_Patch":
+        """Return the nodes of a grid in a rectangle, or those of the grid that are nearest to it."""
+        start = np.floor((np.array(low_m) - (whole.x0_m, whole.y0_m)) / whole.cell_m)
+        stop = np.ceil((np.array(high_m) - (whole.x0_m, whole.y0_m)) / whole.cell_m)
+        last = np.array([whole.nodes_x, whole.nodes_y]) - 1
+        (i, j), (i_stop, j_stop) = (
+            np.clip(one, 0, last).astype(int).tolist() for one in (start, stop)
+        )
+        grid = HeightGrid(
+            whole.x0_m + i * whole.cell_m,
+            whole.y0_m + j * whole.cell_m,
+            whole.cell_m,
+            i_stop - i + 1,
+            j_stop - j + 1,
+        )
+        rows, columns = np.arange(i, i_stop + 1), np.arange(j, j_stop + 1)
+        inside = np.minimum.outer(
+            np.minimum(rows - i, i_stop - rows), np.minimum(columns - j, j_stop - columns)
+        )
+        shares = np.minimum(inside * whole.cell_m / _MARGIN_M, 1.0)
+        nodes = rows[:, None] * whole.nodes_y + columns
+        return cls(grid, nodes.ravel(), shares.ravel())
+
+
+def _corners(area: LocalArea) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the lowest and the highest x and y of an area with its margin."""
+    low_m = (-area.behind_m - _MARGIN_M, -area.side_m - _MARGIN_M)
+    return low_m, (area.ahead_m + _MARGIN_M, area.side_m + _MARGIN_M)
+
+
+def _robust_fit(
+    grid: HeightGrid,
+    samples: HeightSamples,
+    start_m: Float64,
+    scales_m: tuple[float, ...],
+    stiffness: float,
+) -> Float64:
+    """Fit repeatedly, with less weight for samples of larger residual."""
+    heights_m = start_m
+    for scale_m in scales_m:
+        scales = (scale_m * _LOW_SCALE_RATIO, scale_m)
+        heights_m = grid.fit(samples, stiffness, heights_m, scales)
+    return heights_m
 
 
 def _footing(height_m: float) -> HeightSamples:

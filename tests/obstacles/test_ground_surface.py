@@ -220,12 +220,30 @@ def test_the_grid_covers_the_area_and_its_margin() -> None:
     np.testing.assert_allclose([*low, *high], [-13, -18, 43, 18])
 
 
-@pytest.mark.parametrize(("side_m", "cell_m"), [(10.0, 1.0), (27.0, 1.0), (57.0, 2.0)])
-def test_nodes_are_farther_apart_in_a_wide_area(side_m: float, cell_m: float) -> None:
-    area = LocalArea(ahead_m=40.0, behind_m=40.0, side_m=side_m)
-    surface = GroundSurfaceEstimator(HDL_64E, area)
-    points = rings(HDL_64E, level, [])
-    assert surface.update(window_of(PosedScan(points, np.eye(4)))).grid.cell_m == cell_m
+@pytest.mark.parametrize("boxes", [[], [CAR, VAN]])
+@pytest.mark.parametrize("ground", [slope, camber, crest, kerb])
+def test_a_wide_area_has_the_ground_of_a_small_one_nearby(ground: Ground, boxes: list[Box]) -> None:
+    """Nodes are close together nearby, as everywhere in a small area, and far apart beyond."""
+    nearby = LocalArea(ahead_m=30.0, behind_m=10.0)
+    scan = PosedScan(rings(HDL_64E, ground, boxes), np.eye(4))
+    small, wide = (
+        GroundSurfaceEstimator(HDL_64E, area).update(window_of(scan))
+        for area in (nearby, LocalArea(50.0, 50.0, 50.0))
+    )
+    x, y = np.meshgrid(np.arange(-9.5, 30), np.arange(-9.5, 10))
+    xy_m = np.column_stack([x.ravel(), y.ravel()])
+    errors_m = np.abs(wide.height_m(xy_m) - small.height_m(xy_m))
+    assert errors_m.mean() < 0.002
+    assert errors_m.max() < 0.03
+
+
+def test_the_surfaces_nearby_and_beyond_pass_into_each_other() -> None:
+    scan = PosedScan(rings(HDL_64E, kerb, []), np.eye(4))
+    wide = GroundSurfaceEstimator(HDL_64E, LocalArea(50.0, 50.0, 50.0)).update(window_of(scan))
+    heights_m = wide.heights_m.reshape(wide.grid.nodes_x, wide.grid.nodes_y)
+    assert heights_m.shape == (107, 107)
+    assert np.abs(np.diff(heights_m, axis=0)).max() < 0.05
+    assert np.abs(np.diff(heights_m, axis=1)).max() < 0.08  # the kerb
 
 
 @pytest.mark.parametrize("ground", [slope, camber, crest])
