@@ -43,6 +43,11 @@ class LocalArea:
         if min(self.ahead_m + self.behind_m, self.side_m, self.height_m) <= 0:
             raise UsageError("local area", expected="a positive extent", found=str(self))
 
+    @property
+    def rectangle(self) -> tuple[float, float, float, float]:
+        """Lowest and highest x, lowest and highest y."""
+        return -self.behind_m, self.ahead_m, -self.side_m, self.side_m
+
     def contains_xy(self, points_velo: Float, margin_m: float = 0.0) -> Bool:
         """Tell which (N, 2+) points lie over the area, grown by a margin."""
         x, y = points_velo[:, 0], points_velo[:, 1]
@@ -59,8 +64,7 @@ class LocalArea:
 
     def crop(self, points_velo: Float) -> CroppedScan:
         """Return the (N, 3+) points that lie over the area."""
-        rectangle = (-self.behind_m, self.ahead_m, -self.side_m, self.side_m)
-        return _cropped(points_velo, rectangle, is_inside=True)
+        return _cropped(points_velo, self.rectangle, is_inside=True)
 
 
 # Area of moving objects in the thesis (5.2.2). It contains the area of obstacles, `LocalArea()`.

@@ -1,4 +1,4 @@
-"""Voxels by their keys: keys of moved points, and two sets of voxels as one."""
+"""Voxels by their keys: keys of moved points, centres, those that stay in a memory, and two sets of voxels as one."""
 
 import numpy as np
 
@@ -6,6 +6,7 @@ from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled
 from perception.types import Bool, Float32, Float64, Int
 
 _POINTS, _KEYS = array_of(np.float32, 2), array_of(np.int64)
+_RECTANGLE = (np.float32, np.float32, np.float32, np.float32)
 
 
 @compiled((_POINTS, array_of(np.float64, 2), array_of(np.float64), NUMBER, (WHOLE, WHOLE, WHOLE)))
@@ -34,6 +35,91 @@ def keys_of_moved(
             cell = int(np.floor((along_m - corner_m[axis]) / size_m))
             keys[row] = keys[row] * shape[axis] + min(max(cell, 0), last)
     return keys
+
+
+@compiled((_KEYS, (WHOLE, WHOLE, WHOLE), array_of(np.float64), NUMBER, array_of(np.float64, 2)))
+def moved_centers(
+    keys: Int,
+    shape: tuple[int, int, int],
+    corner_m: Float64,
+    size_m: float,
+    dst_SE3_grid: Float64,
+) -> Float32:
+    """Return the (K, 3) centres of cells after a motion; arguments as of `keys_of_moved`."""
+    T, centers = dst_SE3_grid, np.empty((len(keys), 3), np.float32)
+    for row in range(len(keys)):
+        bar, k = divmod(keys[row], shape[2])
+        i, j = divmod(bar, shape[1])
+        x = corner_m[0] + (i + 0.5) * size_m
+        y = corner_m[1] + (j + 0.5) * size_m
+        z = corner_m[2] + (k + 0.5) * size_m
+        for axis in range(3):
+            centers[row, axis] = T[axis, 0] * x + T[axis, 1] * y + T[axis, 2] * z + T[axis, 3]
+    return centers
+
+
+@compiled((_POINTS, array_of(np.float64, 2), (NUMBER, NUMBER, NUMBER), (WHOLE, WHOLE)))
+def keys_in_world(
+    points: Float32,
+    world_SE3_points: Float64,
+    edges_m: tuple[float, float, float],
+    shape: tuple[int, int],
+) -> Int:
+    """Return (N,) the key of the cell around each of (N, 3+) points after a motion, in a grid without borders.
+
+    Args:
+        points: (N, 3+) points.
+        world_SE3_points: (4, 4) transform from the points to the frame of the grid.
+        edges_m: Edges of a cell in metres.
+        shape: Numbers of cells along y and z after which keys repeat.
+    """
+    T, keys = world_SE3_points, np.zeros(len(points), np.int64)
+    for row in range(len(points)):
+        x, y, z = points[row, 0], points[row, 1], points[row, 2]
+        i = int(np.floor((T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]) / edges_m[0]))
+        j = int(np.floor((T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]) / edges_m[1]))
+        k = int(np.floor((T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]) / edges_m[2]))
+        keys[row] = (i * shape[0] + j) * shape[1] + k
+    return keys
+
+
+@compiled((_KEYS, _KEYS, _POINTS, _KEYS, _KEYS, _RECTANGLE, WHOLE))
+def remembered_voxels(
+    keys: Int,
+    ages: Int,
+    centers: Float32,
+    seen: Int,
+    moving: Int,
+    rectangle: tuple[float, float, float, float],
+    max_age: int,
+) -> tuple[Bool, Int]:
+    """Return which of K voxels stay in a memory, and the rows of those of them that the newest scan has not observed.
+
+    Args:
+        keys: (K,) rising keys.
+        ages: (K,) scans since each was observed.
+        centers: (K, 3) their centres.
+        seen: Rising keys of the voxels that the newest scan has observed.
+        moving: Rising keys of those that move, where none stays.
+        rectangle: Lowest and highest x, lowest and highest y, beyond which none stays.
+        max_age: Age from which on a voxel that is not observed goes.
+    """
+    low_x, high_x, low_y, high_y = rectangle
+    stays, unseen = np.empty(len(keys), np.bool_), np.empty(len(keys) + 1, np.int64)
+    at_seen, at_moving, found = 0, 0, 0
+    for row in range(len(keys)):
+        key, x, y = keys[row], centers[row, 0], centers[row, 1]
+        while at_seen < len(seen) and seen[at_seen] < key:
+            at_seen += 1
+        while at_moving < len(moving) and moving[at_moving] < key:
+            at_moving += 1
+        is_observed = at_seen < len(seen) and seen[at_seen] == key
+        is_moving = at_moving < len(moving) and moving[at_moving] == key
+        is_inside = (x > low_x) & (x < high_x) & (y > low_y) & (y < high_y)
+        stays[row] = is_inside & (is_observed | (ages[row] < max_age)) & (not is_moving)
+        unseen[found] = row
+        found += int(stays[row] & (not is_observed))
+    return stays, unseen[:found]
 
 
 @compiled((_KEYS, _KEYS, _KEYS, _POINTS, array_of(np.bool_), _KEYS, _KEYS, _POINTS))

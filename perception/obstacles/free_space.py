@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.geometry import se3
+from perception.kernels.voxels import keys_in_world
 from perception.localization.pose_covariance import plane_deviations_m
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.obstacles.voxels import Keys, count_keys, is_among
@@ -16,7 +17,7 @@ from perception.types import Bool, Float32, Float64, Int, UInt8
 
 # Wires and leaves return now here, now there, but always from the same columns. Only the older half of the horizon tells
 # them from what comes: its own bumper is in the column of its windscreen a moment before.
-_COLUMN_M = np.array([0.2, 0.2, 1.0])
+_COLUMN_M = (0.2, 0.2, 1.0)
 _COLUMNS_ACROSS, _COLUMNS_UP = 2**24, 2**16
 _OLD_RATIO = 0.5
 # Seen from farther back, a post of 10 cm at the end of the area falls between two beams.
@@ -142,8 +143,13 @@ class FreeSpaceMemory:
 
     def _are_doubtful(self, points_velo: Float32, covariance: Float64) -> Bool:
         """Return which (P, 3) places the poses of the newest scan and of another do not locate well enough."""
-        ranges_m = np.hypot(points_velo[:, 0], points_velo[:, 1])
-        deviations_m = plane_deviations_m(self._scans[-1].covariance + covariance, ranges_m)
+        covariance = self._scans[-1].covariance + covariance
+        x_m, y_m = points_velo[:, 0], points_velo[:, 1]
+        # Deviations grow with range: as a rule not even the farthest corner is doubtful.
+        corner_m = np.hypot(*(max(one.max(initial=0), -one.min(initial=0)) for one in (x_m, y_m)))
+        if plane_deviations_m(covariance, np.atleast_1d(corner_m))[0] < 0.99 * _MAX_DEVIATION_M:
+            return np.zeros(len(points_velo), bool)
+        deviations_m = plane_deviations_m(covariance, np.hypot(x_m, y_m))
         return np.asarray(deviations_m > _MAX_DEVIATION_M)
 
     def states(self, points_velo: Float32, age: int) -> UInt8:
@@ -226,9 +232,8 @@ class FreeSpaceMemory:
 
 def _columns(points_velo: Float32, world_SE3_velo: Float64) -> Keys:
     """Return the (P,) key of the column in the world that holds each of (P, 3) points."""
-    points_world = points_velo @ world_SE3_velo[:3, :3].T + world_SE3_velo[:3, 3]
-    x, y, z = np.floor(points_world / _COLUMN_M).astype(np.int64).T
-    return np.asarray((x * _COLUMNS_ACROSS + y) * _COLUMNS_UP + z)
+    points, pose = np.ascontiguousarray(points_velo), np.ascontiguousarray(world_SE3_velo)
+    return keys_in_world(points, pose, _COLUMN_M, (_COLUMNS_ACROSS, _COLUMNS_UP))
 
 
 def _shorten(points: Float32, by_m: Float32) -> Float32:

@@ -8,7 +8,8 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
-from perception.kernels.voxels import merge_voxels
+from perception.kernels.columns import are_in_cells_of
+from perception.kernels.voxels import merge_voxels, remembered_voxels
 from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.config import MotionConfig
@@ -17,14 +18,14 @@ from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmenter import MotionSegmenter
 from perception.obstacles.moving_clusters import (
     NEAR_MOVING_M,
+    VoxelColumns,
     moving_voxels,
-    occupied_clusters,
     vote,
 )
-from perception.obstacles.rigid_bodies import OccupiedPlaces, are_in_cells_of, moving_bodies
-from perception.obstacles.voxels import KeyCounts, KeyGroups, Keys, VoxelGrid, group_keys, is_among
+from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
+from perception.obstacles.voxels import KeyCounts, KeyGroups, Keys, VoxelGrid, group_keys
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Bool, Float32, Float64, GroundModel, Method, Obstacles, Voxels
+from perception.types import Bool, Float32, Float64, GroundModel, Int, Method, Obstacles, Voxels
 
 _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
 
@@ -70,13 +71,16 @@ class StaticMap:
         centers_velo = se3.transform_points(
             velo_SE3_world @ self._world_SE3_velo, known.centers_velo
         )
-        is_observed = is_among(known.keys, seen.keys)
-        stays = (
-            (is_observed | (known.unseen_scans < self._memory_scans))
-            & self._area.contains_xy(centers_velo)
-            & ~is_among(known.keys, moving)
+        seen_keys = np.asarray(seen.keys, np.int64)
+        stays, queried = remembered_voxels(
+            known.keys,
+            known.unseen_scans,
+            centers_velo,
+            seen_keys,
+            np.asarray(moving, np.int64),
+            self._area.rectangle,
+            self._memory_scans,
         )
-        queried = np.flatnonzero(stays & ~is_observed)
         stays[queried] = ~is_free(centers_velo[queried])
         self._known = _StaticVoxels(
             *merge_voxels(
@@ -85,18 +89,13 @@ class StaticMap:
                 known.unseen_scans,
                 centers_velo,
                 stays,
-                np.asarray(seen.keys, np.int64),
+                seen_keys,
                 seen.counts,
-                self._centers_velo(seen.keys, velo_SE3_world),
+                self._grid.moved_centers(seen_keys, velo_SE3_world),
             )
         )
         self._world_SE3_velo = world_SE3_velo
         return Voxels(self._known.centers_velo, self._known.counts, self._grid.size_m)
-
-    def _centers_velo(self, keys: Keys, velo_SE3_world: Float64) -> Float32:
-        rotation, translation_m = velo_SE3_world[:3, :3], velo_SE3_world[:3, 3]
-        centers_world = self._grid.centers_m(keys)
-        return np.asarray(centers_world @ rotation.T + translation_m, np.float32)
 
 
 @dataclass(frozen=True)
@@ -154,10 +153,12 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
         history = self._memory.query(places)
-        moves = moving_voxels(
-            places, history, before, self._beam_step_rad, self._config.free_space.min_voxels
-        )
-        moves |= self._moving_bodies(places, history, before, moves)
+        if len(places) == 0 or len(history.ages_s) == 0:
+            moves = np.zeros(len(places), bool)
+        else:
+            columns, min_voxels = VoxelColumns.over(places), self._config.free_space.min_voxels
+            moves = moving_voxels(places, history, before, self._beam_step_rad, min_voxels, columns)
+            moves |= self._moving_bodies(places, columns.occupied, history, before, moves)
         self._moved_before, self._world_SE3_before = places[moves], pose
         self._memory.classify(above_ground.points_velo[moves[voxels.group_of]], places[~moves])
 
@@ -172,13 +173,15 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         )
 
     def _moving_bodies(
-        self, places: Float32, history: VisibilityHistory, before: Float32, moves: Bool
+        self,
+        places: Float32,
+        clusters: Int,
+        history: VisibilityHistory,
+        before: Float32,
+        moves: Bool,
     ) -> Bool:
         """Return which places belong to bodies of which most fills the place that it filled before."""
-        if len(places) == 0 or len(history.ages_s) == 0:
-            return moves
         votes = vote(history)
-        clusters = occupied_clusters(places)
         # What the youngest scan has hit as well may have come to a halt.
         is_new = (votes.appeared | votes.uncovered) & ~history.was_hit[0]
         was_moving = are_in_cells_of(places, before, NEAR_MOVING_M)

@@ -10,18 +10,21 @@ have none. What moves comes to its place once; a cluster that has left its place
 """
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
 
+from perception.kernels.columns import columns_of, count_in_groups, split_columns
 from perception.kernels.neighbours import are_near
 from perception.obstacles.free_space import VisibilityHistory
-from perception.types import Bool, Float, Float64, Int
+from perception.types import Bool, Float, Float64, Int, UInt8
 
 _CELL_M = 0.25  # edge of the ground cells in which voxels are joined: it keeps a pedestrian's legs together
 NEAR_MOVING_M = 0.5  # to voxels that moved in the scan before: 5 m/s at 10 Hz
 # Distance that is bridged, in those of two beams: on a surface that leans by 30 degrees, returns are twice as far apart.
 _GAP_RATIO = 2.0
+_REACH_STEP = 64  # columns in which a table of them grows
 
 _MIN_VOXELS_NEAR_MOVING = 4  # that appeared, next to what moved in the scan before
 _EARLY_WEIGHT = 0.5  # of a voxel while the history is short: two leaves are no pedestrian
@@ -80,6 +83,7 @@ def moving_voxels(
     moved_before_m: Float,
     beam_step_rad: float,
     min_voxels: int = 10,
+    columns: "VoxelColumns | None" = None,
 ) -> Bool:
     """Return which of V occupied voxels belong to moving clusters.
 
@@ -89,17 +93,19 @@ def moving_voxels(
         moved_before_m: (B, 3) positions of voxels that moved in the scan before.
         beam_step_rad: Angle between two beams; between them, parts of one object lie apart.
         min_voxels: Smallest number of voxels of a moving cluster that appeared in free space.
+        columns: Columns of the voxels, where they are known.
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
     votes, static_weight = vote(history), _static_weight(history)
-    columns = _VoxelColumns.over(centers_m)
+    columns = columns or VoxelColumns.over(centers_m)
     gap_rad = _GAP_RATIO * beam_step_rad
     cluster = _cluster_appeared(columns, votes.persisted, gap_rad, static_weight)
     clusters = int(cluster.max()) + 1
 
     def count_by_cluster(voxels: Bool) -> Float64:
-        return np.asarray(np.bincount(cluster, voxels, clusters), np.float64)
+        counts = count_in_groups(cluster, np.ascontiguousarray(voxels), clusters)
+        return counts.astype(np.float64)
 
     leaves = count_by_cluster(votes.uncovered) * _is_own_departure(cluster, clusters, history)
     appeared = count_by_cluster(votes.appeared) + leaves
@@ -135,11 +141,6 @@ def moving_voxels(
     return _complete(centers_m, columns, moves[cluster], np.all(history.was_hit, axis=0))
 
 
-def occupied_clusters(centers_m: Float) -> Int:
-    """Return the (V,) cluster of each of V voxels, from 1: voxels in neighbouring ground cells belong together."""
-    return _VoxelColumns.over(centers_m).join_occupied()
-
-
 def _are_near_moving(centers_m: Float, moving_m: Float) -> Bool:
     """Return which of (V, 3) places have one of (B, 3) moving ones within reach over the ground plane."""
     others = np.asarray(moving_m[np.argsort(moving_m[:, 0]), :2], np.float64, order="C")
@@ -155,32 +156,29 @@ def _static_weight(history: VisibilityHistory) -> float:
 
 
 @dataclass(frozen=True)
-class _VoxelColumns:
+class VoxelColumns:
     """The vertical columns over the ground plane of V voxels; each has one state (5.3).
 
     Attributes:
         of: (V,) the column of each voxel.
-        ranges_m: (across, along) distance of each column from the sensor.
+        extent: (4,) first row and column of the rectangle around them, and its numbers of rows and columns.
     """
 
     of: Int
-    ranges_m: Float64
+    extent: Int
 
     @classmethod
-    def over(cls, centers_m: Float) -> "_VoxelColumns":
-        x, y = np.floor(centers_m[:, :2].T / _CELL_M).astype(np.int64)
-        rows, columns = (np.arange(one.min(), one.max() + 1) for one in (x, y))
-        ranges_m = _CELL_M * np.hypot(rows[:, None] + 0.5, columns + 0.5)
-        return cls((x - rows[0]) * len(columns) + y - columns[0], ranges_m)
+    def over(cls, centers_m: Float) -> "VoxelColumns":
+        """Return the columns of (V, 3) voxels, at least one."""
+        return cls(*columns_of(np.ascontiguousarray(centers_m, np.float32), _CELL_M))
 
-    def count(self, voxels: Bool) -> Float64:
-        """Return how many of the chosen voxels each column holds."""
-        return np.asarray(np.bincount(self.of, voxels, self.ranges_m.size), np.float64)
-
-    def join_occupied(self) -> Int:
-        """Return the (V,) cluster of each voxel: columns are joined with their eight neighbours."""
-        occupied = self.count(np.ones(len(self.of), bool)) > 0
-        return self.join(occupied, ~occupied, gap_rad=0.0)
+    @cached_property
+    def occupied(self) -> Int:
+        """(V,) cluster of each voxel, from 1: columns are joined with their eight neighbours."""
+        _, _, rows, columns = self.extent.tolist()
+        image = np.zeros(rows * columns, np.uint8)
+        image[self.of] = 1
+        return _components(image.reshape(rows, columns))[self.of].astype(np.int64)
 
     def join(self, chosen: Bool, passable: Bool, gap_rad: float) -> Int:
         """Return the (V,) cluster of each voxel, 0 outside the chosen columns.
@@ -188,33 +186,58 @@ class _VoxelColumns:
         Columns are joined with their eight neighbours, and over passable ones within that angle: a passing car is
         not one with the parked car beside it.
         """
-        reaches = (self.ranges_m * gap_rad / _CELL_M / 2).astype(np.int64)
-        image = chosen.reshape(reaches.shape).astype(np.uint8)
-        grown = image > 0
+        first_row, first_column, rows, columns = self.extent.tolist()
+        reaches = _reaches(first_row, first_column, rows, columns, gap_rad)
+        image = chosen.reshape(rows, columns).view(np.uint8)
+        grown = image.copy()
         for reach in range(1, int(reaches.max()) + 1):
             block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-            grown |= (cv2.dilate(image, block) > 0) & (reaches >= reach)
-        joined = grown & (chosen | passable).reshape(reaches.shape)
-        _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
-        return np.asarray(np.where(chosen, labels.ravel(), 0)[self.of])
+            grown |= cv2.dilate(image, block) & (reaches >= reach)
+        grown &= (chosen | passable).reshape(rows, columns)
+        labels = _components(grown)[self.of]
+        return np.where(chosen[self.of], labels, 0).astype(np.int64)
+
+
+def _components(image: UInt8) -> Int:
+    """Return the flat number of the part of an image that each pixel is in, 0 outside of all."""
+    _, labels = cv2.connectedComponents(image, connectivity=8)
+    return np.asarray(labels.ravel())
+
+
+def _reaches(first_row: int, first_column: int, rows: int, columns: int, gap_rad: float) -> UInt8:
+    """Return how many columns an angle spans to either side of each column of a rectangle."""
+    ends = (first_row, first_row + rows, first_column, first_column + columns)
+    half = -(-max(map(abs, ends)) // _REACH_STEP) * _REACH_STEP
+    whole = _reaches_around(half, gap_rad)
+    first_row, first_column = first_row + half, first_column + half
+    return whole[first_row : first_row + rows, first_column : first_column + columns]
+
+
+@lru_cache(maxsize=8)
+def _reaches_around(half: int, gap_rad: float) -> UInt8:
+    middles = np.arange(-half, half) + 0.5
+    ranges_m = _CELL_M * np.hypot(middles[:, None], middles)
+    return (ranges_m * gap_rad / _CELL_M / 2).astype(np.uint8)
 
 
 def _cluster_appeared(
-    columns: _VoxelColumns, persisted: Bool, gap_rad: float, static_weight: float
+    columns: VoxelColumns, persisted: Bool, gap_rad: float, static_weight: float
 ) -> Int:
     """Return the (V,) cluster of each voxel, not joined through columns that mostly persisted."""
-    static = columns.count(persisted)
-    chosen = columns.count(~persisted) > static * static_weight
-    return columns.join(chosen, static == 0, gap_rad)
+    size = int(columns.extent[2] * columns.extent[3])
+    chosen, has_none = split_columns(
+        columns.of, np.ascontiguousarray(persisted), size, static_weight
+    )
+    return columns.join(chosen, has_none, gap_rad)
 
 
-def _complete(centers_m: Float, columns: _VoxelColumns, moves: Bool, was_always_hit: Bool) -> Bool:
+def _complete(centers_m: Float, columns: VoxelColumns, moves: Bool, was_always_hit: Bool) -> Bool:
     """Extend motion to the whole object where much of it moves: the side of a slow car fills the place it filled before.
 
     What moves and is short is a person, who reaches little farther: the bush that he passes lies beyond, and the post
     that he touches was hit in every queried scan.
     """
-    whole = columns.join_occupied()
+    whole = columns.occupied
     share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
     completed = moves.copy()
     for number in np.flatnonzero((share >= _WHOLE_OBJECT_RATIO) & (share < 1)):

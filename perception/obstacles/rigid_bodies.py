@@ -14,6 +14,8 @@ from typing import TypeVar
 import numpy as np
 
 from perception.geometry.grids import LocalArea
+from perception.geometry.sorting import sorted_keys
+from perception.kernels.columns import count_in_groups
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.range_image import Visibility
 from perception.types import Bool, Float32, Int, UInt8
@@ -193,32 +195,19 @@ class _Search:
         return False
 
 
-def are_in_cells_of(places_m: Float32, others_m: Float32, cell_m: float) -> Bool:
-    """Return which of (V, 3) places share a ground cell with one of (B, 3) others."""
-    if min(len(places_m), len(others_m)) == 0:
-        return np.zeros(len(places_m), bool)
-    low = np.floor(others_m[:, :2].min(axis=0) / cell_m).astype(np.int64)
-    others = np.floor(others_m[:, :2] / cell_m).astype(np.int64) - low
-    shape = others.max(axis=0) + 1
-    is_occupied = np.zeros(shape, bool)
-    is_occupied[others[:, 0], others[:, 1]] = True
-    cells = np.floor(places_m[:, :2] / cell_m).astype(np.int64) - low
-    inside = ((cells >= 0) & (cells < shape)).all(axis=1)
-    cells = np.where(inside[:, None], cells, 0)
-    return np.asarray(inside & is_occupied[cells[:, 0], cells[:, 1]])
-
-
 def _bodies(occupied: OccupiedPlaces) -> list[_Body]:
     """Return the clusters in which enough is new, along both directions of each of their axes."""
     clusters = occupied.clusters
-    new, rest = np.bincount(clusters, occupied.is_new), np.bincount(clusters, ~occupied.moves)
-    was_moving = np.bincount(clusters, occupied.was_moving)
-    is_large = np.bincount(clusters) >= _MIN_VOXELS
+    sizes = np.bincount(clusters)
+    new, rest, was_moving = (
+        count_in_groups(clusters, np.ascontiguousarray(voxels), len(sizes))
+        for voxels in (occupied.is_new, ~occupied.moves, occupied.was_moving)
+    )
     may_move = np.maximum(new, was_moving) >= _MIN_NEW_VOXELS
-    is_candidate = is_large & may_move & (rest >= _MIN_NEW_VOXELS)
+    is_candidate = (sizes >= _MIN_VOXELS) & may_move & (rest >= _MIN_NEW_VOXELS)
     is_candidate[0] = False
-    order = np.argsort(clusters, kind="stable")
-    starts = np.searchsorted(clusters[order], np.arange(len(new) + 1))
+    _, order = sorted_keys(clusters)
+    starts = np.cumsum([0, *sizes])
     bodies = []
     for number in np.flatnonzero(is_candidate):
         rows = order[starts[number] : starts[number + 1]]

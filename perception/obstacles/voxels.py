@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from perception.errors import UsageError
 from perception.geometry.sorting import sorted_keys
-from perception.kernels.voxels import keys_of_moved
+from perception.kernels.voxels import keys_of_moved, moved_centers
 from perception.types import Bool, Float, Float32, Float64, Voxels
 
 Keys = NDArray[np.signedinteger[Any]]
@@ -82,6 +82,11 @@ class VoxelGrid:
         """Return (N,) the key of the cell of each (N, 3+) point after a motion; points beyond go to the border."""
         pose = np.ascontiguousarray(grid_SE3_points, np.float64)
         return keys_of_moved(points, pose, self.corner_m, self.size_m, self.shape)
+
+    def moved_centers(self, keys: Keys, dst_SE3_grid: Float64) -> Float32:
+        """Return (K, 3) the middle of each cell after a motion."""
+        pose = np.ascontiguousarray(dst_SE3_grid, np.float64)
+        return moved_centers(keys, self.shape, self.corner_m, self.size_m, pose)
 
     def columns(self, keys: Keys) -> Keys:
         """Return (K,) the number i * shape[1] + j of the vertical bar that holds each cell."""

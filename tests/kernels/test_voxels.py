@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perception.geometry.se3 import from_euler, transform_points
-from perception.kernels.voxels import merge_voxels
+from perception.kernels.voxels import keys_in_world, merge_voxels, moved_centers, remembered_voxels
 from perception.obstacles.voxels import VoxelGrid
 
 
@@ -39,3 +39,36 @@ def test_merged_voxels_equal_a_dictionary(old: int, new: int) -> None:
     for row, key in enumerate(merged[0]):
         assert (merged[1][row], merged[2][row]) == tuple(expected[key][:2])
         np.testing.assert_array_equal(merged[3][row], expected[key][2])
+
+
+def test_centres_and_cells_after_a_motion():
+    corner_m, shape, size_m = np.array([-5.0, -4.0, -1.0]), (100, 80, 30), 0.1
+    random = np.random.default_rng(0)
+    cells = random.integers(0, shape, (50, 3))
+    keys = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
+    pose = from_euler(0.02, -0.03, 0.7, np.array([3.0, -2.0, 0.5]))
+    centers = moved_centers(keys, shape, corner_m, size_m, pose)
+    expected = (corner_m + (cells + 0.5) * size_m) @ pose[:3, :3].T + pose[:3, 3]
+    np.testing.assert_allclose(centers, expected, atol=1e-5)
+
+    edges_m = (0.2, 0.2, 1.0)
+    points = random.normal(0, 20, (50, 3)).astype(np.float32)
+    x, y, z = np.floor((points @ pose[:3, :3].T + pose[:3, 3]) / edges_m).astype(int).T
+    found = keys_in_world(points, pose, edges_m, (2**24, 2**16))
+    assert found.tolist() == ((x * 2**24 + y) * 2**16 + z).tolist()
+
+
+def test_voxels_that_stay_in_the_memory():
+    random = np.random.default_rng(1)
+    keys = np.unique(random.integers(0, 400, 150))
+    ages, centers = random.integers(0, 5, len(keys)), random.normal(0, 6, (len(keys), 3))
+    seen, moving = (np.unique(random.integers(0, 400, size)) for size in (80, 40))
+    centers = centers.astype(np.float32)
+    stays, unseen = remembered_voxels(keys, ages, centers, seen, moving, (-5, 9, -4, 4), 3)
+    x, y, _ = centers.T
+    is_inside = (x > -5) & (x < 9) & (np.abs(y) < 4)
+    is_observed = np.isin(keys, seen)
+    expected = (is_observed | (ages < 3)) & is_inside & ~np.isin(keys, moving)
+    assert 10 < expected.sum() < len(keys) - 10
+    np.testing.assert_array_equal(stays, expected)
+    np.testing.assert_array_equal(unseen, np.flatnonzero(expected & ~is_observed))

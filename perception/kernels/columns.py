@@ -1,0 +1,71 @@
+"""Vertical columns over the ground plane: the one that holds each place, and counts of places by column or cluster."""
+
+import numpy as np
+
+from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled
+from perception.types import Bool, Float32, Int
+
+_POINTS, _GROUPS, _MASK = array_of(np.float32, 2), array_of(np.int64), array_of(np.bool_)
+
+
+@compiled((_POINTS, NUMBER))
+def columns_of(places: Float32, cell_m: float) -> tuple[Int, Int]:
+    """Return the (V,) column of each of (V, 3) places, and the (4,) first row, first column, rows and columns of all."""
+    rows, columns = np.empty(len(places), np.int64), np.empty(len(places), np.int64)
+    for k in range(len(places)):
+        rows[k] = int(np.floor(places[k, 0] / cell_m))
+        columns[k] = int(np.floor(places[k, 1] / cell_m))
+    first_row, first_column = rows.min(), columns.min()
+    width = columns.max() - first_column + 1
+    extent = np.array([first_row, first_column, rows.max() - first_row + 1, width])
+    for k in range(len(places)):
+        rows[k] = (rows[k] - first_row) * width + columns[k] - first_column
+    return rows, extent
+
+
+@compiled((_GROUPS, _MASK, WHOLE, NUMBER))
+def split_columns(of: Int, persisted: Bool, size: int, weight: float) -> tuple[Bool, Bool]:
+    """Return which of the columns have more places that did not persist than others, weighted, and which have none that did.
+
+    Args:
+        of: (V,) column of each place.
+        persisted: (V,) whether it persisted.
+        size: Number of columns.
+        weight: Weight of a place that persisted.
+    """
+    counts = np.zeros((size, 2), np.int32)
+    for k in range(len(of)):
+        counts[of[k], int(persisted[k])] += 1
+    chosen, is_empty = np.empty(size, np.bool_), np.empty(size, np.bool_)
+    for column in range(size):
+        chosen[column] = counts[column, 0] > counts[column, 1] * weight
+        is_empty[column] = counts[column, 1] == 0
+    return chosen, is_empty
+
+
+@compiled((_GROUPS, _MASK, WHOLE))
+def count_in_groups(groups: Int, chosen: Bool, size: int) -> Int:
+    """Return how many of the chosen of V places each group has."""
+    counts = np.zeros(size, np.int64)
+    for k in range(len(groups)):
+        counts[groups[k]] += chosen[k]
+    return counts
+
+
+@compiled((_POINTS, _POINTS, NUMBER))
+def are_in_cells_of(places: Float32, others: Float32, cell_m: float) -> Bool:
+    """Return which of (V, 3) places share a ground cell with one of (B, 3) others."""
+    is_among = np.zeros(len(places), np.bool_)
+    if len(places) == 0 or len(others) == 0:
+        return is_among
+    of_others, extent = columns_of(others, cell_m)
+    first_row, first_column, height, width = extent
+    is_occupied = np.zeros(height * width, np.bool_)
+    for cell in of_others:
+        is_occupied[cell] = True
+    for k in range(len(places)):
+        row = int(np.floor(places[k, 0] / cell_m)) - first_row
+        column = int(np.floor(places[k, 1] / cell_m)) - first_column
+        if row >= 0 and row < height and column >= 0 and column < width:
+            is_among[k] = is_occupied[row * width + column]
+    return is_among
