@@ -48,6 +48,11 @@ class LocalArea:
         """Lowest and highest x, lowest and highest y."""
         return -self.behind_m, self.ahead_m, -self.side_m, self.side_m
 
+    @property
+    def reach_m(self) -> float:
+        """Distance in metres to the farthest corner."""
+        return float(np.hypot(max(self.ahead_m, self.behind_m), self.side_m))
+
     def contains_xy(self, points_velo: Float, margin_m: float = 0.0) -> Bool:
         """Tell which (N, 2+) points lie over the area, grown by a margin."""
         x, y = points_velo[:, 0], points_velo[:, 1]

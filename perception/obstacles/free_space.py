@@ -18,7 +18,10 @@ from perception.types import Bool, Float32, Float64, Int, UInt8
 # Wires and leaves return now here, now there, but always from the same columns. Only the older half of the horizon tells
 # them from what comes: its own bumper is in the column of its windscreen a moment before.
 _COLUMN_M = (0.2, 0.2, 1.0)
-_COLUMNS_ACROSS, _COLUMNS_UP = 2**24, 2**16
+_COLUMNS_ACROSS, _COLUMNS_UP = (
+    2**12,
+    2**7,
+)  # after 819 m and 128 m keys repeat; short ones are sorted sooner
 _OLD_RATIO = 0.5
 # Seen from farther back, a post of 10 cm at the end of the area falls between two beams.
 _MAX_TRAVEL_M = 12.0
@@ -89,14 +92,16 @@ class _PastScan:
 class FreeSpaceMemory:
     """Range images of the newest scan and of those before it, with their poses."""
 
-    def __init__(self, sensor: LidarModel, horizon_s: float) -> None:
+    def __init__(self, sensor: LidarModel, horizon_s: float, reach_m: float = 1e4) -> None:
         """Start without a scan.
 
         Args:
             sensor: LiDAR model of the scans.
             horizon_s: Age of the oldest queried scan in seconds.
+            reach_m: Distance over the ground plane within which all places are; else that of any return.
         """
         self._projection = SphericalProjection(sensor, tolerance_m=_MARGIN_M / 2)
+        self._reach_m = np.array([reach_m])
         self._max_age_s = horizon_s + 0.5 / sensor.rate_hz  # stamps jitter
         self._scans: deque[_PastScan] = deque()
 
@@ -137,20 +142,17 @@ class FreeSpaceMemory:
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
-        visibility = self._scans[-1].image.visibility(points_velo, _MARGIN_M)
-        is_doubtful = self._are_doubtful(points_velo, np.zeros((6, 6)))
-        return np.asarray((visibility.states == Visibility.FREE) & ~is_doubtful)
+        free = self._scans[-1].image.are_free(points_velo, _MARGIN_M)
+        return free & ~self._are_doubtful(points_velo, np.zeros((6, 6)))
 
     def _are_doubtful(self, points_velo: Float32, covariance: Float64) -> Bool:
         """Return which (P, 3) places the poses of the newest scan and of another do not locate well enough."""
         covariance = self._scans[-1].covariance + covariance
-        x_m, y_m = points_velo[:, 0], points_velo[:, 1]
-        # Deviations grow with range: as a rule not even the farthest corner is doubtful.
-        corner_m = np.hypot(*(max(one.max(initial=0), -one.min(initial=0)) for one in (x_m, y_m)))
-        if plane_deviations_m(covariance, np.atleast_1d(corner_m))[0] < 0.99 * _MAX_DEVIATION_M:
+        # Deviations grow with range: as a rule not even the farthest place is doubtful.
+        if plane_deviations_m(covariance, self._reach_m)[0] < _MAX_DEVIATION_M:
             return np.zeros(len(points_velo), bool)
-        deviations_m = plane_deviations_m(covariance, np.hypot(x_m, y_m))
-        return np.asarray(deviations_m > _MAX_DEVIATION_M)
+        ranges_m = np.hypot(points_velo[:, 0], points_velo[:, 1])
+        return np.asarray(plane_deviations_m(covariance, ranges_m) > _MAX_DEVIATION_M)
 
     def states(self, points_velo: Float32, age: int) -> UInt8:
         """Return the (P,) `Visibility` of (P, 3) places in the newest scan's frame, in the scan so many scans before it."""
@@ -238,5 +240,5 @@ def _columns(points_velo: Float32, world_SE3_velo: Float64) -> Keys:
 
 def _shorten(points: Float32, by_m: Float32) -> Float32:
     """Move (P, 3) points towards the origin."""
-    ranges = np.linalg.norm(points, axis=1)
+    ranges = np.sqrt(np.einsum("pi,pi->p", points, points))  # a third of the time of np.linalg.norm
     return np.asarray(points * (1 - by_m / ranges)[:, None], np.float32)

@@ -81,7 +81,7 @@ class StaticMap:
             self._area.rectangle,
             self._memory_scans,
         )
-        stays[queried] = ~is_free(centers_velo[queried])
+        stays[queried] = ~is_free(centers_velo.take(queried, axis=0))
         self._known = _StaticVoxels(
             *merge_voxels(
                 known.keys,
@@ -124,7 +124,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         config = config or MotionConfig()
         self._area, self._config = area, config
         self._beam_step_rad = sensor.elevation_step_rad
-        self._memory = FreeSpaceMemory(sensor, config.free_space.horizon_s)
+        self._memory = FreeSpaceMemory(sensor, config.free_space.horizon_s, area.reach_m)
         self._grid_world: VoxelGrid | None = None
         self._static_map: StaticMap | None = None
         self._moved_before = np.zeros((0, 3), np.float32)
@@ -148,7 +148,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         above_ground, voxels = voxelized.above_ground, voxelized.voxels
         pose = voxelized.world_SE3_velo
         # One measured point represents its voxel.
-        places = above_ground.points_velo[voxels.first]
+        places = above_ground.points_velo.take(voxels.first, axis=0)
         before = se3.transform_points(
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
@@ -159,17 +159,21 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
             columns, min_voxels = VoxelColumns.over(places), self._config.free_space.min_voxels
             moves = moving_voxels(places, history, before, self._beam_step_rad, min_voxels, columns)
             moves |= self._moving_bodies(places, columns.occupied, history, before, moves)
-        self._moved_before, self._world_SE3_before = places[moves], pose
-        self._memory.classify(above_ground.points_velo[moves[voxels.group_of]], places[~moves])
+        # Rows by number are taken several times as fast as by a mask.
+        moving_rows, static_rows = np.flatnonzero(moves), np.flatnonzero(~moves)
+        is_moving = moves.take(voxels.group_of)
+        moved = above_ground.points_velo.take(np.flatnonzero(is_moving), axis=0)
+        self._moved_before, self._world_SE3_before = places.take(moving_rows, axis=0), pose
+        self._memory.classify(moved, places.take(static_rows, axis=0))
 
-        seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
+        seen, moving = _pick(voxels, static_rows), _pick(voxels, moving_rows)
         static = voxelized.static_map.update(
             seen, moving.keys, pose, self._memory.is_free_in_newest
         )
         return Obstacles(
-            point_states=above_ground.point_states(moves[voxels.group_of]),
+            point_states=above_ground.point_states(is_moving),
             static=static,
-            moving=Voxels(places[moves], moving.counts, self._config.voxel_size_m),
+            moving=Voxels(self._moved_before, moving.counts, self._config.voxel_size_m),
         )
 
     def _moving_bodies(
@@ -233,5 +237,5 @@ def static_threshold(config: MotionConfig, sensor: LidarModel) -> int:
     return max(1, round(50 * points / (7 * HDL_64E.beams * HDL_64E.columns)))
 
 
-def _pick(voxels: KeyGroups, rows: Bool) -> KeyCounts:
-    return KeyCounts(voxels.counted.keys[rows], voxels.counted.counts[rows])
+def _pick(voxels: KeyGroups, rows: Int) -> KeyCounts:
+    return KeyCounts(voxels.counted.keys.take(rows), voxels.counted.counts.take(rows))

@@ -238,7 +238,8 @@ def _complete(centers_m: Float, columns: VoxelColumns, moves: Bool, was_always_h
     that he touches was hit in every queried scan.
     """
     whole = columns.occupied
-    share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
+    sizes = np.bincount(whole)
+    share = count_in_groups(whole, moves, len(sizes)) / np.maximum(sizes, 1)
     completed = moves.copy()
     for number in np.flatnonzero((share >= _WHOLE_OBJECT_RATIO) & (share < 1)):
         rows = np.flatnonzero(whole == number)
@@ -279,11 +280,12 @@ def _is_own_departure(cluster: Int, clusters: int, history: VisibilityHistory) -
     nearer to the sensor, and tells nothing.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
-    behind, gap_m = history.was_behind_departed[0], history.gaps_m[0]
-    comes, keeps_away = behind & (gap_m < _DEPARTED_GAP_M), np.zeros(len(cluster), bool)
+    behind = np.flatnonzero(history.was_behind_departed[0])
+    cluster, gap_m = cluster[behind], history.gaps_m[0, behind]
+    comes, keeps_away = gap_m < _DEPARTED_GAP_M, np.zeros(len(behind), bool)
     if old_s > young_s:
-        behind_twice = behind & history.was_behind_departed[-1]
-        gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1]) / (old_s - young_s)
+        behind_twice = history.was_behind_departed[-1, behind]
+        gap_now_m = (old_s * gap_m - young_s * history.gaps_m[-1, behind]) / (old_s - young_s)
         # By how much an object that speeds up falls short of its steady path.
         short_m = young_s * old_s / 2 * _DEPARTED_ACCELERATION_M_S2
         limit_m = np.minimum(gap_m / 2, _DEPARTED_GAP_RATIO * gap_m + short_m)

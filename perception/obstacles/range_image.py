@@ -6,12 +6,13 @@ first; the second separates moving objects from those that were occluded before.
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from perception.kernels.range_images import (
     ProjectionNumbers,
+    are_free,
     nearest_returns,
     pixels_of,
     single_beams,
@@ -134,8 +135,16 @@ class RangeImage:
             margin_m: Distance in metres by which a beam must go farther to have passed, and within which it must end
                 to have hit.
         """
+        return PointVisibility(*visibility_of(*self._query(points_velo, margin_m)))
+
+    def are_free(self, points_velo: Float32, margin_m: float) -> Bool:
+        """Return which (P, 3+) places `visibility` calls free, in half of its time."""
+        return are_free(*self._query(points_velo, margin_m))
+
+    def _query(self, points_velo: Float32, margin_m: float) -> tuple[Any, ...]:
+        """Return the arguments of a compiled function that compares places with blocks of pixels."""
         projection = self._projection
-        states, gaps_m = visibility_of(
+        return (
             _contiguous(points_velo),
             *projection.numbers,
             projection.blocks,
@@ -144,7 +153,6 @@ class RangeImage:
             projection.level_0_from_m,
             margin_m,
         )
-        return PointVisibility(states, gaps_m)
 
     def returns(self, points_velo: Float32, margin_m: float) -> tuple[Bool, Bool]:
         """Return at which (P, 3+) places a beam ended, and beyond which one did, among the beams next to them.

@@ -55,6 +55,19 @@ def test_one_near_return_keeps_its_surroundings_from_being_free():
     assert image.visibility(behind, MARGIN_M).states[0] != Visibility.FREE
 
 
+@pytest.mark.parametrize("sensor", [HDL_64E, VLP_16], ids=lambda sensor: sensor.name)
+def test_free_places_are_those_of_the_visibility(sensor):
+    random = np.random.default_rng(0)
+    whole, projection = sphere(20.0, sensor), SphericalProjection(sensor, tolerance_m=0.1)
+    scan = whole * random.uniform(0.2, 1.5, (len(whole), 1))
+    scan = scan[random.random(len(scan)) < 0.7].astype(np.float32)
+    places = random.normal(0, (9, 9, 1.5), (20_000, 3)).astype(np.float32)
+    for one in (RangeImage(scan, projection), RangeImage(whole, projection)):
+        is_free = one.visibility(places, MARGIN_M).states == Visibility.FREE
+        np.testing.assert_array_equal(one.are_free(places, MARGIN_M), is_free)
+    assert 0.1 < is_free.mean() < 1
+
+
 def test_single_beams_that_end_at_a_place_and_that_pass_it_both_count():
     scan = sphere(20.0)
     # Every second beam of one elevation ends on a wire at 10 m.
