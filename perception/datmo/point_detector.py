@@ -71,9 +71,16 @@ class StaticCells:
 
     def clusters(self, min_points: int, length_m: float) -> Footprints:
         """Return the footprints of clusters up to a length; cells with a common corner are one cluster."""
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(self.occupancy, connectivity=8)
+        # The sides of the clusters follow from the cells with points: OpenCV's statistics take four times as long.
+        count, labels = cv2.connectedComponents(self.occupancy, connectivity=8)
         cluster_of = np.asarray(labels.ravel()[self.rows], np.int64)
-        longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        sides = np.zeros((2, count), np.int64)
+        for side, cells in zip(sides, np.divmod(self.rows, self.occupancy.shape[1]), strict=True):
+            low = np.full(count, self.occupancy.size)
+            np.minimum.at(low, cluster_of, cells)
+            np.maximum.at(side, cluster_of, cells)
+            side[:] = side - low + 1
+        longest = sides.max(axis=0)
         points = np.bincount(cluster_of, self.points, count)
         kept = (longest * self.cell_m <= length_m) & (points >= min_points)
         kept[0] = False  # the space between
