@@ -29,8 +29,8 @@ _BLOCKS = 20  # of a long run
 _SHORT_DRIVE = 60  # frames of the drive that the long run plays back and forth
 _BEAMS = (16, 32, 128)  # beside the 64 of an HDL-64E
 _STEP_RATIOS = (4.0, 2.0, 0.5)  # azimuth steps relative to those of an HDL-64E
-# Today's area, and squares up to that of a junction.
-_AREAS = (PipelineConfig().area, *(LocalArea(half, half, half) for half in (20.0, 30.0, 40.0)))
+# The default, and squares up to all that a detector from above sees.
+_AREAS = (PipelineConfig().area, *(LocalArea(half, half, half) for half in (20.0, 30.0, 50.0)))
 
 
 @dataclass(frozen=True)
