@@ -192,7 +192,7 @@ class VoxelColumns:
         grown = image.copy()
         for reach in range(1, int(reaches.max()) + 1):
             block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-            grown |= cv2.dilate(image, block) & (reaches >= reach)
+            grown |= np.asarray(cv2.dilate(image, block), np.uint8) & (reaches >= reach)
         grown &= (chosen | passable).reshape(rows, columns)
         labels = _components(grown)[self.of]
         return np.where(chosen[self.of], labels, 0).astype(np.int64)
@@ -201,7 +201,7 @@ class VoxelColumns:
 def _components(image: UInt8) -> Int:
     """Return the flat number of the part of an image that each pixel is in, 0 outside of all."""
     _, labels = cv2.connectedComponents(image, connectivity=8)
-    return np.asarray(labels.ravel())
+    return np.asarray(labels.ravel(), np.int32)
 
 
 def _reaches(first_row: int, first_column: int, rows: int, columns: int, gap_rad: float) -> UInt8:
@@ -217,7 +217,7 @@ def _reaches(first_row: int, first_column: int, rows: int, columns: int, gap_rad
 def _reaches_around(half: int, gap_rad: float) -> UInt8:
     middles = np.arange(-half, half) + 0.5
     ranges_m = _CELL_M * np.hypot(middles[:, None], middles)
-    return (ranges_m * gap_rad / _CELL_M / 2).astype(np.uint8)
+    return np.asarray(ranges_m * gap_rad / _CELL_M / 2, np.uint8)
 
 
 def _cluster_appeared(
