@@ -140,22 +140,40 @@ def fill_visibility(
         cells[k, hidden_plane] = 255 * (state == _HIDDEN)
 
 
-@compiled((array_of(_F32, 3), _F32))
+@compiled((array_of(_F32, 3), WHOLE, WHOLE, WHOLE))
+def _highest_around(scores: Float32, i: int, j: int, split: int) -> float:
+    """Return the highest of 3x3 places about one, of one class."""
+    highest = scores[split * (i % split) + j % split, i // split, j // split]
+    for u in range(max(i - 1, 0), min(i + 2, split * scores.shape[1])):
+        for v in range(max(j - 1, 0), min(j + 2, split * scores.shape[2])):
+            score = scores[split * (u % split) + v % split, u // split, v // split]
+            highest = max(highest, score)
+    return highest
+
+
+@compiled((array_of(_F32, 4), _F32))
 def peaks_of(scores: Float32, min_score: float) -> Int:
-    """Return (P, 3) class, row and column of the (K, H, W) scores from a minimum on, each the highest of its 3x3 cells."""
-    classes, rows, columns = scores.shape
+    """Return (P, 3) class, row and column of the scores from a minimum on, each the highest of its 3x3 places.
+
+    Args:
+        scores: (K, S * S, H, W) scores; place (i, j) of a class is number S (i mod S) + j mod S of block (i / S, j / S).
+        min_score: Lowest score of a peak.
+    """
+    classes, parts, rows, columns = scores.shape
+    split = int(np.sqrt(parts))
     peaks = np.empty((scores.size, 3), np.int64)
     found = 0
     for k in range(classes):
-        for i in range(rows):
-            for j in range(columns):
-                score = scores[k, i, j]
-                if score < min_score:
-                    continue
-                around = scores[k, max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
-                if score >= around.max():
-                    peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, i, j
-                    found += 1
+        for part in range(parts):
+            for row in range(rows):
+                for column in range(columns):
+                    score = scores[k, part, row, column]
+                    if score < min_score:
+                        continue
+                    i, j = split * row + part // split, split * column + part % split
+                    if score >= _highest_around(scores[k], i, j, split):
+                        peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, i, j
+                        found += 1
     return peaks[:found]
 
 

@@ -55,7 +55,7 @@ def test_a_file_is_compared_with_its_checkpoint_on_a_drive(checkpoint, drive, tm
     report = json.loads(out.with_suffix(".json").read_text())
     for kind in ("noise", "maps"):
         largest = report["variants"]["fp32"]["parity"][kind]["largest"]
-        assert largest["scores"] < 1e-4
+        assert largest["scores"] < 1e-3
         assert largest["boxes"] < 0.01
     assert report["metadata"]["epochs"] == "3"
     precision = {name: one["precision"] for name, one in report["variants"].items()}

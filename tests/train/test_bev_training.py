@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import pixel_shuffle, pixel_unshuffle
 
 from data.array_store import ArrayStore
 from data.open_drive import open_drive
@@ -22,10 +23,10 @@ from train.bev.metrics import FoundCenters, measure
 from train.bev.networks import load_bev
 from train.bev.training import BevTraining
 from train.checkpoints import read_checkpoint
-from train.networks.bev_centers import BevCenters, CenterMaps, DecodedCenters, decode
+from train.networks.bev_centers import BevCenters, CenterMaps, of_whole_numbers
 from train.trainings import training_of
 
-GRID = BevGrid(reach_m=12.8, cell_m=0.2)  # 32 cells of 0.8 m
+GRID = BevGrid(reach_m=12.8, cell_m=0.2)  # 64 places of 0.4 m a side
 CAR = [3.4, -10.0, 0.1, 4.0, 2.0, 1.5, 0.5]
 
 
@@ -41,14 +42,24 @@ def labels_of(*boxes, classes=(0,), is_ignored=(False,), view_rad=(0.0, math.pi)
 
 def perfect(labels: BevLabels, classes: int) -> CenterMaps:
     """Return the predictions of a network that knows the labels."""
-    targets = bev_targets(labels, 0.8, classes, (32, 32))
+    targets = bev_targets(labels, 0.4, classes, (64, 64))
     logits = torch.where(targets.scores >= 1, 12.0, -12.0)
-    return CenterMaps(logits, targets.boxes.clone(), torch.full((1, 6, 32, 32), -3.0))
+    stated = torch.full((1, 16, 64, 64), -3.0)
+    image, row, column = targets.places
+    stated[image, :10, row, column] = targets.boxes
+    return CenterMaps(pixel_unshuffle(logits, 2), pixel_unshuffle(stated, 2))
+
+
+def added(raw: CenterMaps, part: slice, value: float) -> CenterMaps:
+    """Return predictions of which one part of the boxes is larger everywhere."""
+    stated = pixel_shuffle(raw.boxes, 2)
+    stated[:, part] += value
+    return raw._replace(boxes=pixel_unshuffle(stated, 2))
 
 
 def test_targets_of_a_label_are_decoded_to_its_box():
-    scores, boxes = decode(perfect(labels_of(CAR, [0, 0, 0, 0, 0, 0, 0], classes=(1, 0), is_ignored=(False, False)), 2))  # fmt: skip
-    found = decode_boxes(scores[0].numpy(), boxes[0].numpy(), GRID)
+    raw = perfect(labels_of(CAR, [0] * 7, classes=(1, 0), is_ignored=(False, False)), 2)
+    found = decode_boxes(*(part[0].numpy() for part in raw), GRID)
     assert found.classes.tolist() == [1]
     assert found.boxes.bottom_m[0] == pytest.approx(CAR[:3], abs=1e-4)
     assert found.boxes.size_m[0] == pytest.approx(CAR[3:6], abs=1e-4)
@@ -60,10 +71,9 @@ def test_the_loss_of_a_perfect_prediction_is_near_zero():
     labels = labels_of(CAR)
     good = bev_loss(perfect(labels, 1), labels, GRID, BevLossConfig(deviation_weight=0.0))
     assert good.total.item() < 1e-3
-    wrong = perfect(labels, 1)
-    wrong.boxes[:, BOX.size] += 0.5
+    wrong = added(perfect(labels, 1), BOX.size, 0.5)
     assert bev_loss(wrong, labels, GRID, BevLossConfig()).box.item() == pytest.approx(1.5, rel=0.01)
-    missed = CenterMaps(torch.full((1, 1, 32, 32), -12.0), *perfect(labels, 1)[1:])
+    missed = perfect(labels, 1)._replace(scores=torch.full((1, 4, 32, 32), -12.0))
     assert bev_loss(missed, labels, GRID, BevLossConfig()).score.item() == pytest.approx(
         12, rel=0.01
     )
@@ -72,10 +82,8 @@ def test_the_loss_of_a_perfect_prediction_is_near_zero():
 def test_the_scale_of_the_error_is_the_likeliest():
     labels, losses = labels_of(CAR), []
     for log_scale in (-3.0, math.log(0.4), 1.0):
-        raw = perfect(labels, 1)
-        raw.boxes[:, BOX.bottom] += 0.4
-        raw.deviations.zero_()
-        raw.deviations[:, 1] = log_scale
+        raw = added(perfect(labels, 1), BOX.bottom, 0.4)
+        raw = added(raw, slice(11, 12), log_scale + 3)
         losses.append(bev_loss(raw, labels, GRID, BevLossConfig()).deviation.item())
     assert losses[1] == min(losses)
 
@@ -95,24 +103,25 @@ def test_a_detection_there_has_no_loss(change):
 
 def test_targets_of_a_crop_lie_about_its_middle():
     moved = labels_of(CAR, middle_m=(3.2, -8.0))
-    crop = bev_targets(moved, 0.8, 1, (8, 8))
-    whole = bev_targets(labels_of(CAR), 0.8, 1, (32, 32))
-    # The crop begins 4 cells after and 10 before the middle.
-    assert torch.equal(crop.scores, whole.scores[:, :, 16:24, 2:10])
-    assert torch.allclose(crop.boxes, whole.boxes[:, :, 16:24, 2:10], atol=1e-5)
+    crop = bev_targets(moved, 0.4, 1, (16, 16))
+    whole = bev_targets(labels_of(CAR), 0.4, 1, (64, 64))
+    # The middle of the crop is 8 places ahead of that of the map, and 20 to the right.
+    assert torch.equal(crop.scores, whole.scores[:, :, 32:48, 4:20])
+    assert torch.equal(crop.places, whole.places - torch.tensor([[0], [32], [4]]))
+    assert torch.allclose(crop.boxes, whole.boxes, atol=1e-5)
 
 
 def test_the_network_takes_crops_and_batches_alike():
     network = BevCenters(("Car", "Bus"), CHANNELS).eval()
     maps = torch.randint(0, 256, (3, 16, 16, 16, CHANNELS), dtype=torch.uint8)
     with torch.no_grad():
-        scores, boxes = decode(network(maps))
-        exported = DecodedCenters(network)(maps)
-        alone = decode(network(maps[1:2]))
-    assert scores.shape == (3, 2, 16, 16)
-    assert boxes.shape == (3, 16, 16, 16)
+        scores, boxes = network(maps)
+        exported = of_whole_numbers(network)(maps)
+        alone = network(maps[1:2])
+    assert scores.shape == (3, 4 * 2, 16, 16)
+    assert boxes.shape == (3, 4 * 16, 16, 16)
     # Whose first weights take numbers of 8 bits as they are.
-    assert torch.allclose(exported[0], scores, atol=1e-5)
+    assert torch.allclose(exported[0], scores, rtol=1e-3, atol=1e-4)
     assert torch.allclose(exported[1], boxes, rtol=1e-3, atol=1e-4)
     assert torch.allclose(alone[1], boxes[1:2], rtol=1e-4, atol=1e-5)
     assert sum(weight.numel() for weight in network.parameters()) < 1e6
@@ -164,8 +173,8 @@ def test_a_training_is_resumed_evaluated_and_started_from(words, tmp_path, capsy
         command(*words, "--model.cell-m", "0.2", "--resume", f"{out}/last.ckpt")
     further = BevTraining(classes=("Bus", "Truck"), reach_m=25.6, cell_m=0.4, weights=out / "best.ckpt")  # fmt: skip
     learned, started = network.state_dict(), further.network.state_dict()
-    assert torch.equal(started["score_head.1.weight"][1], learned["score_head.1.weight"][1])
-    assert not torch.equal(started["score_head.1.weight"][0], learned["score_head.1.weight"][0])
+    assert torch.equal(started["score_head.1.weight"][4:], learned["score_head.1.weight"][4:])
+    assert not torch.equal(started["score_head.1.weight"][:4], learned["score_head.1.weight"][:4])
     kept = [name for name in learned if not name.startswith("score_head.1")]
     assert all(torch.equal(started[name], learned[name]) for name in kept)
     with fault(ModelError, expected="a bev whose cell_m is 0.2"):
@@ -186,7 +195,7 @@ def test_a_scan_is_overfitted(drive, tmp_path):
         optimizer.zero_grad()
         loss.total.backward()
         optimizer.step()
-    scores, boxes = (part.detach().numpy() for part in decode(network(batch["maps"])))
+    scores, boxes = (part.detach().numpy() for part in network(batch["maps"]))
     found = FoundCenters()
     found.update([decode_boxes(*one, grid) for one in zip(scores, boxes, strict=True)], batch["numbers"], 0)  # fmt: skip
     precision = measure([dataset.targets(row) for row in (0, 1)], found.compute(), ("Car", "Truck"))

@@ -5,14 +5,16 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pixel_shuffle, softplus
 
-from perception.detection.bev.bev_map import BLOCK, BevGrid
-from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS
-from train.networks.bev_centers import CenterMaps
+from perception.detection.bev.bev_map import BevGrid
+from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS, STRIDE
+from train.networks.bev_centers import SPLIT, CenterMaps
 
-_MIN_SIGMA_CELLS = 0.6
+_MIN_SIGMA_PLACES = 0.8
 _SIGMA_PER_SIZE = 0.2  # of the root of the area of an object
-_TRAINED_FROM = 0.3  # value of the bump from which on a cell answers for the box
+_TRAINED_FROM = 0.3  # value of the bump from which on a place answers for the box
+_MAX_LOG = 6.0
 
 
 @dataclass(frozen=True)
@@ -47,17 +49,19 @@ class BevLabels(NamedTuple):
 
 
 class BevTargets(NamedTuple):
-    """Targets in each cell.
+    """Targets at each place, and those of the P places that answer for an object.
 
     Attributes:
         scores: (B, K, H, W) bumps of height 1 at the centres.
-        is_trained: (B, 1, H, W) mask of the cells whose scores count.
-        weights: (B, H, W) bump of the object that a cell answers for, 0 without.
-        boxes: (B, 10, H, W) its box, with logarithms of its size.
+        is_trained: (B, 1, H, W) mask of the places whose scores count.
+        places: (3, P) map, row and column.
+        weights: (P,) bumps of their objects.
+        boxes: (P, 10) boxes of these.
     """
 
     scores: Tensor
     is_trained: Tensor
+    places: Tensor
     weights: Tensor
     boxes: Tensor
 
@@ -79,25 +83,25 @@ class BevLoss(NamedTuple):
 
 
 def bev_targets(
-    labels: BevLabels, cell_m: float, classes: int, shape: tuple[int, int]
+    labels: BevLabels, place_m: float, classes: int, shape: tuple[int, int]
 ) -> BevTargets:
-    """Lay targets over the cells.
+    """Lay targets over the places.
 
     Args:
         labels: Labels of B maps.
-        cell_m: Edge of a cell of the predictions in metres.
+        place_m: Side of a place in metres.
         classes: Number of classes, K.
         shape: Rows and columns of the predictions.
     """
     batch, (rows, columns), device = len(labels.boxes), shape, labels.boxes.device
     half = torch.tensor([rows / 2, columns / 2], device=device)
-    places = (labels.boxes[..., :2] - labels.middle_m[:, None]) / cell_m + half
+    places = (labels.boxes[..., :2] - labels.middle_m[:, None]) / place_m + half
     is_inside = ((places >= 0) & (places < 2 * half)).all(dim=-1) & (labels.boxes[..., 3] > 0)
     image, place = is_inside.nonzero()[:, 0], places[is_inside]
     boxes, of_class = labels.boxes[is_inside], labels.classes[is_inside]
     is_ignored, center = labels.is_ignored[is_inside], place.floor()
-    sigma = _SIGMA_PER_SIZE * (boxes[:, 3] * boxes[:, 4]).sqrt() / cell_m
-    sigma = sigma.clamp(min=_MIN_SIGMA_CELLS)[:, None]
+    sigma = _SIGMA_PER_SIZE * (boxes[:, 3] * boxes[:, 4]).sqrt() / place_m
+    sigma = sigma.clamp(min=_MIN_SIGMA_PLACES)[:, None]
     along, across = (
         (-((torch.arange(side, device=device) - center[:, axis, None]) ** 2) / (2 * sigma**2)).exp()
         for axis, side in enumerate(shape)
@@ -108,22 +112,23 @@ def bev_targets(
     scores = scores.reshape(batch, classes, rows, columns)
     weights = scores.amax(dim=1)
     ignored = _highest(bumps[is_ignored], image[is_ignored], batch)
-    # The object of the highest bump answers for a cell, and its box is that of the cell.
+    # The object of the highest bump answers for a place, and its box is stated there.
     number, i, j = (bumps * counts[:, None, None] >= _TRAINED_FROM).nonzero(as_tuple=True)
-    is_owner = bumps[number, i, j] >= weights[image[number], i, j]
+    bump = bumps[number, i, j]
+    is_owner = bump >= weights[image[number], i, j]
     number, i, j = number[is_owner], i[is_owner], j[is_owner]
     offsets = place[number] - torch.stack([i, j], dim=1)
-    owned = boxes[number]
-    yaw = owned[:, 6]
+    owned, yaw = boxes[number], boxes[number, 6]
     turns = torch.stack([yaw.sin(), yaw.cos(), (2 * yaw).sin(), (2 * yaw).cos()], dim=1)
-    targets = torch.zeros(batch, rows, columns, BOXES, device=device)
-    targets[image[number], i, j] = torch.cat(
-        [offsets, owned[:, 2:3], owned[:, 3:6].log(), turns], dim=1
-    )
     is_trained = (ignored < _TRAINED_FROM) | (weights >= 1)
-    is_trained &= _in_view(labels, cell_m, shape)
-    weights = torch.where(weights >= _TRAINED_FROM, weights, 0)
-    return BevTargets(scores, is_trained[:, None], weights, targets.permute(0, 3, 1, 2))
+    is_trained &= _in_view(labels, place_m, shape)
+    return BevTargets(
+        scores,
+        is_trained[:, None],
+        torch.stack([image[number], i, j]),
+        bump[is_owner],
+        torch.cat([offsets, owned[:, 2:3], owned[:, 3:6].log(), turns], dim=1),
+    )
 
 
 def _highest(bumps: Tensor, places: Tensor, count: int) -> Tensor:
@@ -134,49 +139,61 @@ def _highest(bumps: Tensor, places: Tensor, count: int) -> Tensor:
 
 def bev_loss(raw: CenterMaps, labels: BevLabels, grid: BevGrid, config: BevLossConfig) -> BevLoss:
     """Return the loss of predictions."""
-    logits, cell_m = raw.scores.float(), BLOCK * grid.cell_m
-    targets = bev_targets(labels, cell_m, logits.shape[1], (logits.shape[2], logits.shape[3]))
+    logits, place_m = pixel_shuffle(raw.scores.float(), SPLIT), STRIDE * grid.cell_m
+    targets = bev_targets(labels, place_m, logits.shape[1], (logits.shape[2], logits.shape[3]))
     objects = (targets.scores >= 1).sum().clamp(min=1)
     score = _focal_loss(logits, targets.scores, targets.is_trained) / objects
-    errors = (raw.boxes.float() - targets.boxes).abs()
-    weight = targets.weights[:, None]
-    share = weight / weight.sum().clamp(min=1)
+    image, row, column = targets.places
+    parts = SPLIT * (row % SPLIT) + column % SPLIT
+    blocks = raw.boxes.unflatten(1, (BOXES + DEVIATIONS, SPLIT**2))
+    stated = blocks[image, :, parts, row // SPLIT, column // SPLIT].float()
+    boxes, log_scales = stated[:, :BOXES], stated[:, BOXES:].clamp(-_MAX_LOG, _MAX_LOG)
+    errors = (boxes - targets.boxes).abs()
+    share = (targets.weights / targets.weights.sum().clamp(min=1))[:, None]
     box = config.box_weight * (errors * share).sum()
-    deviation = (
-        config.deviation_weight * (_likelihood(errors.detach(), raw, targets, cell_m) * share).sum()
-    )
+    turns = _axis_turns(boxes.detach(), targets.boxes)
+    likelihood = _likelihood(errors.detach(), turns, log_scales, targets.boxes, place_m)
+    deviation = config.deviation_weight * (likelihood * share).sum()
     return BevLoss(score + box + deviation, score, box, deviation)
 
 
 def _focal_loss(logits: Tensor, targets: Tensor, is_trained: Tensor) -> Tensor:
     """Return the focal loss with fewer penalties around a centre: Law and Deng, "CornerNet", ECCV 2018, equation 1."""
-    scores = logits.sigmoid()
-    at_center = targets >= 1
-    positive = -torch.nn.functional.logsigmoid(logits) * (1 - scores) ** 2
-    negative = -torch.nn.functional.logsigmoid(-logits) * scores**2 * (1 - targets) ** 4
-    return (torch.where(at_center, positive, negative) * is_trained).sum()
+    at_center = logits[(targets >= 1) & is_trained]
+    positive = softplus(-at_center) * (-at_center).sigmoid() ** 2
+    around = (1 - targets).square().square() * is_trained  # 0 at the centres
+    negative = softplus(logits) * logits.sigmoid().square() * around
+    return positive.sum() + negative.sum()
 
 
-def _likelihood(errors: Tensor, raw: CenterMaps, targets: BevTargets, cell_m: float) -> Tensor:
-    """Return (B, 6, H, W) the negative log-likelihood of the errors by Laplace's distribution of the predicted scale.
+def _likelihood(
+    errors: Tensor, turns: Tensor, log_scales: Tensor, boxes: Tensor, place_m: float
+) -> Tensor:
+    """Return (P, 6) the negative log-likelihood of the errors by Laplace's distribution of the predicted scale.
 
     Errors are in metres and rad; those of the boxes themselves do not learn of it.
     """
-    size_m = targets.boxes[:, BOX.size].exp()
-    predicted, true = raw.boxes[:, BOX.axis].float().detach(), targets.boxes[:, BOX.axis]
-    twice = torch.atan2(predicted[:, :1], predicted[:, 1:]) - torch.atan2(true[:, :1], true[:, 1:])
-    turn = torch.atan2(twice.sin(), twice.cos()).abs() / 2
-    position = errors[:, BOX.offset].mean(dim=1, keepdim=True) * cell_m
-    metres = torch.cat([position, errors[:, BOX.bottom], errors[:, BOX.size] * size_m, turn], dim=1)
+    size_m = boxes[:, BOX.size].exp()
+    position = errors[:, BOX.offset].mean(dim=1, keepdim=True) * place_m
+    metres = torch.cat(
+        [position, errors[:, BOX.bottom], errors[:, BOX.size] * size_m, turns], dim=1
+    )
     assert metres.shape[1] == DEVIATIONS
-    scale = raw.deviations.float().clamp(-6, 6)
-    return metres * (-scale).exp() + scale
+    return metres * (-log_scales).exp() + log_scales
 
 
-def _in_view(labels: BevLabels, cell_m: float, shape: tuple[int, int]) -> Tensor:
-    """Return (B, H, W) which cells lie in the directions in which everything is labelled."""
+def _axis_turns(predicted: Tensor, true: Tensor) -> Tensor:
+    """Return (P, 1) the angles between axes of boxes in rad."""
+    first, second = (torch.atan2(*one[:, BOX.axis].T) for one in (predicted, true))
+    twice = (first - second)[:, None]
+    return torch.atan2(twice.sin(), twice.cos()).abs() / 2
+
+
+def _in_view(labels: BevLabels, place_m: float, shape: tuple[int, int]) -> Tensor:
+    """Return (B, H, W) which places lie in the directions in which everything is labelled."""
     x, y = (
-        (torch.arange(side, device=labels.boxes.device) + 0.5 - side / 2) * cell_m for side in shape
+        (torch.arange(side, device=labels.boxes.device) + 0.5 - side / 2) * place_m
+        for side in shape
     )
     middle_m = labels.middle_m[:, :, None, None]
     directions = torch.atan2(y + middle_m[:, 1], x[:, None] + middle_m[:, 0])

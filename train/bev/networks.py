@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from data.samples.bev.dataset import BevConfig
 from perception.detection.bev.bev_map import CHANNELS, EDGES_M, BevGrid
+from perception.detection.bev.boxes import STRIDE
 from train.checkpoint_writer import require_same_network
 from train.checkpoints import Content, load_network
 from train.networks.bev_centers import BevCenters
@@ -29,6 +30,7 @@ class BevNetworkConfig(BevConfig):
             "reach_m": f"{self.grid.reach_m:g}",
             "cell_m": f"{self.grid.cell_m:g}",
             "edges_m": ",".join(f"{edge:g}" for edge in EDGES_M),
+            "stride": str(STRIDE),
         }
 
     @classmethod
@@ -52,7 +54,9 @@ def initial_network(config: BevNetworkConfig, checkpoint: Path | None) -> BevCen
     network = make_network(config)
     if checkpoint is None:
         return network
-    require_same_network(checkpoint, {"model": MODEL, **config.metadata}, ("cell_m", "edges_m"))
+    require_same_network(
+        checkpoint, {"model": MODEL, **config.metadata}, ("cell_m", "edges_m", "stride")
+    )
     trained, _ = load_bev(checkpoint)
     shared = [name for name in network.class_names if name in trained.class_names]
     rows = [network.class_names.index(name) for name in shared]
@@ -60,7 +64,9 @@ def initial_network(config: BevNetworkConfig, checkpoint: Path | None) -> BevCen
     weights, last = trained.state_dict(), len(network.score_head) - 1
     for name in (f"score_head.{last}.weight", f"score_head.{last}.bias"):
         mixed = network.state_dict()[name].clone()
-        mixed[rows] = weights[name][trained_rows]
+        mixed.view(len(network.class_names), -1)[rows] = weights[name].view(
+            len(trained.class_names), -1
+        )[trained_rows]
         weights[name] = mixed
     network.load_state_dict(weights)
     return network

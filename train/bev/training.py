@@ -21,7 +21,7 @@ from train.bev.metrics import CenterPrecision, FoundCenters, measure
 from train.bev.networks import IDENTITY, MODEL, BevNetworkConfig, initial_network
 from train.checkpoints import program_revision
 from train.events import log_loss
-from train.networks.bev_centers import CenterMaps, decode
+from train.networks.bev_centers import CenterMaps
 from train.optimization import WarmupCosine, configure_optimizers
 
 Batch = dict[str, Tensor]  # what `BevDataset` says of a sample
@@ -127,7 +127,7 @@ class BevTraining(LightningModule):
     def _evaluate(self, stage: str, batch: Batch) -> dict[str, list[BevDetections]]:
         raw = self(batch["maps"])
         log_loss(self, stage, self._loss(raw, batch), len(batch["maps"]))
-        scores, boxes = (part.cpu().numpy() for part in decode(raw))
+        scores, boxes = (part.float().cpu().numpy() for part in raw)
         groups = [GROUPS[name] for name in self.bev.class_names]
         found = [
             suppress(decode_boxes(*one, self.bev.grid), groups)

@@ -1,6 +1,6 @@
 """The detector of the bird's-eye view: anchor-free centres on a map of a scan from above.
 
-    cells  4x4 ───── 4 ────────────── + ──> heads, a cell of 4
+    cells  4x4 ───── 4 ────────────── + ──> heads, four places of 2 cells each
                      │                ^
                      8 ──────── + ─ up ┘
                      │          ^
@@ -23,29 +23,26 @@ from torch import Tensor, nn
 from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
 
 from perception.detection.bev.bev_map import BLOCK
-from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS
+from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS, STRIDE
 
-STRIDE = 4
+SPLIT = BLOCK // STRIDE  # places along the side of a block that the heads tell apart
 _BLOCK_WIDTH = 32  # numbers that tell of a block of 4x4 cells
 _WIDTHS = (32, 64, 128, 128)  # channels at 4, 8, 16 and 32 cells
 _UNITS = (1, 2, 3, 2)  # residual units at 4, 8, 16 and 32
 _FIRST_SCORE = 0.01
 _FIRST_SIZE_M = (4.0, 1.8, 1.6)
-_MAX_LOG = 6.0
 
 
 class CenterMaps(NamedTuple):
-    """Raw predictions in each cell.
+    """Raw predictions, as `perception.detection.bev.boxes` orders them: H x W blocks of S * S places.
 
     Attributes:
-        scores: (B, K, H, W) logits of a centre of each class.
-        boxes: (B, 10, H, W) box as `perception.detection.bev.boxes` orders it.
-        deviations: (B, 6, H, W) logarithms of the scales of their errors.
+        scores: (B, K S S, H, W) logits of a centre of each class.
+        boxes: (B, 16 S S, H, W) box and logarithms of the scales of its errors.
     """
 
     scores: Tensor
     boxes: Tensor
-    deviations: Tensor
 
 
 class Separable(nn.Module):
@@ -125,47 +122,30 @@ class BevCenters(nn.Module):
         self.trunk = BevTrunk(channels)
         width = self.trunk.out_channels
         self.score_head = nn.Sequential(
-            Separable(width, width), nn.Conv2d(width, len(class_names), 1)
+            Separable(width, width), nn.Conv2d(width, SPLIT**2 * len(class_names), 1)
         )
         self.box_head = nn.Sequential(
-            Separable(width, width), nn.Conv2d(width, BOXES + DEVIATIONS, 1)
+            Separable(width, width), nn.Conv2d(width, SPLIT**2 * (BOXES + DEVIATIONS), 1)
         )
         with torch.no_grad():
             _bias(self.score_head).fill_(math.log(_FIRST_SCORE / (1 - _FIRST_SCORE)))
-            bias = _bias(self.box_head).zero_()
+            bias = _bias(self.box_head).zero_().view(-1, SPLIT**2)
             bias[BOX.offset] = 0.5
-            bias[BOX.size] = torch.tensor(_FIRST_SIZE_M).log()
+            bias[BOX.size] = torch.tensor(_FIRST_SIZE_M).log()[:, None]
 
     def forward(self, maps: Tensor) -> CenterMaps:
         """Return raw predictions for (B, R / 4, R / 4, 16, C) maps of 8-bit numbers."""
         features = self.trunk(maps)
-        boxes = self.box_head(features)
-        return CenterMaps(self.score_head(features), boxes[:, :BOXES], boxes[:, BOXES:])
+        return CenterMaps(self.score_head(features), self.box_head(features))
 
 
-class DecodedCenters(nn.Module):
-    """The network with what a model file returns: scores, boxes and scales of errors."""
-
-    def __init__(self, network: BevCenters) -> None:
-        super().__init__()
-        # Numbers of 8 bits as they are: a pass over the map less.
-        self.network = deepcopy(network).eval()
-        trunk = self.network.trunk
-        trunk.blocks.weight.data *= trunk.scale
-        trunk.scale = 1.0
-
-    def forward(self, maps: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (B, K, H, W) scores and (B, 16, H, W) boxes and scales of their errors."""
-        return decode(self.network(maps))
-
-
-def decode(raw: CenterMaps) -> tuple[Tensor, Tensor]:
-    """Return (B, K, H, W) scores, and (B, 16, H, W) boxes and scales of their errors, in float32."""
-    scores = raw.scores.float().sigmoid()
-    boxes, deviations = raw.boxes.float(), raw.deviations.float().clamp(-_MAX_LOG, _MAX_LOG).exp()
-    size = boxes[:, BOX.size].clamp(-_MAX_LOG, _MAX_LOG).exp()
-    parts = [boxes[:, : BOX.size.start], size, boxes[:, BOX.size.stop :], deviations]
-    return scores, torch.cat(parts, dim=1)
+def of_whole_numbers(network: BevCenters) -> BevCenters:
+    """Return the network in evaluation mode that takes numbers of 8 bits as they are: a pass over the map less."""
+    changed = deepcopy(network).eval()
+    trunk = changed.trunk
+    trunk.blocks.weight.data *= trunk.scale
+    trunk.scale = 1.0
+    return changed
 
 
 def _bias(head: nn.Sequential) -> Tensor:

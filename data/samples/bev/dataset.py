@@ -22,7 +22,7 @@ from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, UInt8
 
-MIN_RETURNS = 3  # of an object to be learned from and to be found
+MIN_RETURNS = 2  # of an object to be learned from and to be found
 _THINNED_FROM = 32  # beams
 Sample = Mapping[str, Tensor]
 

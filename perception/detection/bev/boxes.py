@@ -1,21 +1,25 @@
-"""From what the network of the bird's-eye view predicts in each cell to boxes on the ground.
+"""From what the network of the bird's-eye view predicts at each place to boxes on the ground.
 
-A cell states, in this order,
+A place is a square of `STRIDE` cells a side, and those of a block of the map lie side by side in the channels of the
+network, S * S of them. A place has the logit of a score for each class, and states, in this order,
 
-    offset    x and y of the centre from the cell's low corner, in cells
+    offset    x and y of the centre from the low corner of the place, in sides of one
     bottom    height of the bottom above the ground in metres
-    size      length, width, height in metres, of which the network predicts the logarithms
+    size      logarithms of length, width, height in metres
     heading   sine and cosine; short where front and rear look alike
     axis      sine and cosine of twice the heading, which front and rear share
 
-and then the scales of the errors (of Laplace's distribution) of position, bottom, length, width, height and axis.
+and then the logarithms of the scales of the errors (of Laplace's distribution) of position, bottom, length, width, height
+and axis.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
 from perception.detection.bev.bev_map import BevGrid
 from perception.geometry.se3 import wrap
@@ -33,6 +37,8 @@ class _Columns(NamedTuple):
 
 BOX = _Columns()
 BOXES, DEVIATIONS = 10, 6
+STRIDE = 2  # cells along the side of a place
+_MAX_LOG = 6.0
 _SQRT_2 = float(np.sqrt(2))  # standard deviation over the scale of Laplace's distribution
 
 
@@ -62,31 +68,39 @@ def decode_boxes(
     """Return the objects of one map.
 
     Args:
-        scores: (K, H, W) scores of each class, of which peaks among 3x3 cells are objects.
-        boxes: (16, H, W) box and scales of its errors in each cell.
+        scores: (K S S, H, W) logits of the scores of each class, of which peaks among 3x3 places are objects.
+        boxes: (16 S S, H, W) box and scales of its errors at each place.
         grid: Cells of the map.
         min_score: Score below which nothing is reported.
         most: Largest number of objects.
     """
-    peaks = peaks_of(np.ascontiguousarray(scores), min_score)
-    values = scores[tuple(peaks.T)]
+    blocks = scores.shape[1:]
+    split = math.isqrt(len(boxes) // (BOXES + DEVIATIONS))
+    logits = np.ascontiguousarray(scores).reshape(-1, split**2, *blocks)
+    peaks = peaks_of(logits, math.log(min_score / (1 - min_score)))
+    part = split * (peaks[:, 1] % split) + peaks[:, 2] % split
+    values = logits[peaks[:, 0], part, peaks[:, 1] // split, peaks[:, 2] // split]
     best = np.argsort(-values, kind="stable")[:most]
     classes, rows, columns = peaks[best].T
-    cells = boxes[:, rows, columns].astype(np.float64)
-    cell_m = 2 * grid.reach_m / scores.shape[1]
-    corners_m = np.stack([rows, columns], axis=1) * cell_m - grid.reach_m
+    stated = boxes.reshape(BOXES + DEVIATIONS, split**2, *blocks)
+    cells = stated[:, part[best], rows // split, columns // split].astype(np.float64)
+    place_m = 2 * grid.reach_m / (split * blocks[0])
+    corners_m = np.stack([rows, columns], axis=1) * place_m - grid.reach_m
     axis_rad = np.arctan2(*cells[BOX.axis]) / 2
+    sizes, scales = (
+        np.exp(np.clip(logs, -_MAX_LOG, _MAX_LOG)) for logs in (cells[BOX.size], cells[BOXES:])
+    )
     # Along the axis, 1 where the network is sure of the front, -1 where that is the other end.
     forward = np.sin(axis_rad) * cells[BOX.heading][0] + np.cos(axis_rad) * cells[BOX.heading][1]
     return BevDetections(
         boxes=Boxes3D(
-            np.column_stack([corners_m + cell_m * cells[BOX.offset].T, cells[BOX.bottom].T]),
-            cells[BOX.size].T,
+            np.column_stack([corners_m + place_m * cells[BOX.offset].T, cells[BOX.bottom].T]),
+            sizes.T,
             np.asarray(wrap(np.where(forward >= 0, axis_rad, axis_rad + np.pi))),
         ),
         classes=np.ascontiguousarray(classes),
-        scores=values[best].astype(np.float64),
-        deviations=_SQRT_2 * cells[BOXES:].T,
+        scores=expit(values[best].astype(np.float64)),
+        deviations=_SQRT_2 * scales.T,
         reversals=(1 - np.minimum(np.abs(forward), 1)) / 2,
     )
 

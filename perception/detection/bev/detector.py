@@ -1,6 +1,6 @@
 """A detector of the bird's-eye view, from a model file: scan in, boxes around the vehicle out.
 
-points -- ground, map --> network --> scores and boxes in cells -- peaks, one a place --> boxes
+points -- ground, map --> network --> scores and boxes at places -- peaks, one of a group nearby --> boxes
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 import numpy as np
 
 from perception.detection.bev.bev_map import BLOCK, CHANNELS, EDGES_M, BevGrid, BevMapper
-from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
+from perception.detection.bev.boxes import STRIDE, BevDetections, decode_boxes, suppress
 from perception.detection.bev.classes import GROUPS
 from perception.detection.onnx_model import Array, ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
@@ -20,7 +20,7 @@ from perception.types import Float32, GroundModel
 
 _EDGES = ",".join(f"{edge:g}" for edge in EDGES_M)
 CONTRACT = ModelContract(
-    metadata={"kind": "bev", "modality": "bev", "edges_m": _EDGES},
+    metadata={"kind": "bev", "modality": "bev", "edges_m": _EDGES, "stride": str(STRIDE)},
     required_keys=("classes", "reach_m", "cell_m"),
     inputs={"maps": ModelInput(np.uint8, (None, None, None, BLOCK**2, CHANNELS))},
     outputs=("scores", "boxes"),

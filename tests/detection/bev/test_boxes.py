@@ -2,24 +2,45 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from perception.detection.bev.bev_map import BevGrid
 from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
 from perception.detection.bev.classes import class_numbers
 from perception.types import Boxes3D
 
-GRID = BevGrid(reach_m=12.8, cell_m=0.2)  # 32 cells of 0.8 m
+GRID = BevGrid(reach_m=6.4, cell_m=0.2)  # 16 blocks a side, of 2x2 places of 0.4 m
 
 
-def test_a_cell_states_a_box_around_its_place():
-    scores, cells = np.zeros((2, 32, 32), np.float32), np.zeros((16, 32, 32), np.float32)
-    scores[1, 20, 3], scores[0, 1, 1], scores[0, 2, 2] = 0.6, 0.9, 0.04
-    cells[:, 20, 3] = [0.25, 0.5, 0.1, 4, 2, 1.5, 0.6, 0, 0, -1, *([0.5] * 6)]
-    found = decode_boxes(scores, cells, GRID)
+def in_blocks(planes):
+    """Return (K, R, R) planes of places as the network orders them."""
+    kinds, side, _ = planes.shape
+    split = planes.reshape(kinds, side // 2, 2, side // 2, 2).transpose(0, 2, 4, 1, 3)
+    return np.ascontiguousarray(split.reshape(4 * kinds, side // 2, side // 2), np.float32)
+
+
+def logits(scores):
+    return in_blocks(np.log(scores / (1 - scores)))
+
+
+def boxes_of(*stated, side=32):
+    """Return predictions, alike but for those of some places."""
+    planes = np.ones((16, side, side))
+    for (row, column), values in stated:
+        planes[:, row, column] = values
+    return in_blocks(planes)
+
+
+def test_a_place_states_a_box_around_it():
+    scores = np.full((2, 32, 32), 0.01)
+    scores[1, 21, 3], scores[0, 1, 1], scores[0, 2, 2] = 0.6, 0.9, 0.04
+    size, scales = np.log([4, 2, 1.5]), np.log([0.5] * 6)
+    stated = [0.25, 0.5, 0.1, *size, 0.6, 0, 0, -1, *scales]
+    found = decode_boxes(logits(scores), boxes_of(((21, 3), stated)), GRID)
     assert found.classes.tolist() == [0, 1]
     assert found.scores == pytest.approx([0.9, 0.6])
-    # 20.25 cells of 0.8 m from -12.8 m, 3.5 of them.
-    assert found.boxes.bottom_m[1] == pytest.approx([3.4, -10.0, 0.1])
+    # 21.25 places of 0.4 m from -6.4 m, 3.5 of them.
+    assert found.boxes.bottom_m[1] == pytest.approx([2.1, -5.0, 0.1])
     assert found.boxes.size_m[1] == pytest.approx([4, 2, 1.5])
     assert found.boxes.yaw_rad[1] == pytest.approx(np.pi / 2)
     assert found.reversals[1] == pytest.approx(0.2)
@@ -28,28 +49,40 @@ def test_a_cell_states_a_box_around_its_place():
 
 @pytest.mark.parametrize("yaw_rad", np.radians([-179, -91, -89, -1, 1, 89, 91, 179]))
 def test_a_heading_is_that_end_of_the_axis_which_is_nearer(yaw_rad):
-    scores, cells = np.ones((1, 1, 1), np.float32), np.zeros((16, 1, 1), np.float32)
+    scores, stated = np.full((1, 2, 2), 0.01), np.zeros(16)
+    scores[0, 0, 1] = 0.9
     turned = yaw_rad + 0.5  # of an uncertain front
-    cells[6:10, 0, 0] = [
+    stated[6:10] = [
         0.3 * np.sin(turned), 0.3 * np.cos(turned), np.sin(2 * yaw_rad), np.cos(2 * yaw_rad)
     ]  # fmt: skip
-    found = decode_boxes(scores, cells, GRID)
+    found = decode_boxes(logits(scores), boxes_of(((0, 1), stated), side=2), GRID)
     assert found.boxes.yaw_rad[0] == pytest.approx(yaw_rad, abs=1e-5)
     assert found.reversals[0] == pytest.approx((1 - 0.3 * np.cos(0.5)) / 2, abs=1e-5)
 
 
 def test_a_peak_is_the_highest_of_its_neighbours_and_class():
-    scores = np.full((2, 32, 32), 0.2, np.float32)
+    scores = np.full((2, 32, 32), 0.2)
     scores[0, 4, 4], scores[0, 4, 5], scores[1, 4, 5], scores[0, 0, 0] = 0.9, 0.8, 0.7, 0.6
-    found = decode_boxes(scores, np.ones((16, 32, 32), np.float32), GRID, min_score=0.5)
+    found = decode_boxes(logits(scores), boxes_of(), GRID, min_score=0.5)
     assert found.scores == pytest.approx([0.9, 0.7, 0.6])
-    assert len(decode_boxes(scores, np.ones((16, 32, 32), np.float32), GRID, 0.5, most=2)) == 2
+    assert len(decode_boxes(logits(scores), boxes_of(), GRID, 0.5, most=2)) == 2
+
+
+def test_peaks_are_those_of_whole_planes():
+    scores = np.random.default_rng(0).uniform(0.02, 0.98, (3, 32, 32)).round(2)  # many are equal
+    found = decode_boxes(logits(scores), boxes_of(), GRID, min_score=0.3, most=3000)
+    highest = maximum_filter(scores, size=(1, 3, 3), mode="constant")
+    is_peak = (scores == highest) & (scores > 0.305)
+    kept = found.scores > 0.305
+    assert sorted(found.scores[kept]) == pytest.approx(sorted(scores[is_peak]))
+    classes, rows, columns = is_peak.nonzero()
+    expected = np.column_stack([classes, -6.4 + 0.4 * (rows + 1), -6.4 + 0.4 * (columns + 1)])
+    places = np.column_stack([found.classes, found.boxes.bottom_m[:, :2]])[kept]
+    assert sorted(map(tuple, places.round(3))) == sorted(map(tuple, expected.round(3)))
 
 
 def test_no_box_is_detected_where_no_score_is_high():
-    found = decode_boxes(
-        np.zeros((2, 32, 32), np.float32), np.zeros((16, 32, 32), np.float32), GRID
-    )
+    found = decode_boxes(logits(np.full((2, 32, 32), 0.01)), boxes_of(), GRID)
     assert len(found) == 0
     assert len(suppress(found, (0, 0))) == 0
 
