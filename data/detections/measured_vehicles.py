@@ -10,7 +10,12 @@ from data.labelled_drives import LabelledDrives
 from data.recorded_drive import RecordedDrive
 from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.networks import open_bev, open_detectors, open_fusion
+from perception.detection.networks import (
+    chosen_detection,
+    open_bev,
+    open_detectors,
+    open_fusion,
+)
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.errors import CalibrationError, DriveError
@@ -81,6 +86,7 @@ def open_vehicle_detector(
     if name == "depthcn":
         detector = DepthCn("default", drive.sensor)
         return OpenedVehicleDetector(detector.detect, {"depthcn": detector.verifier.model.metadata})
+    config = chosen_detection(config)
     metadata = {str(key): one.metadata for key, one in open_detectors(config).items()}
     metadata["fusion default"] = open_fusion(config).metadata
     if (bev := open_bev(config, drive.sensor)) is not None:

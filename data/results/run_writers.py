@@ -83,9 +83,10 @@ def run_writers(
         drawing: Process of the video; None for no video.
         progress: Progress bar of the report.
     """
+    has_bev = "bev" in enabled_modalities(config.pipeline.detection, config.pipeline.method)
     composition = Composition(
         area=config.pipeline.area,
-        reach_m=_BEV_REACH_M if "bev" in enabled_modalities(config.pipeline.detection) else 0.0,
+        reach_m=_BEV_REACH_M if has_bev else 0.0,
         period_s=frame_period_s(drive),
         display_score=config.pipeline.detection.display_score,
         detector_views=config.video_views,

@@ -47,7 +47,6 @@ def evaluate_vehicles(
     document = EvaluationDocument.of_networks("vehicles", data, PROTOCOL_WORDS, opened.metadata)
     learned = count_learned_frames(opened.metadata, labelled.select(range(data.first_frames)))
     learned.warn(labelled.name)
-    heading = f"{data}, detector {detector}, scores from {display_score:g}"
-    if opened.metadata:
-        heading = f"{heading}\n{learned}"
+    note = f"\n{learned}" if opened.metadata else ""
+    heading = f"{data}, detector {detector}, scores from {display_score:g}{note}"
     report.publish(heading, metrics, document, config)

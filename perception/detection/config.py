@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from perception.errors import UsageError
-from perception.types import DETECTOR_MODALITIES, DetectorModality, Method, Modality
+from perception.types import DETECTOR_MODALITIES, DetectorModality, Method
 
 _SMALLEST_CELL_M = 0.05
 
@@ -113,12 +113,12 @@ class DepthCnConfig:
     """DepthCN: LiDAR proposals that a network verifies (6.1).
 
     Attributes:
-        enabled: Whether DepthCN runs.
+        enabled: Whether DepthCN runs; else as the method of detection says.
         model: ONNX file of another network than the one of this package.
         proposals: Proposal parameters in place of those of the network's method.
     """
 
-    enabled: bool = True
+    enabled: bool | None = None
     model: Path | None = None
     proposals: ProposalOverrides = field(default_factory=ProposalOverrides)
 
@@ -188,7 +188,7 @@ class DetectionConfig:
 
     Attributes:
         modalities: Modalities to detect in and fuse: rgb (image), dm (depth map), rm (reflectance map),
-            bev (scan from above); an empty list for none; else rgb, dm and rm.
+            bev (scan from above); an empty list for none; else those of the method, and those whose file is named.
         rgb_model: ONNX file of another image detector than the one of this package.
         dm_model: ONNX file of another depth map detector.
         rm_model: ONNX file of another reflectance map detector.
@@ -198,6 +198,8 @@ class DetectionConfig:
         tri_boxes: Combinations of boxes in place of those that the fusion was trained with.
         nms: Score threshold and suppression of every detector and of the fusion.
         display_score: Score from which a detection is drawn, and counted as a vehicle in summaries, 0 to 1.
+        method: The default detects in rgb and bev, the thesis in rgb, dm and rm, and by DepthCN; else that of the
+            pipeline.
     """
 
     modalities: tuple[DetectorModality, ...] | None = None
@@ -210,6 +212,7 @@ class DetectionConfig:
     tri_boxes: TriBoxOverrides = field(default_factory=TriBoxOverrides)
     nms: NmsConfig = field(default_factory=NmsConfig)
     display_score: float = 0.5
+    method: Method | None = None
 
     def __post_init__(self) -> None:
         """Validate modalities and display score; take names of files as paths."""
@@ -226,9 +229,14 @@ class DetectionConfig:
             )
 
     @property
-    def models(self) -> dict[Modality, Path | None]:
-        """ONNX file of the detector of each modality in an image, where one is named."""
-        return {"rgb": self.rgb_model, "dm": self.dm_model, "rm": self.rm_model}
+    def models(self) -> dict[DetectorModality, Path | None]:
+        """ONNX file of each modality's detector, where one is named."""
+        return {
+            "rgb": self.rgb_model,
+            "dm": self.dm_model,
+            "rm": self.rm_model,
+            "bev": self.bev_model,
+        }
 
 
 def _take_as_paths(config: DepthCnConfig | DetectionConfig, *names: str) -> None:

@@ -11,7 +11,13 @@ from dataclasses import replace
 from perception.detection.config import DetectionConfig
 from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
 from perception.detection.fusion.nms_fusion import NmsFusion
-from perception.detection.networks import open_bev, open_depthcn, open_detectors, open_fusion
+from perception.detection.networks import (
+    chosen_detection,
+    open_bev,
+    open_depthcn,
+    open_detectors,
+    open_fusion,
+)
 from perception.detection.onnx_model import shipped_model
 from perception.detection.vehicles.bev_joining import join_bev
 from perception.detection.vehicles.camera_joining import join_cameras
@@ -70,7 +76,7 @@ class CameraStages(Restorable):
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.
         """
-        self._sensor, detection = sensor, config.detection
+        self._sensor, detection = sensor, chosen_detection(config.detection, config.method)
         self._detectors = _open_detectors(detection)
         bev = open_bev(detection, sensor)
         self._bev = None if bev is None else BevStage(bev, config.area, detection.nms.min_score)

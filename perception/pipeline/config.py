@@ -10,7 +10,7 @@ from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
 from perception.localization.config import RegistrationConfig
 from perception.obstacles.config import GroundConfig, MotionConfig
-from perception.pipeline.skipped_stages import DEPTHCN, SkippableStage
+from perception.pipeline.skipped_stages import BEV_DETECTOR, DEPTHCN, SkippableStage
 from perception.types import Method
 
 
@@ -44,7 +44,7 @@ class PipelineConfig:
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     vehicles: VehicleConfig = field(default_factory=VehicleConfig)
     budget_ms: float | None = None
-    budget_skips: tuple[SkippableStage, ...] = (DEPTHCN,)
+    budget_skips: tuple[SkippableStage, ...] = (DEPTHCN, BEV_DETECTOR)
     area: LocalArea = MOVING_OBJECT_AREA
     ego_vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     seed: int = 0

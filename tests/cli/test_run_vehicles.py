@@ -20,7 +20,8 @@ from tests.detection.bright_cells import bright_cells
 @pytest.fixture(scope="module")
 def networks(tmp_path_factory) -> list[str]:
     """Return the flags that name a network for each view."""
-    folder, flags = tmp_path_factory.mktemp("networks"), []
+    folder = tmp_path_factory.mktemp("networks")
+    flags = ["--pipeline.detection.method", "thesis"]
     for modality in MODALITIES:
         path = folder / f"{modality}.onnx"
         path.write_bytes(bright_cells(modality))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from data.synthetic.drive import SyntheticDrive
-from perception.detection.config import DetectionConfig
+from perception.detection.config import DepthCnConfig, DetectionConfig
 from perception.pipeline import PipelineConfig
 from perception.types import DETECTOR_MODALITIES, MODALITIES
 from tests.detection.bright_cells import bright_cells
@@ -38,7 +38,9 @@ def all_stages(tmp_path_factory) -> PipelineConfig:
         files[f"{modality}_model"].write_bytes(bright_cells(modality))
     files["bev_model"] = folder / "bev.onnx"
     files["bev_model"].write_bytes(filled_cells())
-    return PipelineConfig(detection=DetectionConfig(modalities=DETECTOR_MODALITIES, **files))
+    depthcn = DepthCnConfig(enabled=True)
+    detection = DetectionConfig(modalities=DETECTOR_MODALITIES, depthcn=depthcn, **files)
+    return PipelineConfig(detection=detection)
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.pipeline.budget import TimeBudget
@@ -12,6 +13,8 @@ from perception.pipeline.skipped_stages import modalities_without, skippable_sta
 from perception.pipeline.workers import StageClock
 from perception.sensor import HDL_64E
 from tests.faults import fault
+
+_THESIS = DetectionConfig(method="thesis")
 
 
 @pytest.fixture
@@ -75,7 +78,7 @@ def test_of_the_detectors_one_remains():
 
 
 def test_the_result_names_the_stage_that_was_left_out(street_frames):
-    config = PipelineConfig(parallel=False, budget_ms=1.0)
+    config = PipelineConfig(parallel=False, budget_ms=1.0, detection=_THESIS)
     with Pipeline(HDL_64E, config) as pipeline:
         result = pipeline.step(street_frames[0])
     assert result.skipped == ("DepthCN",)
@@ -86,7 +89,7 @@ def test_the_result_names_the_stage_that_was_left_out(street_frames):
 
 def test_a_late_frame_goes_without_the_stages_that_are_named(street_frames):
     skips = ("rm detector", "dm detector", "rgb detector")
-    config = PipelineConfig(parallel=False, budget_ms=1.0, budget_skips=skips)
+    config = PipelineConfig(parallel=False, budget_ms=1.0, budget_skips=skips, detection=_THESIS)
     with Pipeline(HDL_64E, config) as pipeline:
         result = pipeline.step(street_frames[0])
     assert result.skipped == ("rm detector", "dm detector")
