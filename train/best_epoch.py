@@ -66,6 +66,9 @@ class BestEpoch(Checkpoint):
         if trainer.fast_dev_run:  # type: ignore[attr-defined]
             return
         folder, ranking = TrainingFolder(Path(trainer.default_root_dir)), ranking_of(pl_module)
+        if (trainer.current_epoch + 1) % (trainer.check_val_every_n_epoch or 1):
+            trainer.save_checkpoint(folder.last)
+            return
         logged = trainer.callback_metrics
         metrics = {one.metric: float(logged[one.metric]) for one in ranking}
         is_best = not self._best or _worth(ranking, metrics) > _worth(ranking, self._best)

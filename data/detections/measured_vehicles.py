@@ -86,7 +86,7 @@ def open_vehicle_detector(
     if name == "depthcn":
         detector = DepthCn("default", drive.sensor)
         return OpenedVehicleDetector(detector.detect, {"depthcn": detector.verifier.model.metadata})
-    config = chosen_detection(config)
+    config = chosen_detection(config, drive.sensor)
     metadata = {str(key): one.metadata for key, one in open_detectors(config).items()}
     metadata["fusion default"] = open_fusion(config).metadata
     if (bev := open_bev(config, drive.sensor)) is not None:

@@ -14,7 +14,7 @@ from data.results.result_writer import ResultWriter
 from data.results.run_config import RunConfig
 from data.results.run_folder import RunFiles
 from data.results.run_video import RunVideo
-from perception.detection.networks import enabled_modalities
+from perception.detection.networks import chosen_detection
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
 from perception.render.scene import SelectedObject
@@ -83,10 +83,11 @@ def run_writers(
         drawing: Process of the video; None for no video.
         progress: Progress bar of the report.
     """
-    has_bev = "bev" in enabled_modalities(config.pipeline.detection, config.pipeline.method)
+    pipeline = config.pipeline
+    detection = chosen_detection(pipeline.detection, drive.sensor, pipeline.method)
     composition = Composition(
         area=config.pipeline.area,
-        reach_m=_BEV_REACH_M if has_bev else 0.0,
+        reach_m=_BEV_REACH_M if "bev" in (detection.modalities or ()) else 0.0,
         period_s=frame_period_s(drive),
         display_score=config.pipeline.detection.display_score,
         detector_views=config.video_views,

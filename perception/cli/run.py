@@ -80,13 +80,13 @@ def run(
     from data.results.run_drive import run_drive
     from data.results.stopped_run import StoppedRun
     from perception.cli.progress import compile_functions, frame_progress_bar, progress_bar
-    from perception.detection.networks import detectors_note, enabled_modalities
+    from perception.detection.networks import detectors_note
 
-    detection = pipeline.detection, pipeline.method
-    print(detectors_note(*detection))
-    images = video or track is not None or "rgb" in enabled_modalities(*detection)
+    # The RGB detector and the one-object tracker read images that no video needs.
+    images = video or track is not None or "rgb" in (pipeline.detection.modalities or ("rgb",))
     faults = [Fault.parse(text, fault_seed) for text in fault]
     opened = open_drive(drive, sequence=frames.sequence, config=frames.reading, images=images)
+    print(detectors_note(pipeline.detection, opened.sensor, pipeline.method))
     run_config = RunConfig(
         frames=frames.frames,
         video=video,

@@ -5,7 +5,6 @@ from dataclasses import replace
 from perception.detection.bev.detector import BevDetector
 from perception.detection.config import DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.detectors.modalities import SHIPPED_DETECTORS
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
@@ -13,55 +12,43 @@ from perception.sensor import LidarModel
 from perception.types import DETECTOR_MODALITIES, MODALITIES, DetectorModality, Method, Modality
 
 SHIPPED_BEV = "bev_centers"
-_DEFAULT: tuple[DetectorModality, ...] = ("rgb", "bev")
+_DENSE_BEAMS = 64  # of the sensor whose scans the networks of dm and rm have learned from
+_DENSE: tuple[DetectorModality, ...] = ("rgb", "dm", "rm", "bev")
+_SPARSE: tuple[DetectorModality, ...] = ("rgb", "bev")
 
 
-def chosen_detection(config: DetectionConfig, method: Method = "default") -> DetectionConfig:
-    """Return a configuration that states its modalities and whether DepthCN runs, those of its method where it does not.
+def chosen_detection(
+    config: DetectionConfig, sensor: LidarModel, method: Method = "default"
+) -> DetectionConfig:
+    """Return a configuration that states its modalities and whether DepthCN runs, even where it left that open.
 
-    Without a network of the bird's-eye view, the default is that of the thesis. A modality whose file is named is used.
+    The thesis' method detects in rgb, dm and rm and by DepthCN; the default in rgb and bev, and in dm and rm where the
+    sensor is as dense as the one that these learned from. A modality whose file is named is used in any case.
 
     Args:
         config: Detection configuration.
+        sensor: LiDAR model of the drive.
         method: Method of a configuration that states none.
     """
-    has_bev = config.bev_model is not None or shipped_model(SHIPPED_BEV).is_file()
-    is_thesis = (config.method or method) == "thesis" or not has_bev
+    is_thesis = (config.method or method) == "thesis"
     modalities, enabled = config.modalities, config.depthcn.enabled
     if modalities is None:
-        of_method = MODALITIES if is_thesis else _DEFAULT
+        usual = MODALITIES if is_thesis else _DENSE if sensor.beams >= _DENSE_BEAMS else _SPARSE
         modalities = tuple(
-            name
-            for name in DETECTOR_MODALITIES
-            if config.models[name] or (name in of_method and _is_shipped(name))
+            name for name in DETECTOR_MODALITIES if config.models[name] or name in usual
         )
     if enabled is None:
         enabled = is_thesis or config.depthcn.model is not None
     return replace(config, modalities=modalities, depthcn=replace(config.depthcn, enabled=enabled))
 
 
-def _is_shipped(modality: DetectorModality) -> bool:
-    name = SHIPPED_BEV if modality == "bev" else SHIPPED_DETECTORS[modality]
-    return shipped_model(name).is_file()
-
-
-def enabled_modalities(
-    config: DetectionConfig, method: Method = "default"
-) -> tuple[DetectorModality, ...]:
-    """Return the modalities of a configuration, those of its method where it states none."""
-    return chosen_detection(config, method).modalities or ()
-
-
-def detectors_note(config: DetectionConfig, method: Method = "default") -> str:
+def detectors_note(config: DetectionConfig, sensor: LidarModel, method: Method = "default") -> str:
     """Return which detectors run, and why, in one line."""
-    chosen = chosen_detection(config, method)
+    chosen = chosen_detection(config, sensor, method)
     names = [*(chosen.modalities or ()), *(["DepthCN"] if chosen.depthcn.enabled else [])]
-    if config.modalities is not None:
-        why = "as asked"
-    elif "bev" in names:
-        why = "the default; trifuse study modalities measures others on a drive"
-    else:
-        why = f"method {config.method or method}"
+    why = "as asked" if config.modalities is not None else f"method {config.method or method}"
+    if why == "method default":
+        why = f"the default of {sensor.beams} beams; trifuse study modalities measures others"
     return f"detectors: {', '.join(names) or 'none'} ({why})"
 
 
@@ -71,7 +58,7 @@ def open_bev(config: DetectionConfig, sensor: LidarModel) -> BevDetector | None:
     Raises:
         ModelError: there is no such file, or it holds no such detector.
     """
-    if "bev" not in enabled_modalities(config, "thesis"):
+    if "bev" not in (config.modalities or ()):
         return None
     return BevDetector(config.bev_model or shipped_model(SHIPPED_BEV), sensor, threads=1)
 
@@ -85,7 +72,7 @@ def open_detectors(config: DetectionConfig) -> dict[Modality, ModalityDetector]:
     return {
         modality: ModalityDetector(config.models[modality] or modality, threads=1, nms=config.nms)
         for modality in MODALITIES
-        if modality in enabled_modalities(config, "thesis")
+        if modality in (MODALITIES if config.modalities is None else config.modalities)
     }
 
 

@@ -76,7 +76,7 @@ class CameraStages(Restorable):
         Raises:
             ModelError: a file is missing, or does not hold the network that it is given for.
         """
-        self._sensor, detection = sensor, chosen_detection(config.detection, config.method)
+        self._sensor, detection = sensor, chosen_detection(config.detection, sensor, config.method)
         self._detectors = _open_detectors(detection)
         bev = open_bev(detection, sensor)
         self._bev = None if bev is None else BevStage(bev, config.area, detection.nms.min_score)

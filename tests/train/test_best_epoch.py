@@ -14,13 +14,14 @@ class Epochs:
     """A trainer that logs given metrics."""
 
     fast_dev_run = should_stop = False
+    check_val_every_n_epoch = 1
 
     def __init__(self, rows, folder):
         self.rows, self.saved, self.default_root_dir = rows, [], folder
 
     def run(self, callback):
         for number, row in enumerate(self.rows):
-            self.number = number
+            self.number = self.current_epoch = number
             self.callback_metrics = dict(zip(("ap", "ap_50", "loss"), row, strict=True))
             callback.on_train_epoch_end(self, SimpleNamespace(ranking=RANKING))
             if self.should_stop:
@@ -46,6 +47,13 @@ def test_each_criterion_decides_where_those_before_are_equal(tmp_path, rows, bes
     epochs = Epochs(rows, tmp_path)
     assert epochs.run(BestEpoch()) == best
     assert [number for number, name in epochs.saved if name == "last.ckpt"] == [*range(len(rows))]
+
+
+def test_an_epoch_without_validation_is_none_of_the_best(tmp_path):
+    epochs = Epochs([(9, 9, 1), (1, 1, 1), (8, 8, 1), (2, 2, 1)], tmp_path)
+    epochs.check_val_every_n_epoch = 2
+    assert epochs.run(BestEpoch(patience=1)) == [1, 3]
+    assert [number for number, name in epochs.saved if name == "last.ckpt"] == [0, 1, 2, 3]
 
 
 def test_training_stops_by_the_same_order(tmp_path):
