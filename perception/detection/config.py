@@ -198,8 +198,8 @@ class DetectionConfig:
         tri_boxes: Combinations of boxes in place of those that the fusion was trained with.
         nms: Score threshold and suppression of every detector and of the fusion.
         display_score: Score from which a detection is drawn, and counted as a vehicle in summaries, 0 to 1.
-        method: The default detects in rgb and bev, the thesis in rgb, dm and rm, and by DepthCN; else that of the
-            pipeline.
+        method: The thesis detects in rgb, dm and rm, and by DepthCN; the default so without DepthCN from 64 beams on, and in
+            rgb and bev of fewer; else that of the pipeline.
     """
 
     modalities: tuple[DetectorModality, ...] | None = None

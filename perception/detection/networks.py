@@ -13,7 +13,6 @@ from perception.types import DETECTOR_MODALITIES, MODALITIES, DetectorModality, 
 
 SHIPPED_BEV = "bev_centers"
 _DENSE_BEAMS = 64  # of the sensor whose scans the networks of dm and rm have learned from
-_DENSE: tuple[DetectorModality, ...] = ("rgb", "dm", "rm", "bev")
 _SPARSE: tuple[DetectorModality, ...] = ("rgb", "bev")
 
 
@@ -22,8 +21,8 @@ def chosen_detection(
 ) -> DetectionConfig:
     """Return a configuration that states its modalities and whether DepthCN runs, even where it left that open.
 
-    The thesis' method detects in rgb, dm and rm and by DepthCN; the default in rgb and bev, and in dm and rm where the
-    sensor is as dense as the one that these learned from. A modality whose file is named is used in any case.
+    The thesis' method detects in rgb, dm and rm and by DepthCN; the default in rgb and bev, but in rgb, dm and rm where
+    the sensor is as dense as the one that these learned from. A modality whose file is named is used in any case.
 
     Args:
         config: Detection configuration.
@@ -33,7 +32,7 @@ def chosen_detection(
     is_thesis = (config.method or method) == "thesis"
     modalities, enabled = config.modalities, config.depthcn.enabled
     if modalities is None:
-        usual = MODALITIES if is_thesis else _DENSE if sensor.beams >= _DENSE_BEAMS else _SPARSE
+        usual = MODALITIES if is_thesis or sensor.beams >= _DENSE_BEAMS else _SPARSE
         modalities = tuple(
             name for name in DETECTOR_MODALITIES if config.models[name] or name in usual
         )

@@ -12,7 +12,7 @@ from perception.types import DETECTOR_MODALITIES, MODALITIES
     ("config", "sensor", "method", "modalities", "has_depthcn"),
     [
         (DetectionConfig(), HDL_32E, "default", ("rgb", "bev"), False),
-        (DetectionConfig(), HDL_64E, "default", DETECTOR_MODALITIES, False),
+        (DetectionConfig(), HDL_64E, "default", MODALITIES, False),
         (DetectionConfig(), VLP_16, "thesis", MODALITIES, True),
         (DetectionConfig(bev_model="bev.onnx"), HDL_64E, "thesis", DETECTOR_MODALITIES, True),
         (DetectionConfig(method="thesis"), HDL_64E, "default", MODALITIES, True),

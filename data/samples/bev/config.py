@@ -40,8 +40,8 @@ class BevAugmentationConfig(AugmentationConfig):
     scale: float = 0.05
     thinning: float = 0.3
     dropout: float = 0.3
-    reflectance: float = 0.3
-    gain: float = 1.0
+    reflectance: float = 0.5
+    gain: float = 1.5
     ground_m: float = 0.08
     tilt_rad: float = 0.002
     crop: float = 0.0
