@@ -56,14 +56,12 @@ def _compare_detectors(prepared: PreparedDrive) -> Comparison:
 
 
 def _compare_bev(prepared: PreparedDrive) -> Comparison:
-    """Compare what needs torch, to make a network of.
+    """Compare what needs torch, for the samples of a training.
 
     Raises:
-        MissingDependencyError: A package is missing.
+        MissingDependencyError: The package is missing.
     """
-    with optional_package(
-        "torch, onnx and onnxscript", needed_for="the benchmark of detectors", extra="train"
-    ):
+    with optional_package("torch", needed_for="the benchmark from above", extra="train"):
         from benchmarks.bev import compare_bev
     return compare_bev(prepared)
 

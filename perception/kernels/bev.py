@@ -148,7 +148,7 @@ def _highest_around(scores: Float32, i: int, j: int, split: int) -> float:
         for v in range(max(j - 1, 0), min(j + 2, split * scores.shape[2])):
             score = scores[split * (u % split) + v % split, u // split, v // split]
             highest = max(highest, score)
-    return highest
+    return float(highest)
 
 
 @compiled((array_of(_F32, 4), _F32))

@@ -145,7 +145,7 @@ def bev_loss(raw: CenterMaps, labels: BevLabels, grid: BevGrid, config: BevLossC
     score = _focal_loss(logits, targets.scores, targets.is_trained) / objects
     image, row, column = targets.places
     parts = SPLIT * (row % SPLIT) + column % SPLIT
-    blocks = raw.boxes.unflatten(1, (BOXES + DEVIATIONS, SPLIT**2))
+    blocks = raw.boxes.reshape(len(logits), BOXES + DEVIATIONS, SPLIT**2, *raw.boxes.shape[2:])
     stated = blocks[image, :, parts, row // SPLIT, column // SPLIT].float()
     boxes, log_scales = stated[:, :BOXES], stated[:, BOXES:].clamp(-_MAX_LOG, _MAX_LOG)
     errors = (boxes - targets.boxes).abs()
