@@ -151,7 +151,7 @@ def test_datmo_takes_boxes(evaluate):
 
 @pytest.mark.parametrize(("name", "frames"), [("Argoverse 2", 4), ("nuScenes", 2), ("KITTI", 4)])
 def test_detection_by_the_protocol_of_nuscenes(name, frames, evaluate):
-    words = "--protocol nuscenes --no-report --detection.modalities rgb,dm,rm".split()
+    words = ("--protocol", "nuscenes", "--no-report", "--detection.modalities", "rgb,dm,rm")
     (drive,) = evaluate("detection", name, *words).values()
     assert drive["frames"] == frames
     car, bus = (drive["classes"][one] for one in ("car", "bus"))
