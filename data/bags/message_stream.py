@@ -22,7 +22,12 @@ class MessageStream:
             topic: Name of the topic.
             times: Times of its messages.
         """
-        self.bag, self.topic, self.times = bag, topic, times
+        self.topic = topic
+        self.move_to(bag, times)
+
+    def move_to(self, bag: Bag, times: MessageTimes) -> None:
+        """Read the messages of the topic from another bag from now on."""
+        self.bag, self.times = bag, times
         self._messages: Iterator[RawMessage] = iter(())
         self._last: tuple[int, int] | None = None  # time and ordinal of the message read last
 

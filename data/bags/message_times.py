@@ -46,6 +46,8 @@ class MessageTimes:
 
     def by_clock_of(self, other: "MessageTimes") -> "MessageTimes":
         """Return the stamps by the clock of another topic, where they are seconds apart, else as they are."""
+        if not (len(self) and len(other)):
+            return self
         shift_ns = self.delay_ns - other.delay_ns
         if abs(shift_ns) < _OTHER_CLOCK_NS:
             return self

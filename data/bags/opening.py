@@ -1,5 +1,6 @@
 """Open a bag as a drive: choose topics, read the times of their messages, join them to the scans."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -48,11 +49,11 @@ def open_bag(path: Path, config: OpenConfig) -> BagDrive:
         MissingDependencyError: rosbags is not installed.
         UsageError: A topic that was named is not there.
     """
-    return _Opening.of(Bag(path), config).drive()
+    return BagOpening.of(Bag(path), config).drive()
 
 
 @dataclass
-class _Opening:
+class BagOpening:
     """What is known while a bag is opened.
 
     Attributes:
@@ -62,6 +63,7 @@ class _Opening:
         times: Times of their messages.
         tree: Transforms.
         notes: Sentences on what was chosen or left out.
+        streams: Messages of each topic that is used, by its name.
     """
 
     bag: Bag
@@ -70,9 +72,10 @@ class _Opening:
     times: dict[str, MessageTimes]
     tree: TransformTree
     notes: list[str] = field(default_factory=list)
+    streams: dict[str, MessageStream] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, bag: Bag, config: OpenConfig) -> "_Opening":
+    def of(cls, bag: Bag, config: OpenConfig) -> "BagOpening":
         """Read the bag once."""
         topics = choose_topics(bag, config.lidar, config.camera)
         tree = TransformTree(str(bag.path))
@@ -84,58 +87,68 @@ class _Opening:
                 tree.add(bag.decode(message))
 
         times = read_times(bag, topics.timed, dict.fromkeys(topics.transforms, add_transforms))
-        lidar = times[topics.lidars[0]]
-        times = {name: one.by_clock_of(lidar) for name, one in times.items()}
-        return cls(bag, config, topics, times, tree, list(topics.notes))
+        return cls(bag, config, topics, by_one_clock(times, topics), tree, list(topics.notes))
 
     def drive(self) -> BagDrive:
         """Return the drive."""
         streams = [self._stream(topic) for topic in self.topics.lidars]
         stamps_ns = streams[0].times.stamps_ns
-        order = np.flatnonzero(np.append(True, np.diff(stamps_ns) > 0))
-        if len(order) < len(stamps_ns):
-            repeated = len(stamps_ns) - len(order)
-            self.notes.append(
-                f"{self.bag.path}: {repeated} scans are left out, as their stamps are those of others"
-            )
         frames = [str(stream.read(0).header.frame_id) for stream in streams]
-        lidar_SE3_velo = self._lidar_SE3_velo(frames[0])
+        lidar_SE3_velo = self.lidar_SE3_velo(frames[0])
         lidars = self._lidars(streams, frames, inverse(lidar_SE3_velo))
-        stamps_ns = stamps_ns[order]
-        rows = np.array([self._rows(stamps_ns, one.stream) for one in lidars], np.int64).T.copy()
-        rows[:, 0] = order
-        images, calibration = self._camera(frames[0], lidar_SE3_velo, stamps_ns)
+        images, calibration = self._camera(frames[0], lidar_SE3_velo)
         poses, ins_SE3_lidar = self._poses(frames[0])
-        sensor = self._sensor(lidars[0], frames[0], stamps_ns)
-        return BagDrive(
+        repeated = int(np.count_nonzero(np.diff(stamps_ns) == 0))
+        if repeated:
+            self.notes.insert(
+                len(self.topics.notes),
+                f"{self.bag.path}: {repeated} scans are left out, as their stamps are those of others",
+            )
+        sensor = self._sensor(lidars[0], frames[0], np.unique(stamps_ns))
+        drive = BagDrive(
             name=self.bag.path.stem,
             root=self.bag.path,
             sensor=sensor,
             calibration=calibration,
             notes=tuple(self.notes),
-            sweeps=SweepReader(lidars, rows),
+            sweeps=SweepReader(lidars, np.zeros((0, len(lidars)), np.int64)),
             stamps_ns=stamps_ns,
             images=images if self.config.images else None,
             poses=poses,
             ins_SE3_velo=ins_SE3_lidar @ lidar_SE3_velo,
+            frames=FrameTuple(),
+        )
+        return self.joined(drive)
+
+    def joined(self, drive: BagDrive) -> BagDrive:
+        """Return the drive with a frame for each scan, joined to the messages that are nearest in time."""
+        lidars, images = drive.sweeps.lidars, drive.images
+        stamps_ns, order = np.unique(lidars[0].stream.times.stamps_ns, return_index=True)
+        rows = np.array([_rows(stamps_ns, one.stream) for one in lidars], np.int64).T.copy()
+        rows[:, 0] = order
+        if isinstance(images, BagImages):
+            images = replace(images, rows=FrameTuple(_rows(stamps_ns, images.stream).tolist()))
+        return replace(
+            drive,
+            sweeps=SweepReader(lidars, rows),
+            stamps_ns=stamps_ns,
+            images=images,
             frames=FrameTuple(range(len(stamps_ns))),
         )
+
+    def move_to(self, bag: Bag) -> None:
+        """Read other messages of the same topics from now on, with all that was found out so far."""
+        times = by_one_clock(read_times(bag, self.topics.timed, {}), self.topics)
+        for topic, stream in self.streams.items():
+            stream.move_to(bag, times[topic])
 
     def _stream(self, topic: str) -> MessageStream:
         times = self.times[topic]
         if not len(times):
             raise DriveError(self.bag.path, expected=f"messages of {topic}", found="none")
-        return MessageStream(self.bag, topic, times)
+        return self.streams.setdefault(topic, MessageStream(self.bag, topic, times))
 
-    def _rows(self, stamps_ns: Int, stream: MessageStream) -> Int:
-        """Return the message that is nearest to each scan, as far as half the slower period."""
-        stamps_s = (stamps_ns - stamps_ns[0]) / 1e9
-        others_s = (stream.times.stamps_ns - stamps_ns[0]) / 1e9
-        periods_s = [half for half in map(half_period_s, (stamps_s, others_s)) if np.isfinite(half)]
-        # A little more, as stamps jitter.
-        return nearest_in_time(stamps_s, others_s, 1.1 * max(periods_s, default=np.inf))
-
-    def _lidar_SE3_velo(self, lidar: str) -> Float64:
+    def lidar_SE3_velo(self, lidar: str) -> Float64:
         """Return the turn from the vehicle's axes to those of the LiDAR: identity where the bag does not state it."""
         for base in _BASES:
             base_SE3_lidar = self.tree.find(base, lidar) if base != lidar else None
@@ -175,14 +188,13 @@ class _Opening:
         return scale
 
     def _camera(
-        self, lidar: str, lidar_SE3_velo: Float64, stamps_ns: Int
+        self, lidar: str, lidar_SE3_velo: Float64
     ) -> tuple[BagImages | None, Calibration | None]:
         """Return the camera, and its calibration where the bag states it; None for what is not there."""
         topic, info = self.topics.camera, self.topics.camera_info
         if topic is None:
             return None, None
         stream = self._stream(topic)
-        rows = FrameTuple(self._rows(stamps_ns, stream).tolist())
         try:
             if info is None:
                 raise CalibrationError(
@@ -209,7 +221,7 @@ class _Opening:
             image_size_px=lens.size_px,
             source=f"{self.bag.path} {info}",
         )
-        return BagImages(stream, lens, rows), calibration
+        return BagImages(stream, lens, FrameTuple()), calibration
 
     def _poses(self, lidar: str) -> tuple[PoseSource | None, Float64]:
         """Return the poses, and the transform from the LiDAR to their frame; None where they cannot be used."""
@@ -257,3 +269,18 @@ class _Opening:
         found = find_sensor(self.bag.path, lidar, self.config, rate_hz, height_m)
         self.notes.extend(found.notes)
         return found.model
+
+
+def by_one_clock(times: Mapping[str, MessageTimes], topics: BagTopics) -> dict[str, MessageTimes]:
+    """Return the times of all topics by the clock of the first LiDAR."""
+    lidar = times[topics.lidars[0]]
+    return {name: one.by_clock_of(lidar) for name, one in times.items()}
+
+
+def _rows(stamps_ns: Int, stream: MessageStream) -> Int:
+    """Return the message that is nearest to each scan, as far as half the slower period."""
+    stamps_s = (stamps_ns - stamps_ns[0]) / 1e9
+    others_s = (stream.times.stamps_ns - stamps_ns[0]) / 1e9
+    periods_s = [half for half in map(half_period_s, (stamps_s, others_s)) if np.isfinite(half)]
+    # A little more, as stamps jitter.
+    return nearest_in_time(stamps_s, others_s, 1.1 * max(periods_s, default=np.inf))

@@ -1,6 +1,7 @@
 """Transforms between the frames of a robot, from the messages of tf."""
 
 from collections import deque
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,26 @@ class TransformTree:
     def frames(self) -> tuple[str, ...]:
         """Names of all frames."""
         return tuple(sorted({frame for edge in self._parent_SE3_child for frame in edge}))
+
+    def has_parent(self, frame: str) -> bool:
+        """Return whether a transform states where a frame is."""
+        return any(child == frame_name(frame) for _, child in self._parent_SE3_child)
+
+    def root_of(self, frame: str, besides: Collection[str] = ()) -> str:
+        """Return the frame that a frame is fixed to in the end.
+
+        Args:
+            frame: Frame.
+            besides: Frames that are not among those that move with it.
+        """
+        parents = {child: parent for parent, child in self._parent_SE3_child}
+        frame = frame_name(frame)
+        for _ in parents:
+            parent = parents.get(frame, frame)
+            if parent in besides:
+                break
+            frame = parent
+        return frame
 
     def find(self, dst: str, src: str) -> Float64 | None:
         """Return the (4, 4) transform dst_SE3_src along the tree, or None where the frames are not connected."""

@@ -1,10 +1,11 @@
 """From a live source through the pipeline to the viewers; of frames that come too fast, the latest counts."""
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from data.live.source import LiveSource
 from data.messages.channels import ResultChannels, new_context
@@ -98,22 +99,33 @@ class ServerAddress:
         host: Address of the network interface.
         port: Port.
         min_score: Score from which detections and vehicles are shown.
-        cameras: Names of the further cameras.
     """
 
     host: str
     port: int
     min_score: float
-    cameras: tuple[str, ...] = ()
 
 
-def serve_live(live: LiveSource, config: PipelineConfig, address: ServerAddress) -> None:
+class Publisher(Protocol):
+    """What takes results as they come."""
+
+    def publish(self, result: Result) -> None:
+        """Take a result, and wait for nobody."""
+
+
+def serve_live(
+    live: LiveSource,
+    config: PipelineConfig,
+    address: ServerAddress,
+    publishers: Sequence[Publisher] = (),
+) -> None:
     """Run the pipeline on a live source and publish the results; print where viewers connect.
 
     Args:
         live: Source of the frames.
         config: Pipeline configuration.
         address: Where viewers connect.
+        publishers: Others to which results go.
 
     Raises:
         UsageError: The port is not free.
@@ -121,12 +133,13 @@ def serve_live(live: LiveSource, config: PipelineConfig, address: ServerAddress)
     """
     counts = LiveCounts()
     with (
+        _interrupted_by_termination(),
         ResultServer(
             live.name,
             address.host,
             address.port,
             min_score=address.min_score,
-            cameras=address.cameras,
+            cameras=live.cameras,
         ) as server,
         Pipeline(live.sensor, config) as pipeline,
     ):
@@ -134,7 +147,7 @@ def serve_live(live: LiveSource, config: PipelineConfig, address: ServerAddress)
             f"{live.name}: connect a viewer of Foxglove's protocol to {server.address}", flush=True
         )
         try:
-            serve_results(live, pipeline, server, counts)
+            serve_results(live, pipeline, [server, *publishers], counts)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(counts.text()) from None
     print(counts.text())
@@ -143,7 +156,7 @@ def serve_live(live: LiveSource, config: PipelineConfig, address: ServerAddress)
 def serve_results(
     source: LiveSource,
     pipeline: Pipeline,
-    server: ResultServer,
+    publishers: Sequence[Publisher],
     counts: LiveCounts,
     *,
     on_result: Callable[[Result], None] = lambda result: None,
@@ -153,7 +166,7 @@ def serve_results(
     Args:
         source: Source; closed at the end.
         pipeline: Pipeline.
-        server: Server.
+        publishers: Servers and the like.
         counts: Counts that are kept up to date.
         on_result: Called after each result.
 
@@ -168,7 +181,8 @@ def serve_results(
             _closed_by_errors(source),
         ):
             for result in results:
-                server.publish(result)
+                for one in publishers:
+                    one.publish(result)
                 counts.published += 1
                 counts.dropped = done + results.dropped + source.dropped
                 on_result(result)
@@ -184,3 +198,17 @@ def _closed_by_errors(source: LiveSource) -> Iterator[None]:
     except BaseException:
         source.close()
         raise
+
+
+@contextmanager
+def _interrupted_by_termination() -> Iterator[None]:
+    """End at SIGTERM, by which services are stopped, as at Ctrl-C."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 
+from data.frames import clock_origin_ns, further_camera_names
 from data.recorded_drive import RecordedDrive
 from perception.errors import PerceptionError
 from perception.sensor import LidarModel
@@ -22,15 +23,22 @@ _MAX_GAP_S = 1.0
 class LiveSource(ABC):
     """Frames that do not wait."""
 
-    def __init__(self, name: str, sensor: LidarModel, *, is_sequence: bool) -> None:
+    cameras: tuple[str, ...] = ()
+    """Names of the further cameras."""
+
+    def __init__(
+        self, name: str, sensor: LidarModel, *, is_sequence: bool, origin_ns: int = 0
+    ) -> None:
         """Keep what viewers and the pipeline need.
 
         Args:
             name: Name for viewers.
             sensor: LiDAR model of the scans.
             is_sequence: Whether frames follow each other in time.
+            origin_ns: Time in nanoseconds since 1970 at which stamps are 0.
         """
         self.name, self.sensor, self.is_sequence = name, sensor, is_sequence
+        self.origin_ns = origin_ns
         self.dropped = 0
         """Number of frames that were left out, as they came too late."""
 
@@ -56,7 +64,13 @@ class PacedDrive(LiveSource):
             rate: Speed of time, 2 for twice as fast.
             is_endless: Whether the drive begins again at its end; stamps go on rising then.
         """
-        super().__init__(drive.name, drive.sensor, is_sequence=drive.is_sequence)
+        super().__init__(
+            drive.name,
+            drive.sensor,
+            is_sequence=drive.is_sequence,
+            origin_ns=clock_origin_ns(drive),
+        )
+        self.cameras = further_camera_names(drive)
         self._drive, self._rate, self._is_endless = drive, rate, is_endless
         self._closed = threading.Event()
 

@@ -13,7 +13,7 @@ from data.clouds.cloud import Cloud
 from data.live.source import LiveSource
 from data.packets.velodyne import VelodyneDecoder, first_azimuth_rad, is_data_packet
 from perception.errors import PerceptionError, ScanError, UsageError
-from perception.sensor import LidarModel
+from perception.sensor import LidarModel, load_sensor
 from perception.types import Frame
 
 log = logging.getLogger(__name__)
@@ -175,6 +175,22 @@ class UdpLidar(LiveSource):
             while not self._is_closed:
                 self._socket.recv(1 << 16)
         self._socket.settimeout(_WAIT_S)
+
+
+def open_udp(port: int, sensor: str | None = None) -> UdpLidar:
+    """Open a port, and wait for the first packet.
+
+    Args:
+        port: Port.
+        sensor: Name or file of the LiDAR model; else the one that the packets name.
+
+    Raises:
+        UsageError: The port cannot be opened, or there is no such model.
+        ScanError: No packet comes, or one of a LiDAR that is not known.
+    """
+    model = load_sensor(sensor) if sensor else None
+    log.info("waiting for packets at UDP port %d", port)
+    return UdpLidar(UdpAddress(port), model)
 
 
 def _open(address: UdpAddress) -> socket.socket:

@@ -25,7 +25,12 @@ def stamp_ns(stamp_s: float) -> int:
 
 def time(stamp_s: float) -> Any:  # noqa: ANN401 - a message
     """Return a time."""
-    seconds, nanoseconds = divmod(stamp_ns(stamp_s), 1_000_000_000)
+    return time_of(stamp_ns(stamp_s))
+
+
+def time_of(time_ns: int) -> Any:  # noqa: ANN401 - a message
+    """Return a time in nanoseconds."""
+    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
     return message("builtin_interfaces/Time", sec=seconds, nanosec=nanoseconds)
 
 

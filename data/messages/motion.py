@@ -32,12 +32,12 @@ def camera_SE3_velo(calibration: Calibration) -> Float64:
 def transforms(result: Result) -> Any:  # noqa: ANN401 - a message
     """Return the pose of the LiDAR in the world, and of each camera on the vehicle."""
     stamp_s = result.frame.stamp_s
-    tree = [_transform(stamp_s, WORLD, LIDAR, result.world_SE3_velo)]
+    tree = [transform(stamp_s, WORLD, LIDAR, result.world_SE3_velo)]
     for number, view in enumerate(result.frame.views):
         if view.calibration is not None:
             name = further_camera(view.camera) if number else CAMERA
             velo_SE3_camera = inverse(camera_SE3_velo(view.calibration))
-            tree.append(_transform(stamp_s, LIDAR, name, velo_SE3_camera))
+            tree.append(transform(stamp_s, LIDAR, name, velo_SE3_camera))
     return message("tf2_msgs/TFMessage", transforms=tree)
 
 
@@ -81,7 +81,8 @@ def _velocity(result: Result, last: Result | None) -> tuple[Float64, Float64]:
     return rotation.T @ linear_last_m_s, rotation_vector(rotation) / duration_s
 
 
-def _transform(stamp_s: float, parent: str, child: str, parent_SE3_child: Float64) -> Any:  # noqa: ANN401
+def transform(stamp_s: float, parent: str, child: str, parent_SE3_child: Float64) -> Any:  # noqa: ANN401
+    """Return the (4, 4) pose of a frame in another as a transform."""
     return message(
         "geometry_msgs/TransformStamped",
         header=header(stamp_s, parent),

@@ -20,6 +20,7 @@ def serve(
     rate: float = 1.0,
     loop: bool = False,
     udp_port: int = 2368,
+    ros: bool = False,
     pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
     """Run the pipeline on a live LiDAR, or on a drive as if it were live; show the results in Foxglove and similar viewers.
@@ -29,35 +30,34 @@ def serve(
     Example: trifuse serve 2011_09_26/2011_09_26_drive_0005_sync --loop
 
     Args:
-        drive: Drive of any layout; none with --source udp.
+        drive: Drive of any layout; none with --source udp, nor for the topics of a robot with --ros.
         source: A drive, whose frames come at the times of their stamps, or udp, the packets of a Velodyne.
         port: Port to which viewers connect.
         host: Address of the network interface; 0.0.0.0 lets viewers of other computers connect.
         rate: Speed of the drive, 0.5 for half as fast.
         loop: Restart at the end of the drive.
         udp_port: Port at which packets of the LiDAR arrive.
+        ros: Publish the results on topics of ROS 2 as well; without a drive, read the topics of a robot.
         pipeline: Pipeline configuration.
     """
-    from data.frames import further_camera_names
+    from data.dds.serve_ros import serve_ros
     from data.live.serve import ServerAddress, serve_live
-    from data.live.source import PacedDrive
-    from data.live.udp import UdpAddress, UdpLidar
+    from data.live.source import LiveSource, PacedDrive
+    from data.live.udp import open_udp
     from data.open_drive import open_drive
-    from perception.sensor import load_sensor
 
-    if (drive is None) != (source == "udp"):
-        raise UsageError(
-            "serve", expected="a drive, or --source udp", found="both" if drive else "neither"
-        )
+    is_udp = source == "udp"
+    if (drive is None) != is_udp and not (ros and drive is None):
+        found = "both" if drive else "neither"
+        raise UsageError("serve", expected="a drive, or --source udp", found=found)
     if rate <= 0:
         raise UsageError("--rate", expected="a number above 0", found=f"{rate:g}")
-    score = pipeline.detection.display_score
-    if drive is None:
-        print(f"waiting for packets at UDP port {udp_port}", flush=True)
-        sensor = load_sensor(frames.sensor) if frames.sensor else None
-        lidar = UdpLidar(UdpAddress(udp_port), sensor)
-        serve_live(lidar, pipeline, ServerAddress(host, port, score))
-    else:
+    live: LiveSource | None = open_udp(udp_port, frames.sensor) if is_udp else None
+    if drive is not None:
         opened = open_drive(drive, sequence=frames.sequence, config=frames.reading)
-        address = ServerAddress(host, port, score, further_camera_names(opened))
-        serve_live(PacedDrive(opened, rate=rate, is_endless=loop), pipeline, address)
+        live = PacedDrive(opened, rate=rate, is_endless=loop)
+    address = ServerAddress(host, port, pipeline.detection.display_score)
+    if ros:
+        serve_ros(live, frames.reading, pipeline, address)
+    elif live is not None:
+        serve_live(live, pipeline, address)

@@ -77,7 +77,7 @@ class Shelf:
 
 def test_a_slow_pipeline_drops_frames_and_does_not_lag():
     shelf, counts = Shelf(), LiveCounts()
-    serve_results(Clockwork(100), SlowPipeline(0.05), shelf, counts)
+    serve_results(Clockwork(100), SlowPipeline(0.05), [shelf], counts)
     assert counts.published == len(shelf.indices) < 40
     assert counts.published + counts.dropped == 100
     assert shelf.indices == sorted(shelf.indices)
@@ -92,7 +92,7 @@ def test_a_slow_pipeline_drops_frames_and_does_not_lag():
 def test_each_lap_starts_with_a_fresh_pipeline():
     pipeline, counts = SlowPipeline(0.0), LiveCounts()
     source = Clockwork(5, laps=3)
-    serve_results(source, pipeline, Shelf(), counts)
+    serve_results(source, pipeline, [Shelf()], counts)
     assert (pipeline.resets, counts.published + counts.dropped) == (3, 15)
     assert source.is_closed.is_set()
 
@@ -100,7 +100,7 @@ def test_each_lap_starts_with_a_fresh_pipeline():
 def test_an_error_closes_the_source():
     source = Clockwork(1000)
     with pytest.raises(ScanError, match="frame 13"):
-        serve_results(source, SlowPipeline(0.0, bad_index=13), Shelf(), LiveCounts())
+        serve_results(source, SlowPipeline(0.0, bad_index=13), [Shelf()], LiveCounts())
     assert source.is_closed.is_set()
 
 
@@ -111,6 +111,6 @@ def test_an_interrupt_closes_the_source_at_once():
 
     source, start_s = Clockwork(10_000), time.perf_counter()
     with pytest.raises(KeyboardInterrupt):
-        serve_results(source, SlowPipeline(0.0), Shelf(), LiveCounts(), on_result=interrupt)
+        serve_results(source, SlowPipeline(0.0), [Shelf()], LiveCounts(), on_result=interrupt)
     assert source.is_closed.is_set()
     assert time.perf_counter() - start_s < 5

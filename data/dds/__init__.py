@@ -1,0 +1,1 @@
+"""ROS 2 without ROS: its topics by DDS, messages in the binary form that both share."""

@@ -1,0 +1,176 @@
+"""Results on topics of ROS 2: frames of reference as REP 105 names them, stamps exactly those of the sensor."""
+
+import time
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from data.dds.participant import DdsParticipant, QosProfile
+from data.messages.definitions import encoded, message
+from data.messages.geometry import LIDAR, WORLD, time_of
+from data.messages.motion import transform
+from data.messages.topics import Topic, topics
+from perception.geometry.se3 import inverse
+from perception.types import Float64, Result
+
+PREFIX = "/trifuse"
+_SHARED = ("/tf", "/diagnostics")  # one topic each for all nodes
+_OF_BASE = ("/tf", "/ego/odometry")
+_KINDS = {
+    "tf2_msgs/msg/TFMessage",
+    "nav_msgs/msg/Odometry",
+    "sensor_msgs/msg/PointCloud2",
+    "vision_msgs/msg/Detection3DArray",
+    "visualization_msgs/msg/MarkerArray",
+    "diagnostic_msgs/msg/DiagnosticArray",
+}
+_TF_DEPTH = 100
+_ERROR = 2  # level of diagnostic_msgs/DiagnosticStatus
+
+
+@dataclass(frozen=True)
+class RosFrames:
+    """Frames of reference of a robot.
+
+    Attributes:
+        world: Frame that poses are in: odom, or that of the poses which the robot states.
+        lidar: Frame of points and objects.
+        base: Frame whose pose is published, such as base_link.
+        base_SE3_velo: (4, 4) transform from the LiDAR frame of the drive to it.
+        world_SE3_drive: (4, 4) transform from the world of results to that frame.
+        has_pose_transform: Whether the pose is also a transform: a robot that states its own has one.
+        static: (4, 4) parent_SE3_child by (parent, child) of the frames that the robot does not state itself.
+    """
+
+    world: str = "odom"
+    lidar: str = LIDAR
+    base: str = LIDAR
+    base_SE3_velo: Float64 = field(default_factory=lambda: np.eye(4))
+    world_SE3_drive: Float64 = field(default_factory=lambda: np.eye(4))
+    has_pose_transform: bool = True
+    static: Mapping[tuple[str, str], Float64] = field(default_factory=dict)
+
+    def of_base(self, result: Result) -> Result:
+        """Return a result with the pose of the base, and its covariance, in place of the LiDAR's."""
+        velo_SE3_base, world_SE3_drive = inverse(self.base_SE3_velo), self.world_SE3_drive
+        lever_m = result.world_SE3_velo[:3, :3] @ velo_SE3_base[:3, 3]
+        # A rotation of the LiDAR moves the base by its cross product with the lever.
+        x, y, z = lever_m
+        jacobian = np.eye(6)
+        jacobian[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+        jacobian = np.kron(np.eye(2), world_SE3_drive[:3, :3]) @ jacobian
+        return replace(
+            result,
+            world_SE3_velo=world_SE3_drive @ result.world_SE3_velo @ velo_SE3_base,
+            pose_covariance=jacobian @ result.pose_covariance @ jacobian.T,
+        )
+
+
+class RosPublisher:
+    """Publishes results as a node of ROS 2 does."""
+
+    def __init__(
+        self,
+        participant: DdsParticipant,
+        frames: RosFrames,
+        *,
+        min_score: float,
+        origin_ns: int = 0,
+    ) -> None:
+        """Open the topics.
+
+        Args:
+            participant: Participant of the domain.
+            frames: Frames of reference.
+            min_score: Score from which vehicles are published.
+            origin_ns: Time in nanoseconds at which stamps are 0.
+        """
+        self._frames, self._origin_ns = frames, origin_ns
+        self._names = {WORLD: frames.world, LIDAR: frames.lidar}
+        chosen = [one for one in topics(min_score) if one.kind in _KINDS]
+        self._writers = [
+            (one, participant.writer(ros_name(one.name), one.kind, *_quality(one)))
+            for one in chosen
+            if one.name != "/tf" or frames.has_pose_transform
+        ]
+        self._diagnostics = next(two for one, two in self._writers if one.name == "/diagnostics")
+        self._last: Result | None = None
+        self.dropped = 0
+        """Number of messages that were not sent, as a reader was too slow."""
+        self._static = participant.writer("/tf_static", "tf2_msgs/msg/TFMessage", "latched")
+        if frames.static:
+            tree = [transform(0.0, *edge, pose) for edge, pose in frames.static.items()]
+            self._static.write(encoded(message("tf2_msgs/TFMessage", transforms=tree)))
+
+    def publish(self, result: Result) -> None:
+        """Send a result to those who have subscribed; messages that nobody takes are not made."""
+        stamp_ns = self._origin_ns + round(1e9 * result.frame.stamp_s)
+        of_base = self._frames.of_base(result)
+        for topic, writer in self._writers:
+            if not writer.has_readers:
+                continue
+            about = of_base if topic.name in _OF_BASE else result
+            value = topic.message_of(about, self._last)
+            if value is not None:
+                self.dropped += not writer.write(encoded(self._as_ros(topic, value, stamp_ns)))
+        self._last = of_base
+
+    def report_silence(self, part: str, silent_s: float) -> None:
+        """Publish that a sensor sends nothing.
+
+        Args:
+            part: Sensor.
+            silent_s: Time since its last message in seconds.
+        """
+        reason = f"ERROR {part} silent: nothing for {silent_s:.1f} s"
+        status = message(
+            "diagnostic_msgs/DiagnosticStatus",
+            level=_ERROR,
+            name=f"trifuse: {part}",
+            message=reason,
+        )
+        now = message("std_msgs/Header", stamp=time_of(time.time_ns()))
+        value = message("diagnostic_msgs/DiagnosticArray", header=now, status=[status])
+        self._diagnostics.write(encoded(value))
+
+    def _as_ros(self, topic: Topic, value: Any, stamp_ns: int) -> Any:  # noqa: ANN401 - messages
+        stamped = _readdressed(value, self._names, time_of(stamp_ns))
+        if topic.name == "/tf":
+            # The robot states where its cameras are.
+            stamped.transforms = stamped.transforms[:1]
+            stamped.transforms[0].child_frame_id = self._frames.base
+        if topic.name == "/ego/odometry":
+            stamped.child_frame_id = self._frames.base
+        if topic.name == "/diagnostics":
+            age_ms = (time.time_ns() - stamp_ns) / 1e6
+            row = message("diagnostic_msgs/KeyValue", key="stamp to publish [ms]")
+            row.value = f"{age_ms:.2f}"
+            stamped.status[0].values.append(row)
+        return stamped
+
+
+def ros_name(name: str) -> str:
+    """Return the name of a topic of results in ROS."""
+    return name if name in _SHARED else f"{PREFIX}{name}"
+
+
+def _quality(topic: Topic) -> tuple[QosProfile, int]:
+    return ("default", _TF_DEPTH) if topic.name == "/tf" else ("default", 1)
+
+
+def _readdressed(value: Any, names: Mapping[str, str], stamp: Any) -> Any:  # noqa: ANN401
+    """Return a message with other names of its frames, and one stamp in all of its headers."""
+    value = copy(value)
+    for name, part in vars(value).items():
+        if name == "header":
+            header = copy(part)
+            header.stamp, header.frame_id = stamp, names.get(part.frame_id, part.frame_id)
+            value.header = header
+        elif name == "child_frame_id":
+            value.child_frame_id = names.get(part, part)
+        elif isinstance(part, list) and part and hasattr(part[0], "header"):
+            setattr(value, name, [_readdressed(one, names, stamp) for one in part])
+    return value
