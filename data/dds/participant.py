@@ -124,7 +124,7 @@ class DdsParticipant:
 
         qos = _qos(profile, depth)
         writer = DataWriter(self._participant, self._topic(name, kind), qos=qos)
-        return TopicWriter(kind, writer, is_latched=profile == "latched")
+        return TopicWriter(kind, writer)
 
     def _topic(self, name: str, kind: str) -> Any:  # noqa: ANN401
         from cyclonedds.topic import Topic
@@ -135,13 +135,13 @@ class DdsParticipant:
 class TopicWriter:
     """Writes messages of one topic, and waits for nobody."""
 
-    def __init__(self, kind: str, writer: "DataWriter[Any]", *, is_latched: bool) -> None:
-        self._kind, self._writer, self._is_latched = kind, writer, is_latched
+    def __init__(self, kind: str, writer: "DataWriter[Any]") -> None:
+        self._kind, self._writer = kind, writer
 
     @property
     def has_readers(self) -> bool:
-        """Whether anybody takes the next message, or may come for it later."""
-        return self._is_latched or bool(self._writer.get_matched_subscriptions())
+        """Whether anybody takes the next message."""
+        return bool(self._writer.get_matched_subscriptions())
 
     def write(self, binary: bytes) -> bool:
         """Send a message in its binary form; return whether it was not dropped, as a reader is too slow."""

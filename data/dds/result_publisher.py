@@ -12,11 +12,16 @@ from data.dds.participant import DdsParticipant, QosProfile
 from data.messages.definitions import encoded, message
 from data.messages.geometry import LIDAR, WORLD, time_of
 from data.messages.motion import transform
+from data.messages.occupancy import occupancy
 from data.messages.topics import Topic, topics
 from perception.geometry.se3 import inverse
+from perception.obstacles.occupancy import occupancy_grid
 from perception.types import Float64, Result
 
 PREFIX = "/trifuse"
+_GRIDS = {"/occupancy": True, "/occupancy/static": False}  # with what moves, and without
+_GRID_KIND = "nav_msgs/msg/OccupancyGrid"
+_GRID_STEP_S, _STAMP_JITTER_S = 0.2, 0.02
 _SHARED = ("/tf", "/diagnostics")  # one topic each for all nodes
 _OF_BASE = ("/tf", "/ego/odometry")
 _KINDS = {
@@ -52,6 +57,10 @@ class RosFrames:
     world_SE3_drive: Float64 = field(default_factory=lambda: np.eye(4))
     has_pose_transform: bool = True
     static: Mapping[tuple[str, str], Float64] = field(default_factory=dict)
+
+    def in_world(self, result: Result) -> Result:
+        """Return a result with the pose of the LiDAR in that frame."""
+        return replace(result, world_SE3_velo=self.world_SE3_drive @ result.world_SE3_velo)
 
     def of_base(self, result: Result) -> Result:
         """Return a result with the pose of the base, and its covariance, in place of the LiDAR's."""
@@ -96,6 +105,12 @@ class RosPublisher:
             for one in chosen
             if one.name != "/tf" or frames.has_pose_transform
         ]
+        # Planners keep the last grid, and ask for it when they start.
+        self._grids = [
+            (participant.writer(ros_name(name), _GRID_KIND, "latched"), with_moving)
+            for name, with_moving in _GRIDS.items()
+        ]
+        self._grid_s = -np.inf
         self._diagnostics = next(two for one, two in self._writers if one.name == "/diagnostics")
         self._last: Result | None = None
         self.dropped = 0
@@ -116,7 +131,22 @@ class RosPublisher:
             value = topic.message_of(about, self._last)
             if value is not None:
                 self.dropped += not writer.write(encoded(self._as_ros(topic, value, stamp_ns)))
+        self._publish_grids(result, stamp_ns)
         self._last = of_base
+
+    def _publish_grids(self, result: Result, stamp_ns: int) -> None:
+        """Send the occupancy grids, not at each frame; a clock that was set back starts again."""
+        if 0 <= result.frame.stamp_s - self._grid_s < _GRID_STEP_S - _STAMP_JITTER_S:
+            return
+        self._grid_s = result.frame.stamp_s
+        placed = self._frames.in_world(result)
+        for writer, with_moving in self._grids:
+            if writer.has_readers:
+                grid = occupancy_grid(placed, with_moving=with_moving)
+                value = occupancy(result.frame.stamp_s, grid)
+                stamped = _readdressed(value, self._names, time_of(stamp_ns))
+                stamped.info.map_load_time = time_of(stamp_ns)
+                self.dropped += not writer.write(encoded(stamped))
 
     def report_silence(self, part: str, silent_s: float) -> None:
         """Publish that a sensor sends nothing.

@@ -25,6 +25,7 @@ class RunExports:
 
     Attributes:
         tables: Write frames, poses, tracks, vehicles and timings as Parquet files, for pandas and DuckDB.
+        occupancy: Write the occupancy grid of each frame: PNG and YAML as the map server of Nav2 reads them, and NPZ.
         mcap: Write results.mcap for Foxglove and the tools of ROS 2.
         report: Write report.html, a page with a player of the drive and figures, where plotly is installed.
         nuscenes: JSON file of the detected vehicles in the form of nuScenes' detection task, whose samples are the key frames
@@ -37,6 +38,7 @@ class RunExports:
     """
 
     tables: bool = False
+    occupancy: bool = False
     mcap: bool = False
     report: bool = True
     nuscenes: Path | None = None

@@ -114,6 +114,10 @@ def run_writers(
             ),
             "mcap",
         )
+    if config.exports.occupancy:
+        from data.exports.occupancy_writer import OccupancyWriter
+
+        yield BackgroundWriter(OccupancyWriter(out), "occupancy")
     if config.exports.tables:
         from data.exports.table_writer import TableWriter
 

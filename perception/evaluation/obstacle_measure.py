@@ -21,6 +21,7 @@ from perception.evaluation.false_obstacles import (
     Shadows,
     moving_clusters,
 )
+from perception.evaluation.free_space import FreeSpaceCounts, count_free_space
 from perception.evaluation.moving_segmentation import (
     MotionCounts,
     count_motion,
@@ -42,6 +43,7 @@ from perception.evaluation.obstacles import (
 )
 from perception.evaluation.report import CONTEXT, Metric, Metrics, Report, Table
 from perception.geometry.grids import LocalArea
+from perception.obstacles.occupancy import occupancy_grid
 from perception.types import Float64, Int, Labels, PointTruth, Result
 
 # Thresholds that are counted beside those of the protocol; a share of 0 asks for any point.
@@ -139,6 +141,7 @@ class ObstacleReport(Report):
         points_moving: Confusion of moving points against exact truth.
         points_static: Confusion of static points against exact truth.
         points_by_length: Confusion of moving points of labelled objects against exact truth, by the object's length.
+        free_space: Cells of the occupancy grid against exact truth.
     """
 
     config: Annotated[ObjectMatchConfig, CONTEXT]
@@ -158,6 +161,7 @@ class ObstacleReport(Report):
     points_moving: Confusion | None = None
     points_static: Confusion | None = None
     points_by_length: Mapping[str, Confusion] = field(default_factory=dict)
+    free_space: FreeSpaceCounts | None = None
 
     @property
     def title(self) -> str:
@@ -198,6 +202,7 @@ class ObstacleReport(Report):
             Table(shadows, ShadowCounts.columns(), self.shadows),
             Table(exact, Confusion.columns(), {n: one for n, one in points.items() if one is not None}),
             Table(f"{exact}: moving, by length of the object", Confusion.columns(), self.points_by_length),
+            Table("Occupancy grid within 20 m, cells against exact truth", FreeSpaceCounts.columns(), {"all frames": self.free_space} if self.free_space else {}),
             Table("Moving objects and their points, by speed", of_objects, {n: one for n, one in by_speed.items() if one.objects}),
             Table("Moving object segmentation (MOS)", segmented, everything),
         ]
@@ -237,6 +242,7 @@ class ObstacleMeasure:
         self._points: dict[str, Confusion] = {}
         self._by_length: dict[str, Confusion] = {}
         self._counted: dict[int, FrameObstacles] = {}
+        self._free_space: FreeSpaceCounts | None = None
         self._is_exact = False
         self._frames = 0
 
@@ -255,6 +261,8 @@ class ObstacleMeasure:
             exact = count_exactly(result, truth, self._area, self._config)
             counted = replace(exact, false_obstacles=exact.false_obstacles + shadows)
             self._is_exact = True
+            cells = count_free_space(result, occupancy_grid(result), truth, self._area)
+            self._free_space = cells + (self._free_space or FreeSpaceCounts())
         self._add_motion(result, labels, truth)
         if counted is not None:
             self._counted[result.frame.index] = counted
@@ -315,6 +323,7 @@ class ObstacleMeasure:
             points_moving=moving,
             points_static=static,
             points_by_length={n: one for n, one in self._by_length.items() if one.true_points},
+            free_space=self._free_space,
         )
         if self._observed:
             report = self._add_object_counts(report)

@@ -368,7 +368,7 @@ def rotation_of(pose: np.ndarray) -> Quaternion:
 
 def quality_of(topic: str) -> Qos:
     """Return what a listener of ROS 2 asks for: reliable results, and what sensors send as it comes."""
-    if topic == "/tf_static":
+    if topic == "/tf_static" or "occupancy" in topic:
         return LATCHED
     own = topic.startswith("/trifuse/") or topic in ("/tf", "/diagnostics")
     return RELIABLE if own else BEST_EFFORT

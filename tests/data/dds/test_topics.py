@@ -4,6 +4,7 @@ import os
 import random
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +28,13 @@ from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Frame
 from tests.data.dds.listening import Listener, robot
 from tests.known_result import known_result
+from tests.obstacles.test_occupancy import FlatGround
 
 pytest.importorskip("cyclonedds", reason="the extra `ros` is not installed")
 
+GRIDS = dict.fromkeys(
+    ("/trifuse/occupancy", "/trifuse/occupancy/static"), "nav_msgs/msg/OccupancyGrid"
+)
 ORIGIN_NS = 1_700_000_000_123_456_789
 RESULTS = {
     ros_name(one.name): one.kind for one in topics(0.0) if one.kind in result_publisher._KINDS
@@ -54,15 +59,16 @@ def test_each_message_arrives_as_it_left(domain: int, monkeypatch):
     frames = RosFrames(
         lidar="velodyne", base="base_link", base_SE3_velo=base_SE3_velo, static={("a", "b"): np.eye(4)}
     )  # fmt: skip
-    kinds = {**RESULTS, "/tf_static": "tf2_msgs/msg/TFMessage"}
+    kinds = {**RESULTS, **GRIDS, "/tf_static": "tf2_msgs/msg/TFMessage"}
     with DdsParticipant() as participant, robot(domain, kinds) as listener:
         publisher = RosPublisher(participant, frames, min_score=0.0, origin_ns=ORIGIN_NS)
         listener.wait_for("/tf_static")  # which is kept for those who come later
         end_s = time.monotonic() + 20
-        while not all(one.has_readers for _, one in publisher._writers):
+        writers = [one for _, one in publisher._writers] + [one for one, _ in publisher._grids]
+        while not all(one.has_readers for one in writers):
             assert time.monotonic() < end_s
             time.sleep(0.01)
-        publisher.publish(known_result(1))
+        publisher.publish(replace(known_result(1), ground=FlatGround()))
         for name in kinds:
             listener.wait_for(name)
     received = {name: rows[0] for name, rows in listener.received.items()}
@@ -81,6 +87,11 @@ def test_each_message_arrives_as_it_left(domain: int, monkeypatch):
     assert [boxes.header.frame_id, *(one.header.frame_id for one in boxes.detections)] == 3 * [
         "velodyne"
     ]
+    grid, still = (listener.decoded(name)[0] for name in GRIDS)
+    assert (grid.header.frame_id, grid.info.width, len(grid.data)) == ("odom", 201, 201 * 201)
+    assert (grid.info.origin.position.x, grid.info.origin.position.y) == pytest.approx((80, 30))
+    # The van 10 m ahead, at y = 60, moves; the static point 1 m to its right is above the ground, too.
+    assert [int((one.data == 100).sum()) for one in (grid, still)] == [2, 1]
     (edge,) = listener.decoded("/tf")[0].transforms
     assert (edge.header.frame_id, edge.child_frame_id) == ("odom", "base_link")
 
