@@ -67,7 +67,8 @@ class DdsParticipant:
             from cyclonedds.domain import Domain, DomainParticipant
         self.domain = _domain()
         try:
-            self._domain = Domain(self.domain, _config(host))
+            config = _config(host)
+            self._domain = None if config is None else Domain(self.domain, config)
             self._participant = DomainParticipant(self.domain)
         except DDSException as error:
             raise UsageError(

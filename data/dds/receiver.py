@@ -96,6 +96,7 @@ class TopicReceiver:
         with self.changed:
             self._is_closed = True
             self.changed.notify_all()
+        self._thread.join()
 
     def _receive(self) -> None:
         while not self._is_closed:

@@ -437,7 +437,9 @@ class Drivers:
             header = Header(stamp, "odom")
             self._odometry.write(Odometry(header, "base_link", PoseWithCovariance(at)))
         if "images" in drive:
-            self._send_image(stamp, drive["images"][index])
+            image = drive["images"][index]
+            rows = drive["image_rows"][index] if "image_rows" in drive else len(image)
+            self._send_image(stamp, image[:rows])
         points = np.ascontiguousarray(drive[f"points_{index}"], np.float32)
         fields = [
             PointField(name, 4 * at, 7, 1) for at, name in enumerate(("x", "y", "z", "intensity"))
@@ -456,7 +458,8 @@ class Drivers:
         k = matrix.ravel().tolist()
         p = np.column_stack([matrix, np.zeros(3)]).ravel().tolist()
         flat = [0.0] * 5, k, np.eye(3).ravel().tolist(), p
-        self._infos.write(CameraInfo(header, height, width, "plumb_bob", *flat))
+        stated = len(self._drive["images"][0])
+        self._infos.write(CameraInfo(header, stated, width, "plumb_bob", *flat))
         self._images.write(Image(header, height, width, "rgb8", 0, 3 * width, image.tobytes()))
 
     @staticmethod

@@ -2,10 +2,14 @@
 
 import os
 import random
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +33,7 @@ from perception.types import Frame
 from tests.data.dds.listening import Listener, robot
 from tests.known_result import known_result
 from tests.obstacles.test_occupancy import FlatGround
+from tests.syntax_trees import ROOT
 
 pytest.importorskip("cyclonedds", reason="the extra `ros` is not installed")
 
@@ -103,7 +108,7 @@ def test_messages_that_nobody_takes_are_not_made(domain: int, monkeypatch):
         publisher.publish(known_result(1))
 
 
-def write_robot(street: Path, path: Path, pauses_s: list[float]) -> Path:
+def write_robot(street: Path, path: Path, **parts: Any) -> Path:
     """Write the drive for the robot: thinned scans, images of a quarter of the size, poses about z alone."""
     drive = open_drive(street)
     frames = [drive[index] for index in range(len(drive))]
@@ -116,11 +121,11 @@ def write_robot(street: Path, path: Path, pauses_s: list[float]) -> Path:
         path,
         stamps_ns=[ORIGIN_NS + round(1e9 * one.stamp_s) for one in frames],
         poses=poses,
-        pauses_s=pauses_s,
         images=[one.image[2::4, 2::4] for one in frames],
         camera_matrix=scale @ drive.calibration.image_P_cam[:, :3],
         tf_names=["base_footprint velodyne", "velodyne camera"],
         tf_poses=[[0.8, 0, 1.73, 0, 0, 0, 1], [0.27, 0, -0.08, -0.5, 0.5, -0.5, 0.5]],
+        **parts,
         **{f"points_{index}": one.points_velo[::3] for index, one in enumerate(frames)},
     )
     return path
@@ -205,6 +210,45 @@ def test_a_bag_of_the_topics_gives_the_same_results(
     assert source.frames.world == "odom"
     messages = [status.message for one in listener.decoded("/diagnostics") for status in one.status]
     assert any("ERROR lidar silent: nothing for 0." in one for one in messages)
+
+
+def test_the_command_goes_on_at_faults_and_ends_at_sigterm(
+    domain: int, street: Path, tmp_path: Path
+):
+    rows = [88, 44, 88, 88]  # of the second image there are half of the rows
+    path = write_robot(street, tmp_path / "robot.npz", image_rows=rows)
+    words = [
+        "serve",
+        "--ros",
+        "--port",
+        "0",
+        "--sensor",
+        "HDL-64E",
+        "--pipeline.detection.modalities",
+        "",
+    ]
+    kinds = {"/trifuse/ego/odometry": RESULTS["/trifuse/ego/odometry"]}
+    with (
+        robot(domain, kinds, path) as listener,
+        subprocess.Popen([sys.executable, "-m", "perception", *words], cwd=ROOT,
+                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as command,
+    ):  # fmt: skip
+        assert "connect a viewer" in command.stdout.readline()
+        listener.order()
+        listener.wait_for("stopped")
+        listener.order()
+        listener.wait_for_end()
+        command.send_signal(signal.SIGTERM)
+        start_s = time.monotonic()
+        printed = command.communicate(timeout=30)[1]
+        ended_s = time.monotonic() - start_s
+    assert command.returncode == 130
+    assert "frames published: " in printed
+    assert "left out an image: " in printed
+    stamps = [one.header.stamp for one in listener.decoded("/trifuse/ego/odometry")]
+    found = [one.sec * 10**9 + one.nanosec for one in stamps]
+    assert found[-4:] == np.load(path)["stamps_ns"].tolist()
+    assert ended_s < 5  # as the machine may have other work to do
 
 
 def write_recorded(received: dict[str, list[bytes]], folder: Path) -> None:
