@@ -1,5 +1,7 @@
 """From a live source through the pipeline to the viewers; of frames that come too fast, the latest counts."""
 
+import atexit
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +19,9 @@ from perception.types import Result
 _WAITING_FRAMES = (
     2  # whose messages wait for a slow viewer; the oldest are dropped, so that none lags
 )
+
+
+_INTERRUPTED = 130  # exit code
 
 
 class ResultServer:
@@ -205,6 +210,8 @@ def _interrupted_by_termination() -> Iterator[None]:
     """End at SIGTERM, by which services are stopped, as at Ctrl-C."""
 
     def interrupt(*_: object) -> None:
+        # All is closed and written before; what the interpreter then frees one by one takes seconds.
+        atexit.register(os._exit, _INTERRUPTED)
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, interrupt)

@@ -248,7 +248,7 @@ def test_the_command_goes_on_at_faults_and_ends_at_sigterm(
     stamps = [one.header.stamp for one in listener.decoded("/trifuse/ego/odometry")]
     found = [one.sec * 10**9 + one.nanosec for one in stamps]
     assert found[-4:] == np.load(path)["stamps_ns"].tolist()
-    assert ended_s < 5  # as the machine may have other work to do
+    assert ended_s < 2  # as the machine may have other work to do
 
 
 def write_recorded(received: dict[str, list[bytes]], folder: Path) -> None:
