@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.studies.report import formatted_table
-from perception.cli.evaluate_datmo import Method
+from perception.cli.evaluate_stages import Method
 from perception.evaluation.config import DatmoProtocol
 from perception.evaluation.report import Table
 from perception.pipeline import PipelineConfig

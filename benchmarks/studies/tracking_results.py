@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.studies.report import RESULTS, publish
 from perception.atomic_file import write_jpeg
-from perception.cli.evaluate_otd import ObjectSet
+from perception.cli.evaluate_stages import ObjectSet
 from perception.cli.flags import DriveFlags, require_positive
 from perception.cli.parser import FlagGroup
 from perception.cli.progress import progress_bar

@@ -75,6 +75,14 @@ _SYNTH = {
 RESULT_FILES: Mapping[str, Mapping[str, str]] = {
     "run": _RUN,
     "demo": _RUN,
+    "label": {
+        "boxes/*": "labels of the confident objects, in the form of a labelling tool",
+        "proposals.json": "objects with confidence, motion, boxes, and what is unsure about them",
+        "review.html": "page on which objects are accepted or rejected; it saves what `--review` reads",
+        "summary.json": "the printed summary",
+        "timeline.png": "start and end of each stage in a typical frame",
+        "checkpoint.zip": "state of a run that was stopped; only until it is complete",
+    },
     "track": {
         "trajectory.jsonl": "one `TrajectoryRecord` a line",
         "trajectory.txt": "KITTI tracking rows while the object is in the image and not lost",

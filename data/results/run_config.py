@@ -23,6 +23,7 @@ class RunConfig:
         min_vehicle_score: Score from which a detected vehicle is listed in vehicles.jsonl, 0 to 1; 0 for curves of precision and recall,
             with hundreds of rows a frame.
         exports: Exports beside the result files.
+        proposes: Whether labels are proposed, in place of all other files.
     """
 
     frames: int | None = None
@@ -34,6 +35,7 @@ class RunConfig:
     tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
     min_vehicle_score: float = 0.05
     exports: RunExports = field(default_factory=RunExports)
+    proposes: bool = False
 
     def __post_init__(self) -> None:
         """Validate the score and the tracker."""

@@ -81,8 +81,13 @@ def run_writers(
         out: Folder of the results.
         config: Configuration of the run.
         drawing: Process of the video; None for no video.
-        progress: Progress bar of the report.
+        progress: Progress bar of the report, or of the proposals of labels.
     """
+    if config.proposes and isinstance(drive, RecordedDrive):
+        from data.label_proposals.proposal_writer import ProposalWriter
+
+        yield ProposalWriter(out, drive, progress)
+        return
     pipeline = config.pipeline
     detection = chosen_detection(pipeline.detection, drive.sensor, pipeline.method)
     composition = Composition(

@@ -144,11 +144,12 @@ class BatchCommand(Command):
         return f"{command} {words[0]}", words[1:]
 
 
-# Commands by their words. "evaluate ground" is the function `evaluate_ground` of perception/cli/evaluate_ground.py;
+# Commands by their words. "evaluate results" is the function `evaluate_results` of perception/cli/evaluate_results.py;
 # modules are imported when their command is called, so that `trifuse --help` is quick.
 SUMMARIES: Mapping[str, str] = {
     "demo": "make a short synthetic drive and run every stage on it; needs no data",
     "run": "run the pipeline on a drive; write results, a video and a summary",
+    "label": "propose labels for a drive, with a page to review them",
     "serve": "run the pipeline live, on a LiDAR or a drive; show results in Foxglove and similar viewers",
     "track": "track one object: trajectory, speed, box and a video",
     "detect": "detect vehicles by DepthCN; write KITTI result files",
@@ -217,6 +218,7 @@ SUMMARIES: Mapping[str, str] = {
     "bench": "time every stage beside its reference implementation and the best library; in the source tree",
 }
 GROUPS = ("evaluate", "batch", "train", "study")
+_STAGES = ("ground", "obstacles", "poses", "datmo", "otd", "vehicles")  # in one module
 
 
 def _command(name: str, summary: str) -> Command:
@@ -231,7 +233,8 @@ def _command(name: str, summary: str) -> Command:
         study = last.replace("-", "_")
         return Command(f"benchmarks.studies.{study}:{study}", summary)
     room = "benchmarks" if name == "bench" else "perception.cli"
-    return Command(f"{room}.{function}:{function}", summary)
+    module = "evaluate_stages" if group == "evaluate" and last in _STAGES else function
+    return Command(f"{room}.{module}:{function}", summary)
 
 
 COMMANDS: Mapping[str, Command] = {

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from data.exports.run_exports import RunExports
 from data.results.command_config import CommandConfig
@@ -10,6 +11,9 @@ from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
 from perception.pipeline import PipelineConfig
 from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
+
+if TYPE_CHECKING:
+    from data.results.stopped_run import StoppedRun
 
 _PIPELINE = PipelineConfig()
 _TRACKER_CONFIG = SingleObjectTrackerConfig()
@@ -34,6 +38,15 @@ class RunResultsFlags(ResultsFlags):
         """Validate that results are gone on with or replaced, and not both."""
         if self.resume and self.overwrite:
             raise UsageError("--resume", expected="no --overwrite beside it", found="both")
+
+    def place(self, config: CommandConfig) -> "StoppedRun":
+        """Return the folder of the results, with what a stopped run left in it."""
+        from data.results.stopped_run import StoppedRun
+
+        is_new = not self.resume
+        return (
+            StoppedRun(self.folder(config), None) if is_new else StoppedRun.find(self.out, config)
+        )
 
 
 def run(
@@ -75,10 +88,8 @@ def run(
     """
     from data.faults.injection import Fault
     from data.open_drive import open_drive
-    from data.pipeline_results import pipeline_results
+    from data.results.drive_run import DriveRun
     from data.results.run_config import RunConfig
-    from data.results.run_drive import run_drive
-    from data.results.stopped_run import StoppedRun
     from perception.cli.progress import compile_functions, frame_progress_bar, progress_bar
     from perception.detection.networks import detectors_note
 
@@ -98,20 +109,8 @@ def run(
         min_vehicle_score=min_vehicle_score,
         exports=exports,
     )
-    stopped = StoppedRun.find(results.out, config) if results.resume else None
-    folder = results.folder(config) if stopped is None else stopped.folder
-    checkpoint = None if stopped is None else stopped.checkpoint
-    found = pipeline_results(
-        opened,
-        pipeline,
-        limit=frames.frames,
-        on_bad_frame=frames.on_bad_frame,
-        checkpoint=checkpoint,
-        checkpoint_frames=checkpoint_frames,
-        faults=faults,
-        progress=progress_bar,
-    )
-    progress = frame_progress_bar("report")
+    place, bar = results.place(config), frame_progress_bar("report")
     compile_functions()
-    summary = run_drive(opened, found, folder, run_config, checkpoint, progress)
-    print(summary.text(stages=stages))
+    every, skips = checkpoint_frames, frames.on_bad_frame
+    run = DriveRun(opened, run_config, skips, every, faults, progress_bar, bar)
+    print(run.write(place).text(stages=stages))

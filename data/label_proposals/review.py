@@ -1,0 +1,104 @@
+"""Decisions of a person on proposals, and the labels that follow from them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from data.box_labels.boxes import LabelledFrame
+from data.box_labels.written_frames import labelled_frame
+from data.label_proposals.proposals import Proposal, ProposalFile, read_document
+from data.labelled_objects import labels_of_boxes
+from data.recorded_drive import RecordedDrive
+from perception.errors import LabelError
+from perception.geometry.boxes import transform_boxes
+from perception.geometry.se3 import inverse
+from perception.types import Boxes3D
+
+REVIEW_FORMAT = "trifuse review 1"
+DECISIONS = ("accept", "reject")
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What a person decided on an object.
+
+    Attributes:
+        decision: "accept", "reject", or empty for none.
+        kind: Class in place of the proposed one, or empty.
+    """
+
+    decision: str = ""
+    kind: str = ""
+
+
+def read_review(path: Path) -> Mapping[int, Decision]:
+    """Return the decisions of a file by the number of the object.
+
+    Raises:
+        LabelError: It is missing or damaged, or has another decision.
+    """
+    advice = "save it in review.html"
+    document = read_document(path, REVIEW_FORMAT, "decisions of a review", advice)
+    result = {}
+    for number, one in (document.get("objects") or {}).items():
+        where = f"{path} object {number}"
+        decision = one.get("decision", "") if isinstance(one, dict) else one
+        if not number.isdecimal() or decision not in ("", *DECISIONS):
+            expected = f"a number with one of {', '.join(DECISIONS)}"
+            raise LabelError(where, expected=expected, found=repr(decision))
+        kind = one.get("type", "") if isinstance(one, dict) else ""
+        result[int(number)] = Decision(str(decision), str(kind))
+    return result
+
+
+def reviewed(
+    proposals: Sequence[Proposal], decisions: Mapping[int, Decision], min_confidence: float
+) -> list[Proposal]:
+    """Return the proposals that are labels: those that were accepted, and of the others the confident ones.
+
+    Args:
+        proposals: Proposals.
+        decisions: Decisions by the number of the object.
+        min_confidence: Confidence from which an object is a label without a decision.
+
+    Raises:
+        LabelError: A decision is on no proposal.
+    """
+    numbers = {one.number for one in proposals}
+    if unknown := sorted(decisions.keys() - numbers):
+        expected, found = f"decisions on objects 1 to {len(numbers)}", f"one on {unknown[0]}"
+        raise LabelError("review", expected=expected, found=found, advice="review these proposals")
+    result = []
+    for one in proposals:
+        decision = decisions.get(one.number, Decision())
+        is_label = decision.decision == "accept" or one.confidence >= min_confidence
+        if is_label and decision.decision != "reject":
+            result.append(replace(one, kind=decision.kind or one.kind))
+    return result
+
+
+def labelled_frames(
+    drive: RecordedDrive, file: ProposalFile, labels: Sequence[Proposal]
+) -> list[LabelledFrame]:
+    """Return every frame that was read with the boxes of its labels.
+
+    Args:
+        drive: Drive of the frames.
+        file: Proposals with their poses.
+        labels: Those that are labels.
+    """
+    rows: dict[int, list[tuple[Proposal, int]]] = {frame: [] for frame in file.poses}
+    for one in labels:
+        for row, frame in enumerate(one.frames.tolist()):
+            rows[frame].append((one, row))
+    result = []
+    for frame, ones in rows.items():
+        pose = file.poses[frame]
+        boxes_world = Boxes3D.concatenate(one.boxes_world[row : row + 1] for one, row in ones)
+        boxes_velo = transform_boxes(inverse(pose), boxes_world)
+        numbers = np.array([one.number for one, _ in ones], np.int64)
+        around = labels_of_boxes(boxes_velo, [one.kind for one, _ in ones], numbers)
+        result.append(labelled_frame(drive, frame, around, pose))
+    return result

@@ -1,0 +1,165 @@
+"""Boxes of one object over the drive: one size, places and headings that are smooth, and one box where it is parked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.label_proposals.association import is_static
+from data.label_proposals.observations import Observations
+from perception.geometry.se3 import wrap
+from perception.types import Bool, Boxes3D, Float64, Int
+
+# Of each group: deviation of the acceleration along each axis.
+_ACCELERATION_M_S2 = np.array([2.0, 1.5, 0.8, 1.5])
+_DEVIATION_M, _UNSURE_M, _PER_M = (
+    0.15,
+    0.35,
+    0.004,
+)  # of a place: at its best, at score 0, by distance
+_OUTLIER = 3.0  # deviations
+_COURSE_M_S = 1.0  # speed from which the course is the heading
+_HEADING_FRAMES = 5
+
+
+@dataclass(frozen=True)
+class ObjectTrajectory:
+    """Boxes of one object in frames that follow each other.
+
+    Attributes:
+        frames: (K,) frame indices, from its first to its last observation.
+        boxes_world: (K) boxes in the world frame.
+        is_observed: (K,) whether it was detected in the frame.
+        is_moving: Whether it ever moves.
+    """
+
+    frames: Int
+    boxes_world: Boxes3D
+    is_observed: Bool
+    is_moving: bool
+
+
+def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> ObjectTrajectory:
+    """Return the boxes of one object.
+
+    Args:
+        seen: Its observations, one a frame at most.
+        frames: (F,) indices of the frames of the drive.
+        stamps_s: (F,) their times.
+    """
+    weights = seen.scores * np.sqrt(seen.points + 1.0)
+    size_m = np.array([_weighted_median(column, weights) for column in seen.boxes_world.size_m.T])
+    places = _anchored(seen, size_m)
+    lies_within = (frames >= seen.frames[0]) & (frames <= seen.frames[-1])
+    frames, stamps_s = frames[lies_within], stamps_s[lies_within]
+    count, is_observed = len(frames), np.isin(frames, seen.frames)
+    bottoms_z = seen.boxes_world.bottom_m[:, 2]
+    if is_static(seen.stamps_s, places):
+        middle = [_weighted_median(column, weights) for column in (*places.T, bottoms_z)]
+        axis_rad = _axis_rad(seen.boxes_world.yaw_rad, weights)
+        boxes = Boxes3D(
+            np.tile(middle, (count, 1)), np.tile(size_m, (count, 1)), np.full(count, axis_rad)
+        )
+        return ObjectTrajectory(frames, boxes, is_observed, is_moving=False)
+    states = _smoothed(seen, places, stamps_s)
+    z = np.interp(stamps_s, seen.stamps_s, _running_median(bottoms_z))
+    yaw_rad = _headings_rad(seen, states[:, 2:], stamps_s)
+    boxes = Boxes3D(np.column_stack([states[:, :2], z]), np.tile(size_m, (count, 1)), yaw_rad)
+    return ObjectTrajectory(frames, boxes, is_observed, is_moving=True)
+
+
+def _weighted_median(values: Float64, weights: Float64) -> float:
+    order = np.argsort(values)
+    shares = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(shares, shares[-1] / 2)])
+
+
+def _anchored(seen: Observations, size_m: Float64) -> Float64:
+    """Return the (K, 2) middles of boxes of another size, of which the sides towards the LiDAR stay."""
+    boxes = seen.boxes_world
+    cos, sin = np.cos(boxes.yaw_rad), np.sin(boxes.yaw_rad)
+    x, y = (seen.sensors_world - boxes.bottom_m[:, :2]).T
+    towards = np.column_stack([cos * x + sin * y, cos * y - sin * x])
+    half_m = boxes.size_m[:, :2] / 2
+    sides = np.where(np.abs(towards) > half_m, -np.sign(towards), 0.0)
+    shifts = sides * (size_m[:2] / 2 - half_m)
+    turned = np.column_stack(
+        [cos * shifts[:, 0] - sin * shifts[:, 1], sin * shifts[:, 0] + cos * shifts[:, 1]]
+    )
+    return np.asarray(boxes.bottom_m[:, :2] + turned)
+
+
+def _axis_rad(yaw_rad: Float64, weights: Float64) -> float:
+    """Return the mean of headings, of which some may be those of the rear."""
+    axis = np.angle((weights * np.exp(2j * yaw_rad)).sum()) / 2
+    is_reversed = (weights * np.cos(yaw_rad - axis)).sum() < 0
+    return float(wrap(np.array(axis + np.pi * is_reversed)))
+
+
+def _smoothed(seen: Observations, places: Float64, stamps_s: Float64) -> Float64:
+    """Return (K, 4) places and velocities at times, by a Kalman filter and a Rauch-Tung-Striebel smoother.
+
+    A second pass leaves out the places that are far from the first.
+    """
+    distances_m = np.linalg.norm(seen.sensors_world - places, axis=1)
+    deviations_m = _DEVIATION_M + _UNSURE_M * (1 - seen.scores) + _PER_M * distances_m
+    rows = np.searchsorted(stamps_s, seen.stamps_s - 1e-6)
+    noise = _ACCELERATION_M_S2[seen.groups[0]]
+    states = _pass(rows, places, deviations_m, stamps_s, noise)
+    away = np.linalg.norm(states[rows, :2] - places, axis=1) / deviations_m
+    kept = away < _OUTLIER
+    if kept.all() or kept.sum() < 3:
+        return states
+    return _pass(rows[kept], places[kept], deviations_m[kept], stamps_s, noise)
+
+
+def _pass(
+    rows: Int, places: Float64, deviations_m: Float64, stamps_s: Float64, noise: float
+) -> Float64:
+    count = len(stamps_s)
+    place_of = dict(zip(rows.tolist(), range(len(rows)), strict=True))
+    state, covariance = np.array([*places[0], 0.0, 0.0]), np.diag([4.0, 4.0, 225.0, 225.0])
+    predicted, filtered = np.zeros((count, 4)), np.zeros((count, 4))
+    before, after = np.zeros((count, 4, 4)), np.zeros((count, 4, 4))
+    steps = np.zeros((count, 4, 4))
+    for row in range(count):
+        step_s = stamps_s[row] - stamps_s[row - 1] if row else 0.0
+        step = np.eye(4)
+        step[0, 2] = step[1, 3] = step_s
+        gain = np.array([[step_s**2 / 2, 0], [0, step_s**2 / 2], [step_s, 0], [0, step_s]])
+        state = step @ state
+        covariance = step @ covariance @ step.T + noise**2 * gain @ gain.T
+        steps[row], predicted[row], before[row] = step, state, covariance
+        if (place := place_of.get(row)) is not None:
+            innovation = covariance[:2, :2] + deviations_m[place] ** 2 * np.eye(2)
+            kalman = np.linalg.solve(innovation, covariance[:2]).T
+            state = state + kalman @ (places[place] - state[:2])
+            covariance = covariance - kalman @ covariance[:2]
+        filtered[row], after[row] = state, covariance
+    smooth = filtered.copy()
+    for row in range(count - 2, -1, -1):
+        gain = np.linalg.solve(before[row + 1], steps[row + 1] @ after[row]).T
+        smooth[row] = filtered[row] + gain @ (smooth[row + 1] - predicted[row + 1])
+    return smooth
+
+
+def _running_median(values: Float64) -> Float64:
+    half = _HEADING_FRAMES // 2
+    return np.array(
+        [np.median(values[max(0, k - half) : k + half + 1]) for k in range(len(values))]
+    )
+
+
+def _headings_rad(seen: Observations, velocities_m_s: Float64, stamps_s: Float64) -> Float64:
+    """Return (K,) headings: the course of a fast object, else the detected axis in the direction of the course."""
+    speeds = np.linalg.norm(velocities_m_s, axis=1)
+    course = np.arctan2(velocities_m_s[:, 1], velocities_m_s[:, 0])
+    is_fast = speeds > _COURSE_M_S
+    if not is_fast.any():
+        axis = _axis_rad(seen.boxes_world.yaw_rad, seen.scores)
+        way = velocities_m_s.sum(axis=0)
+        is_back = np.linalg.norm(way) > 0 and np.cos(axis - np.arctan2(way[1], way[0])) < -0.3
+        return np.full(len(stamps_s), wrap(np.array(axis + np.pi * is_back)))
+    # The heading of a slow moment is that of the nearest fast one.
+    fast = np.flatnonzero(is_fast)
+    nearest = fast[np.abs(np.arange(len(stamps_s))[:, None] - fast).argmin(axis=1)]
+    return np.asarray(course[nearest])

@@ -1,0 +1,132 @@
+"""Objects of a drive from detections of single frames: linked, joined, smoothed, and one box where they are parked."""
+
+import numpy as np
+import pytest
+
+from data.label_proposals.association import link
+from data.label_proposals.observations import Observations
+from data.label_proposals.proposals import (
+    Proposal,
+    ProposalFile,
+    observed_objects,
+    to_proposals,
+)
+from data.label_proposals.review import Decision, read_review, reviewed
+from perception.errors import LabelError
+from perception.geometry.se3 import wrap
+from perception.types import Boxes3D
+from tests.faults import fault
+
+FRAMES = np.arange(30)
+STAMPS_S = 0.1 * FRAMES
+
+
+def observed(place, frames=FRAMES, *, yaw=0.0, size=(4.4, 1.8, 1.5), kind="Car", score=0.8, seed=0):
+    """Return noisy observations of an object at `place(t)`."""
+    rng, count = np.random.default_rng(seed), len(frames)
+    bottoms = np.array([[*place(0.1 * frame), -1.7] for frame in frames])
+    bottoms[:, :2] += rng.normal(0, 0.1, (count, 2))
+    sizes = np.array(size) + rng.normal(0, 0.1, (count, 3))
+    yaws = np.full(count, yaw) + rng.normal(0, 0.05, count)
+    return Observations(
+        np.array(frames), 0.1 * np.array(frames), Boxes3D(bottoms, sizes, yaws),
+        np.full(count, kind), np.full(count, 2 if kind == "Pedestrian" else 0), np.full(count, score),
+        np.full((count, 2), np.nan), np.full(count, 50), np.zeros((count, 2)),
+    )  # fmt: skip
+
+
+def joined(*parts):
+    whole = Observations.concatenate(parts)
+    return whole[np.argsort(whole.frames, kind="stable")]
+
+
+def proposals_of(*parts):
+    found = observed_objects(joined(*parts), FRAMES, STAMPS_S)
+    for one in found:
+        one.points.update(dict.fromkeys(range(30), 50))
+    return to_proposals(found)
+
+
+def test_objects_that_cross_are_kept_apart():
+    there = observed(lambda t: (10 * t, 2.0), seed=1)
+    back = observed(lambda t: (30 - 10 * t, -2.0), yaw=np.pi, seed=2)
+    whole = joined(there, back)
+    sides = [np.sign(whole.boxes_world.bottom_m[rows, 1]) for rows in link(whole)]
+    assert [len(one) for one in sides] == [30, 30]
+    assert all(len(set(one)) == 1 for one in sides)
+
+
+def test_a_gap_is_filled_and_a_parked_object_is_one():
+    seen = [k for k in FRAMES if not 10 <= k < 18]
+    [moving] = proposals_of(observed(lambda t: (10 * t, 0.5 * t), seen, yaw=0.05))
+    assert moving.is_moving and moving.frames.tolist() == list(range(30))
+    truth = np.column_stack([10 * STAMPS_S, 0.5 * STAMPS_S])
+    away_m = np.linalg.norm(moving.boxes_world.bottom_m[:, :2] - truth, axis=1)
+    assert away_m.max() < 0.35 and away_m.mean() < 0.12
+    assert np.abs(moving.boxes_world.yaw_rad - 0.05).max() < 0.05
+    # Seen at the start and at the end alone, and once from behind.
+    ends = [observed(lambda _: (12.0, 6.0), frames, yaw=yaw) for frames, yaw in ((range(8), 0.3), (range(20, 30), 0.3 + np.pi))]  # fmt: skip
+    [parked] = proposals_of(*ends)
+    assert not parked.is_moving and len(parked.frames) == 30
+    boxes = parked.boxes_world
+    assert np.ptp(boxes.bottom_m, axis=0).max() == 0
+    np.testing.assert_allclose(boxes.bottom_m[0, :2], [12, 6], atol=0.1)
+    np.testing.assert_allclose(boxes.size_m[0], [4.4, 1.8, 1.5], atol=0.1)
+    assert abs(np.sin(wrap(boxes.yaw_rad[0] - 0.3))) < 0.05
+
+
+def test_what_is_detected_now_and_then_is_not_confident():
+    steady = observed(lambda _: (5.0, 5.0), seed=1)
+    rare = observed(lambda _: (15.0, -5.0), [0, 9, 20, 29], score=0.6, seed=2)
+    found = proposals_of(steady, rare)
+    assert [one.confidence > 0.5 for one in found] == [True, False]
+    assert found[0].confidence == pytest.approx(0.8, abs=0.01)
+    assert "unsure" not in found[0].reasons
+
+
+def test_an_object_has_its_commonest_class():
+    cars = observed(lambda _: (5.0, 5.0), range(20))
+    vans = observed(lambda _: (5.0, 5.0), range(20, 30), kind="Van")
+    [found] = proposals_of(cars, vans)
+    assert found.kind == "Car"
+    assert "class unsure, Car in 67%" in found.reasons
+
+
+def test_no_observation_is_no_proposal():
+    assert proposals_of(Observations.empty()) == []
+
+
+def proposal(number, confidence):
+    boxes = Boxes3D(np.zeros((2, 3)), np.ones((2, 3)), np.zeros(2))
+    points = np.array([5, 6])
+    return Proposal(number, "Car", confidence, True, np.arange(2), boxes, points, 1, ("few returns",))  # fmt: skip
+
+
+def test_decisions_come_before_the_confidence(tmp_path):
+    proposals = [proposal(1, 0.9), proposal(2, 0.9), proposal(3, 0.2), proposal(4, 0.2)]
+    path = tmp_path / "review.json"
+    path.write_text('{"format": "trifuse review 1", "objects": {"1": {"decision": "reject"}, "2": {"type": "Van"}, "3": {"decision": "accept"}}}')  # fmt: skip
+    labels = reviewed(proposals, read_review(path), 0.5)
+    assert [(one.number, one.kind) for one in labels] == [(2, "Van"), (3, "Car")]
+    with fault(LabelError, "review", "objects 1 to 4", "one on 9"):
+        reviewed(proposals, {9: Decision("accept")}, 0.5)
+    path.write_text('{"format": "trifuse review 1", "objects": {"1": {"decision": "maybe"}}}')
+    with fault(LabelError, "review.json object 1", "accept, reject", "'maybe'"):
+        read_review(path)
+    path.write_text("{")
+    with fault(LabelError, "review.json", "decisions of a review", "no whole JSON"):
+        read_review(path)
+
+
+def test_the_file_of_proposals_is_read_as_it_was_written(tmp_path):
+    poses = {0: np.eye(4), 1: np.eye(4)}
+    poses[1][0, 3] = 2.5
+    ProposalFile([proposal(1, 0.75)], poses).write(tmp_path)
+    read = ProposalFile.read(tmp_path)
+    [one], first = read.proposals, proposal(1, 0.75)
+    assert (one.kind, one.confidence, one.reasons) == ("Car", 0.75, ("few returns",))
+    np.testing.assert_array_equal(one.boxes_world.size_m, first.boxes_world.size_m)
+    np.testing.assert_array_equal(read.poses[1], poses[1])
+    (tmp_path / "proposals.json").write_text('{"format": "trifuse proposals 1", "poses": {}}')
+    with fault(LabelError, "proposals.json", "proposals", "'objects'", "trifuse label"):
+        ProposalFile.read(tmp_path)
