@@ -46,7 +46,14 @@ def test_both_revisions_run_every_stage(tmp_path, monkeypatch):
     words = ["--compare", "HEAD", "--frames", "4", "--sensor", "VLP-16"]
     assert main(["bench", *words, "--json", str(tmp_path / "times.json")]) == 0
     stages = json.loads((tmp_path / "times.json").read_text())["stages"]
-    assert {"registration", "ground", "maps", "rgb detector", "vehicles", FRAME} <= stages.keys()
+    assert {
+        "registration",
+        "ground",
+        "bev detector",
+        "rgb detector",
+        "vehicles",
+        FRAME,
+    } <= stages.keys()
     assert all(row["other_ms"] > 0 and row["this_ms"] > 0 for row in stages.values())
 
 

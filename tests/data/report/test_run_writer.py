@@ -14,6 +14,7 @@ from data.results.run_writers import run_writers
 from perception.errors import LabelError
 from perception.geometry.grids import LocalArea
 from perception.render.composition import Composition
+from perception.sensor import HDL_64E
 from perception.types import BoxDeviations, Boxes3D, Detections, FusedDetections, Labels, Vehicles
 from tests.render.conftest import GROUND_Z, scene  # noqa: F401 - fixture
 
@@ -150,7 +151,7 @@ def test_without_plotly_there_is_no_report(is_installed, monkeypatch, tmp_path, 
         def __len__(self):
             return 2
 
-    street = Street(sensor=SimpleNamespace(rate_hz=10.0), is_sequence=True, has_labels=False)
+    street = Street(sensor=HDL_64E, is_sequence=True, has_labels=False)
     spec = object() if is_installed else None
     monkeypatch.setattr("data.report.page.find_spec", lambda name: spec)
     writers = list(run_writers(street, tmp_path, RunConfig(video=False), None))
