@@ -122,7 +122,8 @@ class FreeSpaceMemory:
 
     def age_s(self, age: int) -> float:
         """Return the age in seconds of the scan so many scans before the newest."""
-        return self._scans[-1].stamp_s - self._scans[-1 - age].stamp_s
+        # The last bits are those of the time that stamps are counted from.
+        return round(self._scans[-1].stamp_s - self._scans[-1 - age].stamp_s, 6)
 
     def clear(self) -> None:
         """Forget all scans."""
