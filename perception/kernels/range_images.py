@@ -180,6 +180,16 @@ def _is_passed(
     return has_return
 
 
+@compiled((_IMAGE, WHOLE, WHOLE, _F32, _F32))
+def _is_hit(framed_m: Float32, row: int, column: int, range_m: float, margin_m: float) -> bool:
+    """Return whether a return of the 3x3 pixels around one is as far as a place."""
+    is_hit = False
+    for i in range(row, row + 3):
+        for j in range(column, column + 3):
+            is_hit |= abs(framed_m[i, j] - range_m) < margin_m
+    return is_hit
+
+
 @compiled((_POINTS, _SLOPES, _PROJECTION, _BLOCKS, _IMAGE, _LINE, _F32, _F32))
 def visibility_of(
     points: Float32,
@@ -214,11 +224,7 @@ def visibility_of(
             continue
         level = _level(range_m, level_0_from_m)
         around, aside = blocks[level, 0], blocks[level, 1]
-        is_hit = False
-        for i in range(row, row + 3):
-            for j in range(column, column + 3):
-                is_hit |= abs(framed_m[i, j] - range_m) < margin_m
-        if is_hit:
+        if _is_hit(framed_m, row, column, range_m, margin_m):
             states[k] = 2
         elif _is_passed(framed_m, row, column, around, aside, range_m + margin_m):
             states[k] = _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
@@ -246,13 +252,10 @@ def are_free(
         row, column, range_m = rows[k], columns[k], ranges_m[k]
         if not is_in_view[k] or framed_m[row + 1, column + 1] <= range_m + margin_m:
             continue  # as most often
-        level, is_hit = _level(range_m, level_0_from_m), False
-        for i in range(row, row + 3):
-            for j in range(column, column + 3):
-                is_hit |= abs(framed_m[i, j] - range_m) < margin_m
+        level = _level(range_m, level_0_from_m)
         around, aside = blocks[level, 0], blocks[level, 1]
         free[k] = (
-            not is_hit
+            not _is_hit(framed_m, row, column, range_m, margin_m)
             and _is_passed(framed_m, row, column, around, aside, range_m + margin_m)
             and _is_bounded(framed_m, elevations_rad, row, next_rows[k], column, level)
         )
