@@ -69,7 +69,7 @@ def test_beams_that_pass_low_tell_what_is_free():
     assert at(grid, (0.1, 10.2), (0.1, 10.7), (0.1, 30.0)) == [FREE, UNKNOWN, UNKNOWN]
 
 
-def test_between_rings_that_are_far_apart_nothing_is_known():
+def test_cells_between_rings_that_are_far_apart_are_unknown():
     grid = occupancy_grid(result_of(rings(5.0, 12.0), np.zeros((0, 3))))
     assert at(grid, (4.5, 0.1), (7.1, 0.1), (11.1, 0.1)) == [FREE, UNKNOWN, FREE]
 
@@ -93,7 +93,7 @@ def test_what_moves_may_be_left_out():
     assert (without.states == OCCUPIED).sum() == 0
 
 
-def test_static_places_of_earlier_scans_count_where_nothing_is_seen_now():
+def test_static_voxels_of_earlier_scans_are_occupied_where_nothing_is_seen_now():
     voxels = Voxels(
         np.array([[14.1, 0.1, -1], [5.1, 0.1, -1]], np.float32), np.ones(2, np.int64), 0.1
     )
@@ -110,7 +110,7 @@ def test_cells_keep_their_places_in_the_world():
     assert small.states.shape == (21, 21)
 
 
-def test_a_scan_without_ground_tells_nothing_free():
+def test_no_cell_is_free_in_a_scan_without_ground():
     grid = occupancy_grid(result_of(np.zeros((0, 3)), post(6.1, 0.1, 0.5)))
     assert (grid.states == FREE).sum() == 0
     assert np.isfinite(grid.origin_m).all()
