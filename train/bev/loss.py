@@ -8,8 +8,8 @@ from torch import Tensor
 from torch.nn.functional import pixel_shuffle, softplus
 
 from perception.detection.bev.bev_map import BevGrid
-from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS, STRIDE
-from train.networks.bev_centers import SPLIT, CenterMaps
+from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS, SPLIT, STRIDE
+from train.networks.bev_centers import CenterMaps
 
 _MIN_SIGMA_PLACES = 0.8
 _SIGMA_PER_SIZE = 0.2  # of the root of the area of an object

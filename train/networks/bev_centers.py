@@ -23,9 +23,8 @@ from torch import Tensor, nn
 from torchvision.ops import Conv2dNormActivation  # type: ignore[import-untyped]
 
 from perception.detection.bev.bev_map import BLOCK
-from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS, STRIDE
+from perception.detection.bev.boxes import BOX, BOXES, DEVIATIONS, SPLIT
 
-SPLIT = BLOCK // STRIDE  # places along the side of a block that the heads tell apart
 _BLOCK_WIDTH = 32  # numbers that tell of a block of 4x4 cells
 _WIDTHS = (32, 64, 128, 128)  # channels at 4, 8, 16 and 32 cells
 _UNITS = (1, 2, 3, 2)  # residual units at 4, 8, 16 and 32

@@ -21,7 +21,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.special import expit
 
-from perception.detection.bev.bev_map import BevGrid
+from perception.detection.bev.bev_map import BLOCK, BevGrid
 from perception.geometry.se3 import wrap
 from perception.kernels.bev import peaks_of, unsuppressed
 from perception.types import ArrayTable, Boxes3D, Float32, Float64, Int
@@ -38,6 +38,7 @@ class _Columns(NamedTuple):
 BOX = _Columns()
 BOXES, DEVIATIONS = 10, 6
 STRIDE = 2  # cells along the side of a place
+SPLIT = BLOCK // STRIDE  # places along the side of a block, S
 _MAX_LOG = 6.0
 _SQRT_2 = float(np.sqrt(2))  # standard deviation over the scale of Laplace's distribution
 
@@ -75,16 +76,15 @@ def decode_boxes(
         most: Largest number of objects.
     """
     blocks = scores.shape[1:]
-    split = math.isqrt(len(boxes) // (BOXES + DEVIATIONS))
-    logits = np.ascontiguousarray(scores).reshape(-1, split**2, *blocks)
+    logits = np.ascontiguousarray(scores).reshape(-1, SPLIT**2, *blocks)
     peaks = peaks_of(logits, math.log(min_score / (1 - min_score)))
-    part = split * (peaks[:, 1] % split) + peaks[:, 2] % split
-    values = logits[peaks[:, 0], part, peaks[:, 1] // split, peaks[:, 2] // split]
+    part = SPLIT * (peaks[:, 1] % SPLIT) + peaks[:, 2] % SPLIT
+    values = logits[peaks[:, 0], part, peaks[:, 1] // SPLIT, peaks[:, 2] // SPLIT]
     best = np.argsort(-values, kind="stable")[:most]
     classes, rows, columns = peaks[best].T
-    stated = boxes.reshape(BOXES + DEVIATIONS, split**2, *blocks)
-    cells = stated[:, part[best], rows // split, columns // split].astype(np.float64)
-    place_m = 2 * grid.reach_m / (split * blocks[0])
+    stated = boxes.reshape(BOXES + DEVIATIONS, SPLIT**2, *blocks)
+    cells = stated[:, part[best], rows // SPLIT, columns // SPLIT].astype(np.float64)
+    place_m = 2 * grid.reach_m / (SPLIT * blocks[0])
     corners_m = np.stack([rows, columns], axis=1) * place_m - grid.reach_m
     axis_rad = np.arctan2(*cells[BOX.axis]) / 2
     sizes, scales = (
