@@ -16,19 +16,20 @@ ALL_STAGES = "all stages"
 END_TO_END = "end to end"
 
 _NO_DEPTHCN = "--pipeline.detection.depthcn.no-enabled"
-_MAP_DETECTORS = ("dm detector", "rm detector")
+_DEPTHCN = "DepthCN"
+_FURTHER_DETECTORS = (_DEPTHCN, "dm detector", "rm detector", "bev detector")
 # What makes a frame cheaper, the smallest loss first: flags, what they leave out, and its stages.
 _SAVINGS: Sequence[tuple[str, str, tuple[str, ...]]] = (
-    (_NO_DEPTHCN, "DepthCN", ("DepthCN",)),
+    (_NO_DEPTHCN, _DEPTHCN, (_DEPTHCN,)),
     (
         f"{_NO_DEPTHCN} --pipeline.detection.modalities rgb",
-        "DepthCN and the detectors of the depth and the reflectance map",
-        ("DepthCN", *_MAP_DETECTORS),
+        "all detectors but that of the image",
+        _FURTHER_DETECTORS,
     ),
     (
         f"{_NO_DEPTHCN} --pipeline.detection.modalities []",
         "all detectors of vehicles",
-        ("DepthCN", *_MAP_DETECTORS, "rgb detector", "maps", "fusion", "vehicles"),
+        (*_FURTHER_DETECTORS, "rgb detector", "maps", "fusion", "vehicles"),
     ),
 )
 
@@ -140,7 +141,8 @@ class StageTimes:
         for flags, left_out, stages in _SAVINGS:
             shares = [rows[name].share_percent or 0.0 for name in stages if name in rows]
             if whole.p99_ms * (1 - sum(shares) / 100) <= period_ms:
-                return f"{line}; {flags} would keep up, and leaves out {left_out}"
+                named = flags if _DEPTHCN in rows else flags.removeprefix(f"{_NO_DEPTHCN} ")
+                return f"{line}; {named} would keep up, and leaves out {left_out}"
         return f"{line}; no flag makes this machine keep up"
 
     def typical(self) -> tuple[StageSpan, ...]:

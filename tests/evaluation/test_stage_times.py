@@ -99,3 +99,16 @@ def collected_of(*frames_ms, depthcn_ms=0.0):
 def test_the_verdict_names_what_would_keep_up(frames_ms, depthcn_ms, verdict):
     times = collected_of(*frames_ms, depthcn_ms=depthcn_ms)
     assert times.verdict(period_s=0.1) == f"pipeline: {verdict}"
+
+
+def test_the_verdict_leaves_out_nothing_that_did_not_run():
+    collected = StageTimes()
+    spans = (
+        StageSpan("bev detector", "worker", 0, 0.09),
+        StageSpan("ground", "worker", 0.09, 0.15),
+    )
+    timings_s = {span.stage: span.stop_s - span.start_s for span in spans}
+    collected.update(replace(known_result(0), spans=spans, timings_s=timings_s))
+    assert collected.verdict(period_s=0.1).endswith(
+        "; --pipeline.detection.modalities rgb would keep up, and leaves out all detectors but that of the image"
+    )
