@@ -13,7 +13,6 @@ from data.synthetic.drive import SyntheticDrive
 from perception.cli.main import COMMANDS, SUMMARIES
 from perception.errors import UsageError
 from perception.evaluation.stage_times import ALL_STAGES
-from perception.geometry.grids import LocalArea
 from perception.pipeline import PipelineConfig
 from perception.sensor import VLP_16
 from tests.faults import fault
@@ -47,15 +46,13 @@ def test_waiting_is_no_processor_time():
     assert time.perf_counter is wall_clock
 
 
-def test_every_stage_has_a_cost_and_a_larger_area_costs_more():
+def test_every_stage_has_a_cost():
     frames = list(SyntheticDrive(10, sensor=VLP_16, images=False))
-    today = replace(PipelineConfig.for_motion("none"), parallel=False)
-    junction = replace(today, area=LocalArea(40.0, 40.0, 40.0))
-    costs, larger = (median_stages_ms(VLP_16, frames, config) for config in (today, junction))
+    config = replace(PipelineConfig.for_motion("none"), parallel=False)
+    costs = median_stages_ms(VLP_16, frames, config)
     stages = ["scan health", "registration", "ground", "voxels", "static and moving", ALL_STAGES]
     assert [stage for stage in costs if stage not in ("image health", "calibration")] == stages
     assert costs[ALL_STAGES] > sum(costs.values()) - costs[ALL_STAGES] > 0
-    assert larger[ALL_STAGES] > costs[ALL_STAGES]
 
 
 @on_linux
