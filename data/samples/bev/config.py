@@ -16,6 +16,7 @@ class BevAugmentationConfig(AugmentationConfig):
         turn_rad: Largest turn about the vertical in rad.
         mirror: Probability that left and right change places.
         scale: Largest factor of all lengths, less 1.
+        stretch: Largest factor of the length of a car, less 1, as cars of some countries are longer; of the width half.
         thinning: Probability that every second beam is left out, of a sensor of 32 and more.
         dropout: Largest share of points that drop out, as in rain.
         reflectance: Probability that no reflectance is known.
@@ -29,6 +30,7 @@ class BevAugmentationConfig(AugmentationConfig):
     MAX: ClassVar = {
         "mirror": 1.0,
         "scale": 0.5,
+        "stretch": 0.5,
         "thinning": 1.0,
         "dropout": 0.9,
         "reflectance": 1.0,
@@ -38,6 +40,7 @@ class BevAugmentationConfig(AugmentationConfig):
     turn_rad: float = np.pi
     mirror: float = 0.5
     scale: float = 0.05
+    stretch: float = 0.3
     thinning: float = 0.3
     dropout: float = 0.3
     reflectance: float = 0.5

@@ -18,12 +18,16 @@ from perception.detection.bev.bev_map import BLOCK, REFLECTANCE, SIDE_STEP, BevG
 from perception.detection.bev.classes import BEV_CLASSES, SYNTHETIC_CLASSES, class_numbers
 from perception.errors import UsageError
 from perception.geometry.se3 import wrap
+from perception.kernels.box_owners import owners_in_boxes
 from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, UInt8
 
 MIN_RETURNS = 2  # of an object to be learned from and to be found
 _THINNED_FROM = 32  # beams
+_STRETCHED = "Car"
+# Cells by which returns are found on cars, the margin by which these are grown, and the height of the lowest that is moved.
+_OWNER_CELL_M, _OWNER_MARGIN_M, _OWNER_GROUND_M = 0.1, 0.1, 0.1
 Sample = Mapping[str, Tensor]
 
 
@@ -102,7 +106,8 @@ class BevDataset(Dataset[Sample]):
             return self._sample(row, maps, scan.labels, np.zeros(2, np.int64))
         magnitudes, rng = self.augmentation, np.random.default_rng([self.seed, *index.view])
         step = 1 + (sensor.beams >= _THINNED_FROM and rng.random() < magnitudes.thinning)
-        scan = augment(_every(scan, sensor, step), magnitudes, rng)
+        scan = stretch(_every(scan, sensor, step), magnitudes, rng)
+        scan = augment(scan, magnitudes, rng)
         scan = jitter(scan, magnitudes, rng)
         maps = self._mapper(sensor, step).make(scan.points_velo, scan.heights_m)
         if rng.random() < magnitudes.reflectance:
@@ -195,6 +200,27 @@ def augment(
     view = np.array([wrap(side * labels.view_rad[0] + turn), labels.view_rad[1]], np.float32)
     heights_m = np.asarray(scale * scan.heights_m, np.float32)
     return LabelledScan(points, heights_m, replace(labels, boxes=boxes, view_rad=view))
+
+
+def stretch(
+    scan: LabelledScan, magnitudes: BevAugmentationConfig, rng: np.random.Generator
+) -> LabelledScan:
+    """Return a scan whose cars are longer and wider, each about its middle, with the returns on them."""
+    rows = np.flatnonzero(scan.labels.types == _STRETCHED)
+    boxes, points = np.array(scan.labels.boxes), np.array(scan.points_velo)
+    cars = boxes[rows].astype(np.float64)
+    above = np.column_stack([points[:, :2], scan.heights_m])
+    owners = owners_in_boxes(above, cars, _OWNER_CELL_M, _OWNER_MARGIN_M, _OWNER_GROUND_M)
+    inside = np.flatnonzero(owners >= 0)
+    cars = cars[owners[inside]]
+    factors = 1 + rng.uniform(0, magnitudes.stretch * np.array([1.0, 0.5]), (len(rows), 2))
+    ahead = np.column_stack([np.cos(cars[:, 6]), np.sin(cars[:, 6])])
+    for number, axis in enumerate((ahead, ahead[:, ::-1] * (-1.0, 1.0))):
+        along_m = ((points[inside, :2] - cars[:, :2]) * axis).sum(axis=1)
+        grown = factors[owners[inside], number] - 1
+        points[inside, :2] += (grown * along_m)[:, None] * axis
+    boxes[rows, 3:5] *= factors
+    return LabelledScan(points, scan.heights_m, replace(scan.labels, boxes=boxes))
 
 
 def jitter(

@@ -8,7 +8,7 @@ import pytest
 from data.array_store import ArrayStore
 from data.open_drive import open_drive
 from data.samples.bev.config import BevAugmentationConfig
-from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop, jitter
+from data.samples.bev.dataset import BevConfig, BevDataset, augment, collate, crop, jitter, stretch
 from data.samples.bev.labelled_scans import LabelledScans
 from data.samples.epoch_samplers import SampleIndex
 from data.synthetic.collection import SynthConfig, write_drives
@@ -39,7 +39,7 @@ def drives(tmp_path_factory):
 
 
 STILL = dict.fromkeys(
-    ("turn_rad", "mirror", "scale", "thinning", "dropout", "reflectance", "gain", "ground_m", "tilt_rad"),
+    ("turn_rad", "mirror", "scale", "stretch", "thinning", "dropout", "reflectance", "gain", "ground_m", "tilt_rad"),
     0.0,
 )  # fmt: skip
 
@@ -103,17 +103,38 @@ def test_points_stay_in_their_boxes(scans):
     scan = scans.scan(0)
     magnitudes = BevAugmentationConfig(turn_rad=3.0, mirror=1.0, scale=0.2)
     moved = augment(scan, magnitudes, np.random.default_rng(5))
-
-    def counts(one):
-        rows = one.labels.boxes.astype(np.float64)
-        bottoms_m = rows[:, :3] + [0, 0, -VLP_16.height_m]
-        points = np.column_stack([one.points_velo[:, :2], one.heights_m - VLP_16.height_m])
-        return points_inside(Boxes3D(bottoms_m, rows[:, 3:6], rows[:, 6]), points, 0.02).sum(axis=1)
-
-    before, after = counts(scan), counts(moved)
+    before, after = counts_inside(scan), counts_inside(moved)
     assert before.max() > 50
     assert np.abs(before - after).max() <= 0.05 * before.max()
     assert not np.allclose(scan.labels.boxes, moved.labels.boxes, atol=0.5)
+
+
+def counts_inside(scan):
+    rows = scan.labels.boxes.astype(np.float64)
+    bottoms_m = rows[:, :3] + [0, 0, -VLP_16.height_m]
+    points = np.column_stack([scan.points_velo[:, :2], scan.heights_m - VLP_16.height_m])
+    return points_inside(Boxes3D(bottoms_m, rows[:, 3:6], rows[:, 6]), points, 0.02).sum(axis=1)
+
+
+def test_cars_are_stretched_about_their_middles_with_their_returns(scans):
+    scan = scans.scan(0)
+    long = stretch(scan, BevAugmentationConfig(stretch=0.5), np.random.default_rng(3))
+    is_car = scan.labels.types == "Car"
+    factors = long.labels.boxes[:, 3:5] / scan.labels.boxes[:, 3:5]
+    assert np.all(factors[~is_car] == 1)
+    assert 1.2 < factors[is_car, 0].max() <= 1.5
+    assert 1.1 < factors[is_car, 1].max() <= 1.25
+    kept = [0, 1, 2, 5, 6]
+    assert np.array_equal(long.labels.boxes[:, kept], scan.labels.boxes[:, kept])
+    before, after = counts_inside(scan), counts_inside(long)
+    assert before[is_car].max() > 20
+    assert np.abs(before - after).max() <= 0.05 * before.max()
+    moved_m = np.linalg.norm(long.points_velo[:, :3] - scan.points_velo[:, :3], axis=1)
+    assert 0.3 < moved_m.max() < 0.25 * 6.0
+    assert np.mean(moved_m > 0) < 0.3
+    assert np.array_equal(long.points_velo[:, 2:], scan.points_velo[:, 2:])
+    none = stretch(scan, BevAugmentationConfig(stretch=0.0), np.random.default_rng(3))
+    assert np.array_equal(none.points_velo, scan.points_velo)
 
 
 def test_a_jittered_scan_keeps_shares_of_returns_and_heights_of_boxes(scans):
