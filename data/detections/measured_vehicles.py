@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from data.derived.motion_labels import LabelledAround
 from data.detections.config import LabelNoise, VehicleDetector
 from data.labelled_drives import LabelledDrives
 from data.recorded_drive import RecordedDrive
@@ -146,5 +147,7 @@ def measure_vehicles(
     measure = VehicleMeasure(display_score)
     results = reader.results(drive, opened.pipeline(pipeline))
     for result in opened.results(results, pipeline.vehicles):
-        measure.update(result, drive.labels(result.frame.index), None)
+        index = result.frame.index
+        around = drive.labels_around(index) if isinstance(drive, LabelledAround) else None
+        measure.update(result, drive.labels(index), around)
     return measure.compute()

@@ -127,7 +127,7 @@ class FaultCostMeasure:
             )
             self._errors_m += np.abs(errors.errors_m).tolist()
             if result.vehicles is not None:
-                self._vehicles.update(result, labels, None)
+                self._vehicles.update(result, labels)
                 self._precision.update(result.vehicles.fused.detections, labels)
         if truth is not None and len(truth.classes) == len(frame.points_velo):
             states = result.obstacles.point_states

@@ -12,8 +12,11 @@ from perception.evaluation.intervals import BoxIntervalMetrics, BoxIntervals, bo
 from perception.evaluation.multi_object.coverage import MIN_FRAMES, Coverage, CoverageMetrics
 from perception.evaluation.multi_object.ground_protocol import (
     GROUND_CLASSES,
+    REACH_M,
     GroundTracks,
     ground_frame,
+    measured_objects,
+    tracks_around,
 )
 from perception.evaluation.multi_object.kitti_protocol import (
     MIN_IOU,
@@ -37,7 +40,6 @@ from perception.types import (
     Float64,
     Int,
     Labels,
-    PointTruth,
     Result,
     Tracks,
     Vehicles,
@@ -57,7 +59,8 @@ PROTOCOL_WORDS = {
     "tracking": "KITTI tracking benchmark, boxes in the image; objects that have an id",
     "ground_tracking": (
         "objects with an id and a 3D box; KITTI's rules of what is ignored, overlap from above of at least 0.5 for "
-        "vehicles and 0.25 for pedestrians and cyclists"
+        "vehicles and 0.25 for pedestrians and cyclists; where all around is labelled, all round, objects that no return "
+        "is of or that are farther than 50 m ignored"
     ),
     "location": (
         "true cars that are visible or partly occluded and truncated by at most 0.3, each with the "
@@ -204,6 +207,7 @@ class VehicleReport(Report):
 
     Attributes:
         frames: Number of evaluated frames.
+        is_around: Whether tracks on the ground count all round, not in the image alone.
         tracking: Metrics of the tracks in the image by class.
         ground_tracking: Metrics of the tracks on the ground by class, of the classes that are labelled or tracked.
         location: Errors of the positions on the road by range.
@@ -213,6 +217,7 @@ class VehicleReport(Report):
     """
 
     frames: Annotated[int, CONTEXT]
+    is_around: Annotated[bool, CONTEXT]
     tracking: Mapping[str, MotMetrics]
     ground_tracking: Mapping[str, MotMetrics]
     location: Mapping[str, LocationMetrics]
@@ -226,11 +231,13 @@ class VehicleReport(Report):
             f"moving objects at the position of a vehicle: {self.ids.colocated}, "
             f"with its id: {self.ids.same_id}"
         )
+        where = f"all round to {REACH_M:g} m" if self.is_around else "in the image"
         title = "detected cars on the road: median and 90 % quantile of the errors"
         return [
             mot_table("tracks in the image: KITTI 2D boxes, ratios in percent", self.tracking),
             mot_table(
-                "tracks on the ground: boxes from above, ratios in percent", self.ground_tracking
+                f"tracks on the ground, {where}: boxes from above, ratios in percent",
+                self.ground_tracking,
             ),
             Table(title, LocationMetrics.columns(), self.location, notes=("", ids)),
             Table(
@@ -262,19 +269,32 @@ class VehicleMeasure:
         self._intervals: list[BoxIntervals] = []
         self._coverage = Coverage()
         self._ids = ColocatedObjects()
+        self._is_around = False
 
-    def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
-        """Add one frame in its main camera; one without a camera, in which nothing can be detected, is left out."""
-        result = views_of(result)[0]
+    def update(self, result: Result, labels: Labels | None, around: Labels | None = None) -> None:
+        """Add one frame in its main camera; one without a camera, in which nothing can be detected, is left out.
+
+        Args:
+            result: Result of the frame.
+            labels: Labels of the objects in the image of its main camera.
+            around: Labels of all objects around, where they are known: tracks on the ground count all round then.
+        """
+        everywhere, result = result, views_of(result)[0]
         vehicles = result.vehicles
         if vehicles is None or labels is None:
             return
         predicted = _predicted_boxes(vehicles, self._display_score)
         for name, frames in self._frames.items():
             frames.extend(kitti_frames(labelled_boxes(labels), predicted, name, 1))
-        tracks = _ground_tracks(vehicles, self._display_score)
+        on_ground = labels
+        if around is None or everywhere.vehicles is None:
+            tracks = _ground_tracks(vehicles, self._display_score)
+        else:
+            on_ground = measured_objects(around, result.frame.points_velo)
+            tracks = tracks_around(_ground_tracks(everywhere.vehicles, self._display_score))
+            self._is_around = True
         for kind, ground_frames in self._ground_frames.items():
-            ground_frames.append(ground_frame(labels, tracks, kind))
+            ground_frames.append(ground_frame(on_ground, tracks, kind))
         true = labels[_is_moderate(labels) & (labels.types == "Car")]
         points = result.frame.points_velo
         self._errors.append(location_errors(vehicles, true.boxes_px, true.boxes_velo, points))
@@ -320,7 +340,14 @@ class VehicleMeasure:
             if any(len(one.truth_ids) + len(one.track_ids) for one in frames)
         }
         return VehicleReport(
-            len(self._errors), tracking, on_ground, by_range, held, coverage, self._ids
+            len(self._errors),
+            self._is_around,
+            tracking,
+            on_ground,
+            by_range,
+            held,
+            coverage,
+            self._ids,
         )
 
 

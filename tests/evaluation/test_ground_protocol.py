@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from perception.evaluation.multi_object.ground_protocol import GroundTracks, ground_frame
+from perception.evaluation.multi_object.ground_protocol import (
+    GroundTracks,
+    ground_frame,
+    measured_objects,
+    tracks_around,
+)
 from perception.types import Boxes3D, Labels
 
 _IN_IMAGE_PX = np.array([100.0, 100, 200, 160])
@@ -67,3 +72,16 @@ def test_the_minimum_overlap_is_that_of_the_class(kind, ignored):
     hidden = labels(20.0, types=(kind,), occlusion=3)
     frame = ground_frame(hidden, tracks(22.0, kind=kind), kind)  # an overlap of a third
     assert len(frame.track_ids) == 1 - ignored
+
+
+def test_all_round_objects_count_that_a_return_is_of_and_that_are_near():
+    ahead_m = np.array([20.0, 40.0, 60.0])
+    points = np.column_stack([ahead_m[[0, 2]], np.zeros(2), np.full(2, -1.0)])
+    around = measured_objects(labels(*ahead_m, occlusion=3), points)
+    assert around.occlusion.tolist() == [0, 3, 3]
+    found = tracks_around(tracks(20.0, 40.0, 55.0, 30.0))
+    assert found.boxes.bottom_m[:, 0].tolist() == [20, 40, 30]
+    frame = ground_frame(around, found, "Car")
+    assert frame.truth_ids.tolist() == [0]
+    assert frame.track_ids.tolist() == [10, 13]  # that of the object without a return is ignored
+    np.testing.assert_allclose(frame.similarity, [[1, 0]])

@@ -40,7 +40,7 @@ def test_each_car_is_in_one_range(x_m, name):
         np.zeros(1), np.zeros(1, np.int64), np.zeros((0, 4)),
     )  # fmt: skip
     measure = VehicleMeasure(0.5)
-    measure.update(known_result(), labels, None)
+    measure.update(known_result(), labels)
     report = measure.compute()
     assert {key: one.detected for key, one in report.location.items() if one.detected} == {name: 1}
     assert report.location[name].center_p50_m == pytest.approx(np.hypot(x_m - 10, 2))
@@ -60,3 +60,22 @@ def test_rows_hold_what_is_known_and_the_formats_words_for_what_is_not():
     assert rows.bottoms_cam_m[1].tolist() == [-1000.0] * 3
     assert rows.sizes_hwl_m[1].tolist() == [-1.0] * 3
     assert rows.headings_rad[1] == rows.alphas_rad[1] == -10.0
+
+
+def test_tracks_on_the_ground_count_all_round_where_all_is_labelled():
+    boxes = replace(VEHICLES.boxes[:1], bottom_m=VEHICLES.boxes.bottom_m[:1] * (-1.0, 1.0, 1.0))
+    behind = Labels(
+        boxes, np.full((1, 4), -1.0), np.array(["Car"]), np.array([3]),
+        np.zeros(1), np.full(1, 3), np.zeros((0, 4)),
+    )  # fmt: skip
+    result = known_result()
+    middle = boxes.bottom_m + np.array([0.0, 0.0, 0.5])
+    points = np.vstack([result.frame.points_velo, np.column_stack([middle, [0.0]])])
+    result = replace(result, frame=replace(result.frame, points_velo=points.astype(np.float32)))
+    measure = VehicleMeasure(0.5)
+    measure.update(result, behind[:0], behind)
+    report = measure.compute()
+    clear = report.ground_tracking["Car"].clear
+    assert clear.true_positives == 0
+    assert clear.false_negatives == 1
+    assert "all round to 50 m" in report.tables()[1].title

@@ -1,20 +1,24 @@
 """Tracks on the ground plane, of every class: KITTI's rules of what is ignored, with the overlap of boxes seen from above."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.evaluation.multi_object.kitti_protocol import (
+    MAX_OCCLUSION,
     ImageBoxes,
     evaluated_boxes,
     is_visible,
 )
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.geometry.box_overlap import iou_bev
-from perception.types import ArrayTable, Boxes3D, Float64, Int, Labels
+from perception.geometry.boxes import points_inside
+from perception.types import ArrayTable, Boxes3D, Float, Float64, Int, Labels
+
+REACH_M = 50.0  # from the LiDAR over the ground, to which objects all round count
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class GroundTracks(ArrayTable):
         ids: (T,) track ids.
         types: (T,) class names, spelled as in labels.
         boxes: (T) boxes without NaN.
-        boxes_px: (T, 4) boxes in the image, by which tracks in regions without labels are ignored.
+        boxes_px: (T, 4) boxes in the image, by which tracks in regions without labels are ignored; NaN all round.
     """
 
     ids: Int
@@ -84,3 +88,24 @@ def ground_frame(labels: Labels, tracks: GroundTracks, class_name: str) -> Track
         iou_bev(true.boxes_velo, found.boxes),
         rule.min_iou,
     )
+
+
+def measured_objects(around: Labels, points_velo: Float) -> Labels:
+    """Return the labels of objects around of which those count that the LiDAR measures and that are near enough.
+
+    Args:
+        around: Labels of all objects around.
+        points_velo: (N, 3+) points of the scan in the LiDAR frame.
+    """
+    has_points = points_inside(around.boxes_velo, points_velo).any(axis=1)
+    counts = has_points & _are_near(around.boxes_velo)
+    return replace(around, occlusion=np.where(counts, 0, MAX_OCCLUSION + 1))
+
+
+def tracks_around(tracks: GroundTracks) -> GroundTracks:
+    """Return the tracks that are near enough, whether an image shows them or not."""
+    return replace(tracks, boxes_px=np.full_like(tracks.boxes_px, np.nan))[_are_near(tracks.boxes)]
+
+
+def _are_near(boxes: Boxes3D) -> NDArray[np.bool_]:
+    return np.asarray(np.hypot(boxes.bottom_m[:, 0], boxes.bottom_m[:, 1]) <= REACH_M)
