@@ -1,10 +1,11 @@
-"""Observations of one object, found over the whole drive: linked from frame to frame, then joined over gaps.
+"""Observations of one object, found over the whole drive: linked forwards and backwards in time, then joined over gaps.
 
 Nothing is decided at a low score: what is no object is told at the end, by all observations of it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,46 +14,65 @@ from data.label_proposals.observations import Observations
 from perception.detection.bev.classes import GROUPS
 from perception.geometry.box_overlap import iou_bev, paired_iou_bev
 from perception.tracking.association import assign_with_max_cost
-from perception.types import Bool, Float64, Int
+from perception.types import ArrayTable, Bool, Float64, Int
 
-_MAX_GAP_S = 1.2  # of a link, and between parts that are joined
-_MAX_JOIN_S = 2.5
-# Of each group: distance from the predicted place that noise explains, and speeds that a change and a start explain.
-_NOISE_M = np.array([0.9, 0.8, 0.6, 0.8])
-_CHANGE_M_S = np.array([4.0, 3.0, 1.2, 3.0])
-_START_M_S = np.array([9.0, 6.0, 2.0, 6.0])
-_SMOOTHING = 0.5  # share of the newest velocity
-_DUPLICATE_IOU = 0.3
+# Of each group, others last: deviations of the acceleration and of an unknown speed.
+ACCELERATION_M_S2 = np.array([2.0, 1.5, 0.8, 1.5])
+_SPEED_M_S = np.array([6.0, 4.0, 1.2, 4.0])
+_KNOWN_SPEED_M_S = 2.0  # deviation of a speed that a frame's tracker states
+_BEST_M, _WORST_M, _PER_M = 0.15, 0.5, 0.004  # deviation of a place: at its best, at score 0, by distance
+_AXIS_RAD = 0.5  # deviation of the axis of a vehicle
+_GATE = 12.0  # squared deviations
+_NEW_PER_M2 = 0.004  # objects that begin or end anywhere, which a link must be more likely than
+_MAX_GAP_S = 1.2  # of a link
+_MAX_JOIN_S = 2.5  # between parts that are joined, but for vehicles that rest
+# Of each group: distance of motions that meet, and its growth with the gap.
+_JOIN_M, _JOIN_M_S = np.array([0.9, 0.8, 0.6, 0.8]), np.array([2.0, 1.5, 0.6, 1.5])
+_END = 5  # observations that tell the motion at an end of a part
+_DUPLICATE_IOU, _DUPLICATE_M = 0.3, 0.4
 _STATIC_M_S, _STATIC_M = 0.25, 0.6
-_SAME_PLACE_IOU, _SAME_PLACE_M = 0.2, 0.7
-_MAX_JOIN_M = 40.0  # between the middles of parts
+_DRIFT_M_S, _DRIFT_S = 0.2, 2.0  # of poses, which let a parked vehicle drift for longer than a time
+_SAME_PLACE_IOU, _SAME_PLACE_M, _MAX_DRIFT_M = 0.2, 0.7, 3.0
+_ROUNDS = 3  # of joining
 _VEHICLES = GROUPS["Car"]
-
-
-@dataclass
-class _Part:
-    """Observations of one object so far.
-
-    Attributes:
-        rows: Rows of the observations.
-        stamp_s: Time of the newest one.
-        place_m: (2,) its place.
-        velocity_m_s: (2,) velocity, NaN before it is known.
-        group: Group of its class.
-    """
-
-    rows: list[int]
-    stamp_s: float
-    place_m: Float64
-    velocity_m_s: Float64
-    group: int
 
 
 def link(observations: Observations) -> list[Int]:
     """Return the rows of each object, in order of time."""
     kept = np.flatnonzero(~_are_duplicates(observations))
     used = observations[kept]
-    return [kept[rows] for rows in _joined(used, _linked(used))] if len(used) else []
+    if not len(used):
+        return []
+    ahead, back = _links(used, 1), _links(used, -1)
+    # A link that holds in one direction of time alone is none.
+    parts = _chains(np.where(back[ahead] == np.arange(len(used)), ahead, -1))
+    for _ in range(_ROUNDS):
+        count = len(parts)
+        parts = _joined(used, parts)
+        if len(parts) == count:
+            break
+    return [kept[rows] for rows in parts]
+
+
+def deviations_m(observations: Observations) -> Float64:
+    """Return the (R,) standard deviations of places along each axis."""
+    away = observations.sensors_world - observations.boxes_world.bottom_m[:, :2]
+    unsure_m = (_WORST_M - _BEST_M) * (1 - observations.scores)
+    return np.asarray(_BEST_M + unsure_m + _PER_M * np.linalg.norm(away, axis=1))
+
+
+def is_static(stamps_s: Float64, places_m: Float64, group: int) -> bool:
+    """Return whether an object stays where it is, by (K, 2) places at (K,) times.
+
+    A vehicle may drift for long: its place is as good as the poses are.
+    """
+    third = max(len(stamps_s) // 3, 1)
+    first_m, last_m = (np.median(places_m[part], axis=0) for part in (slice(third), slice(-third, None)))  # fmt: skip
+    span_s = np.median(stamps_s[-third:]) - np.median(stamps_s[:third])
+    way_m = np.linalg.norm(last_m - first_m)
+    if group == _VEHICLES and span_s > _DRIFT_S and way_m < _DRIFT_M_S * span_s:
+        return True
+    return bool(way_m < _STATIC_M and way_m <= max(_STATIC_M_S * span_s, 0.35))
 
 
 def _frames_of(observations: Observations) -> Iterator[Int]:
@@ -70,160 +90,240 @@ def _are_duplicates(observations: Observations) -> Bool:
         boxes, groups = observations.boxes_world[rows], observations.groups[rows]
         overlaps = iou_bev(boxes, boxes) > _DUPLICATE_IOU
         near_m = np.linalg.norm(boxes.bottom_m[:, None, :2] - boxes.bottom_m[None, :, :2], axis=2)
-        same = (overlaps | (near_m < 0.4)) & (groups[:, None] == groups)
+        same = (overlaps | (near_m < _DUPLICATE_M)) & (groups[:, None] == groups)
         for place in range(1, len(rows)):
             better = rows[:place][same[place, :place]]
             result[rows[place]] = bool((~result[better]).any())
     return result
 
 
-def _linked(observations: Observations) -> list[Int]:
-    parts: list[_Part] = []
-    active: list[_Part] = []
-    for rows in _frames_of(observations):
-        now_s = float(observations.stamps_s[rows[0]])
-        active = [one for one in active if now_s - one.stamp_s <= _MAX_GAP_S]
-        places, groups = observations.boxes_world.bottom_m[rows, :2], observations.groups[rows]
-        costs = _costs(active, places, groups, now_s)
-        found = assign_with_max_cost(costs, np.isfinite(costs), 1.0)
-        for number, place in zip(found.tracks.tolist(), found.detections.tolist(), strict=True):
-            _extend(active[number], int(rows[place]), observations)
-        for place in found.unmatched_detections.tolist():
-            row = int(rows[place])
-            velocity = observations.velocities_m_s[row]
-            active.append(_Part([row], now_s, places[place], velocity, int(groups[place])))
-            parts.append(active[-1])
-    return [np.array(one.rows) for one in parts]
+@dataclass(frozen=True)
+class _Tracks(ArrayTable):
+    """T objects so far, each with constant velocity; the axes have the same covariance.
+
+    Attributes:
+        rows: (T,) row of the newest observation.
+        stamps_s: (T,) its time.
+        places_m: (T, 2) place.
+        velocities_m_s: (T, 2) velocity.
+        covariances: (T, 3) variance of the place, covariance, variance of the velocity.
+        groups: (T,) group of the class.
+        yaw_rad: (T,) axis.
+    """
+
+    rows: Int
+    stamps_s: Float64
+    places_m: Annotated[Float64, 2]
+    velocities_m_s: Annotated[Float64, 2]
+    covariances: Annotated[Float64, 3]
+    groups: Int
+    yaw_rad: Float64
+
+    @classmethod
+    def of(cls, seen: Observations, rows: Int, direction: int) -> "_Tracks":
+        """Return new tracks of observations in some rows, in a direction of time."""
+        velocities = direction * seen.velocities_m_s
+        is_known = np.isfinite(velocities).all(axis=1)
+        speeds = np.where(is_known, _KNOWN_SPEED_M_S, _SPEED_M_S[seen.groups])
+        return cls(
+            rows,
+            direction * seen.stamps_s,
+            seen.boxes_world.bottom_m[:, :2],
+            np.where(is_known[:, None], velocities, 0.0),
+            np.column_stack([deviations_m(seen) ** 2, np.zeros(len(rows)), speeds**2]),
+            seen.groups,
+            seen.boxes_world.yaw_rad,
+        )
+
+    def at(self, stamp_s: float) -> "_Tracks":
+        """Return the tracks at a time."""
+        step = stamp_s - self.stamps_s
+        place, both, speed = self.covariances.T
+        noise = ACCELERATION_M_S2[self.groups] ** 2
+        covariances = np.column_stack(
+            [
+                place + 2 * step * both + step**2 * speed + noise * step**4 / 4,
+                both + step * speed + noise * step**3 / 2,
+                speed + noise * step**2,
+            ]
+        )
+        places = self.places_m + step[:, None] * self.velocities_m_s
+        return replace(self, places_m=places, covariances=covariances)
+
+    def updated(self, seen: Observations, rows: Int, stamp_s: float) -> "_Tracks":
+        """Return predicted tracks with an observation of each, in some rows."""
+        place, both, speed = self.covariances.T
+        gains = np.column_stack([place, both]) / (place + deviations_m(seen) ** 2)[:, None]
+        away = seen.boxes_world.bottom_m[:, :2] - self.places_m
+        return replace(
+            self,
+            rows=rows,
+            stamps_s=np.full(len(rows), stamp_s),
+            places_m=self.places_m + gains[:, :1] * away,
+            velocities_m_s=self.velocities_m_s + gains[:, 1:] * away,
+            covariances=np.column_stack(
+                [place - gains[:, 0] * place, both - gains[:, 0] * both, speed - gains[:, 1] * both]
+            ),
+            yaw_rad=seen.boxes_world.yaw_rad,
+        )
+
+    def costs(self, seen: Observations) -> Float64:
+        """Return (T, D) twice the negative log-likelihood of observations; infinite beyond the gate."""
+        spread = self.covariances[:, :1] + deviations_m(seen) ** 2
+        away = self.places_m[:, None] - seen.boxes_world.bottom_m[None, :, :2]
+        squares = (away**2).sum(axis=2) / spread
+        turned = np.sin(self.yaw_rad[:, None] - seen.boxes_world.yaw_rad) / _AXIS_RAD
+        squares += np.where((self.groups == _VEHICLES)[:, None], turned**2, 0.0)
+        is_near = (squares < _GATE) & (self.groups[:, None] == seen.groups)
+        return np.where(is_near, squares + 2 * np.log(spread), np.inf)
 
 
-def _costs(active: Sequence[_Part], places: Float64, groups: Int, now_s: float) -> Float64:
-    """Return (T, D) distances of observations from predicted places, in gates; infinite in another group."""
-    if not active:
-        return np.zeros((0, len(places)))
-    group = np.array([one.group for one in active])
-    elapsed_s = np.array([now_s - one.stamp_s for one in active])
-    velocities = np.stack([one.velocity_m_s for one in active])
-    is_known = np.isfinite(velocities.sum(axis=1))
-    predicted = np.stack([one.place_m for one in active])
-    predicted = predicted + np.where(is_known[:, None], velocities, 0) * elapsed_s[:, None]
-    speed_m_s = np.where(is_known, _CHANGE_M_S[group], _START_M_S[group])
-    gates_m = _NOISE_M[group] + speed_m_s * elapsed_s
-    distances_m = np.linalg.norm(predicted[:, None] - places[None], axis=2)
-    return np.where(group[:, None] == groups, distances_m / gates_m[:, None], np.inf)
+def _links(observations: Observations, direction: int) -> Int:
+    """Return the (R,) row of the next observation of the same object in a direction of time, -1 for none."""
+    max_cost = -2 * np.log(2 * np.pi * _NEW_PER_M2)
+    result = np.full(len(observations), -1)
+    tracks = _Tracks.empty()
+    for rows in list(_frames_of(observations))[::direction]:
+        seen = observations[rows]
+        stamp_s = direction * float(seen.stamps_s[0])
+        tracks = tracks[stamp_s - tracks.stamps_s <= _MAX_GAP_S]
+        predicted = tracks.at(stamp_s)
+        costs = predicted.costs(seen)
+        found = assign_with_max_cost(costs, np.isfinite(costs), max_cost)
+        old, now, new = found.tracks, found.detections, found.unmatched_detections
+        result[tracks.rows[old]] = rows[now]
+        tracks = _Tracks.concatenate(
+            [
+                predicted[old].updated(seen[now], rows[now], stamp_s),
+                tracks[found.unmatched_tracks],
+                _Tracks.of(seen[new], rows[new], direction),
+            ]
+        )
+    return result
 
 
-def _extend(part: _Part, row: int, observations: Observations) -> None:
-    place, stamp_s = observations.boxes_world.bottom_m[row, :2], float(observations.stamps_s[row])
-    velocity = (place - part.place_m) / (stamp_s - part.stamp_s)
-    if np.isfinite(part.velocity_m_s).all():
-        velocity = _SMOOTHING * velocity + (1 - _SMOOTHING) * part.velocity_m_s
-    part.rows.append(row)
-    part.stamp_s, part.place_m, part.velocity_m_s = stamp_s, place, velocity
+def _chains(follows: Int) -> list[Int]:
+    """Return the rows of each chain, by the (R,) row that follows each, -1 for none."""
+    chains = []
+    for first in np.setdiff1d(np.arange(len(follows)), follows).tolist():
+        rows = [first]
+        while follows[rows[-1]] >= 0:
+            rows.append(int(follows[rows[-1]]))
+        chains.append(np.array(rows))
+    return chains
 
 
 @dataclass(frozen=True)
-class _Motion:
-    """Straight motion of a part.
+class _Parts(ArrayTable):
+    """P parts of objects.
 
     Attributes:
-        first_s: Time of its first observation.
-        last_s: Time of its last one.
-        middle_m: (2,) median of its places.
-        is_static: Whether it stays where it is.
-        start: Place and velocity at the first observation.
-        stop: The same at the last one.
+        groups: (P,) groups.
+        first_s: (P,) times of the first observations.
+        last_s: (P,) times of the last ones.
+        is_static: (P,) whether they stay where they are.
+        starts_m: (P, 2) places at the first observations.
+        stops_m: (P, 2) places at the last ones.
+        start_m_s: (P, 2) velocities at the first observations.
+        stop_m_s: (P, 2) velocities at the last ones.
+        middles_m: (P, 2) medians of the places.
+        best: (P,) rows of the observations of the highest score.
     """
 
-    first_s: float
-    last_s: float
-    middle_m: Float64
-    is_static: bool
-    start: tuple[Float64, Float64]
-    stop: tuple[Float64, Float64]
+    groups: Int
+    first_s: Float64
+    last_s: Float64
+    is_static: Bool
+    starts_m: Annotated[Float64, 2]
+    stops_m: Annotated[Float64, 2]
+    start_m_s: Annotated[Float64, 2]
+    stop_m_s: Annotated[Float64, 2]
+    middles_m: Annotated[Float64, 2]
+    best: Int
 
     @classmethod
-    def of(cls, observations: Observations) -> "_Motion":
-        """Return the motion of the observations of a part."""
-        stamps_s, places = observations.stamps_s, observations.boxes_world.bottom_m[:, :2]
-        middle_m = np.median(places, axis=0)
-        ends = []
-        for side in (slice(None, 5), slice(-5, None)):
-            ends.append(
-                _line(stamps_s[side], places[side], stamps_s[0 if side.start is None else -1])
-            )
-        return cls(
-            float(stamps_s[0]),
-            float(stamps_s[-1]),
-            middle_m,
-            is_static(stamps_s, places),
-            ends[0],
-            ends[1],
-        )
-
-
-def is_static(stamps_s: Float64, places_m: Float64) -> bool:
-    """Return whether an object stays where it is, by (K, 2) places at (K,) times."""
-    count = len(stamps_s)
-    third = max(count // 3, 1)
-    way_m = np.linalg.norm(
-        np.median(places_m[-third:], axis=0) - np.median(places_m[:third], axis=0)
-    )
-    span_s = np.median(stamps_s[-third:]) - np.median(stamps_s[:third])
-    return bool(way_m < _STATIC_M and way_m <= max(_STATIC_M_S * span_s, 0.35))
+    def of(cls, observations: Observations, parts: Sequence[Int]) -> "_Parts":
+        """Return parts of observations in rows in order of time."""
+        columns: list[list[Any]] = [[] for _ in fields(cls)]
+        for rows in parts:
+            stamps_s = observations.stamps_s[rows]
+            places, group = observations.boxes_world.bottom_m[rows, :2], observations.groups[rows[0]]
+            start_m, start_m_s = _line(stamps_s[:_END], places[:_END], stamps_s[0])
+            stop_m, stop_m_s = _line(stamps_s[-_END:], places[-_END:], stamps_s[-1])
+            middle_m, best = np.median(places, axis=0), rows[observations.scores[rows].argmax()]
+            values = (group, stamps_s[0], stamps_s[-1], is_static(stamps_s, places, group))
+            values += (start_m, stop_m, start_m_s, stop_m_s, middle_m, best)
+            for column, value in zip(columns, values, strict=True):
+                column.append(value)
+        return cls(*map(np.array, columns))
 
 
 def _line(stamps_s: Float64, places: Float64, at_s: float) -> tuple[Float64, Float64]:
+    """Return place and velocity at a time."""
+    middle_s, middle_m = stamps_s.mean(), places.mean(axis=0)
     if len(stamps_s) < 3:
-        return places.mean(axis=0), np.zeros(2)
-    slope, origin = np.polyfit(stamps_s - at_s, places, 1)
-    return origin, slope
+        return middle_m, np.zeros(2)
+    away_s = stamps_s - middle_s
+    velocity = away_s @ places / (away_s @ away_s)
+    return middle_m + (at_s - middle_s) * velocity, velocity
 
 
 def _joined(observations: Observations, parts: list[Int]) -> list[Int]:
     """Join parts of one object: at one place of the world where it is static, else where the motions meet in a gap."""
+    of_parts = _Parts.of(observations, parts)
+    first, second, costs = (
+        np.concatenate(pair)
+        for pair in zip(_at_one_place(observations, of_parts), _in_line(of_parts), strict=True)
+    )
     frames = [set(observations.frames[rows].tolist()) for rows in parts]
     owner = list(range(len(parts)))
     members = {number: [number] for number in owner}
-    for _, first, second in sorted(_pairs(observations, parts)):
-        a, b = owner[first], owner[second]
+    for pair in np.argsort(costs, kind="stable").tolist():
+        a, b = owner[first[pair]], owner[second[pair]]
         if a == b or frames[a] & frames[b]:
             continue
         frames[a] |= frames[b]
         members[a] += members.pop(b)
         for number in members[a]:
             owner[number] = a
-    return [np.sort(np.concatenate([parts[one] for one in ones])) for ones in members.values()]
+    whole = [np.concatenate([parts[one] for one in ones]) for ones in members.values()]
+    return [rows[np.argsort(observations.frames[rows], kind="stable")] for rows in whole]
 
 
-def _pairs(observations: Observations, parts: Sequence[Int]) -> Iterator[tuple[float, int, int]]:
-    """Yield pairs of parts that may be one object, each with its cost."""
-    motions = [_Motion.of(observations[rows]) for rows in parts]
-    groups = np.array([observations.groups[rows[0]] for rows in parts], np.int64)
-    middles = np.array([one.middle_m for one in motions]).reshape(-1, 2)
-    best = [rows[observations.scores[rows].argmax()] for rows in parts]
-    boxes = observations.boxes_world[np.array(best, np.int64)]
-    tree = cKDTree(middles)
-    for first, second in sorted(tree.query_pairs(_MAX_JOIN_M)):
-        if groups[first] != groups[second]:
-            continue
-        a, b = motions[first], motions[second]
-        if a.is_static and b.is_static:
-            away_m = float(np.linalg.norm(a.middle_m - b.middle_m))
-            pair = boxes[first : first + 1], boxes[second : second + 1]
-            gap_s = max(a.first_s, b.first_s) - min(a.last_s, b.last_s)
-            is_lasting = groups[first] == _VEHICLES or gap_s < _MAX_JOIN_S
-            if is_lasting and (
-                away_m < _SAME_PLACE_M or paired_iou_bev(*pair)[0] > _SAME_PLACE_IOU
-            ):
-                yield away_m / 10, first, second
-            continue
-        before, after = (a, b) if a.last_s < b.first_s else (b, a)
-        gap_s = after.first_s - before.last_s
-        if not 0 < gap_s <= _MAX_JOIN_S:
-            continue
-        ahead = before.stop[0] + before.stop[1] * gap_s - after.start[0]
-        behind = after.start[0] - after.start[1] * gap_s - before.stop[0]
-        away_m = float(min(np.linalg.norm(ahead), np.linalg.norm(behind)))
-        limit_m = _NOISE_M[groups[first]] + 0.5 * _CHANGE_M_S[groups[first]] * gap_s
-        if away_m < limit_m:
-            yield 1 + away_m / limit_m, first, second
+def _at_one_place(observations: Observations, parts: _Parts) -> tuple[Int, Int, Float64]:
+    """Return pairs of static parts at one place, and the cost of each pair."""
+    rows = np.flatnonzero(parts.is_static)
+    near = cKDTree(parts.middles_m[rows]).query_pairs(_MAX_DRIFT_M, output_type="ndarray")
+    pairs = rows[near.reshape(-1, 2)]
+    order = np.argsort(parts.first_s[pairs], axis=1, kind="stable")
+    pairs = np.take_along_axis(pairs, order, axis=1)
+    a, b = parts[pairs[:, 0]], parts[pairs[:, 1]]
+    gap_s = np.maximum(b.first_s - a.last_s, 0.0)
+    boxes = observations.boxes_world
+    overlaps = paired_iou_bev(boxes[a.best], boxes[b.best])
+    # The end of one and the start of the next are nearer than their middles where poses drift.
+    ends_m = np.linalg.norm(b.starts_m - a.stops_m, axis=1)
+    away_m = np.minimum(np.linalg.norm(b.middles_m - a.middles_m, axis=1), ends_m)
+    is_same = (a.groups == b.groups) & ((away_m < _SAME_PLACE_M) | (overlaps > _SAME_PLACE_IOU))
+    is_same &= (a.groups == _VEHICLES) | (gap_s < _MAX_JOIN_S)
+    return pairs[is_same, 0], pairs[is_same, 1], away_m[is_same] / 10
+
+
+def _in_line(parts: _Parts) -> tuple[Int, Int, Float64]:
+    """Return pairs of parts, one after the other, whose motions meet in the gap, and the cost of each pair."""
+    order = np.argsort(parts.first_s, kind="stable")
+    starts_s = parts.first_s[order]
+    low = np.searchsorted(starts_s, parts.last_s, side="right")
+    counts = np.searchsorted(starts_s, parts.last_s + _MAX_JOIN_S, side="right") - low
+    before = np.repeat(np.arange(len(parts)), counts)
+    after = order[np.arange(len(before)) - np.repeat(np.cumsum(counts) - counts - low, counts)]
+    kept = parts.groups[before] == parts.groups[after]
+    before, after = before[kept], after[kept]
+    a, b = parts[before], parts[after]
+    gap_s = (b.first_s - a.last_s)[:, None]
+    ahead = a.stops_m + gap_s * a.stop_m_s - b.starts_m
+    behind = b.starts_m - gap_s * b.start_m_s - a.stops_m
+    away_m = np.minimum(np.linalg.norm(ahead, axis=1), np.linalg.norm(behind, axis=1))
+    limit_m = _JOIN_M[a.groups] + _JOIN_M_S[a.groups] * gap_s[:, 0]
+    is_near = away_m < limit_m
+    return before[is_near], after[is_near], 1 + (away_m / limit_m)[is_near]

@@ -4,18 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.label_proposals.association import is_static
+from data.label_proposals.association import ACCELERATION_M_S2, deviations_m, is_static
 from data.label_proposals.observations import Observations
 from perception.geometry.se3 import wrap
 from perception.types import Bool, Boxes3D, Float64, Int
 
-# Of each group: deviation of the acceleration along each axis.
-_ACCELERATION_M_S2 = np.array([2.0, 1.5, 0.8, 1.5])
-_DEVIATION_M, _UNSURE_M, _PER_M = (
-    0.15,
-    0.35,
-    0.004,
-)  # of a place: at its best, at score 0, by distance
+_DRIFT_M, _DRIFT_M_S2 = 0.6, 0.02  # of poses: distance that one box does not explain, and its acceleration
+_SPEED_S = 7.5  # in which an object may have reached its speed
 _OUTLIER = 3.0  # deviations
 _COURSE_M_S = 1.0  # speed from which the course is the heading
 _HEADING_FRAMES = 5
@@ -53,18 +48,17 @@ def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> Object
     frames, stamps_s = frames[lies_within], stamps_s[lies_within]
     count, is_observed = len(frames), np.isin(frames, seen.frames)
     bottoms_z = seen.boxes_world.bottom_m[:, 2]
-    if is_static(seen.stamps_s, places):
-        middle = [_weighted_median(column, weights) for column in (*places.T, bottoms_z)]
-        axis_rad = _axis_rad(seen.boxes_world.yaw_rad, weights)
-        boxes = Boxes3D(
-            np.tile(middle, (count, 1)), np.tile(size_m, (count, 1)), np.full(count, axis_rad)
-        )
-        return ObjectTrajectory(frames, boxes, is_observed, is_moving=False)
-    states = _smoothed(seen, places, stamps_s)
+    axis_rad = _axis_rad(seen.boxes_world.yaw_rad, weights)
     z = np.interp(stamps_s, seen.stamps_s, _running_median(bottoms_z))
-    yaw_rad = _headings_rad(seen, states[:, 2:], stamps_s)
+    is_moving = not is_static(seen.stamps_s, places, seen.groups[0])
+    noise = ACCELERATION_M_S2[seen.groups[0]] if is_moving else _DRIFT_M_S2
+    states = _smoothed(seen, places, stamps_s, noise)
+    yaw_rad = _headings_rad(axis_rad, states, stamps_s) if is_moving else np.full(count, axis_rad)
+    if not is_moving and np.ptp(states[:, :2], axis=0).max() < _DRIFT_M:
+        states[:, :2] = [_weighted_median(column, weights) for column in places.T]
+        z[:] = _weighted_median(bottoms_z, weights)
     boxes = Boxes3D(np.column_stack([states[:, :2], z]), np.tile(size_m, (count, 1)), yaw_rad)
-    return ObjectTrajectory(frames, boxes, is_observed, is_moving=True)
+    return ObjectTrajectory(frames, boxes, is_observed, is_moving)
 
 
 def _weighted_median(values: Float64, weights: Float64) -> float:
@@ -95,29 +89,28 @@ def _axis_rad(yaw_rad: Float64, weights: Float64) -> float:
     return float(wrap(np.array(axis + np.pi * is_reversed)))
 
 
-def _smoothed(seen: Observations, places: Float64, stamps_s: Float64) -> Float64:
+def _smoothed(seen: Observations, places: Float64, stamps_s: Float64, noise: float) -> Float64:
     """Return (K, 4) places and velocities at times, by a Kalman filter and a Rauch-Tung-Striebel smoother.
 
     A second pass leaves out the places that are far from the first.
     """
-    distances_m = np.linalg.norm(seen.sensors_world - places, axis=1)
-    deviations_m = _DEVIATION_M + _UNSURE_M * (1 - seen.scores) + _PER_M * distances_m
+    spreads_m = deviations_m(seen)
     rows = np.searchsorted(stamps_s, seen.stamps_s - 1e-6)
-    noise = _ACCELERATION_M_S2[seen.groups[0]]
-    states = _pass(rows, places, deviations_m, stamps_s, noise)
-    away = np.linalg.norm(states[rows, :2] - places, axis=1) / deviations_m
+    states = _pass(rows, places, spreads_m, stamps_s, noise)
+    away = np.linalg.norm(states[rows, :2] - places, axis=1) / spreads_m
     kept = away < _OUTLIER
     if kept.all() or kept.sum() < 3:
         return states
-    return _pass(rows[kept], places[kept], deviations_m[kept], stamps_s, noise)
+    return _pass(rows[kept], places[kept], spreads_m[kept], stamps_s, noise)
 
 
 def _pass(
-    rows: Int, places: Float64, deviations_m: Float64, stamps_s: Float64, noise: float
+    rows: Int, places: Float64, spreads_m: Float64, stamps_s: Float64, noise: float
 ) -> Float64:
     count = len(stamps_s)
     place_of = dict(zip(rows.tolist(), range(len(rows)), strict=True))
-    state, covariance = np.array([*places[0], 0.0, 0.0]), np.diag([4.0, 4.0, 225.0, 225.0])
+    state = np.array([*places[0], 0.0, 0.0])
+    covariance = np.diag([4.0, 4.0, *np.full(2, (_SPEED_S * noise) ** 2)])
     predicted, filtered = np.zeros((count, 4)), np.zeros((count, 4))
     before, after = np.zeros((count, 4, 4)), np.zeros((count, 4, 4))
     steps = np.zeros((count, 4, 4))
@@ -130,7 +123,7 @@ def _pass(
         covariance = step @ covariance @ step.T + noise**2 * gain @ gain.T
         steps[row], predicted[row], before[row] = step, state, covariance
         if (place := place_of.get(row)) is not None:
-            innovation = covariance[:2, :2] + deviations_m[place] ** 2 * np.eye(2)
+            innovation = covariance[:2, :2] + spreads_m[place] ** 2 * np.eye(2)
             kalman = np.linalg.solve(innovation, covariance[:2]).T
             state = state + kalman @ (places[place] - state[:2])
             covariance = covariance - kalman @ covariance[:2]
@@ -149,16 +142,16 @@ def _running_median(values: Float64) -> Float64:
     )
 
 
-def _headings_rad(seen: Observations, velocities_m_s: Float64, stamps_s: Float64) -> Float64:
-    """Return (K,) headings: the course of a fast object, else the detected axis in the direction of the course."""
+def _headings_rad(axis_rad: float, states: Float64, stamps_s: Float64) -> Float64:
+    """Return (K,) headings of a moving object: the course where it is fast, else its axis in the direction of the course."""
+    velocities_m_s = states[:, 2:]
     speeds = np.linalg.norm(velocities_m_s, axis=1)
     course = np.arctan2(velocities_m_s[:, 1], velocities_m_s[:, 0])
     is_fast = speeds > _COURSE_M_S
     if not is_fast.any():
-        axis = _axis_rad(seen.boxes_world.yaw_rad, seen.scores)
         way = velocities_m_s.sum(axis=0)
-        is_back = np.linalg.norm(way) > 0 and np.cos(axis - np.arctan2(way[1], way[0])) < -0.3
-        return np.full(len(stamps_s), wrap(np.array(axis + np.pi * is_back)))
+        is_back = np.linalg.norm(way) > 0 and np.cos(axis_rad - np.arctan2(way[1], way[0])) < -0.3
+        return np.full(len(stamps_s), wrap(np.array(axis_rad + np.pi * is_back)))
     # The heading of a slow moment is that of the nearest fast one.
     fast = np.flatnonzero(is_fast)
     nearest = fast[np.abs(np.arange(len(stamps_s))[:, None] - fast).argmin(axis=1)]

@@ -212,6 +212,7 @@ SUMMARIES: Mapping[str, str] = {
     "study reflectance-maps": "detectors of sparse, interpolated and wide reflectance maps (Tables B.1 to B.3)",
     "study detector-losses": "a detector trained with each form of the loss",
     "study calibration": "errors of the calibration of LiDAR and camera, found again and noticed",
+    "study label-proposals": "proposals of labels beside those of people, by class and distance",
     "study modalities": "precision of sets of modalities by sensor, and the time that they take",
     "study sim-to-real": "a detector trained on more and more synthetic frames",
     "completion": "print a script that completes commands and flags in a shell",
