@@ -227,7 +227,8 @@ def _matched(
         ranges_m=np.where(is_right, np.append(ranges_m, 0.0)[matches], found_m),
         confidences=found.scores,
         is_right=is_right,
-        ious=is_right * np.column_stack([overlaps, np.zeros(len(found))])[range(len(found)), matches],
+        ious=is_right
+        * np.column_stack([overlaps, np.zeros(len(found))])[range(len(found)), matches],
     )
     return LabelledBoxes(truths.types[counts], ranges_m[counts]), proposed[rows]
 
@@ -307,9 +308,7 @@ def _metrics(
     precision, recall = _curve(labels, found, np.array([min_confidence]))
     used = found[found.is_right & (found.confidences >= min_confidence)]
     confidences = np.unique(found.confidences) if len(found) else np.zeros(1)
-    scores = [
-        _f1(*pair) for pair in zip(*_curve(labels, found, confidences).tolist(), strict=True)
-    ]
+    scores = [_f1(*pair) for pair in zip(*_curve(labels, found, confidences).tolist(), strict=True)]
     min_iou = _UNTOUCHED_IOU if name in _WITH_SIDES else _UNTOUCHED_PERSON_IOU
     return ProposalMetrics(
         labels=labels,

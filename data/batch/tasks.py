@@ -22,6 +22,7 @@ from perception.sensor import load_sensor
 # Where each command writes, below the folder of a drive; check prints alone.
 _OUTPUTS: Mapping[str, tuple[str, str]] = {
     "run": ("--out", ""),
+    "label": ("--out", ""),
     "detect": ("--out", ""),
     "maps": ("--out", ""),
     "evaluate": ("--json", "metrics.json"),

@@ -20,7 +20,11 @@ from perception.types import ArrayTable, Bool, Float64, Int
 ACCELERATION_M_S2 = np.array([2.0, 1.5, 0.8, 1.5])
 _SPEED_M_S = np.array([6.0, 4.0, 1.2, 4.0])
 _KNOWN_SPEED_M_S = 2.0  # deviation of a speed that a frame's tracker states
-_BEST_M, _WORST_M, _PER_M = 0.15, 0.5, 0.004  # deviation of a place: at its best, at score 0, by distance
+_BEST_M, _WORST_M, _PER_M = (
+    0.15,
+    0.5,
+    0.004,
+)  # deviation of a place: at its best, at score 0, by distance
 _AXIS_RAD = 0.5  # deviation of the axis of a vehicle
 _GATE = 12.0  # squared deviations
 _NEW_PER_M2 = 0.004  # objects that begin or end anywhere, which a link must be more likely than
@@ -28,12 +32,15 @@ _MAX_GAP_S = 1.2  # of a link
 _MAX_JOIN_S = 2.5  # between parts that are joined, but for vehicles that rest
 # Of each group: distance of motions that meet, and its growth with the gap.
 _JOIN_M, _JOIN_M_S = np.array([0.9, 0.8, 0.6, 0.8]), np.array([2.0, 1.5, 0.6, 1.5])
-_END = 5  # observations that tell the motion at an end of a part
+_END_S, _END = (
+    1.0,
+    5,
+)  # time and least number of observations that tell the motion at an end of a part
 _DUPLICATE_IOU, _DUPLICATE_M = 0.3, 0.4
 _STATIC_M_S, _STATIC_M = 0.25, 0.6
-_DRIFT_M_S, _DRIFT_S = 0.2, 2.0  # of poses, which let a parked vehicle drift for longer than a time
+_DRIFT_M_S, _DRIFT_S = 0.4, 1.0  # of poses, which let a parked vehicle drift for longer than a time
 _SAME_PLACE_IOU, _SAME_PLACE_M, _MAX_DRIFT_M = 0.2, 0.7, 3.0
-_ROUNDS = 3  # of joining
+_MOVES = 1.0  # least cost of a pair that moves
 _VEHICLES = GROUPS["Car"]
 
 
@@ -46,12 +53,7 @@ def link(observations: Observations) -> list[Int]:
     ahead, back = _links(used, 1), _links(used, -1)
     # A link that holds in one direction of time alone is none.
     parts = _chains(np.where(back[ahead] == np.arange(len(used)), ahead, -1))
-    for _ in range(_ROUNDS):
-        count = len(parts)
-        parts = _joined(used, parts)
-        if len(parts) == count:
-            break
-    return [kept[rows] for rows in parts]
+    return [kept[rows] for rows in _joined(used, parts)]
 
 
 def deviations_m(observations: Observations) -> Float64:
@@ -247,9 +249,14 @@ class _Parts(ArrayTable):
         columns: list[list[Any]] = [[] for _ in fields(cls)]
         for rows in parts:
             stamps_s = observations.stamps_s[rows]
-            places, group = observations.boxes_world.bottom_m[rows, :2], observations.groups[rows[0]]
-            start_m, start_m_s = _line(stamps_s[:_END], places[:_END], stamps_s[0])
-            stop_m, stop_m_s = _line(stamps_s[-_END:], places[-_END:], stamps_s[-1])
+            places, group = (
+                observations.boxes_world.bottom_m[rows, :2],
+                observations.groups[rows[0]],
+            )
+            start = max(_END, int(np.searchsorted(stamps_s, stamps_s[0] + _END_S)))
+            stop = min(len(rows) - _END, int(np.searchsorted(stamps_s, stamps_s[-1] - _END_S)))
+            start_m, start_m_s = _line(stamps_s[:start], places[:start], stamps_s[0])
+            stop_m, stop_m_s = _line(stamps_s[max(stop, 0) :], places[max(stop, 0) :], stamps_s[-1])
             middle_m, best = np.median(places, axis=0), rows[observations.scores[rows].argmax()]
             values = (group, stamps_s[0], stamps_s[-1], is_static(stamps_s, places, group))
             values += (start_m, stop_m, start_m_s, stop_m_s, middle_m, best)
@@ -306,7 +313,7 @@ def _at_one_place(observations: Observations, parts: _Parts) -> tuple[Int, Int, 
     away_m = np.minimum(np.linalg.norm(b.middles_m - a.middles_m, axis=1), ends_m)
     is_same = (a.groups == b.groups) & ((away_m < _SAME_PLACE_M) | (overlaps > _SAME_PLACE_IOU))
     is_same &= (a.groups == _VEHICLES) | (gap_s < _MAX_JOIN_S)
-    return pairs[is_same, 0], pairs[is_same, 1], away_m[is_same] / 10
+    return pairs[is_same, 0], pairs[is_same, 1], away_m[is_same] / _MAX_DRIFT_M / 2
 
 
 def _in_line(parts: _Parts) -> tuple[Int, Int, Float64]:
@@ -326,4 +333,4 @@ def _in_line(parts: _Parts) -> tuple[Int, Int, Float64]:
     away_m = np.minimum(np.linalg.norm(ahead, axis=1), np.linalg.norm(behind, axis=1))
     limit_m = _JOIN_M[a.groups] + _JOIN_M_S[a.groups] * gap_s[:, 0]
     is_near = away_m < limit_m
-    return before[is_near], after[is_near], 1 + (away_m / limit_m)[is_near]
+    return before[is_near], after[is_near], _MOVES + (away_m / limit_m)[is_near]

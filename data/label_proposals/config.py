@@ -18,7 +18,9 @@ class ProposedLabelConfig:
     """
 
     form: LabelFormName = "openlabel"
-    min_confidence: float = 0.5
+    min_confidence: float = (
+        0.4  # half of an F1 of 0.8, the best limit where confidences are probabilities
+    )
     review: Path | None = None
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from data.label_proposals.config import ProposedLabelConfig
 from data.label_proposals.proposals import ProposalFile
 from data.label_proposals.review import labelled_frames, read_review, reviewed
 from data.recorded_drive import RecordedDrive
+from perception.detection.networks import chosen_detection
 from perception.pipeline import PipelineConfig
 from perception.types import DetectorModality
 
@@ -15,10 +16,13 @@ LABELS = "boxes"  # folder of the labels
 
 
 def proposal_pipeline(config: PipelineConfig, drive: RecordedDrive) -> PipelineConfig:
-    """Return a configuration that detects from above, and in images where there are some, unless modalities are named."""
+    """Return a configuration that detects from above beside the modalities of the sensor, unless modalities are named."""
     if config.detection.modalities is not None:
         return config
-    modalities: tuple[DetectorModality, ...] = ("bev",) if drive.images is None else ("rgb", "bev")
+    modalities: tuple[DetectorModality, ...] = ("bev",)
+    if drive.images is not None:
+        chosen = chosen_detection(config.detection, drive.sensor, config.method)
+        modalities = tuple(dict.fromkeys([*(chosen.modalities or ()), "bev"]))
     return replace(config, detection=replace(config.detection, modalities=modalities))
 
 

@@ -13,16 +13,23 @@ from data.label_proposals.association import link
 from data.label_proposals.observations import Observations
 from data.label_proposals.trajectory import ObjectTrajectory, fit_trajectory
 from data.results.documents import write_json
+from perception.detection.bev.classes import GROUPS
 from perception.errors import LabelError
 from perception.geometry.box_overlap import iou_bev
 from perception.tracking.vehicles.class_sizes import CLASS_SIZES
-from perception.types import Boxes3D, Float64, Int
+from perception.tracking.vehicles.evidence import log_odds, probability
+from perception.types import Bool, Boxes3D, Float64, Int
 
 FILE_NAME = "proposals.json"
 MIN_SCORE = 0.1  # of an observation
 _FORMAT = "trifuse proposals 1"
-_MISSED = 0.1  # score of a frame in which an object has returns, and is not detected
-_MIN_RETURNS = 3  # of such a frame
+_MIN_RETURNS = 3  # of a frame in which an object is visible
+# Log-odds of an object: by the mean log-odds of the better half of its observations, the logarithm of the number of
+# distinct ones, and their share of the frames in which it is visible; the last is a constant.
+_OF_VEHICLES = np.array([1.0, 0.8, 4.0, -5.3])
+_OF_PEOPLE = np.array([0.8, 0.8, 8.0, -8.5])  # posts are found now and then
+_ALIKE_S = 0.6  # in which detections of one object err alike
+_LEAST = 0.02  # score at which log-odds end
 _MIN_CONFIDENCE = 0.1  # of a proposal that is kept at all
 _SAME_IOU = 0.2
 _UNSURE = (0.3, 0.8)  # confidences
@@ -92,8 +99,7 @@ def observed_objects(
     result = []
     for rows in link(observations):
         seen = observations[rows]
-        strong = np.sort(seen.scores)[len(seen) // 2 :]
-        if _mean_score(strong) >= _MIN_CONFIDENCE:
+        if _confidence(seen, 0) >= _MIN_CONFIDENCE:
             result.append(ObservedObject(seen, fit_trajectory(seen, frames, stamps_s)))
     return result
 
@@ -102,20 +108,30 @@ def to_proposals(objects: Sequence[ObservedObject]) -> list[Proposal]:
     """Return the proposals of objects whose returns are counted; of two at one place the surer one."""
     found = [one for one in map(_to_proposal, objects) if one is not None]
     found.sort(key=lambda one: -one.confidence)
-    kept: list[Proposal] = []
-    for one in found:
-        if not any(_are_same(one, other) for other in kept):
-            kept.append(one)
-    return [replace(one, number=number) for number, one in enumerate(kept, start=1)]
+    # Objects whose times and surroundings do not meet are not compared.
+    lows = np.array([_reach(one, -1.0).min(axis=0) for one in found]).reshape(-1, 3)
+    highs = np.array([_reach(one, 1.0).max(axis=0) for one in found]).reshape(-1, 3)
+    kept: list[int] = []
+    for row, one in enumerate(found):
+        meet = (lows[kept] <= highs[row]).all(axis=1) & (highs[kept] >= lows[row]).all(axis=1)
+        if not any(_are_same(one, found[kept[other]]) for other in np.flatnonzero(meet)):
+            kept.append(row)
+    return [replace(found[row], number=number) for number, row in enumerate(kept, start=1)]
+
+
+def _reach(one: Proposal, side: float) -> Float64:
+    """Return (K, 3) frames and ends of the surroundings of an object on one side."""
+    ends_m = one.boxes_world.bottom_m[:, :2] + side * one.boxes_world.size_m[:, :1] / 2
+    return np.column_stack([one.frames, ends_m])
 
 
 def _to_proposal(one: ObservedObject) -> Proposal | None:
     seen, trajectory = one.seen, one.trajectory
     points = np.array([one.points.get(frame, 0) for frame in trajectory.frames.tolist()], np.int64)
-    score_of = dict(zip(seen.frames.tolist(), seen.scores.tolist(), strict=True))
-    scores = np.array([score_of.get(one, _MISSED) for one in trajectory.frames.tolist()])
-    confidence = _mean_score(scores[trajectory.is_observed | (points >= _MIN_RETURNS)])
-    is_labelled = points > 0
+    is_reached = _are_reached(trajectory.is_observed, points >= _MIN_RETURNS)
+    is_missed = is_reached & ~trajectory.is_observed & (points >= _MIN_RETURNS)
+    confidence = _confidence(seen, int(is_missed.sum()))
+    is_labelled = (points > 0) & is_reached
     if confidence < _MIN_CONFIDENCE or not is_labelled.any():
         return None
     weights: dict[str, float] = {}
@@ -128,6 +144,15 @@ def _to_proposal(one: ObservedObject) -> Proposal | None:
     best = int(seen.frames[seen.scores.argmax()])
     moves = trajectory.is_moving
     return Proposal(0, kind, confidence, moves, frames, boxes, points[is_labelled], best, reasons)
+
+
+def _are_reached(is_observed: Bool, is_visible: Bool) -> Bool:
+    """Return whether each frame is between the first and the last observation, or visible up to one of them."""
+    first, last = np.flatnonzero(is_observed)[[0, -1]]
+    result = np.ones(len(is_observed), bool)
+    result[:first] = np.logical_and.accumulate(is_visible[:first][::-1])[::-1]
+    result[last + 1 :] = np.logical_and.accumulate(is_visible[last + 1 :])
+    return result
 
 
 def _reasons(
@@ -148,12 +173,14 @@ def _reasons(
     return tuple(reason for reason, holds in known.items() if holds)
 
 
-def _mean_score(scores: Float64) -> float:
-    """Return the probability of the mean log-odds of scores."""
-    if not len(scores):
-        return 0.0
-    clipped = np.clip(scores, 0.01, 0.99)
-    return float(1 / (1 + np.exp(-np.log(clipped / (1 - clipped)).mean())))
+def _confidence(seen: Observations, missed: int) -> float:
+    """Return the probability of an object by its observations, and the number of frames that lack one."""
+    odds = log_odds(np.sort(seen.scores)[len(seen) // 2 :], _LEAST).mean()
+    distinct = 1 + (seen.stamps_s[-1] - seen.stamps_s[0]) / _ALIKE_S
+    share = len(seen) / (len(seen) + missed)
+    weights = _OF_VEHICLES if seen.groups[0] == GROUPS["Car"] else _OF_PEOPLE
+    facts = np.array([odds, np.log(min(len(seen), distinct)), share, 1.0])
+    return float(probability(weights @ facts))
 
 
 def _are_same(one: Proposal, other: Proposal) -> bool:

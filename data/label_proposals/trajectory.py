@@ -6,10 +6,14 @@ import numpy as np
 
 from data.label_proposals.association import ACCELERATION_M_S2, deviations_m, is_static
 from data.label_proposals.observations import Observations
+from perception.detection.bev.classes import GROUPS
 from perception.geometry.se3 import wrap
 from perception.types import Bool, Boxes3D, Float64, Int
 
-_DRIFT_M, _DRIFT_M_S2 = 0.6, 0.02  # of poses: distance that one box does not explain, and its acceleration
+_DRIFT_M, _DRIFT_M_S2 = (
+    0.6,
+    0.02,
+)  # of poses: distance that one box does not explain, and its acceleration
 _SPEED_S = 7.5  # in which an object may have reached its speed
 _OUTLIER = 3.0  # deviations
 _COURSE_M_S = 1.0  # speed from which the course is the heading
@@ -21,7 +25,7 @@ class ObjectTrajectory:
     """Boxes of one object in frames that follow each other.
 
     Attributes:
-        frames: (K,) frame indices, from its first to its last observation.
+        frames: (K,) frame indices, from its first to its last observation; of what stays where it is, all of the drive.
         boxes_world: (K) boxes in the world frame.
         is_observed: (K,) whether it was detected in the frame.
         is_moving: Whether it ever moves.
@@ -44,21 +48,27 @@ def fit_trajectory(seen: Observations, frames: Int, stamps_s: Float64) -> Object
     weights = seen.scores * np.sqrt(seen.points + 1.0)
     size_m = np.array([_weighted_median(column, weights) for column in seen.boxes_world.size_m.T])
     places = _anchored(seen, size_m)
+    rests, group = is_static(seen.stamps_s, places, seen.groups[0]), seen.groups[0]
+    stays = rests & (group != GROUPS["Pedestrian"])
     lies_within = (frames >= seen.frames[0]) & (frames <= seen.frames[-1])
-    frames, stamps_s = frames[lies_within], stamps_s[lies_within]
-    count, is_observed = len(frames), np.isin(frames, seen.frames)
-    bottoms_z = seen.boxes_world.bottom_m[:, 2]
+    states = _smoothed(
+        seen, places, stamps_s[lies_within], _DRIFT_M_S2 if rests else ACCELERATION_M_S2[group]
+    )
     axis_rad = _axis_rad(seen.boxes_world.yaw_rad, weights)
-    z = np.interp(stamps_s, seen.stamps_s, _running_median(bottoms_z))
-    is_moving = not is_static(seen.stamps_s, places, seen.groups[0])
-    noise = ACCELERATION_M_S2[seen.groups[0]] if is_moving else _DRIFT_M_S2
-    states = _smoothed(seen, places, stamps_s, noise)
-    yaw_rad = _headings_rad(axis_rad, states, stamps_s) if is_moving else np.full(count, axis_rad)
-    if not is_moving and np.ptp(states[:, :2], axis=0).max() < _DRIFT_M:
+    yaw_rad = np.full(len(states), axis_rad) if rests else _headings_rad(axis_rad, states)
+    bottoms_z = seen.boxes_world.bottom_m[:, 2]
+    z = np.interp(stamps_s[lies_within], seen.stamps_s, _running_median(bottoms_z))
+    if rests and np.ptp(states[:, :2], axis=0).max() < _DRIFT_M:
         states[:, :2] = [_weighted_median(column, weights) for column in places.T]
         z[:] = _weighted_median(bottoms_z, weights)
-    boxes = Boxes3D(np.column_stack([states[:, :2], z]), np.tile(size_m, (count, 1)), yaw_rad)
-    return ObjectTrajectory(frames, boxes, is_observed, is_moving)
+    middles = np.column_stack([states[:, :2], z])
+    if stays:
+        # It was there before, and is afterwards.
+        rows = np.clip(np.arange(len(frames)) - lies_within.argmax(), 0, len(states) - 1)
+        middles, yaw_rad, lies_within = middles[rows], yaw_rad[rows], np.ones(len(frames), bool)
+    frames = frames[lies_within]
+    boxes = Boxes3D(middles, np.tile(size_m, (len(frames), 1)), yaw_rad)
+    return ObjectTrajectory(frames, boxes, np.isin(frames, seen.frames), not rests)
 
 
 def _weighted_median(values: Float64, weights: Float64) -> float:
@@ -142,7 +152,7 @@ def _running_median(values: Float64) -> Float64:
     )
 
 
-def _headings_rad(axis_rad: float, states: Float64, stamps_s: Float64) -> Float64:
+def _headings_rad(axis_rad: float, states: Float64) -> Float64:
     """Return (K,) headings of a moving object: the course where it is fast, else its axis in the direction of the course."""
     velocities_m_s = states[:, 2:]
     speeds = np.linalg.norm(velocities_m_s, axis=1)
@@ -151,8 +161,8 @@ def _headings_rad(axis_rad: float, states: Float64, stamps_s: Float64) -> Float6
     if not is_fast.any():
         way = velocities_m_s.sum(axis=0)
         is_back = np.linalg.norm(way) > 0 and np.cos(axis_rad - np.arctan2(way[1], way[0])) < -0.3
-        return np.full(len(stamps_s), wrap(np.array(axis_rad + np.pi * is_back)))
+        return np.full(len(states), wrap(np.array(axis_rad + np.pi * is_back)))
     # The heading of a slow moment is that of the nearest fast one.
     fast = np.flatnonzero(is_fast)
-    nearest = fast[np.abs(np.arange(len(stamps_s))[:, None] - fast).argmin(axis=1)]
+    nearest = fast[np.abs(np.arange(len(states))[:, None] - fast).argmin(axis=1)]
     return np.asarray(course[nearest])

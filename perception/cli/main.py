@@ -173,6 +173,7 @@ SUMMARIES: Mapping[str, str] = {
     "evaluate results": "metrics of result files of any program",
     "batch": "run a command on many drives at once, on all cores or a cluster",
     "batch run": "the pipeline",
+    "batch label": "proposals of labels",
     "batch detect": "DepthCN",
     "batch maps": "dense depth and reflectance maps",
     "batch check": "what is missing, damaged or implausible",
@@ -331,8 +332,7 @@ def run_command_line(words: Sequence[str]) -> None:
         return
     group, *rest = words
     subcommands = {name: one for name, one in COMMANDS.items() if name.startswith(f"{group} ")}
-    is_help = not rest or rest[0] in ("-h", "--help")
-    if subcommands and is_help:
+    if subcommands and (not rest or rest[0] in ("-h", "--help")):
         lines = _lines({name: one.summary for name, one in subcommands.items()})
         print(f"usage: trifuse {group} COMMAND [flags]\n\n{SUMMARIES[group]}:\n\n{lines}")
     else:
@@ -363,5 +363,4 @@ def _top_level() -> dict[str, str]:
 
 
 def _lines(summaries: Mapping[str, str]) -> str:
-    width = max(map(len, summaries))
-    return "\n".join(f"  {name:<{width}}  {summary}" for name, summary in summaries.items())
+    return "\n".join(f"  {one:<{max(map(len, summaries))}}  {summaries[one]}" for one in summaries)

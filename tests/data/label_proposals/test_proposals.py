@@ -77,11 +77,29 @@ def test_a_gap_is_filled_and_a_parked_object_is_one():
 
 def test_what_is_detected_now_and_then_is_not_confident():
     steady = observed(lambda _: (5.0, 5.0), seed=1)
-    rare = observed(lambda _: (15.0, -5.0), [0, 9, 20, 29], score=0.6, seed=2)
+    rare = observed(lambda _: (15.0, -5.0), [0, 9, 10, 12, 20, 29], score=0.75, seed=2)
     found = proposals_of(steady, rare)
-    assert [one.confidence > 0.5 for one in found] == [True, False]
-    assert found[0].confidence == pytest.approx(0.8, abs=0.01)
+    assert [one.confidence > 0.4 for one in found] == [True, False]
+    # By log-odds of 0.8, ln(1 + 2.9 / 0.6) and no missed frame.
+    evidence = 1.386 + 0.8 * np.log(1 + 2.9 / 0.6) + 4.0 - 5.3
+    assert found[0].confidence == pytest.approx(1 / (1 + np.exp(-evidence)), abs=0.001)
     assert "unsure" not in found[0].reasons
+
+
+def test_what_is_parked_is_there_before_and_afterwards_while_it_has_returns():
+    parked = observed(lambda _: (5.0, 5.0), range(10, 20))
+    [found] = observed_objects(parked, FRAMES, STAMPS_S)
+    found.points.update(dict.fromkeys(range(6, 27), 50) | {4: 50, 28: 50})
+    [one] = to_proposals([found])
+    assert one.frames.tolist() == list(range(6, 27))
+    assert np.ptp(one.boxes_world.bottom_m, axis=0).max() == 0
+
+
+def test_a_vehicle_that_drifts_with_the_poses_is_parked():
+    parked = observed(lambda t: (12.0 + 0.3 * t, 6.0), yaw=1.2)
+    [one] = proposals_of(parked)
+    assert not one.is_moving
+    np.testing.assert_allclose(one.boxes_world.yaw_rad, 1.2, atol=0.05)
 
 
 def test_an_object_has_its_commonest_class():
