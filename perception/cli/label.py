@@ -46,6 +46,6 @@ def label(
     if labels.review is None:
         chosen = proposal_pipeline(pipeline, opened)
         run = RunConfig(frames=drive.frames, video=False, pipeline=chosen, proposes=True)
-        bars = (200, (), progress_bar, frame_progress_bar("returns"))
+        bars = (results.checkpoint_frames, (), progress_bar, frame_progress_bar("returns"))
         DriveRun(opened, run, drive.on_bad_frame, *bars).write(results.place(config))
     print(write_labels(opened, results.out or LATEST, labels))

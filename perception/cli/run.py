@@ -30,9 +30,11 @@ class RunResultsFlags(ResultsFlags):
 
     Attributes:
         resume: Resume the stopped run of the same configuration in that folder, by default in results/latest.
+        checkpoint_frames: Number of frames between two checkpoints, from which --resume continues; 0 for none.
     """
 
     resume: bool = False
+    checkpoint_frames: int = 200
 
     def __post_init__(self) -> None:
         """Validate that results are gone on with or replaced, and not both."""
@@ -56,7 +58,6 @@ def run(
     results: RunResultsFlags,
     exports: ExportFlags,
     config: CommandConfig,
-    checkpoint_frames: int = 200,
     video: bool = True,
     video_views: bool = False,
     track: int | None = None,
@@ -74,7 +75,6 @@ def run(
 
     Args:
         drive: Folder or file of a drive in any layout.
-        checkpoint_frames: Number of frames between two checkpoints, from which --resume continues; 0 for none.
         video: Draw the video.
         video_views: Also draw the boxes of each modality's detector in the video.
         track: Id of a track or detected vehicle that a one-object tracker takes over.
@@ -111,6 +111,6 @@ def run(
     )
     place, bar = results.place(config), frame_progress_bar("report")
     compile_functions()
-    every, skips = checkpoint_frames, frames.on_bad_frame
+    every, skips = results.checkpoint_frames, frames.on_bad_frame
     run = DriveRun(opened, run_config, skips, every, faults, progress_bar, bar)
     print(run.write(place).text(stages=stages))

@@ -8,6 +8,7 @@ import pytest
 from perception.cli.main import main, run_command_line
 from perception.errors import DriveError, UsageError
 from tests.car_frames import write_car_frames
+from tests.detection.filled_cells import filled_cells
 from tests.faults import fault
 
 
@@ -48,6 +49,22 @@ def test_maps_of_a_fleet(fleet, tmp_path, capsys):
     assert states(out) == {"a": "skipped", "b": "failed", "c": "skipped"}
     assert main([*words, "--on-bad-frame", "skip"]) == 0  # another configuration
     assert states(out) == dict.fromkeys("abc", "done")
+
+
+def test_proposals_of_labels_of_a_fleet(fleet, tmp_path):
+    model, out = tmp_path / "bev.onnx", tmp_path / "fleet"
+    model.write_bytes(filled_cells())
+    words = ["--pipeline.detection.bev-model", str(model), "--pipeline.detection.modalities", "bev"]
+    drives = [str(fleet / name) for name in "ac"]
+    line = ["batch", "label", *drives, "--out", str(out), "--workers", "1", *words]
+    run_command_line(line)
+    assert states(out) == {"a": "done", "c": "done"}
+    run_command_line(["label", drives[1], "--out", str(tmp_path / "alone"), *words])
+    for name in ("proposals.json", "review.html", "boxes/openlabel.json"):
+        of_batch = out / "drives/c" / name
+        assert of_batch.read_bytes() == (tmp_path / "alone" / name).read_bytes()
+    run_command_line(line)
+    assert states(out) == {"a": "skipped", "c": "skipped"}
 
 
 def test_a_drive_in_chunks_has_the_same_maps(tmp_path):

@@ -1,6 +1,7 @@
 """Runs that are killed at random moments and resumed leave the bytes of a run that was not."""
 
 import json
+import os
 import shutil
 import signal
 from pathlib import Path
@@ -9,8 +10,10 @@ import av
 import numpy as np
 import pytest
 
+from data.label_proposals.proposal_writer import ProposalWriter
 from data.results.run_folder import RunFolder, is_complete
 from perception.errors import DriveError, UsageError
+from tests.detection.filled_cells import filled_cells
 from tests.faults import command, fault
 from tests.killed_runs import run_command
 
@@ -75,6 +78,34 @@ def test_results_after_kills_at_random_moments_are_the_same(drive, whole, tmp_pa
         assert found.keys() == expected.keys(), (moment, delay_s)
         for name, one in expected.items():
             assert found[name] == one, (name, moment, delay_s)
+
+
+def test_proposals_of_labels_after_a_kill_are_the_same(drive, tmp_path, monkeypatch):
+    model, whole, killed = (tmp_path / name for name in ("bev.onnx", "whole", "killed"))
+    model.write_bytes(filled_cells())
+    words = ["label", str(drive), "--sequence", "0000", "--checkpoint-frames", "2",
+             "--pipeline.detection.bev-model", str(model), "--out"]  # fmt: skip
+    assert run_command([*words, str(whole)]) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(ProposalWriter, "add", _killed_at(4, ProposalWriter.add))
+        assert run_command([*words, str(killed)]) == -signal.SIGKILL
+    assert sorted(path.name for path in killed.iterdir()) == ["checkpoint.zip", "config.yaml"]
+    assert run_command([*words, str(killed), "--resume"]) == 0
+    expected, found = content(whole), content(killed)
+    assert expected.keys() == found.keys() > {"proposals.json", "review.html"}
+    assert json.loads(expected["proposals.json"])["objects"]
+    assert [name for name in expected if found[name] != expected[name]] == []
+
+
+def _killed_at(index, add):
+    """Return a way to add frames to a writer that ends the process at a frame."""
+
+    def killed(writer, result, selected):
+        if result.frame.index == index:
+            os.kill(os.getpid(), signal.SIGKILL)
+        add(writer, result, selected)
+
+    return killed
 
 
 @pytest.fixture
