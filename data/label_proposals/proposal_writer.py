@@ -14,15 +14,18 @@ from data.label_proposals.proposals import (
     observed_objects,
     to_proposals,
 )
-from data.label_proposals.review_page import preview_of, write_review_page
-from data.labelled_objects import box_owners
+from data.label_proposals.review_page import preview, write_review_page
 from data.recorded_drive import RecordedDrive
 from data.results.result_writer import ResultWriter
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
+from perception.kernels.box_owners import owners_in_boxes
 from perception.render.scene import SelectedObject
 from perception.snapshot import Restorable
 from perception.types import Boxes3D, Float64, Progress, Result, UInt8
+
+# Of the boxes whose returns are counted, and of the cells on the ground by which they are.
+_REACH_M, _CELL_M, _MARGIN_M = 100.0, 0.1, 0.1
 
 
 class ProposalWriter(Restorable, ResultWriter):
@@ -60,8 +63,7 @@ class ProposalWriter(Restorable, ResultWriter):
             self._count_returns(found, frame)
         proposals = to_proposals(found)
         ProposalFile(proposals, self._poses).write(self._out)
-        pictures = {one.number: self._preview(one) for one in proposals}
-        write_review_page(self._out, self._drive.name, proposals, pictures)
+        write_review_page(self._out, self._drive.name, proposals, self._previews(proposals))
 
     def _count_returns(self, found: Sequence[ObservedObject], frame: int) -> None:
         """Count the returns in the boxes of one frame."""
@@ -73,14 +75,25 @@ class ProposalWriter(Restorable, ResultWriter):
         ]
         boxes_world = Boxes3D.concatenate(box for _, box in present)
         boxes = transform_boxes(inverse(self._poses[frame]), boxes_world)
-        owners = box_owners(boxes, self._drive.scan(frame).points_velo)
-        counts = np.bincount(owners[owners >= 0], minlength=len(present))
-        for (one, _), count in zip(present, counts.tolist(), strict=True):
-            one.points[frame] = count
+        is_near = np.abs(boxes.bottom_m[:, :2]).max(axis=1) < _REACH_M
+        # A return in two boxes is one of the smaller.
+        order = np.argsort(np.where(is_near, boxes.size_m.prod(axis=1), np.inf))[: is_near.sum()]
+        columns = np.column_stack([boxes.bottom_m, boxes.size_m, boxes.yaw_rad])[order]
+        points = np.ascontiguousarray(self._drive.scan(frame).points_velo)
+        owners = owners_in_boxes(points, np.ascontiguousarray(columns), _CELL_M, _MARGIN_M, 0.0)
+        counts = np.bincount(owners[owners >= 0], minlength=len(order))
+        for row, count in zip(order.tolist(), counts.tolist(), strict=True):
+            present[row][0].points[frame] = count
 
-    def _preview(self, one: Proposal) -> UInt8:
-        row = int(one.points.argmax())
-        frame = int(one.frames[row])
-        box_world = one.boxes_world[row : row + 1]
-        box_velo = transform_boxes(inverse(self._poses[frame]), box_world)
-        return preview_of(self._drive.scan(frame).points_velo, box_velo)
+    def _previews(self, proposals: Sequence[Proposal]) -> dict[int, UInt8]:
+        """Return an image of each object by its number, in the frame with the most of its returns."""
+        of_frame: dict[int, list[Proposal]] = {}
+        for one in proposals:
+            of_frame.setdefault(int(one.frames[one.points.argmax()]), []).append(one)
+        previews = {}
+        for index in self._progress(sorted(of_frame)):
+            frame, velo_SE3_world = self._drive[index], inverse(self._poses[index])
+            for one in of_frame[index]:
+                box_world = one.boxes_world[[int(one.points.argmax())]]
+                previews[one.number] = preview(frame, transform_boxes(velo_SE3_world, box_world))
+        return previews

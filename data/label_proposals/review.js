@@ -18,7 +18,7 @@ function remember() {
 function card(one) {
   const box = document.createElement("article");
   const image = new Image();
-  image.src = "data:image/png;base64," + one.image;
+  image.src = "data:image/jpeg;base64," + one.image;
   image.alt = "object " + one.number + " from above";
   const text = document.createElement("p");
   text.textContent = "#" + one.number + "  " + one.confidence + "  " + one.facts;

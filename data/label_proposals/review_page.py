@@ -13,16 +13,22 @@ from data.label_proposals.proposals import Proposal
 from data.label_proposals.review import REVIEW_FORMAT
 from perception.atomic_file import write_atomically
 from perception.detection.bev.classes import BEV_CLASSES
-from perception.types import Boxes3D, Float, UInt8
+from perception.geometry.camera import box_outlines_px
+from perception.types import Boxes3D, Float, Float64, Frame, UInt8
 
 PAGE_NAME = "review.html"
 _HERE = Path(__file__).parent
 _SIDE_PX, _MARGIN_M = 160, 3.0
+_CROP, _MIN_CROP_PX = (
+    0.75,
+    40.0,
+)  # half a side of a crop: by the longer one of the box, and at least
+_JPEG = (cv2.IMWRITE_JPEG_QUALITY, 85)
 _STYLE = """
 body{font:14px sans-serif;margin:1em;background:#fafafa}header{position:sticky;top:0;background:#fafafa;padding:.5em 0}
-#list{display:grid;grid-template-columns:repeat(auto-fill,minmax(180px,1fr));gap:10px}
+#list{display:grid;grid-template-columns:repeat(auto-fill,minmax(335px,1fr));gap:10px}
 article{border:3px solid #ccc;border-radius:6px;padding:6px;background:#fff}article.accept{border-color:#2a2}
-article.reject{border-color:#c22;opacity:.6}img{width:160px;display:block}p{margin:.3em 0}.reasons{color:#a40;min-height:1em}
+article.reject{border-color:#c22;opacity:.6}img{height:160px;display:block}button,select{margin-right:.4em}p{margin:.3em 0}.reasons{color:#a40;min-height:1em}
 """
 
 
@@ -54,6 +60,45 @@ def preview_of(points_velo: Float, box_velo: Boxes3D) -> UInt8:
     return image
 
 
+def camera_preview(frame: Frame, box_velo: Boxes3D) -> UInt8 | None:
+    """Return an (S, S, 3) crop of the image that shows a box best, drawn in it; None where no camera shows it.
+
+    Args:
+        frame: Frame with the images of its cameras.
+        box_velo: One box.
+    """
+    shown: list[tuple[float, UInt8, Float64]] = []
+    for view in frame.views:
+        if view.image is not None and view.calibration is not None:
+            size_px = view.image.shape[1::-1]
+            box_px = box_outlines_px(view.calibration.image_P_velo, box_velo, size_px)[0]
+            shown.append((abs(float(box_px[[0, 2]].mean()) - size_px[0] / 2), view.image, box_px))
+    shown = [one for one in shown if np.isfinite(one[0])]
+    if not shown:
+        return None
+    _, image, box_px = min(shown, key=lambda one: one[0])
+    size_px = np.array(image.shape[1::-1])
+    half_px = min(max(_CROP * (box_px[2:] - box_px[:2]).max(), _MIN_CROP_PX), size_px.min() / 2)
+    middle_px = np.clip((box_px[:2] + box_px[2:]) / 2, half_px, size_px - half_px)
+    (x, y), side = (middle_px - half_px).astype(np.int64), int(2 * half_px)
+    crop = cv2.resize(image[y : y + side, x : x + side], (_SIDE_PX, _SIDE_PX))
+    low, high = ((box_px.reshape(2, 2) - (x, y)) * _SIDE_PX / side).round().astype(np.int64)
+    cv2.rectangle(crop, low.tolist(), high.tolist(), (255, 200, 0), 1)
+    return crop
+
+
+def preview(frame: Frame, box_velo: Boxes3D) -> UInt8:
+    """Return an (S, S, 3) image of a box from above, or (S, 2 S, 3) with that of a camera to its right.
+
+    Args:
+        frame: Frame of the box.
+        box_velo: One box.
+    """
+    above = np.repeat(preview_of(frame.points_velo, box_velo)[:, :, None], 3, axis=2)
+    seen = camera_preview(frame, box_velo)
+    return above if seen is None else np.hstack([above, seen])
+
+
 def write_review_page(
     folder: Path, drive: str, proposals: Sequence[Proposal], pictures: Mapping[int, UInt8]
 ) -> None:
@@ -72,7 +117,7 @@ def write_review_page(
             "confidence": f"{one.confidence:.0%}",
             "facts": _facts(one),
             "reasons": one.reasons,
-            "image": _encoded(pictures.get(one.number, np.zeros((8, 8), np.uint8))),
+            "image": _encoded(pictures.get(one.number, np.zeros((8, 8, 3), np.uint8))),
         }
         for one in sorted(proposals, key=lambda one: -one.urgency)
     ]
@@ -99,5 +144,5 @@ def _facts(one: Proposal) -> str:
 
 
 def _encoded(image: UInt8) -> str:
-    _, data = cv2.imencode(".png", image)
+    _, data = cv2.imencode(".jpg", image[..., ::-1], _JPEG)
     return base64.b64encode(data.tobytes()).decode()

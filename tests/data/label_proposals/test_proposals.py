@@ -1,5 +1,7 @@
 """Objects of a drive from detections of single frames: linked, joined, smoothed, and one box where they are parked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,9 +14,10 @@ from data.label_proposals.proposals import (
     to_proposals,
 )
 from data.label_proposals.review import Decision, read_review, reviewed
+from data.label_proposals.review_page import preview
 from perception.errors import LabelError
 from perception.geometry.se3 import wrap
-from perception.types import Boxes3D
+from perception.types import Boxes3D, Calibration, Frame
 from tests.faults import fault
 
 FRAMES = np.arange(30)
@@ -148,3 +151,20 @@ def test_the_file_of_proposals_is_read_as_it_was_written(tmp_path):
     (tmp_path / "proposals.json").write_text('{"format": "trifuse proposals 1", "poses": {}}')
     with fault(LabelError, "proposals.json", "proposals", "'objects'", "trifuse label"):
         ProposalFile.read(tmp_path)
+
+
+def test_a_preview_shows_a_box_from_above_and_in_the_image():
+    calibration = Calibration(
+        cam_SE3_velo=np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+        image_P_cam=np.array([[100.0, 0, 160, 0], [0, 100, 100, 0], [0, 0, 1, 0]]),
+    )
+    box = Boxes3D(np.array([[10.0, 0, -1]]), np.array([[4.0, 2, 2]]), np.zeros(1))
+    points = np.array([[10.0, 0, 0.5, 0.2]], np.float32)
+    image = np.full((200, 320, 3), 90, np.uint8)
+    frame = Frame(index=0, points_velo=points, stamp_s=0.0, image=image, calibration=calibration)
+    both = preview(frame, box)
+    assert both.shape == (160, 320, 3)
+    # The rectangle of the image is 25 px wide and 23 high; the crop has 80 px for 160.
+    drawn = np.flatnonzero((both[80, 160:] == (255, 200, 0)).all(axis=1))
+    assert drawn.tolist() == [55, 105]
+    assert preview(replace(frame, image=None), box).shape == (160, 160, 3)
