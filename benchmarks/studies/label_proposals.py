@@ -16,8 +16,6 @@ from perception.cli.parser import FlagGroup
 from perception.evaluation.nuscenes.protocol import CLASSES
 from perception.evaluation.report import Metric, Metrics, Table
 from perception.geometry.box_overlap import center_distances_m, iou_bev
-from perception.geometry.boxes import points_inside, transform_boxes
-from perception.geometry.se3 import inverse
 from perception.pipeline import PipelineConfig
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int
@@ -198,6 +196,9 @@ def _matched(
     file: "ProposalFile",
     config: ProposalsConfig,
 ) -> tuple[LabelledBoxes, ProposedBoxes]:
+    from perception.geometry.boxes import points_inside, transform_boxes
+    from perception.geometry.se3 import inverse
+
     map_SE3_velo = drive.map_SE3_velo(index)
     around, truths = sample.surroundings, sample.truths
     centres_m = truths.centers_m - truths.size_m * (0.0, 0.0, 0.5)
@@ -253,6 +254,8 @@ def _proposed(
     """Return the proposals of one frame with a class of the task, the surest first, and their numbers of returns."""
     from data.labelled_objects import task_classes
     from perception.evaluation.nuscenes.boxes import TaskDetections
+    from perception.geometry.boxes import transform_boxes
+    from perception.geometry.se3 import inverse
 
     rows = [
         (one, int(row))

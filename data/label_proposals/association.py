@@ -36,7 +36,8 @@ _END_S, _END = (
     1.0,
     5,
 )  # time and least number of observations that tell the motion at an end of a part
-_DUPLICATE_IOU, _DUPLICATE_M = 0.3, 0.4
+# Of each group: overlap of two observations of one object; vehicles keep apart, people do not.
+_DUPLICATE_IOU, _DUPLICATE_M = np.array([0.05, 0.3, 0.3, 0.3]), 0.4
 _STATIC_M_S, _STATIC_M = 0.25, 0.6
 _DRIFT_M_S, _DRIFT_S = 0.4, 1.0  # of poses, which let a parked vehicle drift for longer than a time
 _SAME_PLACE_IOU, _SAME_PLACE_M, _MAX_DRIFT_M = 0.2, 0.7, 3.0
@@ -90,7 +91,7 @@ def _are_duplicates(observations: Observations) -> Bool:
     for unordered in _frames_of(observations):
         rows = unordered[np.argsort(-observations.scores[unordered], kind="stable")]
         boxes, groups = observations.boxes_world[rows], observations.groups[rows]
-        overlaps = iou_bev(boxes, boxes) > _DUPLICATE_IOU
+        overlaps = iou_bev(boxes, boxes) > _DUPLICATE_IOU[groups][:, None]
         near_m = np.linalg.norm(boxes.bottom_m[:, None, :2] - boxes.bottom_m[None, :, :2], axis=2)
         same = (overlaps | (near_m < _DUPLICATE_M)) & (groups[:, None] == groups)
         for place in range(1, len(rows)):
@@ -125,7 +126,7 @@ class _Tracks(ArrayTable):
     def of(cls, seen: Observations, rows: Int, direction: int) -> "_Tracks":
         """Return new tracks of observations in some rows, in a direction of time."""
         velocities = direction * seen.velocities_m_s
-        is_known = np.isfinite(velocities).all(axis=1)
+        is_known = np.asarray(np.isfinite(velocities).all(axis=1))
         speeds = np.where(is_known, _KNOWN_SPEED_M_S, _SPEED_M_S[seen.groups])
         return cls(
             rows,
@@ -258,8 +259,9 @@ class _Parts(ArrayTable):
             start_m, start_m_s = _line(stamps_s[:start], places[:start], stamps_s[0])
             stop_m, stop_m_s = _line(stamps_s[max(stop, 0) :], places[max(stop, 0) :], stamps_s[-1])
             middle_m, best = np.median(places, axis=0), rows[observations.scores[rows].argmax()]
-            values = (group, stamps_s[0], stamps_s[-1], is_static(stamps_s, places, group))
-            values += (start_m, stop_m, start_m_s, stop_m_s, middle_m, best)
+            rests = is_static(stamps_s, places, group)
+            ends = (start_m, stop_m, start_m_s, stop_m_s)
+            values = (group, stamps_s[0], stamps_s[-1], rests, *ends, middle_m, best)
             for column, value in zip(columns, values, strict=True):
                 column.append(value)
         return cls(*map(np.array, columns))

@@ -94,6 +94,7 @@ class ProposalWriter(Restorable, ResultWriter):
         for index in self._progress(sorted(of_frame)):
             frame, velo_SE3_world = self._drive[index], inverse(self._poses[index])
             for one in of_frame[index]:
-                box_world = one.boxes_world[[int(one.points.argmax())]]
+                row = int(one.points.argmax())
+                box_world = one.boxes_world[row : row + 1]
                 previews[one.number] = preview(frame, transform_boxes(velo_SE3_world, box_world))
         return previews

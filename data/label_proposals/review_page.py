@@ -77,11 +77,11 @@ def camera_preview(frame: Frame, box_velo: Boxes3D) -> UInt8 | None:
     if not shown:
         return None
     _, image, box_px = min(shown, key=lambda one: one[0])
-    size_px = np.array(image.shape[1::-1])
-    half_px = min(max(_CROP * (box_px[2:] - box_px[:2]).max(), _MIN_CROP_PX), size_px.min() / 2)
-    middle_px = np.clip((box_px[:2] + box_px[2:]) / 2, half_px, size_px - half_px)
+    image_px = np.array(image.shape[1::-1])
+    half_px = min(max(_CROP * (box_px[2:] - box_px[:2]).max(), _MIN_CROP_PX), image_px.min() / 2)
+    middle_px = np.clip((box_px[:2] + box_px[2:]) / 2, half_px, image_px - half_px)
     (x, y), side = (middle_px - half_px).astype(np.int64), int(2 * half_px)
-    crop = cv2.resize(image[y : y + side, x : x + side], (_SIDE_PX, _SIDE_PX))
+    crop = np.asarray(cv2.resize(image[y : y + side, x : x + side], (_SIDE_PX, _SIDE_PX)), np.uint8)
     low, high = ((box_px.reshape(2, 2) - (x, y)) * _SIDE_PX / side).round().astype(np.int64)
     cv2.rectangle(crop, low.tolist(), high.tolist(), (255, 200, 0), 1)
     return crop
