@@ -40,6 +40,9 @@ def write_labels(drive: RecordedDrive, out: Path, config: ProposedLabelConfig) -
     file = ProposalFile.read(out)
     decisions = {} if config.review is None else read_review(config.review)
     labels = reviewed(file.proposals, decisions, config.min_confidence)
+    for earlier in (out / LABELS).glob("*"):  # of another form
+        if earlier.is_file():
+            earlier.unlink()
     FORM_OF_NAME[config.form].write(out / LABELS, labelled_frames(drive, file, labels))
     boxes = sum(len(one.frames) for one in labels)
     return f"{len(labels)} of {len(file.proposals)} objects, {boxes} boxes in {len(file.poses)} frames: {out / LABELS}"

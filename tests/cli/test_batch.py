@@ -65,6 +65,13 @@ def test_proposals_of_labels_of_a_fleet(fleet, tmp_path):
         assert of_batch.read_bytes() == (tmp_path / "alone" / name).read_bytes()
     run_command_line(line)
     assert states(out) == {"a": "skipped", "c": "skipped"}
+    # Labels are written again by a review, in the place of those of another form.
+    review = tmp_path / "review.json"
+    review.write_text('{"format": "trifuse review 1", "objects": {}}')
+    line = ["label", drives[1], "--out", str(tmp_path / "alone"), "--review", str(review)]
+    run_command_line([*line, "--form", "labelcloud"])
+    names = sorted(path.name for path in (tmp_path / "alone/boxes").iterdir())
+    assert names == ["000000.json", "000001.json"]
 
 
 def test_a_drive_in_chunks_has_the_same_maps(tmp_path):
