@@ -96,7 +96,7 @@ class BagOpening:
         frames = [str(stream.read(0).header.frame_id) for stream in streams]
         lidar_SE3_velo = self.lidar_SE3_velo(frames[0])
         lidars = self._lidars(streams, frames, inverse(lidar_SE3_velo))
-        images, calibration = self._camera(frames[0], lidar_SE3_velo)
+        images, calibration = self._camera_if_any(frames[0], lidar_SE3_velo)
         poses, ins_SE3_lidar = self._poses(frames[0])
         repeated = int(np.count_nonzero(np.diff(stamps_ns) == 0))
         if repeated:
@@ -126,13 +126,11 @@ class BagOpening:
         stamps_ns, order = np.unique(lidars[0].stream.times.stamps_ns, return_index=True)
         rows = np.array([_rows(stamps_ns, one.stream) for one in lidars], np.int64).T.copy()
         rows[:, 0] = order
-        if isinstance(images, BagImages):
-            images = replace(images, rows=FrameTuple(_rows(stamps_ns, images.stream).tolist()))
         return replace(
             drive,
             sweeps=SweepReader(lidars, rows),
             stamps_ns=stamps_ns,
-            images=images,
+            images=joined_images(images, stamps_ns) if isinstance(images, BagImages) else images,
             frames=FrameTuple(range(len(stamps_ns))),
         )
 
@@ -187,31 +185,42 @@ class BagOpening:
             self.notes.append(scale_note(f"{self.bag.path} {lidar.stream.topic}", largest, scale))
         return scale
 
-    def _camera(
+    def _camera_if_any(
         self, lidar: str, lidar_SE3_velo: Float64
     ) -> tuple[BagImages | None, Calibration | None]:
-        """Return the camera, and its calibration where the bag states it; None for what is not there."""
-        topic, info = self.topics.camera, self.topics.camera_info
-        if topic is None:
+        """Return the camera and its calibration; None where none was named, and none can be used."""
+        if self.topics.camera is None:
             return None, None
-        stream = self._stream(topic)
         try:
-            if info is None:
-                raise CalibrationError(
-                    f"{self.bag.path} {topic}",
-                    expected="a topic camera_info beside it",
-                    found="none",
-                )
-            message = self.bag.decode(next(self.bag.messages((info,))))
-            lens = read_lens(message, topic, f"{self.bag.path} {info}")
-            cam_SE3_lidar = self.tree.require(
-                message.header.frame_id, lidar, f"to use the images of {topic}"
-            )
+            return self.camera(lidar, lidar_SE3_velo)
         except CalibrationError as error:
             if self.config.camera is not None:
                 raise
             self.notes.append(f"images are not used: {error}")
             return None, None
+
+    def camera(self, lidar: str, lidar_SE3_velo: Float64) -> tuple[BagImages, Calibration]:
+        """Return the camera and its calibration.
+
+        Args:
+            lidar: Frame of reference of the LiDAR.
+            lidar_SE3_velo: (4, 4) turn from the vehicle's axes to those of the LiDAR.
+
+        Raises:
+            CalibrationError: The bag does not state it.
+            DriveError: There are no images.
+        """
+        topic, info = str(self.topics.camera), self.topics.camera_info
+        stream = self._stream(topic)
+        if info is None:
+            raise CalibrationError(
+                f"{self.bag.path} {topic}", expected="a topic camera_info beside it", found="none"
+            )
+        message = self.bag.decode(next(self.bag.messages((info,))))
+        lens = read_lens(message, topic, f"{self.bag.path} {info}")
+        cam_SE3_lidar = self.tree.require(
+            message.header.frame_id, lidar, f"to use the images of {topic}"
+        )
         turn = np.eye(3) if lens.is_pinhole or lens.rectification is None else lens.rectification
         calibration = Calibration(
             image_P_cam=np.column_stack([lens.pinhole_matrix, np.zeros(3)]),
@@ -275,6 +284,11 @@ def by_one_clock(times: Mapping[str, MessageTimes], topics: BagTopics) -> dict[s
     """Return the times of all topics by the clock of the first LiDAR."""
     lidar = times[topics.lidars[0]]
     return {name: one.by_clock_of(lidar) for name, one in times.items()}
+
+
+def joined_images(images: BagImages, stamps_ns: Int) -> BagImages:
+    """Return images joined to the scans of (F,) stamps that they are nearest to in time."""
+    return replace(images, rows=FrameTuple(_rows(stamps_ns, images.stream).tolist()))
 
 
 def _rows(stamps_ns: Int, stream: MessageStream) -> Int:

@@ -113,9 +113,12 @@ class DdsParticipant:
 
     def reader(self, name: str, kind: str, profile: QosProfile, depth: int) -> "DataReader[Any]":
         """Return a reader of a topic."""
+        from cyclonedds.qos import Policy, Qos
         from cyclonedds.sub import DataReader
 
-        return DataReader(self._participant, self._topic(name, kind), qos=_qos(profile, depth))
+        # What this participant publishes itself is no news.
+        qos = Qos(Policy.IgnoreLocal.Participant, base=_qos(profile, depth))
+        return DataReader(self._participant, self._topic(name, kind), qos=qos)
 
     def writer(
         self, name: str, kind: str, profile: QosProfile = "default", depth: int = 1

@@ -4,25 +4,40 @@ import threading
 import time
 from collections import deque
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from data.bags.bag import RawMessage
+from data.bags.message_times import header_stamp_ns
 from data.bags.transforms import TF_TOPICS
 from data.dds.participant import DdsParticipant, Publication, QosProfile
 
-_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 POINTS = "sensor_msgs/msg/PointCloud2"
-_LARGE = (POINTS, *_IMAGES)
-_SMALL = (
-    *("sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix"),
-    *("nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"),
-)
-KINDS = (*_LARGE, *_SMALL)
+_LARGE = (POINTS, *IMAGES)
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+POSES = ("nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu", "sensor_msgs/msg/NavSatFix")
+# What says how the parts of a frame belong together; it may come, and change, at any time.
+DESCRIPTIONS = ("sensor_msgs/msg/CameraInfo", _TRANSFORMS)
+KINDS = (*_LARGE, *POSES, *DESCRIPTIONS)
 _FIXED_TRANSFORMS = TF_TOPICS[0]
 # Messages that are kept of a topic: a second of a fast IMU, and of scans and images.
 _KEPT_LARGE, _KEPT_SMALL = 10, 500
 _QUEUED_LARGE = 5  # as sensor data has it in ROS 2
 _WAIT_NS = 100_000_000
+_MIN_BYTES = 12  # of a message with a header
+_JUMP_NS = 500_000_000  # of a stamp back, or ahead of the time that passed
+
+
+class StampJump(NamedTuple):
+    """A stamp that does not follow the one before it.
+
+    Attributes:
+        received_ns: When its message came.
+        step_ns: Step of the stamp beyond the time that passed.
+    """
+
+    received_ns: int
+    step_ns: int
 
 
 class TopicReceiver:
@@ -37,6 +52,8 @@ class TopicReceiver:
         self._waiting = WaitSet(participant.native)
         self.kinds: dict[str, str] = {}
         self._kept: dict[str, deque[RawMessage]] = {}
+        self.jumps: dict[str, StampJump] = {}
+        """Last jump of the stamps of each topic that had one."""
         self._is_closed = False
         self.changed = threading.Condition()
         """Notified at each message, and when the receiver is closed."""
@@ -47,7 +64,7 @@ class TopicReceiver:
         """Receive a topic, as reliably as it is sent."""
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
 
-        if topic.name in self.kinds:
+        if topic.name in self._readers:
             return
         is_large = topic.kind in _LARGE
         profile: QosProfile = "default" if topic.is_reliable else "sensor_data"
@@ -110,5 +127,25 @@ class TopicReceiver:
         """Take over what has come of a topic; what says that a publisher has left holds no message."""
         now_ns = time.time_ns()
         rows = [one for one in reader.take(_KEPT_SMALL) if hasattr(one, "binary")]
-        self._kept[name].extend(RawMessage(name, now_ns, one.binary) for one in rows)
+        for one in rows:
+            self._keep(RawMessage(name, now_ns, one.binary))
         return bool(rows)
+
+    def _keep(self, message: RawMessage) -> None:
+        """Keep a message; where stamps jump, those before are of another time."""
+        name, kept = message.topic, self._kept[message.topic]
+        if self.kinds[name] != _TRANSFORMS:
+            if len(message.data) < _MIN_BYTES:
+                return
+            if kept:
+                step_ns = stamp_ns(message) - stamp_ns(kept[-1])
+                passed_ns = message.received_ns - kept[-1].received_ns
+                if step_ns < -_JUMP_NS or step_ns - passed_ns > _JUMP_NS:
+                    self.jumps[name] = StampJump(message.received_ns, step_ns - passed_ns)
+                    kept.clear()
+        kept.append(message)
+
+
+def stamp_ns(message: RawMessage) -> int:
+    """Return the stamp of a message, or when it came where it has none."""
+    return header_stamp_ns(message, is_ros1=False) or message.received_ns

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from data.dds.participant import DdsParticipant, QosProfile
+from data.dds.topic_health import TopicHealth
 from data.messages.definitions import encoded, message
 from data.messages.geometry import LIDAR, WORLD, time_of
 from data.messages.motion import transform
 from data.messages.occupancy import occupancy
-from data.messages.topics import Topic, topics
+from data.messages.topics import Topic, part_statuses, topics
 from perception.geometry.se3 import inverse
 from perception.obstacles.occupancy import occupancy_grid
 from perception.types import Float64, Result
@@ -33,7 +34,6 @@ _KINDS = {
     "diagnostic_msgs/msg/DiagnosticArray",
 }
 _TF_DEPTH = 100
-_ERROR = 2  # level of diagnostic_msgs/DiagnosticStatus
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ class RosPublisher:
         *,
         min_score: float,
         origin_ns: int = 0,
+        health: TopicHealth | None = None,
     ) -> None:
         """Open the topics.
 
@@ -96,14 +97,13 @@ class RosPublisher:
             frames: Frames of reference.
             min_score: Score from which vehicles are published.
             origin_ns: Time in nanoseconds at which stamps are 0.
+            health: Health of the topics that the frames come from.
         """
-        self._frames, self._origin_ns = frames, origin_ns
-        self._names = {WORLD: frames.world, LIDAR: frames.lidar}
+        self._origin_ns, self._health = origin_ns, health or TopicHealth()
         chosen = [one for one in topics(min_score) if one.kind in _KINDS]
         self._writers = [
             (one, participant.writer(ros_name(one.name), one.kind, *_quality(one)))
             for one in chosen
-            if one.name != "/tf" or frames.has_pose_transform
         ]
         # Planners keep the last grid, and ask for it when they start.
         self._grids = [
@@ -116,6 +116,11 @@ class RosPublisher:
         self.dropped = 0
         """Number of messages that were not sent, as a reader was too slow."""
         self._static = participant.writer("/tf_static", "tf2_msgs/msg/TFMessage", "latched")
+        self.use_frames(frames)
+
+    def use_frames(self, frames: RosFrames) -> None:
+        """Publish in other frames of reference from now on."""
+        self._frames = frames
         if frames.static:
             tree = [transform(0.0, *edge, pose) for edge, pose in frames.static.items()]
             self._static.write(encoded(message("tf2_msgs/TFMessage", transforms=tree)))
@@ -125,7 +130,8 @@ class RosPublisher:
         stamp_ns = self._origin_ns + round(1e9 * result.frame.stamp_s)
         of_base = self._frames.of_base(result)
         for topic, writer in self._writers:
-            if not writer.has_readers:
+            is_stated = topic.name != "/tf" or self._frames.has_pose_transform
+            if not (writer.has_readers and is_stated):
                 continue
             about = of_base if topic.name in _OF_BASE else result
             value = topic.message_of(about, self._last)
@@ -148,23 +154,18 @@ class RosPublisher:
                 stamped.info.map_load_time = time_of(stamp_ns)
                 self.dropped += not writer.write(encoded(stamped))
 
-    def report_silence(self, part: str, silent_s: float) -> None:
-        """Publish that a sensor sends nothing.
-
-        Args:
-            part: Sensor.
-            silent_s: Time since its last message in seconds.
-        """
-        reason = f"ERROR {part} silent: nothing for {silent_s:.1f} s"
-        status = message(
-            "diagnostic_msgs/DiagnosticStatus",
-            level=_ERROR,
-            name=f"trifuse: {part}",
-            message=reason,
-        )
+    def publish_health(self) -> None:
+        """Publish the health of the topics alone, as while no scan comes."""
         now = message("std_msgs/Header", stamp=time_of(time.time_ns()))
-        value = message("diagnostic_msgs/DiagnosticArray", header=now, status=[status])
+        value = message("diagnostic_msgs/DiagnosticArray", header=now, status=self._statuses())
         self._diagnostics.write(encoded(value))
+
+    def _statuses(self) -> list[Any]:
+        return part_statuses(self._health.health, self._health.topics)
+
+    @property
+    def _names(self) -> Mapping[str, str]:
+        return {WORLD: self._frames.world, LIDAR: self._frames.lidar}
 
     def _as_ros(self, topic: Topic, value: Any, stamp_ns: int) -> Any:  # noqa: ANN401 - messages
         stamped = _readdressed(value, self._names, time_of(stamp_ns))
@@ -179,6 +180,7 @@ class RosPublisher:
             row = message("diagnostic_msgs/KeyValue", key="stamp to publish [ms]")
             row.value = f"{age_ms:.2f}"
             stamped.status[0].values.append(row)
+            stamped.status += self._statuses()
         return stamped
 
 

@@ -12,7 +12,7 @@ from typing import Protocol, Self
 from data.live.source import LiveSource
 from data.messages.channels import ResultChannels, new_context
 from data.messages.topics import topics
-from perception.errors import UsageError
+from perception.errors import PerceptionError, UsageError
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Result
 
@@ -183,7 +183,7 @@ def serve_results(
         pipeline.reset()
         with (
             pipeline.stream(frames, "latest", is_sequence=source.is_sequence) as results,
-            _closed_by_errors(source),
+            _closed_by_errors(source, counts),
         ):
             for result in results:
                 for one in publishers:
@@ -191,16 +191,19 @@ def serve_results(
                 counts.published += 1
                 counts.dropped = done + results.dropped + source.dropped
                 on_result(result)
-            done += results.dropped
+        done += results.dropped
     source.close()
 
 
 @contextmanager
-def _closed_by_errors(source: LiveSource) -> Iterator[None]:
-    """End the source before the stream, which waits for it."""
+def _closed_by_errors(source: LiveSource, counts: LiveCounts) -> Iterator[None]:
+    """End the source before the stream, which waits for it, where it does not go on after an error."""
     try:
         yield
-    except BaseException:
+    except BaseException as error:
+        # What cannot be used from the first frame on is a mistake of the user.
+        if isinstance(error, PerceptionError) and counts.published and source.recovers_from(error):
+            return
         source.close()
         raise
 

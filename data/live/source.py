@@ -46,6 +46,10 @@ class LiveSource(ABC):
     def laps(self) -> Iterator[Iterator[Frame]]:
         """Yield frames that follow each other; where another lap begins, all before is forgotten."""
 
+    def recovers_from(self, error: PerceptionError) -> bool:
+        """Return whether another lap begins after an error of the pipeline, rather than the end."""
+        return False
+
     @abstractmethod
     def close(self) -> None:
         """Stop; an iterator that waits ends."""

@@ -52,12 +52,12 @@ def diagnostics(result: Result) -> Any:  # noqa: ANN401 - a message
     return message(
         "diagnostic_msgs/DiagnosticArray",
         header=header(result.frame.stamp_s, LIDAR),
-        status=[status, *_part_statuses(result.health)],
+        status=[status, *part_statuses(result.health, SENSOR_PARTS)],
     )
 
 
-def _part_statuses(health: Health) -> list[Any]:
-    """Return the status of each sensor, and of each other part that has a finding."""
+def part_statuses(health: Health, parts: Sequence[str]) -> list[Any]:
+    """Return the status of each of some parts, and of each other part that has a finding."""
     return [
         message(
             "diagnostic_msgs/DiagnosticStatus",
@@ -65,7 +65,7 @@ def _part_statuses(health: Health) -> list[Any]:
             name=f"trifuse: {part}",
             message="; ".join(str(one) for one in health.findings if one.part == part) or "OK",
         )
-        for part in dict.fromkeys((*SENSOR_PARTS, *health.levels))
+        for part in dict.fromkeys((*parts, *health.levels))
     ]
 
 

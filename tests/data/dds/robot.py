@@ -4,6 +4,11 @@
 
 publishes the scans of a file as lines of its input ask for it, and prints what comes on the topics, encoded again, as
 lines of JSON. Without a file (`-`), it prints what comes. It ends with its input.
+
+The file has the parts of each frame, and what is odd about them: `tf_from`, `infos_from` and `poses_from` are the frames
+before which transforms, calibrations and poses are not sent; `offsets_ns` are added to the stamps of the frames, and
+`camera_offset_ns` to those of all images; with `follows`, the first one is 0.1 s after what was sent before. `image_rows` are the rows that are sent of each image. `left` has the images
+of a second camera, which sends them compressed.
 """
 
 import base64
@@ -408,13 +413,15 @@ class Drivers:
 
     def __init__(self, robot: Robot, path: str) -> None:
         self._drive = np.load(path)
+        self._robot, self._shift_ns = robot, 0
         self._clouds = robot.writer("/velodyne_points", PointCloud2, BEST_EFFORT)
-        self._odometry = robot.writer("/odometry", Odometry, RELIABLE)
         self._images = robot.writer("/camera/image_raw", Image, BEST_EFFORT)
         self._infos = robot.writer("/camera/camera_info", CameraInfo, RELIABLE)
-        self._static = robot.writer("/tf_static", TFMessage, LATCHED)
-        edges = zip(self._drive["tf_names"], self._drive["tf_poses"], strict=True)
-        self._static.write(TFMessage([self._edge(*one) for one in edges]))
+        if "left" in self._drive:
+            self._left = robot.writer("/left/image_raw/compressed", CompressedImage, BEST_EFFORT)
+            self._left_infos = robot.writer("/left/camera_info", CameraInfo, RELIABLE)
+        self._odometry: DataWriter | None = None
+        self._static: DataWriter | None = None
 
     def __len__(self) -> int:
         return len(self._drive["stamps_ns"])
@@ -427,20 +434,36 @@ class Drivers:
     def first_ns(self) -> int:
         return int(self._drive["stamps_ns"][0])
 
+    def follow(self, before_ns: int) -> None:
+        """Let the drive follow what was sent before it, unless its stamps are to be kept."""
+        if "follows" in self._drive:
+            self._shift_ns = before_ns + 10**8 - self.first_ns
+
+    def has(self, name: str, index: int) -> bool:
+        """Return whether a part is sent with a frame; -1 is the time before the drive."""
+        return index >= (int(self._drive[f"{name}_from"]) if f"{name}_from" in self._drive else -1)
+
     def send(self, index: int, stamp_ns: int | None = None) -> None:
-        """Publish a frame, the scan after all else of its time."""
-        drive = self._drive
-        stamp = stamp_of(drive["stamps_ns"][index] if stamp_ns is None else stamp_ns)
-        if "poses" in drive:
-            pose = drive["poses"][index]
+        """Publish a frame, or the first one before the drive at another time; the scan after all else."""
+        drive, row = self._drive, max(index, 0)
+        time_ns = int(drive["stamps_ns"][row]) + self._shift_ns if stamp_ns is None else stamp_ns
+        time_ns += int(drive["offsets_ns"][row]) if "offsets_ns" in drive and index >= 0 else 0
+        stamp = stamp_of(time_ns)
+        if self._static is None and self.has("tf", index):
+            self._static = self._robot.writer("/tf_static", TFMessage, LATCHED)
+            edges = zip(drive["tf_names"], drive["tf_poses"], strict=True)
+            self._static.write(TFMessage([self._edge(*one) for one in edges]))
+        if "poses" in drive and self.has("poses", index):
+            if self._odometry is None:
+                self._odometry = self._robot.writer("/odometry", Odometry, RELIABLE)
+            pose = drive["poses"][row]
             at = Pose(Point(*map(float, pose[:3, 3])), rotation_of(pose))
             header = Header(stamp, "odom")
             self._odometry.write(Odometry(header, "base_link", PoseWithCovariance(at)))
         if "images" in drive:
-            image = drive["images"][index]
-            rows = drive["image_rows"][index] if "image_rows" in drive else len(image)
-            self._send_image(stamp, image[:rows])
-        points = np.ascontiguousarray(drive[f"points_{index}"], np.float32)
+            offset_ns = int(drive["camera_offset_ns"]) if "camera_offset_ns" in drive else 0
+            self._send_images(stamp_of(time_ns + offset_ns), index)
+        points = np.ascontiguousarray(drive[f"points_{row}"], np.float32)
         fields = [
             PointField(name, 4 * at, 7, 1) for at, name in enumerate(("x", "y", "z", "intensity"))
         ]
@@ -451,16 +474,25 @@ class Drivers:
             )
         )
 
-    def _send_image(self, stamp: Time, image: np.ndarray) -> None:
-        height, width = image.shape[:2]
-        header = Header(stamp, "camera")
-        matrix = self._drive["camera_matrix"]
+    def _send_images(self, stamp: Time, index: int) -> None:
+        drive, row = self._drive, max(index, 0)
+        whole = drive["images"][row]
+        height, width = whole.shape[:2]
+        matrix = drive["camera_matrix"]
         k = matrix.ravel().tolist()
         p = np.column_stack([matrix, np.zeros(3)]).ravel().tolist()
         flat = [0.0] * 5, k, np.eye(3).ravel().tolist(), p
-        stated = len(self._drive["images"][0])
-        self._infos.write(CameraInfo(header, stated, width, "plumb_bob", *flat))
-        self._images.write(Image(header, height, width, "rgb8", 0, 3 * width, image.tobytes()))
+        header = Header(stamp, "camera")
+        if self.has("infos", index):
+            self._infos.write(CameraInfo(header, height, width, "plumb_bob", *flat))
+        rows = drive["image_rows"][row] if "image_rows" in drive else height
+        data = whole[:rows].tobytes()
+        self._images.write(Image(header, int(rows), width, "rgb8", 0, 3 * width, data))
+        if "left" in drive:
+            header = Header(stamp, "left")
+            self._left_infos.write(CameraInfo(header, height, width, "plumb_bob", *flat))
+            png = drive[f"left_{row}"].tobytes()
+            self._left.write(CompressedImage(header, "rgb8; png compressed bgr8", png))
 
     @staticmethod
     def _edge(names: str, pose: np.ndarray) -> TransformStamped:
@@ -474,14 +506,18 @@ class Drivers:
 
 
 def play(robot: Robot, drivers: Drivers) -> None:
-    """Send the first scan until a line comes; after another one, each frame after the results of the one before."""
+    """Send the first scan until a line comes; after another one, each frame after the results of the one before.
+
+    Where it listens to no results, each frame needs a line.
+    """
     orders = queue.Queue()
     threading.Thread(target=obey, args=(orders,), daemon=True).start()
-    for step in range(1000):
-        if not orders.empty():
-            break
-        drivers.send(0, drivers.first_ns - (1000 - step) * 10**8)
+    before_ns = drivers.first_ns - 1000 * 10**8
+    while orders.empty():
+        before_ns += 10**8
+        drivers.send(-1, before_ns)
         time.sleep(0.1)
+    drivers.follow(before_ns)
     orders.get()
     print(json.dumps({"topic": "stopped", "cdr": ""}), flush=True)
     orders.get()
@@ -491,6 +527,8 @@ def play(robot: Robot, drivers: Drivers) -> None:
         drivers.send(index)
         deadline_s = time.monotonic() + 10
         missing = set(robot.readers) - {"/tf_static", "/diagnostics"}
+        if not missing:
+            orders.get()
         while missing and time.monotonic() < deadline_s:
             missing -= set(robot.print_new())
             time.sleep(0.005)

@@ -1,0 +1,211 @@
+"""Faults of a robot's topics: each is said once, frames go on, and what comes late is taken up."""
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from data.dds import ros_source
+from data.dds.participant import DdsParticipant
+from data.dds.ros_source import RosSource
+from data.layouts import OpenConfig
+from perception.errors import PoseError
+from perception.types import Frame
+from tests.data.dds.listening import Listener, robot
+
+pytest.importorskip("cyclonedds", reason="the extra `ros` is not installed")
+
+ORIGIN_NS = 1_700_000_000_123_456_789
+SIZE = (24, 32)
+CAMERA, LEFT = "/camera/image_raw", "/left/image_raw/compressed"
+LIDAR, ODOMETRY = "/velodyne_points", "/odometry"
+
+
+def images(seed: int, count: int) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (count, *SIZE, 3), np.uint8)
+
+
+def write_plain_robot(path: Path, frames: int, **parts: Any) -> Path:
+    """Write a drive straight ahead over flat ground."""
+    x, y = np.meshgrid(np.linspace(-20, 20, 40), np.linspace(-10, 10, 30))
+    ground = np.stack([x, y, np.full(x.shape, -1.73), np.full(x.shape, 0.3)], -1).reshape(-1, 4)
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, 0, 3] = np.arange(frames)
+    left = images(1, frames)
+    pngs = [cv2.imencode(".png", one[:, :, ::-1])[1].ravel() for one in left]
+    np.savez(
+        path,
+        follows=True,
+        stamps_ns=ORIGIN_NS + 100_000_000 * np.arange(frames),
+        poses=poses,
+        images=images(0, frames),
+        camera_matrix=np.array([[20.0, 0, 16], [0, 20, 12], [0, 0, 1]]),
+        tf_names=["base_footprint base_link", "base_link velodyne", "velodyne camera", "velodyne left"],
+        tf_poses=[[0, 0, 0, 0, 0, 0, 1], [0.8, 0, 1.73, 0, 0, 0, 1], *[[0.2, y_m, 0, -0.5, 0.5, -0.5, 0.5] for y_m in (0, 0.5)]],
+        **parts,
+        **{f"points_{one}": ground for one in range(frames)},
+        **({f"left_{one}": png for one, png in enumerate(pngs)} if "left" in parts else {}),
+    )  # fmt: skip
+    return path
+
+
+class Drive:
+    """A source, and the robot that it receives frames of."""
+
+    def __init__(self, source: RosSource, listener: Listener) -> None:
+        self.source, self._listener = source, listener
+        self.laps = source.laps()
+        self._frames = next(self.laps)
+        self.restarts = 0
+
+    def send(self) -> None:
+        self._listener.order()
+
+    def next(self) -> Frame:
+        """Return the next frame of this lap, or of the next one."""
+        frame = next(self._frames, None)
+        if frame is None:
+            self.restarts += 1
+            self._frames = next(self.laps)
+            frame = next(self._frames)
+        return frame
+
+    @property
+    def faults(self) -> list[tuple[str, str]]:
+        """Topics and faults that are reported now."""
+        own = "other clock"  # of the scans, whose stamps are years old
+        found = [(one.part, one.fault) for one in self.source.health.health.findings]
+        return sorted(one for one in found if one != (LIDAR, own))
+
+
+@contextmanager
+def driving(domain: int, path: Path, monkeypatch, **config: Any) -> Iterator[Drive]:
+    """Open the topics of a robot, which then stops until it is told to send frames."""
+    monkeypatch.setattr(ros_source, "_MAX_FIRST_S", 1.5)
+    monkeypatch.setattr(ros_source, "_CHECK_S", 0.0)
+    reading = OpenConfig(sensor="HDL-64E", reflectance_scale=1.0, **config)
+    with robot(domain, {}, path) as listener, DdsParticipant() as participant:
+        source = RosSource(participant, reading)
+        listener.order()
+        listener.wait_for("stopped")
+        time.sleep(0.2)  # until the last scan before has come
+        drive = Drive(source, listener)
+        listener.order()
+        end = threading.Timer(30, source.close)
+        end.start()
+        try:
+            yield drive
+        finally:
+            end.cancel()
+            source.close()
+
+
+def reason(drive: Drive, topic: str, fault: str) -> str:
+    return next(
+        one.reason
+        for one in drive.source.health.health.findings
+        if (one.part, one.fault) == (topic, fault)
+    )
+
+
+def test_two_cameras_one_of_them_compressed(domain: int, tmp_path: Path, monkeypatch):
+    path = write_plain_robot(tmp_path / "robot.npz", 2, left=True)
+    names = f"{CAMERA},{LEFT.strip('/')}"
+    with driving(domain, path, monkeypatch, camera=names) as drive:
+        for index in range(2):
+            frame = drive.next()
+            assert np.array_equal(frame.image, images(0, 2)[index])
+            (left,) = frame.further_cameras
+            assert (frame.camera, left.name) == (CAMERA, LEFT.strip("/"))
+            assert np.array_equal(left.image, images(1, 2)[index])
+            offset = left.calibration.cam_SE3_velo - frame.calibration.cam_SE3_velo
+            assert offset[:3, 3] == pytest.approx([0.5, 0, 0])
+            drive.send()
+        assert drive.faults == []
+        assert drive.source.health.topics == (LIDAR, ODOMETRY, CAMERA, LEFT)
+
+
+def test_what_comes_late_is_taken_up(domain: int, tmp_path: Path, monkeypatch):
+    path = write_plain_robot(tmp_path / "robot.npz", 90, tf_from=1, infos_from=2, poses_from=4)
+    with driving(domain, path, monkeypatch) as drive:
+        first = frame = drive.next()
+        assert (first.image, first.calibration, first.world_SE3_velo) == (None, None, None)
+        assert drive.source.frames.base == "velodyne"
+        assert drive.faults == [(CAMERA, "images not used")]
+        assert "expected a topic camera_info beside it" in reason(drive, CAMERA, "images not used")
+        while frame.image is None or frame.world_SE3_velo is None:
+            time.sleep(0.05)  # as topics are found in their time
+            drive.send()
+            frame = drive.next()
+        index = frame.index
+        assert np.array_equal(frame.image, images(0, 90)[index])
+        # The LiDAR is 0.8 m ahead of the frame whose poses are stated.
+        assert frame.world_SE3_velo[:3, 3] == pytest.approx([index + 0.8, 0, 1.73])
+        assert drive.faults == []
+        # Poses that come change the world, so that all before is forgotten; a camera does not.
+        assert drive.restarts == 1
+        assert (drive.source.frames.base, drive.source.frames.world) == ("base_footprint", "odom")
+
+
+def test_images_that_change_their_size(domain: int, tmp_path: Path, monkeypatch):
+    path = write_plain_robot(tmp_path / "robot.npz", 3, image_rows=[24, 12, 24])
+    with driving(domain, path, monkeypatch) as drive:
+        assert drive.next().image is not None
+        drive.send()
+        assert drive.next().image is None
+        assert drive.faults == [(CAMERA, "image left out")]
+        drive.send()
+        assert np.array_equal(drive.next().image, images(0, 3)[2])
+        assert drive.faults == []
+
+
+def test_stamps_that_jump_back_and_ahead(domain: int, tmp_path: Path, monkeypatch):
+    jumps_ns = [0, -5_000_000_000, -5_000_000_000, 9_000_000_000, 9_000_000_000]
+    path = write_plain_robot(tmp_path / "robot.npz", 5, offsets_ns=jumps_ns)
+    with driving(domain, path, monkeypatch) as drive:
+        start_s = 0.0
+        for index, jump_ns in enumerate(jumps_ns):
+            frame = drive.next()
+            start_s = start_s or frame.stamp_s
+            assert frame.stamp_s - start_s == pytest.approx(0.1 * index + jump_ns / 1e9, abs=1e-6)
+            # What is of the same time is joined, whatever the clock showed before.
+            assert np.array_equal(frame.image, images(0, 5)[index])
+            assert frame.world_SE3_velo is not None
+            if jump_ns:
+                topics = (CAMERA, ODOMETRY, LIDAR)
+                assert drive.faults == sorted((one, "stamps jumped") for one in topics)
+                # Some time has passed on the way.
+                step_s = float(reason(drive, LIDAR, "stamps jumped").split()[1])
+                assert step_s == pytest.approx(-5 if jump_ns < 0 else 14, abs=1)
+            drive.send()
+
+
+def test_a_clock_that_is_off(domain: int, tmp_path: Path, monkeypatch):
+    path = write_plain_robot(tmp_path / "robot.npz", 3, camera_offset_ns=4_200_000_000)
+    with driving(domain, path, monkeypatch) as drive:
+        for index in range(3):
+            assert np.array_equal(drive.next().image, images(0, 3)[index])
+            assert drive.faults == [(CAMERA, "other clock")]
+            assert reason(drive, CAMERA, "other clock") == "stamps are +4.2 s from the clock of the scans"  # fmt: skip
+            drive.send()
+
+
+def test_an_error_of_the_pipeline_is_said_and_frames_go_on(
+    domain: int, tmp_path: Path, monkeypatch
+):
+    path = write_plain_robot(tmp_path / "robot.npz", 2)
+    with driving(domain, path, monkeypatch) as drive:
+        drive.next()
+        assert drive.source.recovers_from(PoseError("frame", expected="poses", found="a jump"))
+        assert drive.faults == [(LIDAR, "started again")]
+        drive.laps, before = drive.source.laps(), drive.restarts
+        drive._frames = next(drive.laps)
+        drive.send()
+        assert drive.next().index == 1
+        assert drive.restarts == before
