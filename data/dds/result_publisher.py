@@ -1,8 +1,7 @@
 """Results on topics of ROS 2: frames of reference as REP 105 names them, stamps exactly those of the sensor."""
 
 import time
-from collections.abc import Mapping
-from copy import copy
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,7 +15,7 @@ from data.messages.motion import transform
 from data.messages.occupancy import occupancy
 from data.messages.topics import Topic, part_statuses, topics
 from perception.geometry.se3 import inverse
-from perception.obstacles.occupancy import occupancy_grid
+from perception.obstacles.occupancy import OccupancyEvidence
 from perception.types import Float64, Result
 
 PREFIX = "/trifuse"
@@ -145,14 +144,15 @@ class RosPublisher:
         if 0 <= result.frame.stamp_s - self._grid_s < _GRID_STEP_S - _STAMP_JITTER_S:
             return
         self._grid_s = result.frame.stamp_s
-        placed = self._frames.in_world(result)
-        for writer, with_moving in self._grids:
-            if writer.has_readers:
-                grid = occupancy_grid(placed, with_moving=with_moving)
-                value = occupancy(result.frame.stamp_s, grid)
-                stamped = _readdressed(value, self._names, time_of(stamp_ns))
-                stamped.info.map_load_time = time_of(stamp_ns)
-                self.dropped += not writer.write(encoded(stamped))
+        taken = [(writer, moving) for writer, moving in self._grids if writer.has_readers]
+        if not taken:
+            return
+        evidence = OccupancyEvidence.of(self._frames.in_world(result))
+        for writer, with_moving in taken:
+            value = occupancy(result.frame.stamp_s, evidence.grid(with_moving=with_moving))
+            stamped = _readdressed(value, self._names, time_of(stamp_ns))
+            stamped.info.map_load_time = time_of(stamp_ns)
+            self.dropped += not writer.write(encoded(stamped))
 
     def publish_health(self) -> None:
         """Publish the health of the topics alone, as while no scan comes."""
@@ -194,15 +194,19 @@ def _quality(topic: Topic) -> tuple[QosProfile, int]:
 
 
 def _readdressed(value: Any, names: Mapping[str, str], stamp: Any) -> Any:  # noqa: ANN401
-    """Return a message with other names of its frames, and one stamp in all of its headers."""
-    value = copy(value)
+    """Give a message, which nobody else has, other names of its frames, and one stamp in all of its headers."""
+    headers = {id(one): one for one in _headers(value)}
+    for header in headers.values():
+        header.stamp, header.frame_id = stamp, names.get(header.frame_id, header.frame_id)
+    if hasattr(value, "child_frame_id"):
+        value.child_frame_id = names.get(value.child_frame_id, value.child_frame_id)
+    return value
+
+
+def _headers(value: Any) -> Iterator[Any]:  # noqa: ANN401
+    """Yield the headers of a message and of those in it, as often as they are used."""
     for name, part in vars(value).items():
         if name == "header":
-            header = copy(part)
-            header.stamp, header.frame_id = stamp, names.get(part.frame_id, part.frame_id)
-            value.header = header
-        elif name == "child_frame_id":
-            value.child_frame_id = names.get(part, part)
+            yield part
         elif isinstance(part, list) and part and hasattr(part[0], "header"):
-            setattr(value, name, [_readdressed(one, names, stamp) for one in part])
-    return value
+            yield from (one.header for one in part)

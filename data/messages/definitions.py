@@ -149,8 +149,14 @@ def message(kind: str, **fields: Any) -> Any:  # noqa: ANN401 - classes that ros
         kind: Package and name, such as `sensor_msgs/PointCloud2`.
         fields: Values of fields; others are 0, false or empty.
     """
+    made, empty = _class_and_fields(kind)
+    return made(**{**empty, **fields})
+
+
+@cache
+def _class_and_fields(kind: str) -> tuple[Any, dict[str, Any]]:
     full = kind.replace("/", "/msg/")
-    return typestore().types[full](**{**_empty_fields(full), **fields})
+    return typestore().types[full], _empty_fields(full)
 
 
 @cache

@@ -1,5 +1,6 @@
 """Parts of messages: time, header, pose, vector and colour."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,7 @@ def upright_pose(position_m: Float, yaw_rad: float = 0.0) -> Any:  # noqa: ANN40
     )
 
 
+@lru_cache(maxsize=512)
 def color(kind: str, rgb: Color, opacity: float = 1.0) -> Any:  # noqa: ANN401 - a message
     """Return a colour; both packages that have one name its fields alike.
 

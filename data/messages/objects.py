@@ -1,7 +1,8 @@
 """Objects with 3D boxes in three forms: values for programs, and what Foxglove and RViz draw."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -11,7 +12,6 @@ from data.messages.geometry import (
     LIDAR,
     color,
     header,
-    point,
     time,
     upright_pose,
     vector,
@@ -22,13 +22,14 @@ from perception.types import Float64, Tracks
 _OPACITY = 0.5
 _TEXT_M = 0.8  # height of a label, and its distance above the box
 _ARROW_M = 0.15  # diameter of a velocity's shaft
+_MARKER, _COLOR = "visualization_msgs/Marker", "std_msgs/ColorRGBA"
 # Of visualization_msgs/Marker.
 _ARROW, _CUBE, _TEXT, _DELETE_ALL = 0, 1, 9, 3
 _ALL = 1  # of foxglove_msgs/SceneEntityDeletion
 
 
 @dataclass(frozen=True)
-class _Object:
+class Object:
     """One row of `Tracks`, in the LiDAR frame.
 
     Attributes:
@@ -56,100 +57,135 @@ class _Object:
     is_observed: bool
 
     @classmethod
-    def of(cls, tracks: Tracks) -> Iterator[Self]:
-        """Yield the objects that have a box."""
-        for row in np.flatnonzero(np.isfinite(tracks.boxes.bottom_m).all(axis=1)):
-            size_m = tracks.boxes.size_m[row]
-            yield cls(
-                id=int(tracks.ids[row]),
-                name=str(tracks.types[row]) or "object",
-                score=float(tracks.scores[row]),
-                center_m=tracks.boxes.bottom_m[row] + np.array([0, 0, size_m[2] / 2]),
-                size_m=size_m,
-                yaw_rad=float(tracks.boxes.yaw_rad[row]),
-                velocity_m_s=np.nan_to_num(tracks.velocities_m_s[row]),
-                covariance=tracks.covariances[row],
-                yaw_std_rad=float(tracks.box_deviations.yaw_rad[row]),
-                is_observed=bool(tracks.is_observed[row]),
-            )
+    def of(cls, tracks: Tracks) -> tuple[Self, ...]:
+        """Return the objects that have a box."""
+        boxes = tracks.boxes
+        rows = np.flatnonzero(np.isfinite(boxes.bottom_m).all(axis=1))
+        centers_m, sizes_m = boxes.bottom_m[rows].astype(np.float64), boxes.size_m[rows]
+        centers_m[:, 2] += sizes_m[:, 2] / 2
+        columns = (
+            tracks.ids[rows].tolist(),
+            (name or "object" for name in tracks.types[rows].tolist()),
+            tracks.scores[rows].tolist(),
+            centers_m,
+            sizes_m,
+            boxes.yaw_rad[rows].tolist(),
+            np.nan_to_num(tracks.velocities_m_s[rows]),
+            tracks.covariances[rows],
+            tracks.box_deviations.yaw_rad[rows].tolist(),
+            tracks.is_observed[rows].tolist(),
+        )
+        return tuple(cls(*values) for values in zip(*columns, strict=True))
+
+    @cached_property
+    def pose(self) -> Any:  # noqa: ANN401 - a message
+        """Pose of the box."""
+        return upright_pose(self.center_m, self.yaw_rad)
+
+    @cached_property
+    def size(self) -> Any:  # noqa: ANN401 - a message
+        """Size of the box."""
+        return vector(self.size_m)
 
     @property
     def speed_m_s(self) -> float:
+        """Speed over the ground."""
         return float(np.hypot(*self.velocity_m_s))
 
     @property
     def label(self) -> str:
+        """Class, id and speed."""
         number = f" {self.id}" if self.id >= 0 else ""
         return f"{self.name}{number} {self.speed_m_s:.1f} m/s"
 
     @property
     def rgb(self) -> Color:
+        """Colour of the track."""
         return track_color(self.id)
 
     @property
     def label_m(self) -> Float64:
+        """(3,) position of the label."""
         above_m = np.array([0, 0, self.size_m[2] / 2 + _TEXT_M])
         return np.asarray(self.center_m + above_m)
 
 
-def detection_array(stamp_s: float, tracks: Tracks) -> Any:  # noqa: ANN401 - a message
+def detection_array(stamp_s: float, objects: Sequence[Object]) -> Any:  # noqa: ANN401 - a message
     """Return the values of the objects as `vision_msgs/Detection3DArray`; ids as text, empty before tracking."""
+    shared = header(stamp_s, LIDAR)
     return message(
         "vision_msgs/Detection3DArray",
-        header=header(stamp_s, LIDAR),
-        detections=[_detection(stamp_s, one) for one in _Object.of(tracks)],
+        header=shared,
+        detections=[_detection(shared, one) for one in objects],
     )
 
 
-def scene(stamp_s: float, tracks: Tracks) -> Any:  # noqa: ANN401 - a message
+def scene(stamp_s: float, objects: Sequence[Object]) -> Any:  # noqa: ANN401 - a message
     """Return the objects as Foxglove draws them, in place of those of the frame before."""
     everything = message("foxglove_msgs/SceneEntityDeletion", timestamp=time(stamp_s), type=_ALL)
-    entities = [_entity(stamp_s, row, one) for row, one in enumerate(_Object.of(tracks))]
+    entities = [_entity(stamp_s, row, one) for row, one in enumerate(objects)]
     return message("foxglove_msgs/SceneUpdate", deletions=[everything], entities=entities)
 
 
-def markers(stamp_s: float, tracks: Tracks) -> Any:  # noqa: ANN401 - a message
+def markers(stamp_s: float, objects: Sequence[Object]) -> Any:  # noqa: ANN401 - a message
     """Return the objects as RViz draws them, in place of those of the frame before: box, label and velocity."""
-    rows = [_marker(stamp_s, "", 0, action=_DELETE_ALL)]
-    for row, one in enumerate(_Object.of(tracks)):
-        tip_m = one.center_m + np.array([*one.velocity_m_s, 0.0])
-        pose = upright_pose(one.center_m, one.yaw_rad)
-        shown = {"rgb": one.rgb, "type": _CUBE, "pose": pose, "scale": vector(one.size_m)}
-        rows.append(_marker(stamp_s, "boxes", row, **shown))
-        shown = {"rgb": one.rgb, "type": _TEXT, "pose": upright_pose(one.label_m)}
-        height = vector(np.array([0, 0, _TEXT_M]))
-        rows.append(_marker(stamp_s, "labels", row, **shown, scale=height, text=one.label))
-        thickness = vector(np.array([_ARROW_M, 2 * _ARROW_M, 0]))
-        shown = {"rgb": one.rgb, "type": _ARROW, "scale": thickness}
-        ends = [point(one.center_m), point(tip_m)]
-        rows.append(_marker(stamp_s, "velocities", row, **shown, points=ends))
+    label_size, shaft_size, origin = _constants()
+    texture = message("sensor_msgs/CompressedImage", header=header(stamp_s, LIDAR))
+    shared = {"header": header(stamp_s, LIDAR), "texture": texture}
+    black = color(_COLOR, (0, 0, 0))
+    first = {"type": _CUBE, "pose": origin, "scale": vector(np.ones(3)), "color": black}
+    rows = [message(_MARKER, **shared, **first, action=_DELETE_ALL)]
+    for row, one in enumerate(objects):
+        box = {"type": _CUBE, "pose": one.pose, "scale": one.size}
+        box["color"] = color(_COLOR, one.rgb, _OPACITY)
+        rows.append(message(_MARKER, **shared, **box, ns="boxes", id=row))
+        solid = color(_COLOR, one.rgb)
+        label = {"type": _TEXT, "pose": upright_pose(one.label_m), "scale": label_size}
+        label |= {"color": solid, "text": one.label}
+        rows.append(message(_MARKER, **shared, **label, ns="labels", id=row))
+        x, y, z = one.center_m.tolist()
+        tip = message(
+            "geometry_msgs/Point", x=x + one.velocity_m_s[0], y=y + one.velocity_m_s[1], z=z
+        )
+        arrow = {"type": _ARROW, "pose": origin, "scale": shaft_size, "color": solid}
+        ends = [one.pose.position, tip]
+        rows.append(message(_MARKER, **shared, **arrow, ns="velocities", id=row, points=ends))
     return message("visualization_msgs/MarkerArray", markers=rows)
 
 
-def _detection(stamp_s: float, one: _Object) -> Any:  # noqa: ANN401 - a message
-    pose = upright_pose(one.center_m, one.yaw_rad)
+@cache
+def _constants() -> tuple[Any, Any, Any]:
+    """Return the sizes of labels and arrows, and the pose of the LiDAR."""
+    return (
+        vector(np.array([0, 0, _TEXT_M])),
+        vector(np.array([_ARROW_M, 2 * _ARROW_M, 0])),
+        upright_pose(np.zeros(3)),
+    )
+
+
+def _detection(shared: Any, one: Object) -> Any:  # noqa: ANN401 - messages
     covariance = np.zeros((6, 6))
     if np.isfinite(one.covariance[:2, :2]).all():
         covariance[:2, :2] = one.covariance[:2, :2]
         covariance[5, 5] = np.nan_to_num(one.yaw_std_rad) ** 2
     hypothesis = message("vision_msgs/ObjectHypothesis", class_id=one.name, score=one.score)
     with_covariance = message(
-        "geometry_msgs/PoseWithCovariance", pose=pose, covariance=covariance.ravel()
+        "geometry_msgs/PoseWithCovariance", pose=one.pose, covariance=covariance.ravel()
     )
     return message(
         "vision_msgs/Detection3D",
-        header=header(stamp_s, LIDAR),
+        header=shared,
         results=[
             message(
                 "vision_msgs/ObjectHypothesisWithPose", hypothesis=hypothesis, pose=with_covariance
             )
         ],
-        bbox=message("vision_msgs/BoundingBox3D", center=pose, size=vector(one.size_m)),
+        bbox=message("vision_msgs/BoundingBox3D", center=one.pose, size=one.size),
         id=str(one.id) if one.id >= 0 else "",
     )
 
 
-def _entity(stamp_s: float, row: int, one: _Object) -> Any:  # noqa: ANN401 - a message
+def _entity(stamp_s: float, row: int, one: Object) -> Any:  # noqa: ANN401 - a message
     values = {
         "id": one.id,
         "class": one.name,
@@ -160,8 +196,8 @@ def _entity(stamp_s: float, row: int, one: _Object) -> Any:  # noqa: ANN401 - a 
     }
     cube = message(
         "foxglove_msgs/CubePrimitive",
-        pose=upright_pose(one.center_m, one.yaw_rad),
-        size=vector(one.size_m),
+        pose=one.pose,
+        size=one.size,
         color=color("foxglove_msgs/Color", one.rgb, _OPACITY),
     )
     course_rad = float(np.arctan2(one.velocity_m_s[1], one.velocity_m_s[0]))
@@ -196,25 +232,3 @@ def _entity(stamp_s: float, row: int, one: _Object) -> Any:  # noqa: ANN401 - a 
         cubes=[cube],
         texts=[text],
     )
-
-
-def _marker(
-    stamp_s: float,
-    namespace: str,
-    number: int,
-    *,
-    rgb: Color = (0, 0, 0),
-    **fields: Any,  # noqa: ANN401
-) -> Any:  # noqa: ANN401 - a message
-    opacity = _OPACITY if fields.get("type") == _CUBE else 1.0
-    defaults = {
-        "header": header(stamp_s, LIDAR),
-        "ns": namespace,
-        "id": number,
-        "type": _CUBE,
-        "pose": upright_pose(np.zeros(3)),
-        "scale": vector(np.ones(3)),
-        "color": color("std_msgs/ColorRGBA", rgb, opacity),
-        "texture": message("sensor_msgs/CompressedImage", header=header(stamp_s, LIDAR)),
-    }
-    return message("visualization_msgs/Marker", **{**defaults, **fields})

@@ -64,5 +64,5 @@ def _vehicle_ids(result: Result) -> Int:
     if result.vehicles is None:
         return np.full(len(result.frame.points_velo), -1)
     # The last entry is that of the points of no vehicle, whose owner is -1.
-    ids = np.append(result.vehicles.ids, -1)
-    return np.asarray(ids[result.vehicles.owners])
+    ids = np.append(result.vehicles.ids, -1).astype(np.int32)
+    return ids.take(result.vehicles.owners, mode="wrap")

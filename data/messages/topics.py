@@ -164,14 +164,29 @@ def _vehicles(min_score: float) -> Callable[[Result], Tracks | None]:
     return tracks_of
 
 
+class _Objects:
+    """Objects of results; those of the last one are kept, as several topics ask for them."""
+
+    def __init__(self, tracks_of: Callable[[Result], Tracks | None]) -> None:
+        self._tracks_of = tracks_of
+        self._last: tuple[Result, tuple[objects.Object, ...] | None] | None = None
+
+    def of(self, result: Result) -> tuple[objects.Object, ...] | None:
+        if self._last is None or self._last[0] is not result:
+            tracks = self._tracks_of(result)
+            self._last = result, None if tracks is None else objects.Object.of(tracks)
+        return self._last[1]
+
+
 def _object_topics(name: str, tracks_of: Callable[[Result], Tracks | None]) -> tuple[Topic, ...]:
     """Return the topics of objects: values for programs, drawn by Foxglove, drawn by RViz."""
+    known = _Objects(tracks_of)
 
-    def of(make: Callable[[float, Tracks], Any]) -> MessageFunction:
+    def of(make: Callable[[float, Sequence[objects.Object]], Any]) -> MessageFunction:
         def message_of(result: Result, last: Result | None) -> Any:  # noqa: ANN401 - a message
             del last
-            tracks = tracks_of(result)
-            return None if tracks is None else make(result.frame.stamp_s, tracks)
+            found = known.of(result)
+            return None if found is None else make(result.frame.stamp_s, found)
 
         return message_of
 

@@ -20,7 +20,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.types import Bool, Float32, Float64, PointState, Result, require_shape
+from perception.kernels.polar_cells import cells_of_points, passed_cells
+from perception.types import Bool, Float32, Float64, Int, PointState, Result, require_shape
 
 # As of nav_msgs/OccupancyGrid.
 UNKNOWN: Final = -1
@@ -87,27 +88,76 @@ def occupancy_grid(
         config: Reach and resolution.
         with_moving: Whether what moves occupies its place; else that is unknown, or free where the ground is seen.
     """
-    states, points = result.obstacles.point_states, result.frame.points_velo
-    pose, ground = result.world_SE3_velo, points[states == PointState.GROUND]
-    is_moving = states == PointState.MOVING
-    obstacles = points[is_moving | (states == PointState.STATIC)]
-    height_m = _height_m(ground)
-    frame = _CellFrame.around(pose, config)
-    is_free = _free_cells(frame, ground, obstacles, height_m)
-    # Static places of earlier scans, as far as nothing is seen there now.
-    occupied = frame.holds(result.obstacles.static.centers_m) & ~is_free & ~frame.holds(points)
-    is_marked = states == PointState.STATIC
-    is_marked |= is_moving if with_moving else False
-    marked = points[is_marked]
-    occupied |= frame.holds(marked[result.ground.distance_m(marked) >= _MIN_OBSTACLE_M])
-    # What is lower may be a kerb: neither free nor occupied.
-    is_doubtful = cv2.dilate((occupied | frame.holds(marked)).astype(np.uint8), _MARGIN) > 0
-    grid = np.full(is_free.shape, UNKNOWN, np.int8)
-    grid[is_free & ~is_doubtful] = FREE
-    grid[occupied] = OCCUPIED
-    below_m = height_m if np.isfinite(height_m) else 0.0
-    origin_m = np.append(frame.offset_m + pose[:2, 3], pose[2, 3] - below_m)
-    return OccupancyGrid(grid, origin_m, config.cell_m)
+    return OccupancyEvidence.of(result, config).grid(with_moving=with_moving)
+
+
+@dataclass(frozen=True)
+class OccupancyEvidence:
+    """What a scan, and the scans before it, say of each of H x W cells.
+
+    Attributes:
+        is_free: (H, W) whether beams passed low, which saw no obstacle before.
+        was_static: (H, W) whether a static obstacle of earlier scans is there, where nothing is seen now.
+        holds_static: (H, W) whether static points lie there.
+        holds_moving: (H, W) whether moving points lie there.
+        is_static: (H, W) whether static points lie there above the lowest obstacle.
+        is_moving: (H, W) whether moving points lie there above the lowest obstacle.
+        origin_m: (3,) corner of the first cell in the world, at the height of the ground.
+        cell_m: Edge of a cell in metres.
+    """
+
+    is_free: Bool
+    was_static: Bool
+    holds_static: Bool
+    holds_moving: Bool
+    is_static: Bool
+    is_moving: Bool
+    origin_m: Float64
+    cell_m: float
+
+    @classmethod
+    def of(cls, result: Result, config: OccupancyConfig = _CONFIG) -> Self:
+        """Collect the evidence of a result."""
+        states, points = result.obstacles.point_states, result.frame.points_velo
+        pose, frame = result.world_SE3_velo, _CellFrame.around(result.world_SE3_velo, config)
+        is_ground, is_moving, is_static = (
+            states == one for one in (PointState.GROUND, PointState.MOVING, PointState.STATIC)
+        )
+        height_m = _height_m(points[is_ground])
+        low_share = max(1 - _MIN_OBSTACLE_M / height_m, 0.0)
+        cells, xy_m = frame.cells(points)
+        is_free = frame.passed(xy_m, is_ground, is_moving | is_static, low_share)
+        # Static places of earlier scans, as far as nothing is seen there now.
+        before, _ = frame.cells(result.obstacles.static.centers_m)
+        was_static = frame.holding(before) & ~is_free & ~frame.holding(cells)
+        static, moving = np.flatnonzero(is_static), np.flatnonzero(is_moving)
+        high_static, high_moving = (
+            rows[result.ground.distance_m(points[rows]) >= _MIN_OBSTACLE_M]
+            for rows in (static, moving)
+        )
+        below_m = height_m if np.isfinite(height_m) else 0.0
+        return cls(
+            is_free=is_free,
+            was_static=was_static,
+            holds_static=frame.holding(cells[static]),
+            holds_moving=frame.holding(cells[moving]),
+            is_static=frame.holding(cells[high_static]),
+            is_moving=frame.holding(cells[high_moving]),
+            origin_m=np.append(frame.offset_m + pose[:2, 3], pose[2, 3] - below_m),
+            cell_m=config.cell_m,
+        )
+
+    def grid(self, *, with_moving: bool = True) -> OccupancyGrid:
+        """Return the grid; `with_moving` as of `occupancy_grid`."""
+        occupied, held = self.was_static | self.is_static, self.was_static | self.holds_static
+        if with_moving:
+            occupied, held = occupied | self.is_moving, held | self.holds_moving
+        # What is lower than the lowest obstacle may be a kerb: neither free nor occupied.
+        is_doubtful = cv2.dilate((occupied | held).astype(np.uint8), _MARGIN) > 0
+        grid = np.full(self.is_free.shape, UNKNOWN, np.int8)
+        grid[self.is_free & ~is_doubtful] = FREE
+        grid[occupied] = OCCUPIED
+        return OccupancyGrid(grid, self.origin_m, self.cell_m)
 
 
 @dataclass(frozen=True)
@@ -134,24 +184,25 @@ class _CellFrame:
         count = int(np.ceil(2 * config.reach_m / cell_m)) + 1
         return cls(world_SE3_velo[:2, :3], corner_m - lidar_m, count, cell_m)
 
-    def xy_m(self, points_velo: Float32) -> Float64:
-        """Return (N, 2) positions of points from the LiDAR."""
-        return np.asarray(points_velo[:, :3] @ self.rotation.T, np.float64)
+    @property
+    def _grid(self) -> tuple[float, float, float]:
+        return float(self.offset_m[0]), float(self.offset_m[1]), self.cell_m
 
-    def holds(self, points_velo: Float32) -> Bool:
-        """Return (H, W) which cells hold at least one of (N, 3+) points."""
-        cells = np.floor((self.xy_m(points_velo) - self.offset_m) / self.cell_m).astype(np.int64)
-        column, row = cells.T
-        is_inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) < self.count)
-        found = np.zeros((self.count, self.count), bool)
-        found[row[is_inside], column[is_inside]] = True
-        return found
+    def cells(self, points_velo: Float32) -> tuple[Int, Float64]:
+        """Return the (N,) cells of (N, 3+) points and their (N, 2) positions, as `cells_of_points` does."""
+        points = np.ascontiguousarray(points_velo, np.float32)
+        return cells_of_points(points, np.ascontiguousarray(self.rotation), self._grid, self.count)
 
-    def centers_m(self) -> Float64:
-        """Return (H * W, 2) centres of the cells from the LiDAR."""
-        steps = self.cell_m * (np.arange(self.count) + 0.5)
-        x, y = np.meshgrid(self.offset_m[0] + steps, self.offset_m[1] + steps)
-        return np.stack([x.ravel(), y.ravel()], axis=1)
+    def passed(self, xy_m: Float64, is_ground: Bool, is_obstacle: Bool, low_share: float) -> Bool:
+        """Return (H, W) over which cells beams passed low, as `passed_cells` does."""
+        returns = xy_m, is_ground, is_obstacle, low_share
+        return passed_cells(*returns, self._grid, self.count, _SECTORS)
+
+    def holding(self, cells: Int) -> Bool:
+        """Return (H, W) which cells are among (N,) numbers."""
+        found = np.zeros(self.count**2 + 1, bool)
+        found[cells] = True
+        return found[:-1].reshape(self.count, self.count)
 
 
 def _height_m(ground_velo: Float32) -> float:
@@ -159,33 +210,3 @@ def _height_m(ground_velo: Float32) -> float:
     near = ground_velo[np.hypot(ground_velo[:, 0], ground_velo[:, 1]) < 10.0]
     chosen = near if len(near) else ground_velo
     return max(-float(np.median(chosen[:, 2])), _MIN_OBSTACLE_M) if len(chosen) else np.inf
-
-
-def _free_cells(
-    frame: _CellFrame, ground_velo: Float32, obstacles_velo: Float32, height_m: float
-) -> Bool:
-    """Return (H, W) which cells beams passed low on their way to the ground."""
-    bins, cell_m = int(np.ceil(0.75 * frame.count)), frame.cell_m
-    ranges_m, sectors = _polar(frame.xy_m(ground_velo))
-    # What lies behind an obstacle of the sector is not free, although a beam of its edge may have passed.
-    limits_m = np.full(_SECTORS, np.inf)
-    obstacle_ranges_m, obstacle_sectors = _polar(frame.xy_m(obstacles_velo))
-    np.minimum.at(limits_m, obstacle_sectors, obstacle_ranges_m)
-    is_seen = ranges_m < limits_m[sectors]
-    ranges_m, sectors = ranges_m[is_seen], sectors[is_seen]
-    first = ranges_m * max(1 - _MIN_OBSTACLE_M / height_m, 0) / cell_m
-    # Passes begin and end at bins of the range, and are counted from the LiDAR outwards.
-    steps = np.zeros((_SECTORS, bins + 1), np.int32)
-    np.add.at(steps, (sectors, np.minimum(first.astype(np.int64), bins)), 1)
-    np.add.at(steps, (sectors, np.minimum((ranges_m / cell_m).astype(np.int64) + 1, bins)), -1)
-    is_passed = np.cumsum(steps, axis=1) > 0
-    is_passed[:, bins] = False
-    cell_ranges_m, cell_sectors = _polar(frame.centers_m())
-    places = np.minimum((cell_ranges_m / cell_m).astype(np.int64), bins)
-    return np.asarray(is_passed[cell_sectors, places].reshape(frame.count, frame.count))
-
-
-def _polar(xy_m: Float64) -> tuple[Float64, NDArray[np.int64]]:
-    """Return (N,) ranges in metres and sectors of (N, 2) positions."""
-    angles = np.arctan2(xy_m[:, 1], xy_m[:, 0]) * (_SECTORS / (2 * np.pi))
-    return np.hypot(xy_m[:, 0], xy_m[:, 1]), np.floor(angles).astype(np.int64) % _SECTORS

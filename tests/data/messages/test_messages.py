@@ -164,7 +164,7 @@ def test_odometry_has_pose_and_velocity():
 
 
 def test_values_of_the_tracks():
-    van, walker = reread(objects.detection_array(STAMP_S, TRACKS)).detections
+    van, walker = reread(objects.detection_array(STAMP_S, objects.Object.of(TRACKS))).detections
     assert (van.id, walker.id) == ("4", "9")
     assert (van.results[0].hypothesis.class_id, walker.results[0].hypothesis.class_id) == (
         "Van",
@@ -179,7 +179,7 @@ def test_values_of_the_tracks():
 
 def test_a_vehicle_without_a_box_is_in_the_image_alone():
     tracks = VEHICLES.as_tracks(np.arange(2))
-    assert len(objects.detection_array(STAMP_S, tracks).detections) == 1
+    assert len(objects.detection_array(STAMP_S, objects.Object.of(tracks)).detections) == 1
     boxes = reread(images.annotations(STAMP_S, VEHICLES.fused.detections))
     assert [text.text for text in boxes.texts] == ["Car 0.88", "Van 0.03"]
     outline = [(point.x, point.y) for point in boxes.points[0].points]
@@ -187,7 +187,7 @@ def test_a_vehicle_without_a_box_is_in_the_image_alone():
 
 
 def test_foxglove_draws_box_label_and_velocity():
-    update = reread(objects.scene(STAMP_S, TRACKS))
+    update = reread(objects.scene(STAMP_S, objects.Object.of(TRACKS)))
     assert [one.type for one in update.deletions] == [1]
     van, walker = update.entities
     assert (van.id, walker.id, van.frame_id) == ("4", "9", "lidar")
@@ -206,7 +206,7 @@ def test_foxglove_draws_box_label_and_velocity():
 
 
 def test_rviz_draws_box_label_and_velocity():
-    clear, *rows = reread(objects.markers(STAMP_S, TRACKS)).markers
+    clear, *rows = reread(objects.markers(STAMP_S, objects.Object.of(TRACKS))).markers
     assert clear.action == 3
     assert [row.ns for row in rows] == 2 * ["boxes", "labels", "velocities"]
     start, tip = rows[2].points
@@ -240,6 +240,6 @@ def test_without_rosbags_the_line_that_installs_it(monkeypatch):
     typestore.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
     with pytest.raises(MissingDependencyError, match=r"rosbags.*pip install.*\[live\]"):
-        message("std_msgs/Header")
+        typestore()
     monkeypatch.undo()
     typestore.cache_clear()
