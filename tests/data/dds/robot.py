@@ -521,7 +521,11 @@ def play(robot: Robot, drivers: Drivers) -> None:
     orders.get()
     print(json.dumps({"topic": "stopped", "cdr": ""}), flush=True)
     orders.get()
-    robot.print_new()
+    quiet_s = time.monotonic() + 0.5
+    while time.monotonic() < quiet_s:  # until the results of what was sent before have come
+        if robot.print_new():
+            quiet_s = time.monotonic() + 0.5
+        time.sleep(0.005)
     for index in range(len(drivers)):
         time.sleep(drivers.pause_s(index))
         drivers.send(index)

@@ -208,7 +208,7 @@ def test_a_bag_of_the_topics_gives_the_same_results(
     assert source.frames.base == "base_footprint"
     assert source.frames.world == "odom"
     messages = [status.message for one in listener.decoded("/diagnostics") for status in one.status]
-    assert any("ERROR silent: nothing for 0." in one for one in messages)
+    assert any("ERROR silent: nothing for " in one for one in messages)
 
 
 def test_the_command_goes_on_at_faults_and_ends_at_sigterm(
