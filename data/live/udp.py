@@ -3,15 +3,20 @@
 import logging
 import socket
 import time
+from bisect import insort
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from data.clouds.cloud import Cloud
 from data.live.source import LiveSource
-from data.packets.velodyne import VelodyneDecoder, first_azimuth_rad, is_data_packet
+from data.packets.ouster import OusterDecoder, is_metadata
+from data.packets.recording import is_beams_file
+from data.packets.sweeps import PacketDecoder
+from data.packets.velodyne import VelodyneDecoder
 from perception.errors import PerceptionError, ScanError, UsageError
 from perception.sensor import LidarModel, load_sensor
 from perception.types import Frame
@@ -20,10 +25,10 @@ log = logging.getLogger(__name__)
 
 _BUFFER_BYTES = 1 << 22  # of the socket: a second of packets, while a scan is decoded
 _WAIT_S = 0.2  # between two looks at whether the source is closed
-_HOUR_S = 3600.0
 _MAX_STEP_S = 60.0  # between two scans; a longer one means that the sensor's clock was set
 _MAX_TURN_S = 0.5  # the slowest turn is 0.2 s
-_MAX_PACKETS = 2000  # of one turn: a LiDAR that stands still must not fill the memory
+_MAX_PACKETS = 4000  # of one turn: a LiDAR that stands still must not fill the memory
+_MAX_LATE = 8  # packets that may overtake another one on the network
 
 
 @dataclass(frozen=True)
@@ -42,44 +47,58 @@ class UdpAddress:
 
 
 class _SensorClock:
-    """Time by the sensor's clock, which starts again every hour, as time of this computer."""
+    """Time by the sensor's clock, which may start again after some time, as time of this computer."""
 
-    def __init__(self, period_s: float) -> None:
-        self._period_s = period_s
+    def __init__(self, period_s: float, turnover_s: float) -> None:
+        self._period_s, self._turnover_s = period_s, turnover_s
         self._last_s = 0.0
         self._time_s: float | None = None
 
-    def time_s(self, since_hour_s: float) -> float:
+    def time_s(self, own_s: float) -> float:
         """Return the time of the next scan; a period after the last one where the clock was set."""
         if self._time_s is None:
             self._time_s = time.time()
         else:
-            step_s = (since_hour_s - self._last_s) % _HOUR_S
+            step_s = _step_s(self._last_s, own_s, self._turnover_s)
             self._time_s += step_s if 0 < step_s < _MAX_STEP_S else self._period_s
-        self._last_s = since_hour_s
+        self._last_s = own_s
         return self._time_s
 
 
-class UdpLidar(LiveSource):
-    """Scans of a Velodyne LiDAR, one a turn; a turn begins behind the vehicle."""
+def _step_s(before_s: float, now_s: float, turnover_s: float) -> float:
+    """Return the time between two times of a clock, the shorter way where it starts again."""
+    step_s = now_s - before_s
+    return (step_s + turnover_s / 2) % turnover_s - turnover_s / 2 if turnover_s else step_s
 
-    def __init__(self, address: UdpAddress, sensor: LidarModel | None = None) -> None:
-        """Open the port and wait for the first packet, which tells the model.
+
+class UdpLidar(LiveSource):
+    """Scans of a Velodyne or Ouster LiDAR, one a turn; that of a Velodyne begins behind the vehicle."""
+
+    def __init__(
+        self, address: UdpAddress, sensor: LidarModel | None = None, beams: Path | None = None
+    ) -> None:
+        """Open the port and wait for the first packet, which tells the model of a Velodyne.
 
         Args:
             address: Address at which packets arrive.
             sensor: LiDAR model, such as one of another height; else the one that the packets name.
+            beams: Metadata of an Ouster, or calibration of an HDL-64E.
 
         Raises:
             UsageError: The port cannot be opened.
             ScanError: No packet comes, or one of a LiDAR that is not known.
+            CalibrationError: The metadata is damaged.
         """
+        self._beams = beams
         self._is_closed = False
         self._socket = _open(address)
         self.port: int = self._socket.getsockname()[1]
         name = f"UDP port {self.port}"
         self._decoder = self._first_decoder(name, address.timeout_s)
-        super().__init__(name, sensor or self._decoder.sensor, is_sequence=True)
+        model = sensor or self._decoder.sensor
+        if sensor is not None and isinstance(self._decoder, OusterDecoder):
+            model = replace(self._decoder.sensor, height_m=sensor.height_m)  # which knows the beams
+        super().__init__(name, model, is_sequence=True)
 
     def laps(self) -> Iterator[Iterator[Frame]]:
         """Yield the frames until the source is closed."""
@@ -90,19 +109,9 @@ class UdpLidar(LiveSource):
         """Close the port."""
         self._is_closed = True
 
-    def _first_decoder(self, name: str, timeout_s: float) -> VelodyneDecoder:
-        self._socket.settimeout(timeout_s)
+    def _first_decoder(self, name: str, timeout_s: float) -> PacketDecoder:
         try:
-            packet = self._socket.recv(1 << 16)
-            decoder = VelodyneDecoder.of(packet, name, extra="live")
-        except TimeoutError as error:
-            self._socket.close()
-            raise ScanError(
-                name,
-                expected="packets of a LiDAR",
-                found=f"none in {timeout_s:g} s",
-                advice="set this computer's address and the port of --udp-port in the LiDAR",
-            ) from error
+            decoder = self._await_decoder(name, timeout_s)
         except PerceptionError:
             self._socket.close()
             raise
@@ -111,8 +120,31 @@ class UdpLidar(LiveSource):
             log.warning(note)
         return decoder
 
+    def _await_decoder(self, name: str, timeout_s: float) -> PacketDecoder:
+        """Return the decoder of the first packet, or that of the metadata when its packets come."""
+        beams = self._beams
+        ouster = OusterDecoder(beams) if beams is not None and is_metadata(beams) else None
+        end_s, found = time.monotonic() + timeout_s, "none"
+        expected = "packets of a LiDAR" if ouster is None else f"packets of a {ouster.sensor.name}"
+        with suppress(TimeoutError):
+            while (left_s := end_s - time.monotonic()) > 0:
+                self._socket.settimeout(left_s)
+                packet = self._socket.recv(1 << 16)
+                if ouster is None:
+                    return VelodyneDecoder.of(packet, name, beams, extra="live")
+                if ouster.is_data(packet) and ouster.other_sensor(packet) is None:
+                    return ouster
+                other = ouster.other_sensor(packet) if ouster.is_data(packet) else None
+                found = other or f"packets of {len(packet)} bytes"
+        raise ScanError(
+            name,
+            expected=expected,
+            found=f"{found} in {timeout_s:g} s",
+            advice="set this computer's address and the port of --udp-port in the LiDAR",
+        )
+
     def _frames(self) -> Iterator[Frame]:
-        clock, index = _SensorClock(1 / self.sensor.rate_hz), 0
+        clock, index = _SensorClock(1 / self.sensor.rate_hz, self._decoder.clock_s), 0
         for packets in self._turns():
             try:
                 frame = self._frame(index, self._decoder.decode(packets), clock)
@@ -123,40 +155,60 @@ class UdpLidar(LiveSource):
             yield frame
 
     def _frame(self, index: int, returns: Cloud, clock: _SensorClock) -> Frame:
-        since_hour_s = returns.times_s
-        if since_hour_s is None or returns.intensity is None or len(returns) == 0:
+        times_s = returns.times_s
+        if times_s is None or returns.intensity is None or len(returns) == 0:
             raise ScanError(self.name, expected="at least one return", found="an empty scan")
-        if since_hour_s[-1] - since_hour_s[0] > _MAX_TURN_S:
+        first_s, last_s = float(times_s.min()), float(times_s.max())
+        if last_s - first_s > _MAX_TURN_S:
             raise ScanError(
                 self.name,
                 expected=f"the packets of one turn within {_MAX_TURN_S:g} s",
-                found=f"{since_hour_s[-1] - since_hour_s[0]:.1f} s, as others were lost",
+                found=f"{last_s - first_s:.1f} s, as others were lost",
             )
         # The stamp is the moment at which the LiDAR looks ahead, as KITTI's.
-        middle_s = float(since_hour_s[0] + since_hour_s[-1]) / 2
+        middle_s = (first_s + last_s) / 2
+        reflectance = np.clip(returns.intensity / np.float32(self._decoder.full_scale), 0, 1)
         return Frame(
             index,
-            clock.time_s(middle_s % _HOUR_S),
-            np.column_stack([returns.xyz, np.clip(returns.intensity / np.float32(255), 0, 1)]),
+            clock.time_s(middle_s),
+            np.column_stack([returns.xyz, reflectance]),
             source=f"{self.name}, turn {index}",
-            point_times_s=(since_hour_s - middle_s).astype(np.float32),
+            point_times_s=(times_s - middle_s).astype(np.float32),
         )
 
     def _turns(self) -> Iterator[list[bytes]]:
         """Yield the packets of each whole turn; the first one, which is not whole, is left out."""
         packets: list[bytes] = []
-        is_whole, last_rad = False, 0.0
-        for packet in self._packets():
-            # 0 behind the vehicle, growing through a turn.
-            behind_rad = (first_azimuth_rad(packet) + np.pi) % (2 * np.pi)
-            if behind_rad < last_rad - np.pi:
+        is_whole = False
+        for packet in self._in_order():
+            if packets and self._decoder.begins_turn(packet, packets[-1]):
                 if is_whole:
                     yield packets
                 packets, is_whole = [], True
             elif len(packets) >= _MAX_PACKETS:
                 packets, is_whole = [], False
-            last_rad = behind_rad
             packets.append(packet)
+
+    def _in_order(self) -> Iterator[bytes]:
+        """Yield the packets by their times: one that was overtaken in its place, one that came twice once."""
+        decoder, waiting = self._decoder, list[tuple[float, bytes]]()
+        last_s = -np.inf
+        for packet in self._packets():
+            time_s = decoder.packet_time_s(packet)
+            if waiting:
+                # By the clock of the packets that wait, which may just have started again, or been set.
+                step_s = _step_s(waiting[-1][0], time_s, decoder.clock_s)
+                time_s = waiting[-1][0] + step_s
+                if abs(step_s) > _MAX_TURN_S:
+                    yield from (one for _, one in waiting)
+                    waiting.clear()
+                    time_s, last_s = decoder.packet_time_s(packet), -np.inf
+            if time_s < last_s or (time_s, packet) in waiting:
+                continue
+            insort(waiting, (time_s, packet))
+            if len(waiting) > _MAX_LATE:
+                last_s, oldest = waiting.pop(0)
+                yield oldest
 
     def _packets(self) -> Iterator[bytes]:
         with self._socket:
@@ -165,7 +217,7 @@ class UdpLidar(LiveSource):
                     packet = self._socket.recv(1 << 16)
                 except TimeoutError:
                     continue
-                if is_data_packet(packet):
+                if self._decoder.is_data(packet):
                     yield packet
 
     def _drop_old_packets(self) -> None:
@@ -182,15 +234,19 @@ def open_udp(port: int, sensor: str | None = None) -> UdpLidar:
 
     Args:
         port: Port.
-        sensor: Name or file of the LiDAR model; else the one that the packets name.
+        sensor: Name or file of the LiDAR model; metadata of an Ouster, or calibration of an HDL-64E; or both with a
+            comma. Else the model that the packets name.
 
     Raises:
         UsageError: The port cannot be opened, or there is no such model.
         ScanError: No packet comes, or one of a LiDAR that is not known.
+        CalibrationError: The metadata is damaged.
     """
-    model = load_sensor(sensor) if sensor else None
+    names = [one.strip() for one in (sensor or "").split(",") if one.strip()]
+    beams = next((Path(one) for one in names if is_beams_file(Path(one))), None)
+    model = next((load_sensor(one) for one in names if Path(one) != beams), None)
     log.info("waiting for packets at UDP port %d", port)
-    return UdpLidar(UdpAddress(port), model)
+    return UdpLidar(UdpAddress(port), model, beams)
 
 
 def _open(address: UdpAddress) -> socket.socket:

@@ -19,6 +19,7 @@ _MAX_METADATA_BYTES = 1 << 22
 _FAMILY = re.compile(r"OS-?([0-2])")
 # Firmware before has 16 bits of reflectance in the lower half of this word, of which ouster-sdk takes 8 for its own.
 _CALIBRATED, _LOW_WORD = (2, 1), 0xFFFF
+_REFLECTIVITY = "REFLECTIVITY"
 _MIN_ELEVATION_STEP_RAD = 1e-6
 
 
@@ -50,6 +51,29 @@ class OusterDecoder:
         opened, data = _opened(self.metadata), np.frombuffer(packet, np.uint8)
         serial, own = int(opened.format.prod_sn(data)), int(opened.info.sn or 0)
         return f"packets of serial number {serial}" if serial and own and serial != own else None
+
+    @property
+    def full_scale(self) -> float:
+        """Intensity that stands for a reflectance of 1: of calibrated firmware 8 bits, before 16."""
+        return 255.0 if _opened(self.metadata).reflectance == _REFLECTIVITY else float(_LOW_WORD)
+
+    def is_data(self, packet: bytes) -> bool:
+        """Return whether a packet has the size of this sensor's."""
+        return len(packet) == self.packet_bytes
+
+    def packet_time_s(self, packet: bytes) -> float:
+        """Return the time of the first column of a packet."""
+        from ouster.sdk.core import ColHeader
+
+        data = np.frombuffer(packet, np.uint8)
+        form = _opened(self.metadata).format
+        return float(form.packet_header(ColHeader.TIMESTAMP, data)[0]) * 1e-9
+
+    def begins_turn(self, packet: bytes, before: bytes) -> bool:
+        """Return whether two packets are of different frames."""
+        form = _opened(self.metadata).format
+        numbers = {form.frame_id(np.frombuffer(one, np.uint8)) for one in (packet, before)}
+        return len(numbers) > 1
 
     def sweeps(self, packets: Iterable[bytes]) -> list[PacketSweep]:
         """Find the packets of each frame; those of two frames may come in turn where one ends."""
@@ -162,7 +186,7 @@ def _opened_once(path: Path, _: int) -> _Opened:
         packets = int(info.format.lidar_packets_per_frame())
         version = info.get_version()
         is_calibrated = (version.major, version.minor) >= _CALIBRATED or version.major == 0
-        reflectance = "REFLECTIVITY" if is_calibrated else "RAW32_WORD2"
+        reflectance = _REFLECTIVITY if is_calibrated else "RAW32_WORD2"
         return _Opened(info, PacketFormat(info), XYZLut(info), sensor, packets, reflectance)
     except Exception as error:  # the parser's are not told
         found = " ".join(str(error).split())[:200]

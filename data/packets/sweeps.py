@@ -39,6 +39,19 @@ class PacketDecoder(Protocol):
     def notes(self) -> Sequence[str]:
         """Sentences on what was assumed."""
 
+    @property
+    def full_scale(self) -> float:
+        """Intensity that stands for a reflectance of 1."""
+
+    def is_data(self, packet: bytes) -> bool:
+        """Return whether a packet has returns of this LiDAR."""
+
+    def packet_time_s(self, packet: bytes) -> float:
+        """Return the time of a packet by the sensor's clock."""
+
+    def begins_turn(self, packet: bytes, before: bytes) -> bool:
+        """Return whether a packet is of another turn than the one before it."""
+
     def sweeps(self, packets: Iterable[bytes]) -> list[PacketSweep]:
         """Find the sweeps among all packets of the sender."""
 

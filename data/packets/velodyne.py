@@ -50,6 +50,7 @@ class VelodyneDecoder:
         calibration: Text of the calibration of an HDL-64E, else none.
         notes: Sentences on what was assumed.
         clock_s: Time after which the clock begins again, an hour.
+        full_scale: Intensity that stands for a reflectance of 1.
     """
 
     sensor: LidarModel
@@ -58,6 +59,7 @@ class VelodyneDecoder:
     calibration: str = ""
     notes: tuple[str, ...] = ()
     clock_s: float = _HOUR_S
+    full_scale: float = 255.0
 
     @classmethod
     def of(
@@ -122,6 +124,21 @@ class VelodyneDecoder:
                 calibration or source, expected="the calibration of an HDL-64E", found=found
             ) from error
         return cls(sensor, source, _MODEL_HDL_64E, text, notes)
+
+    def is_data(self, packet: bytes) -> bool:
+        """Return whether a packet has returns."""
+        return is_data_packet(packet)
+
+    def packet_time_s(self, packet: bytes) -> float:
+        """Return the time of a packet since the hour."""
+        return float(unpack_from("<I", packet, 1200)[0]) * 1e-6
+
+    def begins_turn(self, packet: bytes, before: bytes) -> bool:
+        """Return whether the place behind the vehicle lies between two packets."""
+        behind_rad, last_rad = (
+            (first_azimuth_rad(one) + np.pi) % (2 * np.pi) for one in (packet, before)
+        )
+        return behind_rad < last_rad - np.pi
 
     def sweeps(self, packets: Iterable[bytes]) -> list[PacketSweep]:
         """Find the turns; each begins behind the vehicle."""

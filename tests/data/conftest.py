@@ -1,5 +1,7 @@
 """Drives of a few small frames, written where a test wants to break them."""
 
+import os
+import shutil
 from pathlib import Path
 
 import cv2
@@ -17,6 +19,7 @@ from data.kitti.oxts import Mercator, format_oxts_packet
 from perception.geometry.se3 import from_euler
 from perception.types import Boxes3D, Calibration, Labels
 
+_PACKETS = Path(__file__).parents[3] / "shared" / "packets"
 FRAMES = 6
 SPEED_M_S = 10.0
 SIZE_PX = (62, 19)
@@ -127,3 +130,15 @@ def object_root(tmp_path: Path) -> Path:
 @pytest.fixture
 def store(tmp_path: Path) -> ArrayStore:
     return ArrayStore(tmp_path / "cache")
+
+
+@pytest.fixture
+def ousters(tmp_path) -> Path:
+    """Return a copy of the real packets with their metadata."""
+    found = Path(os.environ.get("PACKETS_ROOT", _PACKETS))
+    if not found.is_dir():
+        pytest.skip(f"{found} is not here: set PACKETS_ROOT")
+    pytest.importorskip("ouster.sdk.core", reason="ouster-sdk is not installed")
+    for path in found.glob("OS-*"):
+        shutil.copyfile(path, tmp_path / path.name)
+    return tmp_path

@@ -8,10 +8,14 @@ import time
 import numpy as np
 import pytest
 
+from data.live import udp
 from data.live.udp import UdpAddress, UdpLidar
+from data.packets.ouster import OusterDecoder
+from data.packets.velodyne import VelodyneDecoder
 from perception.errors import ScanError, UsageError
 from perception.sensor import VLP_16
-from tests.packet_writer import PACKET_US, turns
+from tests.data.packets.test_recording import OS_0, OS_2, ouster_frames
+from tests.packet_writer import ALIKE, BANKS, PACKET_US, PAIRS, packet, turns
 
 ANY = UdpAddress(port=0, host="127.0.0.1", timeout_s=5.0)
 
@@ -37,7 +41,7 @@ def free_port() -> int:
         return one.getsockname()[1]
 
 
-def lidar_that_receives(packets: list[bytes], **options):
+def lidar_that_receives(packets: list[bytes], timeout_s: float = 5.0, **options):
     """Return a LiDAR, its frames, and the thread that sends."""
     port, opened = free_port(), []
     # The first packet is repeated until the port is open.
@@ -51,7 +55,7 @@ def lidar_that_receives(packets: list[bytes], **options):
     knocking = threading.Thread(target=knock)
     knocking.start()
     try:
-        opened.append(UdpLidar(UdpAddress(port, "127.0.0.1", 5.0), **options))
+        opened.append(UdpLidar(UdpAddress(port, "127.0.0.1", timeout_s), **options))
     finally:
         stop.set()
         knocking.join()
@@ -130,3 +134,106 @@ def test_a_port_in_use_is_one_sentence():
             UdpLidar(UdpAddress(port, "127.0.0.1"))
     with pytest.raises(UsageError, match="UDP port 99999"):
         UdpLidar(UdpAddress(99999))
+
+
+def turns_of(model, flags, cycles, mode=0x37) -> list[bytes]:
+    """Return the packets of three and a half turns of any Velodyne, from behind on, in a room of noise."""
+    generator, step_deg = np.random.default_rng(0), 2.0
+    count = round(3.5 * 360 / (cycles * step_deg))
+    return [
+        packet(180 + step_deg * (cycles * one + np.repeat(np.arange(cycles), 12 // cycles)),
+               generator.uniform(5, 60, (12, 32)), model=model, flags=flags, mode=mode, time_us=1300 * one)
+        for one in range(count)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("model", "flags", "cycles", "mode", "name"),
+    [(0x21, ALIKE, 12, 0x37, "HDL-32E"), (0x24, ALIKE, 12, 0x37, "Puck Hi-Res"),
+     (0x28, ALIKE, 12, 0x37, "VLP-32C"), (0xA1, BANKS, 3, 0x37, "VLS-128"), (0x31, PAIRS, 6, 0x48, "HDL-64E")],
+)  # fmt: skip
+def test_every_velodyne_is_received(model, flags, cycles, mode, name):
+    packets = turns_of(model, flags, cycles, mode)
+    lidar, frames, sending = lidar_that_receives(packets)
+    frame = next(frames)
+    sending.join()
+    lidar.close()
+    assert lidar.sensor.name == name
+    half = round(360 / (cycles * 2.0))
+    expected = VelodyneDecoder.of(packets[0], "port").decode(packets[half : 2 * half])
+    assert np.array_equal(frame.points_velo[:, :3], expected.xyz)
+
+
+def disturbed(packets: list[bytes], lost: tuple[int, ...] = ()) -> list[bytes]:
+    """Return packets of which many come twice, some are overtaken by others, and some are lost."""
+    generator = np.random.default_rng(1)
+    kept = [one for index, one in enumerate(packets) if index not in lost]
+    places = np.arange(len(kept)) + generator.uniform(0, 4, len(kept))
+    late = [kept[one] for one in np.argsort(places)]
+    return [one for index, each in enumerate(late) for one in [each] * (1 + (index % 3 == 0))]
+
+
+def test_packets_that_are_doubled_late_and_lost():
+    packets = turns(3.3)
+    lidar, frames, sending = lidar_that_receives([packets[0], *disturbed(packets)])
+    found = [next(frames) for _ in range(2)]
+    sending.join()
+    lidar.close()
+    calm, calm_frames, sending = lidar_that_receives(packets)
+    for frame in found:
+        expected = next(calm_frames)
+        assert np.array_equal(frame.points_velo, expected.points_velo)
+        assert np.array_equal(frame.point_times_s, expected.point_times_s)
+    sending.join()
+    calm.close()
+    lost = tuple(range(60, 70))  # of the first whole turn, which is from packet 38 to 112
+    lidar, frames, sending = lidar_that_receives([packets[0], *disturbed(packets, lost)])
+    first, second = next(frames), next(frames)
+    sending.join()
+    lidar.close()
+    assert len(first.points_velo) == 65 * 12 * 32
+    assert len(second.points_velo) == 75 * 12 * 32
+
+
+def test_an_hour_that_ends_within_a_turn():
+    packets = turns(3.3, start_us=3_600_000_000 - 150_000)
+    lidar, frames, sending = lidar_that_receives([packets[0], *disturbed(packets)])
+    found = [next(frames) for _ in range(2)]
+    sending.join()
+    lidar.close()
+    assert [len(one.points_velo) for one in found] == [75 * 12 * 32] * 2
+    assert found[1].stamp_s - found[0].stamp_s == pytest.approx(75 * PACKET_US * 1e-6, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", [OS_0, OS_2])
+def test_ousters_are_received_with_their_metadata(ousters, name):
+    path = ousters / f"{name}.pcap"
+    frames_sent = ouster_frames(path, 4)
+    packets = [frames_sent[0][-1], *disturbed([one for frame in frames_sent for one in frame])]
+    metadata = path.with_suffix(".json")
+    lidar, frames, sending = lidar_that_receives(packets, beams=metadata)
+    found = [next(frames) for _ in range(2)]
+    sending.join()
+    lidar.close()
+    expected = OusterDecoder(metadata).decode(frames_sent[1])
+    assert lidar.sensor.beams == OusterDecoder(metadata).sensor.beams
+    for frame in found:
+        assert np.array_equal(frame.points_velo[:, :3], expected.xyz)
+        assert 0.1 < frame.points_velo[:, 3].max() <= 1
+    assert found[1].stamp_s - found[0].stamp_s == pytest.approx(0.1, abs=1e-3)
+
+
+def test_other_packets_than_those_of_the_metadata_are_one_sentence(ousters):
+    with pytest.raises(ScanError, match=r"packets of a OS-0-128, found packets of 1206 bytes in"):
+        lidar_that_receives(turns(0.1), beams=ousters / f"{OS_0}.json", timeout_s=0.5)
+
+
+def test_metadata_and_height_are_named_together(ousters, monkeypatch):
+    roof = ousters / "roof.yaml"
+    roof.write_text("model: OS0-128\nheight_m: 0.4\n")
+    made = []
+    monkeypatch.setattr(udp, "UdpLidar", lambda *args: made.append(args))
+    metadata = ousters / f"{OS_0}.json"
+    udp.open_udp(7502, f"{metadata},{roof}")
+    ((address, model, beams),) = made
+    assert (address.port, model.height_m, beams) == (7502, 0.4, metadata)

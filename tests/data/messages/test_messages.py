@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data.messages import geometry, images, motion, objects
-from data.messages.definitions import definition_of, encoded, message, typestore
+from data.messages.definitions import definition_of, encoded, typestore
 from data.messages.points import point_cloud
 from data.messages.topics import diagnostics, topics
 from perception.errors import MissingDependencyError

@@ -1,6 +1,5 @@
 """Recordings of packets as drives: those of a Velodyne made by hand, and those of real Ousters."""
 
-import os
 import pickle
 import shutil
 import sys
@@ -17,7 +16,6 @@ from perception.cli.main import main
 from perception.errors import PerceptionError
 from tests.packet_writer import PACKET_US, PAIRS, STILL, packet, pcap, pcapng, tcp, turns, udp
 
-_SHARED = Path(__file__).parents[4] / "shared" / "packets"
 OS_0, OS_2 = "OS-0-128-U1_v2.3.0_1024x10", "OS-2-32-U0_v2.0.0_1024x10"
 
 
@@ -29,18 +27,6 @@ def recorded(path: Path, payloads, *, write=pcap, **options) -> Path:
     """Write the packets of a VLP-16 as they came."""
     period = {"period_us": PACKET_US} if write is pcap else {"period_ns": round(1000 * PACKET_US)}
     return write(sent(payloads, **options), path, **period)
-
-
-@pytest.fixture
-def ousters(tmp_path) -> Path:
-    """Return a copy of the real packets with their metadata."""
-    found = Path(os.environ.get("PACKETS_ROOT", _SHARED))
-    if not found.is_dir():
-        pytest.skip(f"{found} is not here: set PACKETS_ROOT")
-    pytest.importorskip("ouster.sdk.core", reason="ouster-sdk is not installed")
-    for path in found.glob("OS-*"):
-        shutil.copyfile(path, tmp_path / path.name)
-    return tmp_path
 
 
 # --- Velodyne -------------------------------------------------------------------------------------
