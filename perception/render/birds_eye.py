@@ -12,6 +12,7 @@ import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.kernels.drawing import paint_points
+from perception.obstacles.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from perception.render import palette
 from perception.render.canvas import (
     FIXED_POINT_BITS,
@@ -33,6 +34,10 @@ _FULL_HEIGHT_M = 1.8
 # Colours of static voxels by brightness, 0 to 255, and of moving ones.
 _STATIC = (np.arange(256)[:, None] / 255 * palette.STATIC).astype(np.uint8)
 _MOVING = np.array([palette.MOVING], np.uint8)
+# Colours of the states of cells; unknown ones have none.
+_STATES = np.array([UNKNOWN, FREE, OCCUPIED])
+_OCCUPANCY = np.array([(0, 0, 0), palette.FREE, palette.OCCUPIED], np.uint8)
+_TINT = 0.45
 # Direction to the light, from the front left; slopes are drawn steeper than they are.
 _TO_LIGHT = np.array([0.5, 0.5, 0.7])
 _SLOPE_EXAGGERATION = 4.0
@@ -84,10 +89,26 @@ def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
     return BirdsEyeView(size_px, scale, (width / 2, top_px + area.ahead_m * scale))
 
 
-def draw_birds_eye(canvas: UInt8, view: BirdsEyeView, result: Result, surface: GroundMesh) -> None:
-    """Fill a canvas with ground, points, obstacles, range rings and the vehicle."""
+def draw_birds_eye(
+    canvas: UInt8,
+    view: BirdsEyeView,
+    result: Result,
+    surface: GroundMesh,
+    occupancy: OccupancyGrid | None = None,
+) -> None:
+    """Fill a canvas with ground, points, obstacles, range rings and the vehicle.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        view: View from above.
+        result: Output of the pipeline.
+        surface: Ground.
+        occupancy: Occupancy grid, or None for none.
+    """
     fill_canvas(canvas, palette.PANEL)
     draw_ground(canvas, view, surface)
+    if occupancy is not None:
+        draw_occupancy(canvas, view, occupancy, result.world_SE3_velo)
     draw_points(canvas, view, result)
     draw_rings(canvas, view)
     draw_static(canvas, view, result.obstacles.static, surface)
@@ -117,6 +138,34 @@ def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
     canvas[rows, columns] = resized[
         rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
     ]
+
+
+def draw_occupancy(
+    canvas: UInt8, view: BirdsEyeView, grid: OccupancyGrid, world_SE3_velo: Float64
+) -> None:
+    """Tint free and occupied cells; what is unknown stays as it is.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        view: View from above.
+        grid: Grid in the world.
+        world_SE3_velo: (4, 4) pose of the LiDAR in the world.
+    """
+    # Centres of three cells, on the ground, and where they are drawn.
+    cells = np.array([[0, 0], [grid.states.shape[1] - 1, 0], [0, grid.states.shape[0] - 1]])
+    centers_m = np.column_stack([(cells + 0.5) * grid.cell_m, np.zeros(3)]) + grid.origin_m
+    centers_velo = (centers_m - world_SE3_velo[:3, 3]) @ world_SE3_velo[:3, :3]
+    places_px = view.to_pixels(centers_velo)
+    canvas_A_grid = cv2.getAffineTransform(cells.astype(np.float32), places_px.astype(np.float32))
+    tint = cv2.warpAffine(
+        _OCCUPANCY[np.searchsorted(_STATES, grid.states)],
+        canvas_A_grid,
+        view.size_px,
+        flags=cv2.INTER_NEAREST,
+    )
+    is_known = tint.any(axis=2)
+    mixed = cv2.addWeighted(canvas, 1 - _TINT, tint, _TINT, 0)
+    canvas[is_known] = mixed[is_known]
 
 
 def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:

@@ -13,6 +13,8 @@ GROUND: Color = (46, 120, 255)
 GROUND_MESH: Color = (150, 200, 255)
 STATIC: Color = (240, 62, 54)
 MOVING: Color = (64, 232, 96)
+FREE: Color = (40, 210, 190)
+OCCUPIED: Color = (255, 176, 48)
 # Colours of objects, neighbours far apart. With normal vision and with each kind of colour blindness
 # they differ from one another and from the three colours above (tests/render/test_palette.py).
 TRACKS: tuple[Color, ...] = (

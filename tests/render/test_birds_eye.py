@@ -1,9 +1,14 @@
 import numpy as np
+import pytest
 
 from perception.geometry.grids import LocalArea
+from perception.geometry.se3 import from_euler
+from perception.obstacles.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from perception.render import palette
 from perception.render.birds_eye import (
     BirdsEyeView,
     draw_birds_eye,
+    draw_occupancy,
     draw_squares,
     view_of_area,
 )
@@ -70,3 +75,19 @@ def test_points_outside_the_area_are_grey_on_the_panel(scene):
     canvas = birds_eye(far_view, scene)
     assert (canvas[35, 85] == POINTS).all()
     assert (canvas[60, 20] == PANEL).all()
+
+
+def test_free_and_occupied_cells_are_tinted_where_they_are_in_the_world():
+    # The vehicle at (100, 50) looks along y of the world: ahead is y, to the right x.
+    pose = from_euler(0, 0, np.pi / 2, np.array([100.0, 50, 0]))
+    states = np.full((20, 10), UNKNOWN, np.int8)
+    states[10, 0], states[12, 9] = FREE, OCCUPIED
+    grid = OccupancyGrid(states, np.array([97.5, 50, -1.7]), cell_m=0.5)
+    canvas = np.full((300, 200, 3), 200, np.uint8)
+    draw_occupancy(canvas, VIEW, grid, pose)
+    # Cell centres (97.75, 55.25) and (102.25, 56.25): 5.25 m ahead and 2.25 m left, 6.25 m and 2.25 m right.
+    for (x_m, y_m), color in (((5.25, 2.25), palette.FREE), ((6.25, -2.25), palette.OCCUPIED)):
+        column, row = VIEW.to_pixels(np.array([[x_m, y_m]]))[0].astype(int)
+        expected = 0.55 * 200 + 0.45 * np.array(color)
+        assert canvas[row, column] == pytest.approx(expected, abs=1)
+    assert (canvas != 200).any(axis=2).sum() == pytest.approx(2 * 25, abs=11)
