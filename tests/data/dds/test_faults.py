@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from data.dds.participant import DdsParticipant
 from data.dds.ros_source import RosSource
 from data.layouts import OpenConfig
 from perception.errors import PoseError
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.sensor import VLP_16
 from perception.types import Frame
 from tests.data.dds.listening import Listener, robot
 
@@ -42,14 +45,12 @@ def write_plain_robot(path: Path, frames: int, **parts: Any) -> Path:
     np.savez(
         path,
         follows=True,
-        stamps_ns=ORIGIN_NS + 100_000_000 * np.arange(frames),
-        poses=poses,
         images=images(0, frames),
         camera_matrix=np.array([[20.0, 0, 16], [0, 20, 12], [0, 0, 1]]),
         tf_names=["base_footprint base_link", "base_link velodyne", "velodyne camera", "velodyne left"],
         tf_poses=[[0, 0, 0, 0, 0, 0, 1], [0.8, 0, 1.73, 0, 0, 0, 1], *[[0.2, y_m, 0, -0.5, 0.5, -0.5, 0.5] for y_m in (0, 0.5)]],
-        **parts,
-        **{f"points_{one}": ground for one in range(frames)},
+        **{"poses": poses, "stamps_ns": ORIGIN_NS + 100_000_000 * np.arange(frames), **parts},
+        **{f"points_{one}": ground for one in range(frames) if f"points_{one}" not in parts},
         **({f"left_{one}": png for one, png in enumerate(pngs)} if "left" in parts else {}),
     )  # fmt: skip
     return path
@@ -209,3 +210,64 @@ def test_an_error_of_the_pipeline_is_said_and_frames_go_on(
         drive.send()
         assert drive.next().index == 1
         assert drive.restarts == before
+
+
+def street_scan(time_s: float, noise: np.random.Generator) -> np.ndarray:
+    """Return the scan of a VLP-16 between walls and posts, where a car passes on the left at 8 m/s."""
+    azimuth, elevation = np.meshgrid(
+        np.radians(np.arange(0, 360, 0.4)), np.radians(np.arange(-15, 16, 2.0))
+    )
+    rays = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ],
+        -1,
+    )
+    rays = rays.reshape(-1, 3)
+    ranges_m = np.where(rays[:, 2] < -0.01, 1.73 / np.maximum(-rays[:, 2], 1e-3), 60.0)
+    ranges_m = np.minimum(ranges_m, 12 / np.maximum(np.abs(rays[:, 1]), 1e-3))
+    boxes = [(x, y, 0.3, 0.3) for x in range(-30, 31, 6) for y in (-8, 8)]
+    for x, y, half_x, half_y in [*boxes, (-2 + 8 * time_s, 4, 2.2, 0.9)]:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sides = [
+                np.array(one) / rays[:, :2]
+                for one in ((x - half_x, y - half_y), (x + half_x, y + half_y))
+            ]
+        near_m, far_m = np.minimum(*sides).max(axis=1), np.maximum(*sides).min(axis=1)
+        is_hit = (near_m > 0) & (near_m < far_m) & (near_m * rays[:, 2] < -0.1)
+        ranges_m[is_hit] = np.minimum(ranges_m[is_hit], near_m[is_hit])
+    is_return = ranges_m < 40
+    points = rays * (ranges_m + noise.normal(0, 0.01, len(rays)))[:, None]
+    return np.column_stack([points, np.full(len(points), 0.3)])[is_return]
+
+
+def test_a_lidar_that_was_silent_goes_on_with_the_same_ids(
+    domain: int, tmp_path: Path, monkeypatch
+):
+    noise = np.random.default_rng(0)
+    times_s = np.append(0.1 * np.arange(7), 1.3 + 0.1 * np.arange(3))
+    scans = {f"points_{index}": street_scan(one, noise) for index, one in enumerate(times_s)}
+    stamps_ns = ORIGIN_NS + np.round(1e9 * times_s).astype(np.int64)
+    still = {"poses": np.tile(np.eye(4), (len(times_s), 1, 1)), "stamps_ns": stamps_ns}
+    path = write_plain_robot(tmp_path / "robot.npz", len(times_s), **still, **scans)
+    ids, told = [], []
+    with (
+        driving(domain, path, monkeypatch) as drive,
+        Pipeline(replace(VLP_16, height_m=1.73), PipelineConfig.for_motion()) as pipeline,
+    ):
+        drive.source.on_silence = lambda: told.append(drive.faults)
+        for index in range(len(times_s)):
+            ids.append(
+                pipeline.step(replace(drive.next(), image=None, calibration=None)).tracks.ids
+            )
+            if index == 6:
+                told.clear()
+                threading.Timer(0.7, drive.send).start()
+            else:
+                drive.send()
+        assert (LIDAR, "silent") in told[-1]
+        assert (LIDAR, "silent") not in drive.faults
+    assert [one.tolist() for one in ids[-4:]] == [ids[6].tolist()] * 4
+    assert len(ids[6]) == 1

@@ -97,6 +97,24 @@ def test_messages_that_nobody_takes_are_not_made(domain: int, monkeypatch):
         publisher.publish(known_result(1))
 
 
+def test_subscribers_come_and_go(domain: int):
+    kinds = {"/trifuse/lidar/points": RESULTS["/trifuse/lidar/points"], **GRIDS}
+    result = replace(known_result(1), ground=FlatGround())
+    with DdsParticipant() as participant:
+        publisher, stamp_s = RosPublisher(participant, RosFrames(), min_score=0.0), 0.0
+        for _ in range(3):
+            with robot(domain, kinds) as listener:  # which is killed at the end
+                end_s = time.monotonic() + 20
+                while not all(listener.received[name] for name in kinds):
+                    assert time.monotonic() < end_s
+                    start_s = time.process_time()
+                    stamp_s += 0.25
+                    publisher.publish(replace(result, frame=replace(result.frame, stamp_s=stamp_s)))
+                    assert time.process_time() - start_s < 0.2
+                    time.sleep(0.05)
+        assert publisher.dropped == 0
+
+
 def write_robot(street: Path, path: Path, **parts: Any) -> Path:
     """Write the drive for the robot: thinned scans, images of a quarter of the size, poses about z alone."""
     drive = open_drive(street)
