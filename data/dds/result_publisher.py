@@ -33,6 +33,7 @@ _KINDS = {
     "diagnostic_msgs/msg/DiagnosticArray",
 }
 _TF_DEPTH = 100
+_MAX_AGE_S = 3600.0  # of a stamp; an older one is of a recording
 
 
 @dataclass(frozen=True)
@@ -176,10 +177,11 @@ class RosPublisher:
         if topic.name == "/ego/odometry":
             stamped.child_frame_id = self._frames.base
         if topic.name == "/diagnostics":
-            age_ms = (time.time_ns() - stamp_ns) / 1e6
-            row = message("diagnostic_msgs/KeyValue", key="stamp to publish [ms]")
-            row.value = f"{age_ms:.2f}"
-            stamped.status[0].values.append(row)
+            age_s = (time.time_ns() - stamp_ns) / 1e9
+            if 0 <= age_s < _MAX_AGE_S:
+                row = message("diagnostic_msgs/KeyValue", key="stamp to publish [ms]")
+                row.value = f"{1e3 * age_s:.2f}"
+                stamped.status[0].values.append(row)
             stamped.status += self._statuses()
         return stamped
 

@@ -31,7 +31,7 @@ def serve(
 
     Args:
         drive: Drive of any layout; none with --source udp, nor for the topics of a robot with --ros.
-        source: A drive, whose frames come at the times of their stamps, or udp, the packets of a Velodyne.
+        source: A drive, whose frames come at the times of their stamps, or udp, the packets of a Velodyne or Ouster.
         port: Port to which viewers connect.
         host: Address of the network interface; 0.0.0.0 lets viewers of other computers connect.
         rate: Speed of the drive, 0.5 for half as fast.
