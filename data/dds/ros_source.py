@@ -239,16 +239,16 @@ class RosSource(LiveSource):
         """Receive what is used, what describes it, and what may be used when it comes."""
         kept = self._receiver.messages()
         kinds = self._receiver.kinds
-        wanted = [
+        usable = [
             name
             for name, rows in kept.items()
             if kinds[name] in DESCRIPTIONS
-            or (not rows and self._is_wanted(name, kinds[name], parts))
+            or (not rows and self._is_usable(name, kinds[name], parts))
         ]
-        self._receiver.keep({*parts.topics, *wanted, *parts.cameras.names, *self._lidars})
+        self._receiver.keep({*parts.topics, *usable, *parts.cameras.names, *self._lidars})
         self.health.topics = parts.topics
 
-    def _is_wanted(self, name: str, kind: str, parts: _Parts) -> bool:
+    def _is_usable(self, name: str, kind: str, parts: _Parts) -> bool:
         """Return whether a topic would be used if it had messages."""
         if name.startswith(f"{PREFIX}/"):
             return False
@@ -280,7 +280,7 @@ class RosSource(LiveSource):
         if parts.are_complete and self.health.is_ok:
             return True
         for topic in self._participant.publications():
-            if self._is_wanted(topic.name, topic.kind, parts):
+            if self._is_usable(topic.name, topic.kind, parts):
                 self._receiver.add(topic)
         try:
             if self._known() == parts.known:

@@ -34,7 +34,7 @@ def images(seed: int, count: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 256, (count, *SIZE, 3), np.uint8)
 
 
-def write_plain_robot(path: Path, frames: int, **parts: Any) -> Path:
+def write_small_robot(path: Path, frames: int, **parts: Any) -> Path:
     """Write a drive straight ahead over flat ground."""
     x, y = np.meshgrid(np.linspace(-20, 20, 40), np.linspace(-10, 10, 30))
     ground = np.stack([x, y, np.full(x.shape, -1.73), np.full(x.shape, 0.3)], -1).reshape(-1, 4)
@@ -116,7 +116,7 @@ def reason(drive: Drive, topic: str, fault: str) -> str:
 
 
 def test_two_cameras_one_of_them_compressed(domain: int, tmp_path: Path, monkeypatch):
-    path = write_plain_robot(tmp_path / "robot.npz", 2, left=True)
+    path = write_small_robot(tmp_path / "robot.npz", 2, left=True)
     names = f"{CAMERA},{LEFT.strip('/')}"
     with driving(domain, path, monkeypatch, camera=names) as drive:
         for index in range(2):
@@ -133,7 +133,7 @@ def test_two_cameras_one_of_them_compressed(domain: int, tmp_path: Path, monkeyp
 
 
 def test_what_comes_late_is_taken_up(domain: int, tmp_path: Path, monkeypatch):
-    path = write_plain_robot(tmp_path / "robot.npz", 90, tf_from=1, infos_from=2, poses_from=4)
+    path = write_small_robot(tmp_path / "robot.npz", 90, tf_from=1, infos_from=2, poses_from=4)
     with driving(domain, path, monkeypatch) as drive:
         first = frame = drive.next()
         assert (first.image, first.calibration, first.world_SE3_velo) == (None, None, None)
@@ -155,7 +155,7 @@ def test_what_comes_late_is_taken_up(domain: int, tmp_path: Path, monkeypatch):
 
 
 def test_images_that_change_their_size(domain: int, tmp_path: Path, monkeypatch):
-    path = write_plain_robot(tmp_path / "robot.npz", 3, image_rows=[24, 12, 24])
+    path = write_small_robot(tmp_path / "robot.npz", 3, image_rows=[24, 12, 24])
     with driving(domain, path, monkeypatch) as drive:
         assert drive.next().image is not None
         drive.send()
@@ -168,7 +168,7 @@ def test_images_that_change_their_size(domain: int, tmp_path: Path, monkeypatch)
 
 def test_stamps_that_jump_back_and_ahead(domain: int, tmp_path: Path, monkeypatch):
     jumps_ns = [0, -5_000_000_000, -5_000_000_000, 9_000_000_000, 9_000_000_000]
-    path = write_plain_robot(tmp_path / "robot.npz", 5, offsets_ns=jumps_ns)
+    path = write_small_robot(tmp_path / "robot.npz", 5, offsets_ns=jumps_ns)
     with driving(domain, path, monkeypatch) as drive:
         start_s = 0.0
         for index, jump_ns in enumerate(jumps_ns):
@@ -188,7 +188,7 @@ def test_stamps_that_jump_back_and_ahead(domain: int, tmp_path: Path, monkeypatc
 
 
 def test_a_clock_that_is_off(domain: int, tmp_path: Path, monkeypatch):
-    path = write_plain_robot(tmp_path / "robot.npz", 3, camera_offset_ns=4_200_000_000)
+    path = write_small_robot(tmp_path / "robot.npz", 3, camera_offset_ns=4_200_000_000)
     with driving(domain, path, monkeypatch) as drive:
         for index in range(3):
             assert np.array_equal(drive.next().image, images(0, 3)[index])
@@ -200,7 +200,7 @@ def test_a_clock_that_is_off(domain: int, tmp_path: Path, monkeypatch):
 def test_an_error_of_the_pipeline_is_said_and_frames_go_on(
     domain: int, tmp_path: Path, monkeypatch
 ):
-    path = write_plain_robot(tmp_path / "robot.npz", 2)
+    path = write_small_robot(tmp_path / "robot.npz", 2)
     with driving(domain, path, monkeypatch) as drive:
         drive.next()
         assert drive.source.recovers_from(PoseError("frame", expected="poses", found="a jump"))
@@ -251,7 +251,7 @@ def test_a_lidar_that_was_silent_goes_on_with_the_same_ids(
     scans = {f"points_{index}": street_scan(one, noise) for index, one in enumerate(times_s)}
     stamps_ns = ORIGIN_NS + np.round(1e9 * times_s).astype(np.int64)
     still = {"poses": np.tile(np.eye(4), (len(times_s), 1, 1)), "stamps_ns": stamps_ns}
-    path = write_plain_robot(tmp_path / "robot.npz", len(times_s), **still, **scans)
+    path = write_small_robot(tmp_path / "robot.npz", len(times_s), **still, **scans)
     ids, told = [], []
     with (
         driving(domain, path, monkeypatch) as drive,
