@@ -44,8 +44,8 @@ _TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points t
 # Number of the bar of each cell, along x first, and (bars + 1, 2) bits and first voxel of each bar.
 VoxelTable = tuple[NDArray[np.uint16], Int]
 
-_POINTS, _ROWS = array_of(np.float32, 2), array_of(np.float64, 2)
-_TABLE = (array_of(np.uint16), array_of(np.int64, 2))
+_POINTS, ROWS = array_of(np.float32, 2), array_of(np.float64, 2)
+TABLE = (array_of(np.uint16), array_of(np.int64, 2))
 
 
 @compiled((WHOLE,))
@@ -75,7 +75,7 @@ def _window(level: int, rings: int) -> int:
     return bits << low if low >= 0 else bits >> -low
 
 
-@compiled((_POINTS, NUMBER), (_ROWS, NUMBER))
+@compiled((_POINTS, NUMBER), (ROWS, NUMBER))
 def _find_voxels(points: Float32 | Float64, edge_m: float) -> tuple[Int, VoxelTable]:
     """Return the (N,) number of the voxel of each point, -1 where it is left out, and the table of the voxels."""
     count = len(points)
@@ -128,7 +128,7 @@ def voxel_moments(points: Float32, edge_m: float) -> tuple[Float64, VoxelTable]:
     return moments, table
 
 
-@compiled((_ROWS, _TABLE, NUMBER, array_of(np.float64), WHOLE, written(np.float64)))
+@compiled((ROWS, TABLE, NUMBER, array_of(np.float64), WHOLE, written(np.float64)))
 def _add_around(
     moments: Float64, table: VoxelTable, edge_m: float, place: Float64, rings: int, total: Float64
 ) -> int:
@@ -164,7 +164,7 @@ def _is_faced(place: Float64, normal: tuple[float, float, float]) -> bool:
     return bool(through * through > _MIN_GRAZING**2 * (x * x + y * y + z * z))
 
 
-@compiled((_ROWS, _TABLE, NUMBER, WHOLE, NUMBER, written(np.float64, 2)))
+@compiled((ROWS, TABLE, NUMBER, WHOLE, NUMBER, written(np.float64, 2)))
 def _add_normals(
     moments: Float64,
     table: VoxelTable,
@@ -186,7 +186,7 @@ def _add_normals(
                 surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
 
 
-@compiled((_ROWS,))
+@compiled((ROWS,))
 def _means(moments: Float64) -> Float64:
     """Return (M, 6) surfaces: the mean point of each voxel, without a normal, NaN."""
     surfaces = np.full((len(moments), 6), np.nan)
@@ -196,7 +196,7 @@ def _means(moments: Float64) -> Float64:
     return surfaces
 
 
-@compiled((_ROWS, NUMBER, written(np.float64, 2)))
+@compiled((ROWS, NUMBER, written(np.float64, 2)))
 def _add_wide_normals(moments: Float64, edge_m: float, surfaces: Float64) -> None:
     """Write the normals of (M, 6) surfaces that have none, NaN so far, by wider voxels: those in one have the same."""
     voxel_of, table = _find_voxels(surfaces, edge_m)
@@ -215,7 +215,7 @@ def _add_wide_normals(moments: Float64, edge_m: float, surfaces: Float64) -> Non
             surfaces[row, 3:] = wide[voxel_of[row], 3:]
 
 
-@compiled((_ROWS, _TABLE, NUMBER))
+@compiled((ROWS, TABLE, NUMBER))
 def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
     """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
 
@@ -234,7 +234,7 @@ def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Flo
     return surfaces
 
 
-@compiled((_ROWS, _TABLE, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER))
+@compiled((ROWS, TABLE, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER))
 def _nearest(
     surfaces: Float64,
     table: VoxelTable,
@@ -280,8 +280,8 @@ def _nearest(
     return nearest
 
 
-@compiled((_ROWS, WHOLE, _ROWS))
-def _moved_point(source: Float64, row: int, pose: Float64) -> tuple[float, float, float]:
+@compiled((ROWS, WHOLE, ROWS))
+def moved_point(source: Float64, row: int, pose: Float64) -> tuple[float, float, float]:
     """Return the position of a point of the source in the frame of the target."""
     x, y, z = source[row, 0], source[row, 1], source[row, 2]
     return (
@@ -292,7 +292,7 @@ def _moved_point(source: Float64, row: int, pose: Float64) -> tuple[float, float
 
 
 @compiled((written(np.float64, 2), written(np.float64)))
-def _solve(matrix: Float64, right: Float64) -> bool:
+def solve(matrix: Float64, right: Float64) -> bool:
     """Solve a symmetric positive definite system, given by its upper triangle, in place (Cholesky)."""
     size = len(right)
     for i in range(size):
@@ -317,8 +317,8 @@ def _solve(matrix: Float64, right: Float64) -> bool:
     return True
 
 
-@compiled((array_of(np.float64), _ROWS))
-def _moved(motion: Float64, pose: Float64) -> Float64:
+@compiled((array_of(np.float64), ROWS))
+def moved_pose(motion: Float64, pose: Float64) -> Float64:
     """Return a (4, 4) pose after a motion, a rotation vector and a translation (Rodrigues)."""
     angle = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
     x, y, z = motion[0], motion[1], motion[2]
@@ -341,8 +341,8 @@ def _moved(motion: Float64, pose: Float64) -> Float64:
     return moved
 
 
-@compiled((_ROWS, _TABLE, NUMBER, _ROWS, WHOLE, _ROWS, NUMBER, written(np.int64)))
-def _match(
+@compiled((ROWS, TABLE, NUMBER, ROWS, WHOLE, ROWS, NUMBER, written(np.int64)))
+def match_points(
     target: Float64,
     table: VoxelTable,
     edge_m: float,
@@ -357,16 +357,16 @@ def _match(
     Rows of the target are written to (N,) matches; the other arguments are as of `_add_matches` and `align_surfaces`.
     """
     for row in range(0, len(source), stride):
-        x, y, z = _moved_point(source, row, target_SE3_source)
+        x, y, z = moved_point(source, row, target_SE3_source)
         matches[row] = _nearest(target, table, edge_m, x, y, z, reach_m)
 
 
 @compiled(
     (
-        _ROWS,
-        _ROWS,
+        ROWS,
+        ROWS,
         WHOLE,
-        _ROWS,
+        ROWS,
         array_of(np.int64),
         NUMBER,
         written(np.float64, 2),
@@ -407,7 +407,7 @@ def _add_matches(
         near = nearest[row]
         if near < 0:
             continue
-        px, py, pz = _moved_point(source, row, T)
+        px, py, pz = moved_point(source, row, T)
         rx, ry, rz = target[near, 0] - px, target[near, 1] - py, target[near, 2] - pz
         tx, ty, tz = target[near, 3], target[near, 4], target[near, 5]
         matches += 1
@@ -457,7 +457,7 @@ def _add_matches(
     return matches, error
 
 
-@compiled((_ROWS, _ROWS))
+@compiled((ROWS, ROWS))
 def _motion_between(pose: Float64, other: Float64) -> Float64:
     """Return the motion, a rotation vector and a translation, that takes a (4, 4) pose to another at a small angle."""
     motion, turn = other[:3, 3].copy(), np.zeros((3, 3))
@@ -472,7 +472,7 @@ def _motion_between(pose: Float64, other: Float64) -> Float64:
     return between
 
 
-@compiled((_ROWS, _ROWS, NUMBER, written(np.float64, 2), written(np.float64)))
+@compiled((ROWS, ROWS, NUMBER, written(np.float64, 2), written(np.float64)))
 def _add_prior(
     pose: Float64, initial_guess: Float64, information: float, hessian: Float64, gradient: Float64
 ) -> None:
@@ -494,7 +494,7 @@ def _add_prior(
     for axis in range(6):
         column = np.zeros(6)
         column[axis] = even[axis]
-        if not _solve(hessian.copy(), column):
+        if not solve(hessian.copy(), column):
             return
         prior[axis] = even * column
     between = _motion_between(pose, initial_guess)
@@ -515,7 +515,7 @@ def _eighth(x: float, y: float) -> int:
     return eighth + 1 if y > x else eighth
 
 
-@compiled((_ROWS, _ROWS, _ROWS, array_of(np.int64), _ROWS, NUMBER, written(np.float64, 2)))
+@compiled((ROWS, ROWS, ROWS, array_of(np.int64), ROWS, NUMBER, written(np.float64, 2)))
 def _leave_out_eighths(
     target: Float64,
     source: Float64,
@@ -544,7 +544,7 @@ def _leave_out_eighths(
     """
     eighths, starts = np.empty(len(source), np.int64), np.zeros(_EIGHTHS + 1, np.int64)
     for row in range(len(source)):
-        x, y, _ = _moved_point(source, row, target_SE3_source)
+        x, y, _ = moved_point(source, row, target_SE3_source)
         eighths[row] = _eighth(x, y)
         starts[eighths[row] + 1] += 1
     starts = np.cumsum(starts)
@@ -563,7 +563,7 @@ def _leave_out_eighths(
         _add_matches(
             target, ordered[part], 1, target_SE3_source, matches[part], robust, hessian, motion
         )
-        if not _solve(determined - hessian, motion):
+        if not solve(determined - hessian, motion):
             return False
         for i in range(6):
             for j in range(6):
@@ -571,7 +571,7 @@ def _leave_out_eighths(
     return True
 
 
-@compiled((_ROWS, written(np.float64, 2)))
+@compiled((ROWS, written(np.float64, 2)))
 def _shrink(determined: Float64, covariance: Float64) -> None:
     """Draw a covariance towards the inverse of the information matrix, at the size of both.
 
@@ -588,12 +588,12 @@ def _shrink(determined: Float64, covariance: Float64) -> None:
     for j in range(6):
         column = np.zeros(6)
         column[j] = size
-        if _solve(determined.copy(), column):
+        if solve(determined.copy(), column):
             for i in range(6):
                 covariance[i, j] += _SHRINKAGE * (column[i] - covariance[i, j])
 
 
-@compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER, NUMBER))
+@compiled((ROWS, TABLE, NUMBER, ROWS, ROWS, NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER, NUMBER))
 def align_surfaces(
     target: Float64,
     table: VoxelTable,
@@ -635,7 +635,7 @@ def align_surfaces(
         for number in range(iterations + 1):
             # A small step changes next to no match.
             if not is_small:
-                _match(target, table, edge_m, source, stride, pose, reach_m, nearest)
+                match_points(target, table, edge_m, source, stride, pose, reach_m, nearest)
             hessian, motion = np.zeros((6, 6)), np.zeros(6)
             matches, error = _add_matches(
                 target, source, stride, pose, nearest, robust, hessian, motion
@@ -648,9 +648,9 @@ def align_surfaces(
                 information = matches * prior_share / (2 * _FLATNESS)
                 _add_prior(pose, initial_guess, information, hessian, motion)
             determined[:] = hessian
-            if not _solve(hessian, motion):
+            if not solve(hessian, motion):
                 return initial_guess.copy(), 0, 0.0, False, covariance
-            pose = _moved(motion, pose)
+            pose = moved_pose(motion, pose)
             turn = np.sqrt(motion[0] ** 2 + motion[1] ** 2 + motion[2] ** 2)
             way = np.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
             is_small = turn < _LOOSER * steps[0] and way < _LOOSER * steps[1]
@@ -664,7 +664,7 @@ def align_surfaces(
     return pose, matches, error, is_converged, covariance
 
 
-@compiled((_ROWS, _TABLE, NUMBER, _ROWS, _ROWS, NUMBER))
+@compiled((ROWS, TABLE, NUMBER, ROWS, ROWS, NUMBER))
 def distances_to_surfaces(
     target: Float64,
     table: VoxelTable,
@@ -678,11 +678,11 @@ def distances_to_surfaces(
     It is infinite where none is within reach, and 0 at a point without a surface. Arguments are as of `align_surfaces`.
     """
     nearest, away_m = np.empty(len(source), np.int64), np.full(len(source), np.inf)
-    _match(target, table, edge_m, source, 1, target_SE3_source, reach_m, nearest)
+    match_points(target, table, edge_m, source, 1, target_SE3_source, reach_m, nearest)
     for row in range(len(source)):
         near = nearest[row]
         if near >= 0:
-            x, y, z = _moved_point(source, row, target_SE3_source)
+            x, y, z = moved_point(source, row, target_SE3_source)
             dx, dy, dz = target[near, 0] - x, target[near, 1] - y, target[near, 2] - z
             away_m[row] = abs(dx * target[near, 3] + dy * target[near, 4] + dz * target[near, 5])
     return away_m

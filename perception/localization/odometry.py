@@ -35,6 +35,7 @@ from perception.localization.alignment import (
     share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
+from perception.localization.elevation_bias import ElevationBias, raised
 from perception.localization.pose_covariance import registered_covariance, unregistered_covariance
 from perception.types import Bool, Float32, Float64
 
@@ -132,9 +133,13 @@ _MAX_TURN_RAD_S, _MAX_ACCELERATION_M_S2, _MAX_JUMP_M = 4.0, 20.0, 2.0
 class _ScanPoints:
     """Points of a scan: all of them, and those that are not known to move."""
 
-    def __init__(self, points_velo: Float32, config: RegistrationConfig) -> None:
+    def __init__(
+        self, points_velo: Float32, config: RegistrationConfig, elevation_rad: float
+    ) -> None:
+        """Take the points, raised by the correction of the elevations so far."""
         self._stride = max(-(-len(points_velo) // config.max_points), 1)
-        self._points_velo, self._config = points_velo[:: self._stride], config
+        self._points_velo = raised(points_velo[:: self._stride], elevation_rad)
+        self._config = config
         self._is_moving: Bool | None = None
         self.all = self._preprocess(self._points_velo)
 
@@ -159,6 +164,12 @@ class _ScanPoints:
     def forget_moving(self) -> None:
         """Forget which points move, where the poses that told it were wrong."""
         self._is_moving = None
+        self.__dict__.pop("static", None)
+
+    def raise_beams(self, angle_rad: float) -> None:
+        """Move all points to elevations larger by an angle."""
+        self._points_velo = raised(self._points_velo, angle_rad)
+        self.all = self._preprocess(self._points_velo)
         self.__dict__.pop("static", None)
 
     def joined(self, others: Sequence[tuple["_ScanPoints", Float64]]) -> PreprocessedPoints:
@@ -238,6 +249,8 @@ class LidarOdometry:
         self._surroundings: PreprocessedPoints | None = None
         self._since: deque[_LocatedScan] = deque(maxlen=16)
         self._corrected_s, self._searched_m = -np.inf, 0.0
+        # What later stages get are the points as measured: cameras are calibrated to them, and range images go by them.
+        self._elevation = ElevationBias()
         self._known_s = -np.inf  # the last scan whose pose is not that of a constant velocity
 
     def update(
@@ -278,7 +291,7 @@ class LidarOdometry:
             # Where the INS itself gave the last pose, its error is part of the velocity.
             is_registered = last.localization.origin is PoseOrigin.REGISTERED
             self._check_motion(step_ins, gap_s, last.velocity if is_registered else None, source)
-        points = _ScanPoints(points_velo, self._config)
+        points = _ScanPoints(points_velo, self._config, self._elevation.correction_rad)
         localization = self._locate(points, stamp_s, ins_world_SE3_velo, last)
         # After a correction the last pose no longer tells the velocity, but the keyframe's does.
         is_corrected = localization.is_reset and localization.origin is PoseOrigin.REGISTERED
@@ -302,7 +315,7 @@ class LidarOdometry:
         pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
         localization = Localization(pose, PoseOrigin.START, is_reset=True)
         self._known_s = stamp_s
-        points = _ScanPoints(points_velo, self._config)
+        points = _ScanPoints(points_velo, self._config, self._elevation.correction_rad)
         self._last = _LocatedScan(stamp_s, ins_world_SE3_velo, points, localization, None)
         self._set_keyframe(self._last)
         return localization
@@ -503,7 +516,10 @@ class LidarOdometry:
         if _length_m(_motion(self._since[-1], scan)) >= _MIN_KEYFRAME_M / 2:
             self._since.append(scan)
         is_worn = scan.localization.inlier_ratio < _KEYFRAME_INLIER_RATIO
-        if is_worn or _length_m(moved) > _KEYFRAME_M:
+        is_passed = _length_m(moved) > _KEYFRAME_M
+        if is_passed and self._correct_elevations(scan, moved):
+            return
+        if is_worn or is_passed:
             step_m = _length_m(_motion(last, scan))
             for earlier in reversed(self._since):
                 away_m = _length_m(_motion(earlier, scan)) + step_m
@@ -511,6 +527,16 @@ class LidarOdometry:
                 if is_far and earlier is not self._keyframe:
                     self._set_keyframe(earlier)
                     return
+
+    def _correct_elevations(self, scan: _LocatedScan, moved: Float64) -> bool:
+        """Take the pair of a scan and the keyframe; where it proves a bias, raise all points so far."""
+        more_rad = self._elevation.update(self._keyframe.points.static, scan.points.all, moved)
+        if more_rad == 0:
+            return False
+        self._set_keyframe(scan)
+        for one in self._keyframes:
+            one.points.raise_beams(more_rad)
+        return True
 
     def _set_keyframe(self, scan: _LocatedScan) -> None:
         if scan.localization.origin is not PoseOrigin.REGISTERED or scan.localization.is_reset:
