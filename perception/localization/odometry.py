@@ -438,6 +438,9 @@ class LidarOdometry:
             guess = self._search_ahead(points, stamp_s, found)
         if guess is None or not self._is_apart(guess, found):
             return None
+        # A few points tell mostly that both come to the same motion.
+        if self._surface_alignment(points.thinned(_SEARCH_POINTS), guess, found) is None:
+            return None
         other = self._surface_alignment(points, guess, found)
         if other is None:
             return None
