@@ -95,20 +95,27 @@ def update_tracks(
     tracks: VehicleTable,
     observations: VehicleObservations,
     expected_px: Float64,
+    pose_shares: Float64,
     frame: FrameGeometry,
     elapsed_s: float,
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it.
 
+    Where the pose is uncertain, a box that is found beside the expected one tells little of the track: its anchor moves along.
+
     Args:
         tracks: T predicted tracks.
         observations: T detections.
         expected_px: (T, 4) predicted boxes in the image.
+        pose_shares: (T,) shares of the variances of their columns that the pose gives.
         frame: Geometry of the frame.
         elapsed_s: Time since the frame before.
     """
     found_px = observations.detections.boxes_px
-    smoothed_px = expected_px + _BOX_GAIN * (found_px - expected_px)
+    gains = np.full((len(tracks), 4), _BOX_GAIN)
+    gains[:, ::2] /= 1 - _BOX_GAIN * pose_shares[:, None]
+    change_px = gains * (found_px - expected_px)
+    smoothed_px = expected_px + change_px
     evidence = tracks.evidence + added(log_odds(observations.existence), elapsed_s)
     tracks = replace(
         tracks,
@@ -120,7 +127,9 @@ def update_tracks(
         boxes_px=np.where(np.isfinite(smoothed_px), smoothed_px, found_px),
         cameras=observations.cameras,
     )
-    return _anchored(_seen_on_ground(tracks, observations, frame, elapsed_s), frame)
+    tracks = _anchored(_seen_on_ground(tracks, observations, frame, elapsed_s), frame)
+    along_px = np.nan_to_num(pose_shares * change_px[:, ::2].mean(axis=1))
+    return replace(tracks, anchors_px=tracks.anchors_px + along_px[:, None] * [1, 0, 0])
 
 
 def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:

@@ -85,10 +85,13 @@ def test_parked_cars_keep_their_ids_and_stand_still():
     assert np.isnan(reported[0].velocities_m_s).all()
 
 
-@pytest.mark.parametrize(("is_stated", "off_m", "number"), [(False, 1.56, 1), (True, 0.05, 0)])
-def test_a_scan_of_doubtful_pose_hardly_moves_a_vehicle(is_stated, off_m, number):
+@pytest.mark.parametrize(
+    ("turned_deg", "is_stated", "off_m", "number"),
+    [(2, False, 1.56, 1), (2, True, 0.05, 0), (3, True, 0.03, 0), (8, True, 0.02, 0)],
+)
+def test_a_scan_of_doubtful_pose_hardly_moves_a_vehicle(turned_deg, is_stated, off_m, number):
     """One scan turned by two degrees shifts a car 45 m away by 1.6 m, and by its width in the image."""
-    tracker, turned, world = VehicleTracker(), np.radians(2.0), cars((45.0, 2.0, 0.0))
+    tracker, turned, world = VehicleTracker(), np.radians(turned_deg), cars((45.0, 2.0, 0.0))
     found = []
     for step in range(20):
         pose = from_euler(0, 0, turned if step == 15 else 0.0)
@@ -98,6 +101,10 @@ def test_a_scan_of_doubtful_pose_hardly_moves_a_vehicle(is_stated, off_m, number
         vehicles = tracker.update(located, frame, pose, covariance=stated).vehicles
         place_m = pose[:3, :3] @ vehicles.boxes.bottom_m[0]
         found.append((place_m[1] - 2.0, *vehicles.ids.tolist()))
+        # The box in the image is where the car is seen, however the pose is.
+        if is_stated:
+            box_px = vehicles.fused.detections.boxes_px[0]
+            np.testing.assert_allclose(box_px, detected(world).detections.boxes_px[0], atol=2)
     off, ids = np.array(found[15:]).T
     assert np.abs(off).max() == pytest.approx(off_m, abs=0.01)
     assert ids.tolist() == [number, 0, 0, 0, 0]
