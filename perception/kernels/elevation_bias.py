@@ -12,7 +12,10 @@ import numpy as np
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled, written
 from perception.kernels.scan_matching import (
     ROWS,
+    SOURCES,
+    SURFACES,
     TABLE,
+    NormalSources,
     VoxelTable,
     match_points,
     moved_point,
@@ -90,11 +93,12 @@ def _add_errors(
     return weights, squares
 
 
-@compiled((ROWS, TABLE, NUMBER, ROWS, ROWS, NUMBER))
+@compiled((SURFACES, TABLE, NUMBER, SOURCES, ROWS, ROWS, NUMBER))
 def elevation_bias(
     target: Float64,
     table: VoxelTable,
     edge_m: float,
+    normals: NormalSources,
     source: Float64,
     target_SE3_source: Float64,
     reach_m: float,
@@ -105,6 +109,7 @@ def elevation_bias(
         target: (M, 6) points and normals of the target.
         table: Table of its voxels.
         edge_m: Edge of its voxels in metres.
+        normals: What normals of the target are found from where they are not known so far.
         source: (N, 6) points and normals of the source.
         target_SE3_source: (4, 4) pose of the source, near the true one.
         reach_m: Largest distance of a match in metres.
@@ -114,7 +119,7 @@ def elevation_bias(
     is_small = False
     for _ in range(_ITERATIONS):
         if not is_small:
-            match_points(target, table, edge_m, source, 1, pose, reach_m, nearest)
+            match_points(target, table, edge_m, normals, source, 1, pose, reach_m, nearest)
         hessian, step, last = np.zeros((7, 7)), np.zeros(7), np.zeros(7)
         weights, squares = _add_errors(target, source, pose, nearest, bias_rad, hessian, step)
         last[6] = 1.0

@@ -44,8 +44,20 @@ _TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points t
 # Number of the bar of each cell, along x first, and (bars + 1, 2) bits and first voxel of each bar.
 VoxelTable = tuple[NDArray[np.uint16], Int]
 
+# What normals are found from: moments of the voxels, the wider voxel of each, table, moments and surfaces of the wider ones.
+# A surface whose normal is not known so far has NaN there: most points of a target are never matched.
+NormalSources = tuple[Float64, Int, VoxelTable, Float64, Float64]
+_NO_TABLE = (np.zeros(0, np.uint16), np.zeros((0, 2), np.int64))
+ALL_KNOWN: NormalSources = (
+    *(np.zeros((0, 10)), np.zeros(0, np.int64), _NO_TABLE),
+    *(np.zeros((0, 10)), np.zeros((0, 6))),
+)
+
 _POINTS, ROWS = array_of(np.float32, 2), array_of(np.float64, 2)
-TABLE = (array_of(np.uint16), array_of(np.int64, 2))
+TABLE, SURFACES = (array_of(np.uint16), array_of(np.int64, 2)), written(np.float64, 2)
+SOURCES = (ROWS, array_of(np.int64), TABLE, ROWS, SURFACES)
+# Sums of moments and a covariance: memory that would otherwise be taken for each normal.
+_SCRATCH = (written(np.float64), written(np.float64, 2))
 
 
 @compiled((WHOLE,))
@@ -164,26 +176,24 @@ def _is_faced(place: Float64, normal: tuple[float, float, float]) -> bool:
     return bool(through * through > _MIN_GRAZING**2 * (x * x + y * y + z * z))
 
 
-@compiled((ROWS, TABLE, NUMBER, WHOLE, NUMBER, written(np.float64, 2)))
-def _add_normals(
+@compiled((ROWS, TABLE, NUMBER, WHOLE, WHOLE, NUMBER, _SCRATCH, SURFACES))
+def _add_normal(
     moments: Float64,
     table: VoxelTable,
     edge_m: float,
+    row: int,
     rings: int,
     max_thickness: float,
+    scratch: tuple[Float64, Float64],
     surfaces: Float64,
 ) -> None:
-    """Write the normals of (M, 6) surfaces that have none, NaN so far, by the voxels around."""
-    total, covariance = np.empty(10), np.empty((3, 3))
-    for row in range(len(moments)):
-        if not np.isnan(surfaces[row, 3]):
-            continue
-        voxels = _add_around(moments, table, edge_m, surfaces[row, :3], rings, total)
-        if voxels >= _MIN_VOXELS:
-            write_covariance(total, covariance)
-            normal = flattest_direction(covariance, _MIN_BREADTH, max_thickness)
-            if _is_faced(surfaces[row, :3], normal):
-                surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
+    """Write the normal of one of (M, 6) surfaces by the voxels around, where they determine it."""
+    total, covariance = scratch
+    if _add_around(moments, table, edge_m, surfaces[row, :3], rings, total) >= _MIN_VOXELS:
+        write_covariance(total, covariance)
+        normal = flattest_direction(covariance, _MIN_BREADTH, max_thickness)
+        if _is_faced(surfaces[row, :3], normal):
+            surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
 
 
 @compiled((ROWS,))
@@ -196,40 +206,83 @@ def _means(moments: Float64) -> Float64:
     return surfaces
 
 
-@compiled((ROWS, NUMBER, written(np.float64, 2)))
-def _add_wide_normals(moments: Float64, edge_m: float, surfaces: Float64) -> None:
-    """Write the normals of (M, 6) surfaces that have none, NaN so far, by wider voxels: those in one have the same."""
-    voxel_of, table = _find_voxels(surfaces, edge_m)
-    sums = np.zeros((_count_voxels(table[1]), 10))
+@compiled((ROWS, NUMBER))
+def unfitted_surfaces(moments: Float64, edge_m: float) -> tuple[Float64, NormalSources]:
+    """Return (M, 6) the mean point of each voxel, its normal not known so far, and what the normals are found from."""
+    surfaces = _means(moments)
+    wider_of, wider_table = _find_voxels(surfaces, _WIDER * edge_m)
+    sums = np.zeros((_count_voxels(wider_table[1]), 10))
     for row in range(len(moments)):
         for entry in range(10):
-            sums[voxel_of[row], entry] += moments[row, entry]
-    wide = _means(sums)
-    wide[:, 3] = 0
+            sums[wider_of[row], entry] += moments[row, entry]
+    return surfaces, (moments, wider_of, wider_table, sums, _means(sums))
+
+
+@compiled((SOURCES, TABLE, NUMBER, WHOLE, _SCRATCH, SURFACES))
+def _find_normal(
+    sources: NormalSources,
+    table: VoxelTable,
+    edge_m: float,
+    row: int,
+    scratch: tuple[Float64, Float64],
+    surfaces: Float64,
+) -> None:
+    """Write the normal of one of (M, 6) surfaces, 0 where it is not determined.
+
+    Where too few voxels around are occupied, or they lie along a line or in the plane of a beam, those farther around are
+    taken, too, and then wider voxels, which are few. The LiDAR is at the origin.
+    """
+    moments, wider_of, wider_table, sums, wider = sources
+    for rings in _RINGS:
+        _add_normal(moments, table, edge_m, row, rings, 1.0, scratch, surfaces)
+        if not np.isnan(surfaces[row, 3]):
+            return
+    one = wider_of[row]
+    if np.isnan(wider[one, 3]):
+        wide_m = _WIDER * edge_m
+        _add_normal(sums, wider_table, wide_m, one, _WIDE_RINGS, _MAX_THICKNESS, scratch, wider)
+        if np.isnan(wider[one, 3]):
+            wider[one, 3:] = 0
+    surfaces[row, 3:] = wider[one, 3:]
+
+
+@compiled((ROWS, TABLE, NUMBER, WHOLE, NUMBER, SURFACES))
+def _add_normals(
+    moments: Float64,
+    table: VoxelTable,
+    edge_m: float,
+    rings: int,
+    max_thickness: float,
+    surfaces: Float64,
+) -> None:
+    """Write the normals of (M, 6) surfaces that have none so far as `_add_normal` does: all rings of one take twice as long."""
+    total, covariance = np.empty(10), np.empty((3, 3))
     for row in range(len(moments)):
-        if np.isnan(surfaces[row, 3]):
-            wide[voxel_of[row], 3] = np.nan
-    _add_normals(sums, table, edge_m, _WIDE_RINGS, _MAX_THICKNESS, wide)
-    for row in range(len(moments)):
-        if np.isnan(surfaces[row, 3]):
-            surfaces[row, 3:] = wide[voxel_of[row], 3:]
+        if not np.isnan(surfaces[row, 3]):
+            continue
+        if _add_around(moments, table, edge_m, surfaces[row, :3], rings, total) >= _MIN_VOXELS:
+            write_covariance(total, covariance)
+            normal = flattest_direction(covariance, _MIN_BREADTH, max_thickness)
+            if _is_faced(surfaces[row, :3], normal):
+                surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
 
 
 @compiled((ROWS, TABLE, NUMBER))
 def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
-    """Return (M, 6) the mean point of each voxel and the normal of the surface through it and the voxels around.
-
-    Where too few voxels are occupied, or they lie along a line or in the plane of a beam, those farther around are taken,
-    too, and then wider voxels, which are few; the normal is 0 where these do not determine it either. The LiDAR is at
-    the origin.
-    """
-    surfaces = _means(moments)
+    """Return (M, 6) the mean point of each voxel and the normal of the surface there, 0 where it is not determined."""
+    surfaces, (_, wider_of, wider_table, sums, wider) = unfitted_surfaces(moments, edge_m)
     for rings in _RINGS:
         _add_normals(moments, table, edge_m, rings, 1.0, surfaces)
-    _add_wide_normals(moments, _WIDER * edge_m, surfaces)
+    wider[:, 3] = 0
+    for row in range(len(moments)):
+        if np.isnan(surfaces[row, 3]):
+            wider[wider_of[row], 3] = np.nan
+    _add_normals(sums, wider_table, _WIDER * edge_m, _WIDE_RINGS, _MAX_THICKNESS, wider)
     for row in range(len(moments)):
         if np.isnan(surfaces[row, 3]):
             surfaces[row, 3:] = 0
+            if not np.isnan(wider[wider_of[row], 3]):
+                surfaces[row, 3:] = wider[wider_of[row], 3:]
     return surfaces
 
 
@@ -340,11 +393,12 @@ def moved_pose(motion: Float64, pose: Float64) -> Float64:
     return moved
 
 
-@compiled((ROWS, TABLE, NUMBER, ROWS, WHOLE, ROWS, NUMBER, written(np.int64)))
+@compiled((SURFACES, TABLE, NUMBER, SOURCES, ROWS, WHOLE, ROWS, NUMBER, written(np.int64)))
 def match_points(
     target: Float64,
     table: VoxelTable,
     edge_m: float,
+    normals: NormalSources,
     source: Float64,
     stride: int,
     target_SE3_source: Float64,
@@ -353,11 +407,16 @@ def match_points(
 ) -> None:
     """Find the nearest point of the target for every `stride`-th point of the source, -1 where none is within reach.
 
-    Rows of the target are written to (N,) matches; the other arguments are as of `_add_matches` and `align_surfaces`.
+    Rows of the target are written to (N,) matches, and their normals to the target where they are not known so far; the
+    other arguments are as of `_add_matches` and `align_surfaces`.
     """
+    scratch = (np.empty(10), np.empty((3, 3)))
     for row in range(0, len(source), stride):
         x, y, z = moved_point(source, row, target_SE3_source)
-        matches[row] = _nearest(target, table, edge_m, x, y, z, reach_m)
+        near = _nearest(target, table, edge_m, x, y, z, reach_m)
+        if near >= 0 and np.isnan(target[near, 3]):
+            _find_normal(normals, table, edge_m, near, scratch, target)
+        matches[row] = near
 
 
 @compiled(
@@ -592,11 +651,17 @@ def _shrink(determined: Float64, covariance: Float64) -> None:
                 covariance[i, j] += _SHRINKAGE * (column[i] - covariance[i, j])
 
 
-@compiled((ROWS, TABLE, NUMBER, ROWS, ROWS, NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER, NUMBER))
+@compiled(
+    (
+        *(SURFACES, TABLE, NUMBER, SOURCES, ROWS, ROWS),
+        *(NUMBER, (NUMBER, NUMBER), WHOLE, NUMBER, NUMBER),
+    )
+)
 def align_surfaces(
     target: Float64,
     table: VoxelTable,
     edge_m: float,
+    normals: NormalSources,
     source: Float64,
     initial_guess: Float64,
     reach_m: float,
@@ -611,6 +676,7 @@ def align_surfaces(
         target: (M, 6) points and normals of the target.
         table: Table of its voxels.
         edge_m: Edge of its voxels in metres.
+        normals: What normals of the target are found from where they are not known so far.
         source: (N, 6) points and normals of the source; without normals on either side it is point-to-point ICP.
         initial_guess: (4, 4) first guess of `target_SE3_source`.
         reach_m: Largest distance of a match in metres.
@@ -634,7 +700,7 @@ def align_surfaces(
         for number in range(iterations + 1):
             # A small step changes next to no match.
             if not is_small:
-                match_points(target, table, edge_m, source, stride, pose, reach_m, nearest)
+                match_points(target, table, edge_m, normals, source, stride, pose, reach_m, nearest)
             hessian, motion = np.zeros((6, 6)), np.zeros(6)
             matches, error = _add_matches(
                 target, source, stride, pose, nearest, robust, hessian, motion
@@ -663,11 +729,12 @@ def align_surfaces(
     return pose, matches, error, is_converged, covariance
 
 
-@compiled((ROWS, TABLE, NUMBER, ROWS, ROWS, NUMBER))
+@compiled((SURFACES, TABLE, NUMBER, SOURCES, ROWS, ROWS, NUMBER))
 def distances_to_surfaces(
     target: Float64,
     table: VoxelTable,
     edge_m: float,
+    normals: NormalSources,
     source: Float64,
     target_SE3_source: Float64,
     reach_m: float,
@@ -677,7 +744,7 @@ def distances_to_surfaces(
     It is infinite where none is within reach, and 0 at a point without a surface. Arguments are as of `align_surfaces`.
     """
     nearest, away_m = np.empty(len(source), np.int64), np.full(len(source), np.inf)
-    match_points(target, table, edge_m, source, 1, target_SE3_source, reach_m, nearest)
+    match_points(target, table, edge_m, normals, source, 1, target_SE3_source, reach_m, nearest)
     for row in range(len(source)):
         near = nearest[row]
         if near >= 0:

@@ -6,10 +6,13 @@ from typing import Literal
 import numpy as np
 
 from perception.kernels.scan_matching import (
+    ALL_KNOWN,
+    NormalSources,
     VoxelTable,
     align_surfaces,
     distances_to_surfaces,
     means_and_normals,
+    unfitted_surfaces,
     voxel_moments,
 )
 from perception.types import Float32, Float64
@@ -38,11 +41,13 @@ class PreprocessedPoints:
         surfaces: (M, 6) mean point of each occupied voxel, and normal of the surface there; 0 without a surface.
         table: Table of the voxels.
         voxel_size_m: Edge of a voxel in metres.
+        normals: What the normals of a target are found from when its points are matched, NaN until then.
     """
 
     surfaces: Float64
     table: VoxelTable
     voxel_size_m: float
+    normals: NormalSources = ALL_KNOWN
 
     def __len__(self) -> int:
         """Return the number of points after the filter."""
@@ -52,6 +57,11 @@ class PreprocessedPoints:
         """Return about as many of the points, evenly; they cannot be a target."""
         stride = max(-(-len(self) // count), 1)
         return replace(self, surfaces=np.ascontiguousarray(self.surfaces[::stride]))
+
+    @property
+    def as_target(self) -> tuple[Float64, VoxelTable, float, NormalSources]:
+        """First arguments of the functions that match points with it."""
+        return self.surfaces, self.table, self.voxel_size_m, self.normals
 
     @property
     def places_m(self) -> Float64:
@@ -83,6 +93,13 @@ def preprocess_points(points: Float32, voxel_size_m: float) -> PreprocessedPoint
     """Downsample (N, 3+) points to one per voxel, and fit a surface to those around each."""
     moments, table = voxel_moments(np.ascontiguousarray(points, np.float32), voxel_size_m)
     return PreprocessedPoints(means_and_normals(moments, table, voxel_size_m), table, voxel_size_m)
+
+
+def preprocess_target(points: Float32, voxel_size_m: float) -> PreprocessedPoints:
+    """Downsample points as `preprocess_points` does, but fit surfaces to those alone that are matched, when they are."""
+    moments, table = voxel_moments(np.ascontiguousarray(points, np.float32), voxel_size_m)
+    surfaces, normals = unfitted_surfaces(moments, voxel_size_m)
+    return PreprocessedPoints(surfaces, table, voxel_size_m, normals)
 
 
 def on_surfaces(
@@ -122,9 +139,7 @@ def _surface_distances_m(
     It is infinite where none is within `reach` edges of the target's voxels.
     """
     return distances_to_surfaces(
-        target.surfaces,
-        target.table,
-        target.voxel_size_m,
+        *target.as_target,
         source.surfaces,
         np.ascontiguousarray(target_SE3_source, np.float64),
         reach * target.voxel_size_m,
@@ -152,15 +167,11 @@ def align(
     """
     if min(len(target), len(source)) < _MIN_POINTS:
         return Alignment(initial_guess, 0.0, cost=1.0, is_converged=False, covariance=_UNKNOWN)
-    sides = [
-        _without_normals(points) if kind == "ICP" else points.surfaces
-        for points in (target, source)
-    ]
+    if kind == "ICP":
+        target, source = (_without_normals(points) for points in (target, source))
     pose, matches, error, is_converged, covariance = align_surfaces(
-        sides[0],
-        target.table,
-        target.voxel_size_m,
-        sides[1],
+        *target.as_target,
+        source.surfaces,
         np.ascontiguousarray(initial_guess, np.float64),
         max_correspondence_m,
         _STEPS,
@@ -174,8 +185,8 @@ def align(
     return Alignment(pose, matches / len(source), cost, is_converged, covariance)
 
 
-def _without_normals(points: PreprocessedPoints) -> Float64:
-    """Return (M, 6) surfaces whose normals are 0: the error of a match is its distance in all directions."""
+def _without_normals(points: PreprocessedPoints) -> PreprocessedPoints:
+    """Return points whose normals are 0: the error of a match is its distance in all directions."""
     surfaces = points.surfaces.copy()
     surfaces[:, 3:] = 0
-    return surfaces
+    return replace(points, surfaces=surfaces)

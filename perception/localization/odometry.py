@@ -32,6 +32,7 @@ from perception.localization.alignment import (
     align,
     on_surfaces,
     preprocess_points,
+    preprocess_target,
     share_on_surfaces,
 )
 from perception.localization.config import RegistrationConfig
@@ -181,7 +182,8 @@ class _ScanPoints:
         if not others:
             return self.static
         moved = [transform_points(motion, other._static_velo[:, :3]) for other, motion in others]
-        return self._preprocess(np.concatenate([self._static_velo[:, :3], *moved]))
+        joined = np.concatenate([self._static_velo[:, :3], *moved])
+        return preprocess_target(joined, self._config.voxel_size_m)
 
     @property
     def _static_velo(self) -> Float32:

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from perception.geometry.se3 import from_euler, from_motion_vector, inverse, transform_points
 from perception.kernels.elevation_bias import elevation_bias
-from perception.kernels.scan_matching import means_and_normals, voxel_moments
+from perception.kernels.scan_matching import ALL_KNOWN, means_and_normals, voxel_moments
 from perception.localization.elevation_bias import raised
 from tests.kernels.test_scan_matching import EDGE_M, street
 
@@ -52,7 +52,7 @@ def test_the_bias_equals_the_reference(too_high_rad: float) -> None:
     target, table = surfaces(raised(street(0), too_high_rad))
     source, _ = surfaces(raised(transform_points(inverse(MOTION), street(1)), too_high_rad))
     off = MOTION @ from_euler(0.002, -0.003, 0.001, np.array([0.02, -0.01, 0.03]))
-    found_rad, variance = elevation_bias(target, table, EDGE_M, source, off, EDGE_M)
+    found_rad, variance = elevation_bias(target, table, EDGE_M, ALL_KNOWN, source, off, EDGE_M)
     expected_rad, expected = reference_bias(target, source, off, EDGE_M)
     assert abs(found_rad - expected_rad) < 0.1 * np.sqrt(expected)
     assert np.isclose(variance, expected, rtol=0.02)
@@ -62,6 +62,6 @@ def test_the_bias_equals_the_reference(too_high_rad: float) -> None:
 def test_scans_that_do_not_meet_tell_nothing() -> None:
     target, table = surfaces(street(0))
     far = from_euler(0, 0, 0, np.array([0.0, 90.0, 0.0]))
-    found_rad, variance = elevation_bias(target, table, EDGE_M, target, far, EDGE_M)
+    found_rad, variance = elevation_bias(target, table, EDGE_M, ALL_KNOWN, target, far, EDGE_M)
     assert found_rad == 0
     assert np.isnan(variance)

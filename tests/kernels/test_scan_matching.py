@@ -7,9 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from perception.geometry.se3 import cross_matrix, from_euler
 from perception.kernels.scan_matching import (
+    ALL_KNOWN,
     align_surfaces,
     distances_to_surfaces,
     means_and_normals,
+    unfitted_surfaces,
     voxel_moments,
 )
 
@@ -100,6 +102,22 @@ def test_normals_equal_the_reference(beams: int | None) -> None:
     assert compared > 10
 
 
+def test_normals_are_found_where_points_are_matched_as_if_all_were() -> None:
+    points = sparse_street(16)
+    moments, table = voxel_moments(points, EDGE_M)
+    surfaces = means_and_normals(moments, table, EDGE_M)
+    source = surfaces[surfaces[:, 0] > 5]
+    arguments = (source, np.eye(4), EDGE_M, (1e-3, 1e-3), 15, 0.0, 0.0)
+    target, normals = unfitted_surfaces(moments, EDGE_M)
+    found = align_surfaces(target, table, EDGE_M, normals, *arguments)
+    expected = align_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, *arguments)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
+    is_known = ~np.isnan(target[:, 3])
+    assert 0.1 < is_known.mean() < 0.6
+    np.testing.assert_array_equal(target[is_known], surfaces[is_known])
+
+
 def test_a_beam_on_the_road_gives_no_normal_of_its_own() -> None:
     points = sparse_street(8)
     moments, table = voxel_moments(points, EDGE_M)
@@ -156,7 +174,7 @@ def test_covariance_is_that_of_leaving_out_eighths_drawn_to_the_information(
     (target, table), (source, _) = clouds
     # Steps so small that the matches are those of the pose.
     pose, *_, covariance = align_surfaces(
-        target, table, EDGE_M, source, np.eye(4), EDGE_M, (1e-5, 1e-5), 30, 0.0, robust_m
+        target, table, EDGE_M, ALL_KNOWN, source, np.eye(4), EDGE_M, (1e-5, 1e-5), 30, 0.0, robust_m
     )
     moved, information, gradients = normal_equations(target, source, pose, robust_m)
     eighths = np.floor(np.arctan2(moved[:, 1], moved[:, 0]) % (2 * np.pi) / (np.pi / 4))
@@ -186,22 +204,22 @@ def test_positions_beyond_the_map_have_no_match() -> None:
     for lift_m, expected_m in ((0.3, [0.3, 0.3]), (2.5, [np.inf, np.inf])):
         lift = np.eye(4)
         lift[2, 3] = lift_m
-        away_m = distances_to_surfaces(surfaces, table, EDGE_M, surfaces, lift, 2.0)
+        away_m = distances_to_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, surfaces, lift, 2.0)
         np.testing.assert_allclose(away_m, expected_m)
 
 
 @pytest.mark.parametrize("reach_m", [0.2, 0.5, 1.4])
 def test_matches_are_the_nearest_within_reach(reach_m: float) -> None:
     target, source = street(0), street(1)[::5] + np.float32(0.3)
-    _, _, means = reference_voxels(target)
+    _, _, places = reference_voxels(target)
     _, _, moved = reference_voxels(source)
     moments, table = voxel_moments(target, EDGE_M)
     surfaces = np.hstack([moments[:, 1:4] / moments[:, :1], np.zeros((len(moments), 3))])
     points = np.hstack([moved, np.zeros((len(moved), 3))])
     _, matches, error, *_ = align_surfaces(
-        surfaces, table, EDGE_M, points, np.eye(4), reach_m, (1e-3, 1e-3), 0, 0.0, 0.0
+        surfaces, table, EDGE_M, ALL_KNOWN, points, np.eye(4), reach_m, (1e-3, 1e-3), 0, 0.0, 0.0
     )
-    away_m, _ = cKDTree(means).query(moved, distance_upper_bound=reach_m)
+    away_m, _ = cKDTree(places).query(moved, distance_upper_bound=reach_m)
     away_m = away_m[np.isfinite(away_m)]
     assert matches == len(away_m)
     # Without normals the covariances are the identity each, and the error is half a quarter of the squared distance.
@@ -216,7 +234,18 @@ def test_alignment_recovers_a_motion_and_repeats_itself() -> None:
     for part in (moved, street(2)):
         moments, table = voxel_moments(part, EDGE_M)
         clouds.append((means_and_normals(moments, table, EDGE_M), table))
-    arguments = (*clouds[0], EDGE_M, clouds[1][0], np.eye(4), 0.5, (1e-4, 3e-4), 20, 0.0, 0.0)
+    arguments = (
+        *clouds[0],
+        EDGE_M,
+        ALL_KNOWN,
+        clouds[1][0],
+        np.eye(4),
+        0.5,
+        (1e-4, 3e-4),
+        20,
+        0.0,
+        0.0,
+    )
     pose, matches, _, is_converged, _ = align_surfaces(*arguments)
     assert is_converged
     assert matches > 0.8 * len(clouds[1][0])
@@ -232,7 +261,7 @@ def test_robust_matches_are_hardly_pulled_by_what_moved() -> None:
     source[(source[:, 1] > 0) & (source[:, 0] > 0), :2] += [0.1, 0.3]
     ways_m = []
     for robust_m in (0.0, 0.1):
-        arguments = (target, table, EDGE_M, source, np.eye(4), 0.5, (1e-5, 1e-5), 40)
+        arguments = (target, table, EDGE_M, ALL_KNOWN, source, np.eye(4), 0.5, (1e-5, 1e-5), 40)
         pose, *_ = align_surfaces(*arguments, 0.0, robust_m)
         ways_m.append(np.linalg.norm(pose[:3, 3]))
     assert ways_m[0] > 0.05
@@ -245,13 +274,15 @@ def test_distances_are_those_from_the_surfaces() -> None:
     raised = surfaces[(np.abs(surfaces[:, 1]) < 4) & (surfaces[:, 0] < 18)]
     lift = np.eye(4)
     lift[2, 3] = 0.2
-    away_m = distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)
+    away_m = distances_to_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, raised, lift, 1.0)
     has_surface = raised[:, 3:].any(axis=1)
     assert has_surface.mean() > 0.98
     np.testing.assert_allclose(away_m[has_surface], 0.2, atol=0.02)
     np.testing.assert_allclose(away_m[~has_surface], 0, atol=0.22)
     lift[2, 3] = 50
-    assert np.isinf(distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)).all()
+    assert np.isinf(
+        distances_to_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, raised, lift, 1.0)
+    ).all()
 
 
 def test_prior_and_matches_balance_as_in_the_reference() -> None:
@@ -260,12 +291,12 @@ def test_prior_and_matches_balance_as_in_the_reference() -> None:
     for part in (street(0), np.ascontiguousarray(street(1)[::3])):
         moments, table = voxel_moments(part, EDGE_M)
         # Without normals a match tells half of the identity.
-        means = moments[:, 1:4] / moments[:, :1]
-        clouds.append((np.hstack([means, np.zeros_like(means)]), table))
+        places = moments[:, 1:4] / moments[:, :1]
+        clouds.append((np.hstack([places, np.zeros_like(places)]), table))
     (target, table), (source, _) = clouds
     guess = from_euler(0.01, -0.01, 0.02, np.array([0.15, -0.1, 0.05]))
     pose, matches, _, is_converged, _ = align_surfaces(
-        target, table, EDGE_M, source, guess, 0.5, (1e-7, 1e-7), 60, 2e-3, 0.0
+        target, table, EDGE_M, ALL_KNOWN, source, guess, 0.5, (1e-7, 1e-7), 60, 2e-3, 0.0
     )
     assert is_converged
     moved = source[:, :3] @ pose[:3, :3].T + pose[:3, 3]
