@@ -252,6 +252,8 @@ class LidarOdometry:
         self._since: deque[_LocatedScan] = deque(maxlen=16)
         self._corrected_s, self._searched_m = -np.inf, 0.0
         # What later stages get are the points as measured: cameras are calibrated to them, and range images go by them.
+        # Scans as measured fit each other best at the motion as measured. So elevations are corrected where no INS keeps
+        # the path from tilting.
         self._elevation = ElevationBias()
         self._known_s = -np.inf  # the last scan whose pose is not that of a constant velocity
 
@@ -522,7 +524,8 @@ class LidarOdometry:
             self._since.append(scan)
         is_worn = scan.localization.inlier_ratio < _KEYFRAME_INLIER_RATIO
         is_passed = _length_m(moved) > _KEYFRAME_M
-        if is_passed and self._correct_elevations(scan, moved):
+        has_ins = scan.ins_world_SE3_velo is not None
+        if is_passed and not has_ins and self._correct_elevations(scan, moved):
             return
         if is_worn or is_passed:
             step_m = _length_m(_motion(last, scan))

@@ -67,15 +67,19 @@ def test_scans_without_surfaces_tell_nothing() -> None:
     assert bias.correction_rad == 0
 
 
-def test_the_path_by_scans_alone_tilts_less() -> None:
-    truth, tilts_deg = path(45, speed_m_s=10.0, turn_rad_s=0.0), []
-    for is_corrected in (False, True):
+def test_the_path_by_scans_alone_tilts_less_and_an_ins_keeps_it() -> None:
+    truth, found = path(45, speed_m_s=10.0, turn_rad_s=0.0), {}
+    for prior in ("none", "uncorrected", "INS"):
         odometry = LidarOdometry()
-        if not is_corrected:
+        if prior == "uncorrected":
             odometry._elevation.update = lambda *_: 0.0
         for index, pose in enumerate(truth):
             points = raised(observed_from(pose, index), np.radians(-0.4))
-            found = odometry.update(points, index * STEP_S).world_SE3_velo
-        tilts_deg.append(np.degrees(np.abs(motion_vector(inverse(pose) @ found)[1])))
-    assert tilts_deg[0] > 0.5
-    assert tilts_deg[1] < 0.5 * tilts_deg[0]
+            ins = pose if prior == "INS" else None
+            last = odometry.update(points, index * STEP_S, ins).world_SE3_velo
+        tilt_deg = np.degrees(np.abs(motion_vector(inverse(pose) @ last)[1]))
+        found[prior] = tilt_deg, np.degrees(odometry._elevation.correction_rad)
+    assert found["uncorrected"][0] > 0.5
+    assert found["none"][0] < 0.6 * found["uncorrected"][0]
+    assert abs(found["none"][1] - 0.4) < 0.03
+    assert found["INS"][1] == 0
