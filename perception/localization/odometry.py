@@ -597,8 +597,14 @@ class LidarOdometry:
         alignments = [self._align(target, source, guess) for guess in guesses]
         accepted = [alignment for alignment in alignments if alignment is not None]
         best = min(accepted, key=lambda alignment: alignment.cost, default=None)
-        has_prior = any(guess.prior_share for guess in guesses)
-        return best if best or has_prior else self._searched_alignment(source, _starts(guesses[0]))
+        if any(guess.prior_share for guess in guesses):
+            return best
+        if best is not None and best.inlier_ratio >= _KEYFRAME_INLIER_RATIO:
+            return best
+        # What hardly matches may be another motion than the true one.
+        searched = self._searched_alignment(source, _starts(guesses[0]))
+        found = [one for one in (best, searched) if one is not None]
+        return min(found, key=lambda alignment: alignment.cost, default=None)
 
     def _searched_alignment(
         self, points: PreprocessedPoints, starts: Sequence[Float64]
