@@ -21,10 +21,10 @@ _UP, _DOWN = 38, 24  # voxels of a bar above and below the origin
 _MAX_BARS = 2**16 - 1
 _MIN_VOXELS = 5  # fewer do not determine a surface
 _RINGS = (1, 2)  # of voxels around one
-_WIDER, _WIDE_RINGS = 2.0, 2  # whole edges of wider voxels, and rings of these
+_WIDER, _WIDE_RINGS = (2.0, 3.0), 2  # whole edges of wider voxels, and rings of these
 # Ratio of the variances across and along a surface: the beams of a sparse LiDAR lie far apart on the ground, and points of
 # one beam make a line. On synthetic streets, without INS, VLP-16, errors over a second: 71 mm and 0.94 degrees at 0, 11 and 0.18
-# at 0.35; HDL-64E 5.6, 5.8 mm. Voxels of 3 edges, too, are no better and take a fifth more time.
+# at 0.35; HDL-64E 5.6, 5.8 mm. Voxels of 4 edges in place of 3: HDL-32E 4.8 to 5.9 mm.
 _MIN_BREADTH = 0.35
 # Ratio of the variances through and across a surface of wider voxels, which may hold more than one.
 _MAX_THICKNESS = 0.05
@@ -44,18 +44,18 @@ _TURN_RADIUS_M = 10.0  # a turn about the LiDAR weighs as the motion of points t
 # Number of the bar of each cell, along x first, and (bars + 1, 2) bits and first voxel of each bar.
 VoxelTable = tuple[NDArray[np.uint16], Int]
 
-# What normals are found from: moments of the voxels, the wider voxel of each, table, moments and surfaces of the wider ones.
-# A surface whose normal is not known so far has NaN there: most points of a target are never matched.
-NormalSources = tuple[Float64, Int, VoxelTable, Float64, Float64]
+# Wider voxels: that of each voxel, their table, moments and surfaces; and what normals are found from, the moments of the
+# voxels and wider ones of both sizes. A normal that is not known so far is NaN: most points of a target are never matched.
+WiderVoxels = tuple[Int, VoxelTable, Float64, Float64]
+NormalSources = tuple[Float64, WiderVoxels, WiderVoxels]
 _NO_TABLE = (np.zeros(0, np.uint16), np.zeros((0, 2), np.int64))
-ALL_KNOWN: NormalSources = (
-    *(np.zeros((0, 10)), np.zeros(0, np.int64), _NO_TABLE),
-    *(np.zeros((0, 10)), np.zeros((0, 6))),
-)
+_NO_VOXELS = (np.zeros(0, np.int64), _NO_TABLE, np.zeros((0, 10)), np.zeros((0, 6)))
+ALL_KNOWN: NormalSources = (np.zeros((0, 10)), _NO_VOXELS, _NO_VOXELS)
 
 _POINTS, ROWS = array_of(np.float32, 2), array_of(np.float64, 2)
 TABLE, SURFACES = (array_of(np.uint16), array_of(np.int64, 2)), written(np.float64, 2)
-SOURCES = (ROWS, array_of(np.int64), TABLE, ROWS, SURFACES)
+_WIDER_VOXELS = (array_of(np.int64), TABLE, ROWS, SURFACES)
+SOURCES = (ROWS, _WIDER_VOXELS, _WIDER_VOXELS)
 # Sums of moments and a covariance: memory that would otherwise be taken for each normal.
 _SCRATCH = (written(np.float64), written(np.float64, 2))
 
@@ -206,16 +206,42 @@ def _means(moments: Float64) -> Float64:
     return surfaces
 
 
+@compiled((ROWS, ROWS, NUMBER))
+def _widened(moments: Float64, surfaces: Float64, edge_m: float) -> WiderVoxels:
+    """Return voxels of another size, their normals not known so far."""
+    wider_of, table = _find_voxels(surfaces, edge_m)
+    sums = np.zeros((_count_voxels(table[1]), 10))
+    for row in range(len(moments)):
+        for entry in range(10):
+            sums[wider_of[row], entry] += moments[row, entry]
+    return wider_of, table, sums, _means(sums)
+
+
 @compiled((ROWS, NUMBER))
 def unfitted_surfaces(moments: Float64, edge_m: float) -> tuple[Float64, NormalSources]:
     """Return (M, 6) the mean point of each voxel, its normal not known so far, and what the normals are found from."""
     surfaces = _means(moments)
-    wider_of, wider_table = _find_voxels(surfaces, _WIDER * edge_m)
-    sums = np.zeros((_count_voxels(wider_table[1]), 10))
-    for row in range(len(moments)):
-        for entry in range(10):
-            sums[wider_of[row], entry] += moments[row, entry]
-    return surfaces, (moments, wider_of, wider_table, sums, _means(sums))
+    wider = _widened(moments, surfaces, _WIDER[0] * edge_m)
+    return surfaces, (moments, wider, _widened(moments, surfaces, _WIDER[1] * edge_m))
+
+
+@compiled((_WIDER_VOXELS, NUMBER, WHOLE, _SCRATCH, SURFACES))
+def _add_wider_normal(
+    voxels: WiderVoxels,
+    edge_m: float,
+    row: int,
+    scratch: tuple[Float64, Float64],
+    surfaces: Float64,
+) -> None:
+    """Write the normal of one of (M, 6) surfaces by wider voxels, where they determine it."""
+    wider_of, table, sums, wider = voxels
+    one = wider_of[row]
+    if np.isnan(wider[one, 3]):
+        _add_normal(sums, table, edge_m, one, _WIDE_RINGS, _MAX_THICKNESS, scratch, wider)
+        if np.isnan(wider[one, 3]):
+            wider[one, 3:] = 0
+    if wider[one, 3] != 0 or wider[one, 4] != 0 or wider[one, 5] != 0:
+        surfaces[row, 3:] = wider[one, 3:]
 
 
 @compiled((SOURCES, TABLE, NUMBER, WHOLE, _SCRATCH, SURFACES))
@@ -232,18 +258,16 @@ def _find_normal(
     Where too few voxels around are occupied, or they lie along a line or in the plane of a beam, those farther around are
     taken, too, and then wider voxels, which are few. The LiDAR is at the origin.
     """
-    moments, wider_of, wider_table, sums, wider = sources
+    moments, wider, widest = sources
     for rings in _RINGS:
         _add_normal(moments, table, edge_m, row, rings, 1.0, scratch, surfaces)
         if not np.isnan(surfaces[row, 3]):
             return
-    one = wider_of[row]
-    if np.isnan(wider[one, 3]):
-        wide_m = _WIDER * edge_m
-        _add_normal(sums, wider_table, wide_m, one, _WIDE_RINGS, _MAX_THICKNESS, scratch, wider)
-        if np.isnan(wider[one, 3]):
-            wider[one, 3:] = 0
-    surfaces[row, 3:] = wider[one, 3:]
+    _add_wider_normal(wider, _WIDER[0] * edge_m, row, scratch, surfaces)
+    if np.isnan(surfaces[row, 3]):
+        _add_wider_normal(widest, _WIDER[1] * edge_m, row, scratch, surfaces)
+    if np.isnan(surfaces[row, 3]):
+        surfaces[row, 3:] = 0
 
 
 @compiled((ROWS, TABLE, NUMBER, WHOLE, NUMBER, SURFACES))
@@ -267,22 +291,32 @@ def _add_normals(
                 surfaces[row, 3], surfaces[row, 4], surfaces[row, 5] = normal
 
 
+@compiled((_WIDER_VOXELS, NUMBER, SURFACES))
+def _add_wider_normals(voxels: WiderVoxels, edge_m: float, surfaces: Float64) -> None:
+    """Write the normals of (M, 6) surfaces that have none so far by wider voxels: those in one have the same."""
+    wider_of, table, sums, wider = voxels
+    wider[:, 3] = 0
+    for row in range(len(surfaces)):
+        if np.isnan(surfaces[row, 3]):
+            wider[wider_of[row], 3] = np.nan
+    _add_normals(sums, table, edge_m, _WIDE_RINGS, _MAX_THICKNESS, wider)
+    for row in range(len(surfaces)):
+        if np.isnan(surfaces[row, 3]):
+            surfaces[row, 3:] = wider[wider_of[row], 3:]
+
+
 @compiled((ROWS, TABLE, NUMBER))
 def means_and_normals(moments: Float64, table: VoxelTable, edge_m: float) -> Float64:
     """Return (M, 6) the mean point of each voxel and the normal of the surface there, 0 where it is not determined."""
-    surfaces, (_, wider_of, wider_table, sums, wider) = unfitted_surfaces(moments, edge_m)
+    surfaces = _means(moments)
     for rings in _RINGS:
         _add_normals(moments, table, edge_m, rings, 1.0, surfaces)
-    wider[:, 3] = 0
-    for row in range(len(moments)):
-        if np.isnan(surfaces[row, 3]):
-            wider[wider_of[row], 3] = np.nan
-    _add_normals(sums, wider_table, _WIDER * edge_m, _WIDE_RINGS, _MAX_THICKNESS, wider)
+    for wider in _WIDER:
+        voxels = _widened(moments, surfaces, wider * edge_m)
+        _add_wider_normals(voxels, wider * edge_m, surfaces)
     for row in range(len(moments)):
         if np.isnan(surfaces[row, 3]):
             surfaces[row, 3:] = 0
-            if not np.isnan(wider[wider_of[row], 3]):
-                surfaces[row, 3:] = wider[wider_of[row], 3:]
     return surfaces
 
 

@@ -73,7 +73,7 @@ def test_voxels_and_means_equal_the_reference(stride: int) -> None:
 
 def reference_normal(points: np.ndarray, mean: np.ndarray) -> np.ndarray | None:
     """Return the normal of the nearest surface around a mean point; None where it is hardly determined."""
-    for edges, rings in ((1, 1), (1, 2), (2, 2)):
+    for edges, rings in ((1, 1), (1, 2), (2, 2), (3, 2)):
         cells = np.floor(points.astype(np.float64) / (edges * EDGE_M)).astype(int)
         around = (np.abs(cells - np.floor(mean / (edges * EDGE_M))) <= rings).all(axis=1)
         if len(np.unique(cells[around], axis=0)) < 5:
@@ -136,7 +136,7 @@ def test_what_a_beam_hits_in_leaves_is_no_surface(elevation: float | None, share
     points = np.column_stack([range_m * np.cos(azimuth), range_m * np.sin(azimuth), height_m])
     moments, table = voxel_moments(points.astype(np.float32), EDGE_M)
     normals = means_and_normals(moments, table, EDGE_M)[:, 3:]
-    assert normals.any(axis=1).mean() == pytest.approx(share, abs=0.07)
+    assert normals.any(axis=1).mean() == pytest.approx(share, abs=0.06)
 
 
 def normal_equations(
