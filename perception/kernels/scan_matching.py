@@ -244,30 +244,27 @@ def _add_wider_normal(
         surfaces[row, 3:] = wider[one, 3:]
 
 
-@compiled((SOURCES, TABLE, NUMBER, WHOLE, _SCRATCH, SURFACES))
-def _find_normal(
-    sources: NormalSources,
-    table: VoxelTable,
-    edge_m: float,
-    row: int,
-    scratch: tuple[Float64, Float64],
-    surfaces: Float64,
+@compiled((SOURCES, TABLE, NUMBER, array_of(np.int64), SURFACES))
+def _find_normals(
+    sources: NormalSources, table: VoxelTable, edge_m: float, rows: Int, surfaces: Float64
 ) -> None:
-    """Write the normal of one of (M, 6) surfaces, 0 where it is not determined.
+    """Write the normals of some of (M, 6) surfaces where they are not known so far, 0 where they are not determined.
 
     Where too few voxels around are occupied, or they lie along a line or in the plane of a beam, those farther around are
     taken, too, and then wider voxels, which are few. The LiDAR is at the origin.
     """
     moments, wider, widest = sources
-    for rings in _RINGS:
-        _add_normal(moments, table, edge_m, row, rings, 1.0, scratch, surfaces)
-        if not np.isnan(surfaces[row, 3]):
-            return
-    _add_wider_normal(wider, _WIDER[0] * edge_m, row, scratch, surfaces)
-    if np.isnan(surfaces[row, 3]):
-        _add_wider_normal(widest, _WIDER[1] * edge_m, row, scratch, surfaces)
-    if np.isnan(surfaces[row, 3]):
-        surfaces[row, 3:] = 0
+    scratch = (np.empty(10), np.empty((3, 3)))
+    for row in rows:
+        for rings in _RINGS:
+            if np.isnan(surfaces[row, 3]):
+                _add_normal(moments, table, edge_m, row, rings, 1.0, scratch, surfaces)
+        if np.isnan(surfaces[row, 3]):
+            _add_wider_normal(wider, _WIDER[0] * edge_m, row, scratch, surfaces)
+        if np.isnan(surfaces[row, 3]):
+            _add_wider_normal(widest, _WIDER[1] * edge_m, row, scratch, surfaces)
+        if np.isnan(surfaces[row, 3]):
+            surfaces[row, 3:] = 0
 
 
 @compiled((ROWS, TABLE, NUMBER, WHOLE, NUMBER, SURFACES))
@@ -444,13 +441,16 @@ def match_points(
     Rows of the target are written to (N,) matches, and their normals to the target where they are not known so far; the
     other arguments are as of `_add_matches` and `align_surfaces`.
     """
-    scratch = (np.empty(10), np.empty((3, 3)))
+    unknown, rows = 0, np.empty(len(source), np.int64)
     for row in range(0, len(source), stride):
         x, y, z = moved_point(source, row, target_SE3_source)
         near = _nearest(target, table, edge_m, x, y, z, reach_m)
         if near >= 0 and np.isnan(target[near, 3]):
-            _find_normal(normals, table, edge_m, near, scratch, target)
+            rows[unknown] = near
+            unknown += 1
         matches[row] = near
+    if unknown > 0:
+        _find_normals(normals, table, edge_m, rows[:unknown], target)
 
 
 @compiled(
