@@ -245,7 +245,7 @@ def _add_wider_normal(
 
 
 @compiled((SOURCES, TABLE, NUMBER, array_of(np.int64), SURFACES))
-def _find_normals(
+def find_normals(
     sources: NormalSources, table: VoxelTable, edge_m: float, rows: Int, surfaces: Float64
 ) -> None:
     """Write the normals of some of (M, 6) surfaces where they are not known so far, 0 where they are not determined.
@@ -444,13 +444,12 @@ def match_points(
     unknown, rows = 0, np.empty(len(source), np.int64)
     for row in range(0, len(source), stride):
         x, y, z = moved_point(source, row, target_SE3_source)
-        near = _nearest(target, table, edge_m, x, y, z, reach_m)
-        if near >= 0 and np.isnan(target[near, 3]):
-            rows[unknown] = near
+        matches[row] = _nearest(target, table, edge_m, x, y, z, reach_m)
+        if matches[row] >= 0 and np.isnan(target[matches[row], 3]):
+            rows[unknown] = matches[row]
             unknown += 1
-        matches[row] = near
     if unknown > 0:
-        _find_normals(normals, table, edge_m, rows[:unknown], target)
+        find_normals(normals, table, edge_m, rows[:unknown], target)
 
 
 @compiled(
@@ -763,26 +762,25 @@ def align_surfaces(
     return pose, matches, error, is_converged, covariance
 
 
-@compiled((SURFACES, TABLE, NUMBER, SOURCES, ROWS, ROWS, NUMBER))
+@compiled((ROWS, TABLE, NUMBER, ROWS, ROWS, NUMBER))
 def distances_to_surfaces(
     target: Float64,
     table: VoxelTable,
     edge_m: float,
-    normals: NormalSources,
     source: Float64,
     target_SE3_source: Float64,
     reach_m: float,
 ) -> Float64:
     """Return the (N,) distance of each point of the source from the surface at the nearest point of the target.
 
-    It is infinite where none is within reach, and 0 at a point without a surface. Arguments are as of `align_surfaces`.
+    It is infinite where none is within reach, and 0 at a point without a surface. All normals of the target are known;
+    arguments are as of `align_surfaces`.
     """
-    nearest, away_m = np.empty(len(source), np.int64), np.full(len(source), np.inf)
-    match_points(target, table, edge_m, normals, source, 1, target_SE3_source, reach_m, nearest)
+    away_m = np.full(len(source), np.inf)
     for row in range(len(source)):
-        near = nearest[row]
+        x, y, z = moved_point(source, row, target_SE3_source)
+        near = _nearest(target, table, edge_m, x, y, z, reach_m)
         if near >= 0:
-            x, y, z = moved_point(source, row, target_SE3_source)
             dx, dy, dz = target[near, 0] - x, target[near, 1] - y, target[near, 2] - z
             away_m[row] = abs(dx * target[near, 3] + dy * target[near, 4] + dz * target[near, 5])
     return away_m

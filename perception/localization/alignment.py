@@ -11,6 +11,7 @@ from perception.kernels.scan_matching import (
     VoxelTable,
     align_surfaces,
     distances_to_surfaces,
+    find_normals,
     means_and_normals,
     unfitted_surfaces,
     voxel_moments,
@@ -138,8 +139,13 @@ def _surface_distances_m(
 
     It is infinite where none is within `reach` edges of the target's voxels.
     """
+    if target.normals is not ALL_KNOWN:
+        rows = np.flatnonzero(np.isnan(target.surfaces[:, 3]))
+        find_normals(target.normals, target.table, target.voxel_size_m, rows, target.surfaces)
     return distances_to_surfaces(
-        *target.as_target,
+        target.surfaces,
+        target.table,
+        target.voxel_size_m,
         source.surfaces,
         np.ascontiguousarray(target_SE3_source, np.float64),
         reach * target.voxel_size_m,

@@ -204,7 +204,7 @@ def test_positions_beyond_the_map_have_no_match() -> None:
     for lift_m, expected_m in ((0.3, [0.3, 0.3]), (2.5, [np.inf, np.inf])):
         lift = np.eye(4)
         lift[2, 3] = lift_m
-        away_m = distances_to_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, surfaces, lift, 2.0)
+        away_m = distances_to_surfaces(surfaces, table, EDGE_M, surfaces, lift, 2.0)
         np.testing.assert_allclose(away_m, expected_m)
 
 
@@ -274,15 +274,13 @@ def test_distances_are_those_from_the_surfaces() -> None:
     raised = surfaces[(np.abs(surfaces[:, 1]) < 4) & (surfaces[:, 0] < 18)]
     lift = np.eye(4)
     lift[2, 3] = 0.2
-    away_m = distances_to_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, raised, lift, 1.0)
+    away_m = distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)
     has_surface = raised[:, 3:].any(axis=1)
     assert has_surface.mean() > 0.98
     np.testing.assert_allclose(away_m[has_surface], 0.2, atol=0.02)
     np.testing.assert_allclose(away_m[~has_surface], 0, atol=0.22)
     lift[2, 3] = 50
-    assert np.isinf(
-        distances_to_surfaces(surfaces, table, EDGE_M, ALL_KNOWN, raised, lift, 1.0)
-    ).all()
+    assert np.isinf(distances_to_surfaces(surfaces, table, EDGE_M, raised, lift, 1.0)).all()
 
 
 def test_prior_and_matches_balance_as_in_the_reference() -> None:
