@@ -60,6 +60,7 @@ class ClutterConfig:
     bicycles: float = 0.0
     motorcycles: float = 0.0
     bays: float = 0.0
+    low_furniture: float = 0.0
 
 
 def place_clutter(
@@ -100,6 +101,7 @@ def place_clutter(
             (clutter.sites, verge.site),
             (clutter.bicycles, verge.bicycles),
             (clutter.motorcycles, verge.motorcycles),
+            (clutter.low_furniture, verge.low_furniture),
         ]
         for amount, place in amounts:
             for s_m in draw_places(stretch_m, amount, rng):

@@ -52,12 +52,12 @@ def sign(kind: int, radius_m: float) -> Mesh:
     turn = np.linspace(0, 2 * np.pi, corners + 1) + (np.pi / 4 if corners == 4 else np.pi / 2)
     wide = 1.8 if kind == 3 else 1.0
     rim = np.stack([0 * turn, wide * size * np.cos(turn), size * np.sin(turn)], axis=1)
-    plate = _sign_plate(rim, np.array([-radius_m - 0.02, 0, 2.3]), size)
+    plate = sign_plate(rim, np.array([-radius_m - 0.02, 0, 2.3]), size)
     pole = meshes.tube((0, 0, -0.3), (0, 0, 2.65), (radius_m, radius_m), Slot.METAL, 8)
     return meshes.merge([pole, *plate])
 
 
-def _sign_plate(rim_m: Float64, centre_m: Float64, size_m: float) -> list[Mesh]:
+def sign_plate(rim_m: Float64, centre_m: Float64, size_m: float) -> list[Mesh]:
     """Build the face of a sign towards -x, and its back."""
     plate = []
     for back, slot in ((0.0, Slot.SIGN), (0.012, Slot.SIGN_BACK)):
@@ -302,7 +302,7 @@ def keep_right_sign(height_m: float) -> Mesh:
     post = meshes.box((-0.06, -0.12, -0.2), (0.06, 0.12, height_m), Slot.PANEL)
     turn, size = np.linspace(0, 2 * np.pi, 17), 0.26
     rim = size * np.stack([0 * turn, np.cos(turn), np.sin(turn)], axis=1)
-    return meshes.merge([post, *_sign_plate(rim, np.array([-0.08, 0, height_m + 0.1]), size)])
+    return meshes.merge([post, *sign_plate(rim, np.array([-0.08, 0, height_m + 0.1]), size)])
 
 
 def keep_right_palette(rng: np.random.Generator) -> Float32:

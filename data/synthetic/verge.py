@@ -5,7 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import furniture, meshes, street, structures, two_wheelers, vegetation
+from data.synthetic import (
+    furniture,
+    low_furniture,
+    meshes,
+    street,
+    structures,
+    two_wheelers,
+    vegetation,
+)
 from data.synthetic.materials import SemanticClass, Slot, palette, random_clothes, random_paint
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
@@ -361,3 +369,32 @@ class Verge:
         l_m = self.side * (self.road.shape.half_width_m + 0.5)
         pose = street.upright_pose(self.road, s_m, l_m, np.pi if self.side > 0 else 0.0)
         return [Part(meshes.moved(furniture.delineator(), pose), palette())]
+
+    def low_furniture(self, s_m: float) -> list[Part]:
+        """Stand one kind of low furniture, alone or in a row, at the kerb, on the pavement or behind it.
+
+        Signs and beacons stand between the lanes too, where a lorry passes on either side.
+        """
+        rng, shape = self.rng, self.road.shape
+        shares = np.array([share for _, share, _ in low_furniture.KINDS])
+        number = int(rng.choice(len(shares), p=shares / shares.sum()))
+        build, _, most = low_furniture.KINDS[number]
+        count = int(rng.integers(1, most + 1)) if rng.random() < 0.5 else 1
+        place, apart_m = rng.random(), float(rng.uniform(1.2, 4.0))
+        out_m = shape.half_width_m + float(rng.uniform(0.2, 0.7))
+        if number < 2 and place < 0.35 and shape.lane_m > 3.4:
+            out_m = 0.0
+        elif place > 0.85:
+            out_m = shape.outer_m + float(rng.uniform(0.3, 8.0))
+        elif place > 0.55:
+            out_m += max(shape.pavement_m - 0.7, 0.0) * float(rng.random())
+        mesh, appearance = build(rng), low_furniture.low_palette(rng)
+        # Towards what comes on this side, or another way.
+        turn = np.pi * (float(rng.choice([0.0, 0.0, 0.5, 1.0])) + (self.side < 0))
+        return [
+            self._placed(
+                mesh, s_m + apart_m * n, out_m, turn + float(rng.normal(0, 0.15)), appearance
+            )
+            for n in range(count)
+            if out_m < shape.outer_m or self.is_free(s_m + apart_m * n - 1.0, 2.0, self.side)
+        ]

@@ -10,5 +10,5 @@ SYNTH_LAYOUTS: tuple[str, ...] = (*get_args(KittiLayout), "folder")
 CameraName = Literal["front", "front_left", "front_right", "left", "right", "rear"]
 StreetKind = Literal[
     "town", "housing", "main-road", "junction", "country",
-    "industrial", "cycling", "shopping", "park", "jam", "field", "tunnel",
+    "industrial", "cycling", "shopping", "park", "jam", "field", "tunnel", "furnished",
 ]  # fmt: skip

@@ -31,6 +31,13 @@ def draw_config(rng: np.random.Generator) -> WorldConfig:
     return STREETS[kinds[int(rng.choice(len(kinds), p=list(_SHARES.values())))]](rng)
 
 
+def furnished_street(rng: np.random.Generator) -> WorldConfig:
+    """Draw a world of one of the kinds, with low signs, bollards, pillars and narrow plants beside people."""
+    config = draw_config(rng)
+    config = replace(config, waiting=_between(rng, 1, 6), groups=_between(rng, 0, 0.5))
+    return replace(config, clutter=_drawn(rng, config.clutter, low_furniture=(4, 40)))
+
+
 def town_street(rng: np.random.Generator) -> WorldConfig:
     """Draw a street of houses and gardens: narrower, greener, busier, steeper."""
     road = _curved(rng, min_radius_m=110, slope=0.05)
@@ -301,6 +308,7 @@ STREETS: dict[StreetKind, Callable[[np.random.Generator], WorldConfig]] = {
     "jam": traffic_jam,
     "field": open_field,
     "tunnel": road_tunnel,
+    "furnished": furnished_street,
 }
 # How often each kind is drawn.
 _SHARES: dict[StreetKind, float] = {

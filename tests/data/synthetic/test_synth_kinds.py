@@ -34,6 +34,7 @@ KINDS = [
     world_kinds.traffic_jam,
     world_kinds.open_field,
     world_kinds.road_tunnel,
+    world_kinds.furnished_street,
 ]
 
 
