@@ -17,7 +17,7 @@ _Build = Callable[[np.random.Generator], Mesh]
 
 
 def keep_right_sign(rng: np.random.Generator) -> Mesh:
-    """Build a round sign, its middle 0.7 to 1.5 m high, on a thin tube or a broad post, some with a sleeve."""
+    """Build a round sign, its middle 0.7 to 1.5 m high, on a thin tube or a broad post, some before a mast."""
     middle_m, size = float(rng.uniform(0.7, 1.5)), float(rng.uniform(0.18, 0.34))
     turn = np.linspace(0, 2 * np.pi, 17)
     rim = size * np.stack([0 * turn, np.cos(turn), np.sin(turn)], axis=1)
@@ -28,9 +28,14 @@ def keep_right_sign(rng: np.random.Generator) -> Mesh:
         post = meshes.box((-0.05, -half_m, -0.2), (0.05, half_m, middle_m), Slot.PANEL)
         half_m = 0.05
     plate = furniture.sign_plate(rim, np.array([-half_m - 0.02, 0, middle_m]), size)
-    sleeve_m = half_m + 0.01
-    sleeve = meshes.tube((0, 0, 0.3), (0, 0, 0.5), (sleeve_m, sleeve_m), Slot.SIGN)
-    return meshes.merge([post, *plate, *([sleeve] if rng.random() < 0.4 else [])])
+    parts = [post, *plate]
+    if rng.random() < 0.4:
+        sleeve_m = half_m + 0.01
+        parts.append(meshes.tube((0, 0, 0.3), (0, 0, 0.5), (sleeve_m, sleeve_m), Slot.SIGN))
+    if rng.random() < 0.3:
+        mast_m, x_m = float(rng.uniform(0.04, 0.11)), float(rng.uniform(0.2, 0.7))
+        parts.append(meshes.tube((x_m, 0, -0.2), (x_m, 0, 6.0), (mast_m, mast_m), Slot.METAL))
+    return meshes.merge(parts)
 
 
 def beacon(rng: np.random.Generator) -> Mesh:
@@ -86,6 +91,15 @@ def info_pillar(rng: np.random.Generator) -> Mesh:
         for y in (-0.8 * width_m, 0.8 * width_m)
     ]
     return meshes.merge([board, *(feet if foot_m > 0 else [])])
+
+
+def column(rng: np.random.Generator) -> Mesh:
+    """Build a mast or a column of steel or stone, round or square."""
+    half_m, height_m = rng.uniform([0.05, 2.2], [0.3, 6.0]).tolist()
+    slot = int(rng.choice([Slot.METAL, Slot.CONCRETE, Slot.PANEL]))
+    if rng.random() < 0.5:
+        return meshes.tube((0, 0, -0.2), (0, 0, height_m), (half_m, half_m), slot)
+    return meshes.box((-half_m, -half_m, -0.2), (half_m, half_m, height_m), slot)
 
 
 def hydrant(rng: np.random.Generator) -> Mesh:
@@ -160,9 +174,10 @@ KINDS: tuple[tuple[_Build, float, int], ...] = (
     (beacon, 0.12, 6),
     (bollard, 0.18, 9),
     (meter, 0.10, 2),
-    (info_pillar, 0.10, 1),
-    (hydrant, 0.05, 1),
-    (litter_bin, 0.09, 2),
+    (info_pillar, 0.08, 1),
+    (column, 0.06, 2),
+    (hydrant, 0.03, 1),
+    (litter_bin, 0.07, 2),
     (sapling, 0.08, 4),
     (shrub, 0.12, 3),
 )  # fmt: skip

@@ -13,11 +13,12 @@ from perception.sensor import HDL_64E
 
 # Limits of the width across the face, and of the height, of all that is drawn.
 LIMITS = {
-    low_furniture.keep_right_sign: (0.36, 0.70, 0.85, 1.85),
+    low_furniture.keep_right_sign: (0.36, 0.70, 0.85, 6.05),
     low_furniture.beacon: (0.18, 0.85, 0.65, 1.45),
     low_furniture.bollard: (0.08, 0.50, 0.40, 1.55),
     low_furniture.meter: (0.15, 0.60, 0.65, 6.05),
     low_furniture.info_pillar: (0.25, 1.05, 0.95, 2.45),
+    low_furniture.column: (0.09, 0.65, 2.1, 6.05),
     low_furniture.hydrant: (0.25, 0.70, 0.50, 1.15),
     low_furniture.litter_bin: (0.20, 0.90, 0.55, 1.60),
     low_furniture.sapling: (0.03, 2.20, 1.50, 5.00),
