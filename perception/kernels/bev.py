@@ -151,13 +151,18 @@ def _highest_around(scores: Float32, i: int, j: int, split: int) -> float:
     return float(highest)
 
 
-@compiled((array_of(_F32, 4), _F32))
-def peaks_of(scores: Float32, min_score: float) -> Int:
-    """Return (P, 3) class, row and column of the scores from a minimum on, each the highest of its 3x3 places.
+@compiled((array_of(_F32, 4), array_of(_F32, 4), _F32, _F32))
+def peaks_of(scores: Float32, stated: Float32, min_score: float, max_width: float) -> Int:
+    """Return (P, 3) class, row and column of the places of the scores from a minimum on that are peaks.
+
+    A peak is the highest of its 3x3 places, or states that something narrow has its centre in that very place, as each of
+    two people side by side has.
 
     Args:
         scores: (K, S * S, H, W) scores; place (i, j) of a class is number S (i mod S) + j mod S of block (i / S, j / S).
+        stated: (16, S * S, H, W) box at each place: row and column in the place first, logarithm of the width fifth.
         min_score: Lowest score of a peak.
+        max_width: Logarithm of the width that something narrow has at most.
     """
     classes, parts, rows, columns = scores.shape
     split = int(np.sqrt(parts))
@@ -171,7 +176,10 @@ def peaks_of(scores: Float32, min_score: float) -> Int:
                     if score < min_score:
                         continue
                     i, j = split * row + part // split, split * column + part % split
-                    if score >= _highest_around(scores[k], i, j, split):
+                    u, v = stated[0, part, row, column], stated[1, part, row, column]
+                    is_narrow = stated[4, part, row, column] < max_width
+                    is_center = is_narrow and 0 <= u < 1 and 0 <= v < 1
+                    if is_center or score >= _highest_around(scores[k], i, j, split):
                         peaks[found, 0], peaks[found, 1], peaks[found, 2] = k, i, j
                         found += 1
     return peaks[:found]

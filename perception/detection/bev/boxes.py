@@ -40,6 +40,8 @@ BOXES, DEVIATIONS = 10, 6
 STRIDE = 2  # cells along the side of a place
 SPLIT = BLOCK // STRIDE  # places along the side of a block, S
 _MAX_LOG = 6.0
+_NARROW_PLACES = 2.0  # width below which two objects may have their centres in neighbouring places
+_APART_M = 0.4  # minimum distance between the centres of two objects of one group
 _SQRT_2 = float(np.sqrt(2))  # standard deviation over the scale of Laplace's distribution
 
 
@@ -64,27 +66,28 @@ class BevDetections(ArrayTable):
 
 
 def decode_boxes(
-    scores: Float32, boxes: Float32, grid: BevGrid, min_score: float = 0.05, most: int = 200
+    scores: Float32, boxes: Float32, grid: BevGrid, min_score: float = 0.07, most: int = 1000
 ) -> BevDetections:
     """Return the objects of one map.
 
     Args:
-        scores: (K S S, H, W) logits of the scores of each class, of which peaks among 3x3 places are objects.
+        scores: (K S S, H, W) logits of the scores of each class, of which peaks are objects.
         boxes: (16 S S, H, W) box and scales of its errors at each place.
         grid: Cells of the map.
         min_score: Score below which nothing is reported.
         most: Largest number of objects.
     """
     blocks = scores.shape[1:]
+    place_m = 2 * grid.reach_m / (SPLIT * blocks[0])
     logits = np.ascontiguousarray(scores).reshape(-1, SPLIT**2, *blocks)
-    peaks = peaks_of(logits, math.log(min_score / (1 - min_score)))
+    stated = np.ascontiguousarray(boxes).reshape(BOXES + DEVIATIONS, SPLIT**2, *blocks)
+    narrow = math.log(_NARROW_PLACES * place_m)
+    peaks = peaks_of(logits, stated, math.log(min_score / (1 - min_score)), narrow)
     part = SPLIT * (peaks[:, 1] % SPLIT) + peaks[:, 2] % SPLIT
     values = logits[peaks[:, 0], part, peaks[:, 1] // SPLIT, peaks[:, 2] // SPLIT]
     best = np.argsort(-values, kind="stable")[:most]
     classes, rows, columns = peaks[best].T
-    stated = boxes.reshape(BOXES + DEVIATIONS, SPLIT**2, *blocks)
     cells = stated[:, part[best], rows // SPLIT, columns // SPLIT].astype(np.float64)
-    place_m = 2 * grid.reach_m / (SPLIT * blocks[0])
     corners_m = np.stack([rows, columns], axis=1) * place_m - grid.reach_m
     axis_rad = np.arctan2(*cells[BOX.axis]) / 2
     sizes, scales = (
@@ -106,12 +109,12 @@ def decode_boxes(
 
 
 def suppress(found: BevDetections, groups: Sequence[int]) -> BevDetections:
-    """Return the objects that no better one of the same group is nearer to than half its width.
+    """Return the objects that no better one of the same group is nearer to than half its width, or 0.4 m.
 
     Args:
         found: Objects, best first.
         groups: Group of each class; a car is no van beside.
     """
     group = np.asarray(groups, np.int64)[found.classes]
-    radii_m = np.ascontiguousarray(found.boxes.size_m[:, 1]) / 2
+    radii_m = np.maximum(found.boxes.size_m[:, 1] / 2, _APART_M)
     return found[unsuppressed(np.ascontiguousarray(found.boxes.bottom_m), radii_m, group)]

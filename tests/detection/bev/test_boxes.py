@@ -81,6 +81,29 @@ def test_peaks_are_those_of_whole_planes():
     assert sorted(map(tuple, places.round(3))) == sorted(map(tuple, expected.round(3)))
 
 
+def person(row_offset, column_offset):
+    size = np.log([0.6, 0.6, 1.7])
+    return [row_offset, column_offset, 0.0, *size, 0, 1, 0, 1, *np.zeros(6)]
+
+
+def test_two_people_side_by_side_are_two_where_each_place_states_its_own_centre():
+    scores = np.full((1, 32, 32), 0.01)
+    scores[0, 10, 10:13] = 0.6, 0.5, 0.3
+    beside = (
+        ((10, 10), person(0.5, 0.2)),
+        ((10, 11), person(0.5, 0.7)),
+        ((10, 12), person(0.5, -0.3)),
+    )
+    found = decode_boxes(logits(scores), boxes_of(*beside), GRID)
+    assert found.scores == pytest.approx([0.6, 0.5])
+    assert np.diff(found.boxes.bottom_m[:, 1]) == pytest.approx([0.6])
+    assert len(suppress(found, (0,))) == 2
+    nearer = (beside[0], ((10, 11), person(0.5, 0.1)), beside[2])
+    assert len(suppress(decode_boxes(logits(scores), boxes_of(*nearer), GRID), (0,))) == 1
+    wide = [(place, [*stated[:4], np.log(0.81), *stated[5:]]) for place, stated in beside]
+    assert decode_boxes(logits(scores), boxes_of(*wide), GRID).scores == pytest.approx([0.6])
+
+
 def test_no_box_is_detected_where_no_score_is_high():
     found = decode_boxes(logits(np.full((2, 32, 32), 0.01)), boxes_of(), GRID)
     assert len(found) == 0
