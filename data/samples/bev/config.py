@@ -17,6 +17,7 @@ class BevAugmentationConfig(AugmentationConfig):
         mirror: Probability that left and right change places.
         scale: Largest factor of all lengths, less 1.
         stretch: Largest factor of the length of a car, less 1, as cars of some countries are longer; of the width half.
+        paste: Largest number of objects of another scan of the same drive that are put where nothing stands.
         thinning: Probability that every second beam is left out, of a sensor of 32 and more.
         dropout: Largest share of points that drop out, as in rain.
         reflectance: Probability that no reflectance is known.
@@ -41,6 +42,7 @@ class BevAugmentationConfig(AugmentationConfig):
     mirror: float = 0.5
     scale: float = 0.05
     stretch: float = 0.3
+    paste: int = 0
     thinning: float = 0.3
     dropout: float = 0.3
     reflectance: float = 0.5

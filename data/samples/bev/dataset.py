@@ -13,12 +13,12 @@ from torch.utils.data import Dataset
 
 from data.samples.bev.config import BevAugmentationConfig
 from data.samples.bev.labelled_scans import BevObjects, LabelledScan, LabelledScans
+from data.samples.bev.pasting import owners_of_returns, pastable_rows, paste
 from data.samples.epoch_samplers import SampleIndex
 from perception.detection.bev.bev_map import BLOCK, REFLECTANCE, SIDE_STEP, BevGrid, BevMapper
 from perception.detection.bev.classes import BEV_CLASSES, SYNTHETIC_CLASSES, class_numbers
 from perception.errors import UsageError
 from perception.geometry.se3 import wrap
-from perception.kernels.box_owners import owners_in_boxes
 from perception.obstacles.range_image import SphericalProjection
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int, UInt8
@@ -26,8 +26,6 @@ from perception.types import Bool, Float32, Float64, Int, UInt8
 MIN_RETURNS = 2  # of an object to be learned from and to be found
 _THINNED_FROM = 32  # beams
 _STRETCHED = "Car"
-# Cells by which returns are found on cars, the margin by which these are grown, and the height of the lowest that is moved.
-_OWNER_CELL_M, _OWNER_MARGIN_M, _OWNER_GROUND_M = 0.1, 0.1, 0.1
 Sample = Mapping[str, Tensor]
 
 
@@ -106,6 +104,8 @@ class BevDataset(Dataset[Sample]):
             return self._sample(row, maps, scan.labels, np.zeros(2, np.int64))
         magnitudes, rng = self.augmentation, np.random.default_rng([self.seed, *index.view])
         step = 1 + (sensor.beams >= _THINNED_FROM and rng.random() < magnitudes.thinning)
+        if magnitudes.paste:
+            scan = self._pasted(scan, number, rng)
         scan = stretch(_every(scan, sensor, step), magnitudes, rng)
         scan = augment(scan, magnitudes, rng)
         scan = jitter(scan, magnitudes, rng)
@@ -116,6 +116,23 @@ class BevDataset(Dataset[Sample]):
         cropped, first = crop(maps, center_m, self.config.grid, magnitudes.crop, rng)
         middle = first + len(cropped) // 2 - len(maps) // 2
         return self._sample(row, cropped, scan.labels, middle)
+
+    def _pasted(self, scan: LabelledScan, number: int, rng: np.random.Generator) -> LabelledScan:
+        """Return a scan with objects of another of the same drive, of rare classes more often."""
+        assert self.augmentation is not None
+        drive, _ = self.scans.place(number)
+        numbers = [one for one in self.numbers.tolist() if self.scans.place(one)[0] is drive]
+        donor = self.scans.scan(int(rng.choice(numbers)))
+        known = np.array(class_numbers(donor.labels.types.tolist(), self.config.class_names))
+        rows = pastable_rows(donor.labels)
+        rows = rows[known[rows] >= 0]
+        count = min(int(rng.integers(self.augmentation.paste + 1)), len(rows))
+        if not count:
+            return scan
+        weights = self._rarities[known[rows]]
+        drawn = rng.choice(rows, count, replace=False, p=weights / weights.sum())
+        projection = SphericalProjection(drive.sensor, tolerance_m=0.1)
+        return paste(scan, donor, drawn, projection, rng)
 
     def _draw_center_m(self, labels: BevObjects, rng: np.random.Generator) -> Float32:
         """Return where one of the targets is, of a rare class more often; the sensor's place without one."""
@@ -209,8 +226,7 @@ def stretch(
     rows = np.flatnonzero(scan.labels.types == _STRETCHED)
     boxes, points = np.array(scan.labels.boxes), np.array(scan.points_velo)
     cars = boxes[rows].astype(np.float64)
-    above = np.column_stack([points[:, :2], scan.heights_m])
-    owners = owners_in_boxes(above, cars, _OWNER_CELL_M, _OWNER_MARGIN_M, _OWNER_GROUND_M)
+    owners = owners_of_returns(scan, cars)
     inside = np.flatnonzero(owners >= 0)
     cars = cars[owners[inside]]
     factors = 1 + rng.uniform(0, magnitudes.stretch * np.array([1.0, 0.5]), (len(rows), 2))

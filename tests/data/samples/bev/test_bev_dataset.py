@@ -172,6 +172,15 @@ def test_the_same_index_is_the_same_view(dataset):
     assert first[..., GROUND].any()
 
 
+def test_a_sample_holds_objects_of_another_scan_of_its_drive(dataset):
+    plain, *pasted = (
+        dataset(paste=number, **STILL)[SampleIndex(0, (0, number))]["boxes"]
+        for number in (0, 8, 9, 10)
+    )
+    assert max(len(boxes) for boxes in pasted) > len(plain)
+    assert all(boxes[: len(plain)].equal(plain) for boxes in pasted)
+
+
 def test_a_crop_is_a_part_of_the_map_around_an_object(dataset):
     whole, sample = dataset()[0], dataset(crop=0.5, **STILL)[SampleIndex(0, (0, 0))]
     assert sample["maps"].shape == (16, 16, 16, CHANNELS)
