@@ -123,7 +123,7 @@ weights: $(VENV)/.installed-dev
 # Scans of ten sensors, each at its height in metres, in streets of many kinds.
 BEV_SENSORS := HDL-64E:1.73 HDL-32E:1.84 HDL-32E:2.1 VLP-16:1.9 VLP-16:1.0 VLP-32C:1.6 VLS-128:1.9 OS1-32:2.0 OS1-64:2.2 \
   OS1-128:2.6 Pandar64:2.4
-BEV_STREETS := town housing main-road junction industrial cycling shopping jam
+BEV_STREETS := town housing main-road junction industrial cycling shopping jam furnished furnished
 weights-bev: $(VENV)/.installed-dev
 	mkdir -p $(WEIGHTS) $(SHIPPED)
 	seed=200000; for sensor in $(BEV_SENSORS); do \
@@ -139,7 +139,7 @@ weights-bev: $(VENV)/.installed-dev
 	$(BIN)/trifuse train detector $(SYNTH)/bev/* \
 	  --validation $(SYNTH)/bev-val/HDL-64E,$(SYNTH)/bev-val/HDL-32E --modality bev --epochs $(if $(TRIAL),1,60) \
 	  --batch-size 16 --data.augmentation.crop 0.5 --lr 0.003 --out $(WEIGHTS)/bev
-	$(BIN)/trifuse export $(WEIGHTS)/bev/best.ckpt --out $(WEIGHTS)/bev.onnx --data $(SYNTH)/bev-val/HDL-64E --int8
+	$(BIN)/trifuse export $(WEIGHTS)/bev/best.ckpt --out $(WEIGHTS)/bev.onnx --data $(SYNTH)/bev-val/HDL-32E --int8
 	cp $(WEIGHTS)/bev.onnx $(SHIPPED)/bev_centers.onnx
 
 # Its content is compared with a hash when it is read.

@@ -41,7 +41,7 @@ class BevAugmentationConfig(AugmentationConfig):
     turn_rad: float = np.pi
     mirror: float = 0.5
     scale: float = 0.05
-    stretch: float = 0.3
+    stretch: float = 0.15
     paste: int = 0
     thinning: float = 0.3
     dropout: float = 0.3
