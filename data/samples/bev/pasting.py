@@ -12,7 +12,7 @@ from data.samples.bev.labelled_scans import BevObjects, LabelledScan
 from perception.geometry.se3 import wrap
 from perception.kernels.box_owners import owners_in_boxes
 from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
-from perception.types import Bool, Float32, Float64, Int
+from perception.types import Bool, Float, Float32, Float64, Int
 
 # Cells by which returns are found on objects, the margin by which these are grown, and the height of the lowest that counts.
 OWNERS_M = (0.1, 0.1, 0.1)
@@ -25,7 +25,7 @@ _MARGIN_M = 0.3  # along the ray
 _ASIDE = 0.02  # rad to the sides of an object in which a return may be behind it
 
 
-def owners_of_returns(scan: LabelledScan, boxes: Float32) -> Int:
+def owners_of_returns(scan: LabelledScan, boxes: Float) -> Int:
     """Return (N,) the first of (M, 7) boxes above the ground around each return, -1 without one."""
     above = np.column_stack([scan.points_velo[:, :2], scan.heights_m]).astype(np.float32)
     return owners_in_boxes(above, np.asarray(boxes, np.float64), *OWNERS_M)
