@@ -11,7 +11,7 @@ import numpy as np
 from data.bags.sweeps import read_point_cloud
 from data.messages.definitions import encoded, typestore
 from data.messages.motion import odometry, transforms
-from data.messages.objects import markers
+from data.messages.objects import Object, markers
 from data.messages.points import point_cloud
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel, load_sensor
@@ -42,7 +42,7 @@ class Perception:
     def on_cloud(self, data: bytes) -> list[bytes]:
         """Return the messages of a cloud in the order of `OUTPUTS`."""
         result = self.pipeline.step(frame_of(self.frames, data))
-        boxes = markers(result.frame.stamp_s, result.tracks)
+        boxes = markers(result.frame.stamp_s, Object.of(result.tracks))
         found = point_cloud(result), boxes, odometry(result, self.last), transforms(result)
         self.frames, self.last = self.frames + 1, result
         return [encoded(one) for one in found]

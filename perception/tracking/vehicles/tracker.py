@@ -217,7 +217,7 @@ class VehicleTracker:
                     self._tracks[rows],
                     observations[seen],
                     expected_px[camera][rows],
-                    self._pose_shares(expected_px[camera])[rows],
+                    self._pose_shares(self._tracks[rows], expected_px[camera][rows]),
                     geometry,
                     self._elapsed_s,
                 )
@@ -259,26 +259,20 @@ class VehicleTracker:
         sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], _MIN_SIZE_PX)
         deviations_px = _SIDE_DEVIATION_SHARE * sizes_px
         unseen_s = 0.0 if self._stamp_s is None else self._stamp_s - tracks.last_seen_s
-        moved_px = unseen_s * tracks.speed_deviations_m_s * sizes_px[:, 1] / self._heights_m
-        moved_px = np.hypot(moved_px, self._pose_deviations_px(sizes_px))
+        moved_px = unseen_s * tracks.speed_deviations_m_s * sizes_px[:, 1] / _heights_m(tracks)
+        moved_px = np.hypot(moved_px, self._pose_deviations_px(tracks, sizes_px))
         deviations_px[:, 0] = np.hypot(deviations_px[:, 0], moved_px)
         return np.tile(deviations_px, 2)
 
-    @property
-    def _heights_m(self) -> Float64:
-        """(T,) heights of the tracks."""
-        tracks = self._tracks
-        return np.where(tracks.is_located, tracks.sizes_m[:, 2], ASSUMED_HEIGHT_M)
-
-    def _pose_deviations_px(self, sizes_px: Float64) -> Float64:
+    def _pose_deviations_px(self, tracks: VehicleTable, sizes_px: Float64) -> Float64:
         """Return (T,) standard deviations that the pose gives to the columns of boxes of (T, 2) widths and heights."""
-        doubt_m2 = self._sensor.noise(self._tracks.mean[:, :2]).trace(axis1=1, axis2=2)
-        return np.asarray(np.sqrt(doubt_m2) * sizes_px[:, 1] / self._heights_m)
+        doubt_m2 = self._sensor.noise(tracks.mean[:, :2]).trace(axis1=1, axis2=2)
+        return np.asarray(np.sqrt(doubt_m2) * sizes_px[:, 1] / _heights_m(tracks))
 
-    def _pose_shares(self, expected_px: Float64) -> Float64:
+    def _pose_shares(self, tracks: VehicleTable, expected_px: Float64) -> Float64:
         """Return (T,) shares of the variances of the columns of expected boxes that the pose gives."""
         sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], _MIN_SIZE_PX)
-        by_pose = self._pose_deviations_px(sizes_px) ** 2
+        by_pose = self._pose_deviations_px(tracks, sizes_px) ** 2
         return np.asarray(by_pose / (by_pose + (_SIDE_DEVIATION_SHARE * sizes_px[:, 0]) ** 2))
 
     def _give_ids(
@@ -368,6 +362,10 @@ def _with_evidence(
     types[seen] = own_types
     detections = replace(fused.detections, types=types, boxes_px=boxes_px)
     return replace(fused, detections=detections, existence=existence)
+
+
+def _heights_m(tracks: VehicleTable) -> Float64:
+    return np.where(tracks.is_located, tracks.sizes_m[:, 2], ASSUMED_HEIGHT_M)
 
 
 def _side_distances(expected_px: Float64, seen_px: Float64, deviations_px: Float64) -> Float64:
