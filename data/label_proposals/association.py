@@ -20,11 +20,8 @@ from perception.types import ArrayTable, Bool, Float64, Int
 ACCELERATION_M_S2 = np.array([2.0, 1.5, 0.8, 1.5])
 _SPEED_M_S = np.array([6.0, 4.0, 1.2, 4.0])
 _KNOWN_SPEED_M_S = 2.0  # deviation of a speed that a frame's tracker states
-_BEST_M, _WORST_M, _PER_M = (
-    0.15,
-    0.5,
-    0.004,
-)  # deviation of a place: at its best, at score 0, by distance
+# Deviation of a place: at its best, at score 0, by distance.
+_BEST_M, _WORST_M, _PER_M = 0.15, 0.5, 0.004
 _AXIS_RAD = 0.5  # deviation of the axis of a vehicle
 _GATE = 12.0  # squared deviations
 _NEW_PER_M2 = 0.004  # objects that begin or end anywhere, which a link must be more likely than
@@ -32,10 +29,8 @@ _MAX_GAP_S = 1.2  # of a link
 _MAX_JOIN_S = 2.5  # between parts that are joined, but for vehicles that rest
 # Of each group: distance of motions that meet, and its growth with the gap.
 _JOIN_M, _JOIN_M_S = np.array([0.9, 0.8, 0.6, 0.8]), np.array([2.0, 1.5, 0.6, 1.5])
-_END_S, _END = (
-    1.0,
-    5,
-)  # time and least number of observations that tell the motion at an end of a part
+# Time and least number of observations that tell the motion at an end of a part.
+_END_S, _END = 1.0, 5
 # Of each group: overlap of two observations of one object; vehicles keep apart, people do not.
 _DUPLICATE_IOU, _DUPLICATE_M = np.array([0.05, 0.3, 0.3, 0.3]), 0.4
 _STATIC_M_S, _STATIC_M = 0.25, 0.6

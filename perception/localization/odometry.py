@@ -81,9 +81,8 @@ _EXACT = np.zeros((6, 6))  # covariance of what is known
 # Alignments. A longer reach would match what moved.
 _REACH_M = 0.5  # largest distance of a match
 _MIN_INLIER_RATIO = 0.4  # of an accepted alignment, and how far it may correct its first guess
-_CERTAIN_INLIER_RATIO = (
-    0.5  # below which one without prior is compared with those from other starts
-)
+# Below this, one without prior is compared with those from other starts.
+_CERTAIN_INLIER_RATIO = 0.5
 _MAX_CORRECTION_M, _MAX_CORRECTION_RAD = 1.0, float(np.radians(4))
 # What a vehicle changes its motion by, in m/s2 and rad/s2: a guess by velocity may be corrected by as much more.
 _MANOEUVRE_M_S2, _MANOEUVRE_RAD_S2 = 5.0, 1.0
