@@ -147,6 +147,7 @@ def fault_detection(
         out: Figure; a JSON file with the numbers is written beside it.
     """
     from benchmarks.studies.monitored_recording import MonitoredRecording
+    from data.faults.kinds import FAULT_KINDS
 
     if not roots and not config.worlds:
         raise UsageError(
@@ -155,6 +156,9 @@ def fault_detection(
             found="neither",
             advice="name a drive, or add --worlds 20 for synthetic ones",
         )
+    if unknown := [kind for kind in config.kinds if kind not in FAULT_KINDS]:
+        expected = f"some of {', '.join(FAULT_KINDS)}"
+        raise UsageError("--kinds", expected=expected, found=", ".join(unknown))
     clean, detections = dict[str, CleanDriving](), dict[str, FaultDetection]()
     for rate_hz in config.rates or (None,):
         name = "all" if rate_hz is None else f"{rate_hz:g} Hz"

@@ -40,6 +40,11 @@ def test_neither_a_drive_nor_worlds_is_an_error():
         command("study", "fault-detection")
 
 
+def test_a_kind_that_is_none_is_an_error():
+    with fault(UsageError, where="--kinds", expected="ins-drifting", found="ins-drift"):
+        command("study", "fault-detection", "--worlds", "1", "--kinds", "ins-drift,ins-absent")
+
+
 def test_faults_of_the_ins_are_named_at_two_frames_a_second(tmp_path):
     out = tmp_path / "faults.png"
     words = "--worlds 1 --world-sensors VLP-16 --world-images false --frames 22 --injections 1"
