@@ -164,7 +164,7 @@ def test_every_velodyne_is_received(model, flags, cycles, mode, name):
     assert np.array_equal(frame.points_velo[:, :3], expected.xyz)
 
 
-def disturbed(packets: list[bytes], lost: tuple[int, ...] = ()) -> list[bytes]:
+def corrupted(packets: list[bytes], lost: tuple[int, ...] = ()) -> list[bytes]:
     """Return packets of which many come twice, some are overtaken by others, and some are lost."""
     generator = np.random.default_rng(1)
     kept = [one for index, one in enumerate(packets) if index not in lost]
@@ -175,7 +175,7 @@ def disturbed(packets: list[bytes], lost: tuple[int, ...] = ()) -> list[bytes]:
 
 def test_packets_that_are_doubled_late_and_lost():
     packets = turns(3.3)
-    lidar, frames, sending = lidar_that_receives([packets[0], *disturbed(packets)])
+    lidar, frames, sending = lidar_that_receives([packets[0], *corrupted(packets)])
     found = [next(frames) for _ in range(2)]
     sending.join()
     lidar.close()
@@ -187,7 +187,7 @@ def test_packets_that_are_doubled_late_and_lost():
     sending.join()
     calm.close()
     lost = tuple(range(60, 70))  # of the first whole turn, which is from packet 38 to 112
-    lidar, frames, sending = lidar_that_receives([packets[0], *disturbed(packets, lost)])
+    lidar, frames, sending = lidar_that_receives([packets[0], *corrupted(packets, lost)])
     first, second = next(frames), next(frames)
     sending.join()
     lidar.close()
@@ -197,7 +197,7 @@ def test_packets_that_are_doubled_late_and_lost():
 
 def test_an_hour_that_ends_within_a_turn():
     packets = turns(3.3, start_us=3_600_000_000 - 150_000)
-    lidar, frames, sending = lidar_that_receives([packets[0], *disturbed(packets)])
+    lidar, frames, sending = lidar_that_receives([packets[0], *corrupted(packets)])
     found = [next(frames) for _ in range(2)]
     sending.join()
     lidar.close()
@@ -209,7 +209,7 @@ def test_an_hour_that_ends_within_a_turn():
 def test_ousters_are_received_with_their_metadata(ousters, name):
     path = ousters / f"{name}.pcap"
     frames_sent = ouster_frames(path, 4)
-    packets = [frames_sent[0][-1], *disturbed([one for frame in frames_sent for one in frame])]
+    packets = [frames_sent[0][-1], *corrupted([one for frame in frames_sent for one in frame])]
     metadata = path.with_suffix(".json")
     lidar, frames, sending = lidar_that_receives(packets, beams=metadata)
     found = [next(frames) for _ in range(2)]
