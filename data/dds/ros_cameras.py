@@ -67,11 +67,6 @@ class RosCameras:
         """Topics of the images that are used."""
         return tuple(self._opened)
 
-    @property
-    def are_all_used(self) -> bool:
-        """Whether no camera is left out."""
-        return len(self._opened) == len(self.names)
-
     def open(self, opening: BagOpening, lidar_frame: str) -> None:
         """Use the cameras whose calibration is known.
 
