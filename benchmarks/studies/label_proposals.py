@@ -201,17 +201,14 @@ def _matched(
 
     map_SE3_velo = drive.map_SE3_velo(index)
     around, truths = sample.surroundings, sample.truths
-    centres_m = truths.centers_m - truths.size_m * (0.0, 0.0, 0.5)
-    boxes_map = Boxes3D(centres_m, truths.size_m, truths.yaw_rad)
+    boxes_map = truths.boxes
     inside = points_inside(
         transform_boxes(inverse(map_SE3_velo), boxes_map), drive.points_velo(index), _MARGIN_M
     )
     counts = around.count(truths) & (inside.sum(axis=1) >= config.min_returns)
     counts &= around.reach_into_view(truths)
     found, points = _proposed(file, index, map_SE3_velo)
-    found_map = Boxes3D(
-        found.centers_m - found.size_m * (0.0, 0.0, 0.5), found.size_m, found.yaw_rad
-    )
+    found_map = found.boxes
     overlaps, away_m = iou_bev(found_map, boxes_map), center_distances_m(found_map, boxes_map)
     cost = away_m / _MAX_M if config.match == "distance" else (1 - overlaps) / (1 - _MIN_IOU)
     cost[found.types[:, None] != truths.types] = np.inf
@@ -267,7 +264,7 @@ def _proposed(
     count = len(rows)
     found = TaskDetections(
         types=task_classes([one.kind for one, _ in rows]),
-        centers_m=boxes.bottom_m + boxes.size_m * (0.0, 0.0, 0.5),
+        centers_m=boxes.centers_m,
         size_m=boxes.size_m,
         yaw_rad=boxes.yaw_rad,
         velocities_m_s=np.full((count, 2), np.nan),

@@ -33,8 +33,7 @@ def labelled_frame(
     velo_SE3_file = drive.velo_SE3_file(index) if isinstance(drive, FolderDrive) else np.eye(4)
     scan = _scan_file(drive, index)
     boxes = transform_boxes(inverse(velo_SE3_file), around.boxes_velo)
-    centres_m = boxes.bottom_m + boxes.size_m * (0, 0, 0.5)
-    numbers = np.column_stack([centres_m, boxes.size_m, boxes.yaw_rad])
+    numbers = np.column_stack([boxes.centers_m, boxes.size_m, boxes.yaw_rad])
     image, size_px = drive.images, (0, 0)
     file = image.file(index) if isinstance(image, ImageFiles) else None
     image_boxes: list[LabelledBox] = []

@@ -110,7 +110,7 @@ def object_entities(result: Result, origin_m: Float64, display_score: float) -> 
         "world/tracks": _boxes(boxes, result.tracks),
         "world/vehicles": _boxes(transform_boxes(origin_SE3_velo, vehicles.boxes), vehicles),
         "world/velocities": rr.Arrows3D(
-            origins=_centers_m(boxes),
+            origins=boxes.centers_m,
             vectors=np.column_stack([velocities_m_s, np.zeros(len(boxes))]),
             colors=_colors(result.tracks),
         ),
@@ -195,7 +195,7 @@ def _boxes(boxes: Boxes3D, tracks: Tracks) -> list[Any]:
     speeds_m_s = np.linalg.norm(tracks.velocities_m_s, axis=1)
     parts: list[Any] = [
         rr.Boxes3D(
-            centers=_centers_m(boxes),
+            centers=boxes.centers_m,
             sizes=boxes.size_m,
             quaternions=np.column_stack([zeros, zeros, np.sin(half_yaw_rad), np.cos(half_yaw_rad)]),
             labels=[
@@ -229,12 +229,6 @@ def _rectangles(detections: Detections, display_score: float, color: Color) -> A
     return rr.Boxes2D(
         array=shown.boxes_px, array_format=rr.Box2DFormat.XYXY, labels=labels, colors=color
     )
-
-
-def _centers_m(boxes: Boxes3D) -> Float64:
-    """Return the (M, 3) centres of boxes, not those of their bottom faces."""
-    centers_m: Float64 = boxes.bottom_m + boxes.size_m * np.array([0.0, 0.0, 0.5])
-    return centers_m
 
 
 def _colors(tracks: Tracks) -> UInt8:

@@ -64,7 +64,7 @@ class ResultEntries(Restorable):
         detections, pose = vehicles.fused.detections, self._drive.map_SE3_velo(index)
         is_moving, types = _are_moving(vehicles), task_classes(detections.types.tolist())
         boxes = transform_boxes(pose, vehicles.boxes)
-        centers_m = boxes.bottom_m + boxes.size_m * (0.0, 0.0, 0.5)
+        centers_m = boxes.centers_m
         velocities_m_s = np.nan_to_num(vehicles.velocities_m_s) @ pose[:2, :2].T
         rows = np.flatnonzero((types != "") & np.isfinite(boxes.yaw_rad))
         rows = rows[np.argsort(-detections.scores[rows], kind="stable")][:MAX_BOXES]

@@ -149,7 +149,7 @@ def _labelled_samples(drive: RecordedDrive, indices: Sequence[int]) -> Iterator[
         inside = points_inside(labels.boxes_velo, drive.points_velo(index))
         truths = TaskObjects(
             types=drive.task_classes(index, labels),
-            centers_m=boxes.bottom_m + boxes.size_m * (0.0, 0.0, 0.5),
+            centers_m=boxes.centers_m,
             size_m=boxes.size_m,
             yaw_rad=boxes.yaw_rad,
             velocities_m_s=velocities_m_s[np.array(rows, np.int64)],

@@ -129,8 +129,7 @@ def _write_state(canvas: UInt8, scene: TrackedObjectScene, text_px: int) -> None
 
 
 def _label_error(box: Boxes3D, truth: Boxes3D) -> str:
-    middle = np.array([0, 0, 0.5])
-    error_m = (box.bottom_m + middle * box.size_m) - (truth.bottom_m + middle * truth.size_m)
+    error_m = box.centers_m - truth.centers_m
     turn_rad = wrap(box.yaw_rad - truth.yaw_rad)
     return f"{np.linalg.norm(error_m):.2f} m, {abs(np.degrees(turn_rad[0])):.0f} deg from the label"
 

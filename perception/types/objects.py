@@ -34,6 +34,11 @@ class Boxes3D(ArrayTable):
     size_m: Annotated[Float64, 3]
     yaw_rad: Float64
 
+    @property
+    def centers_m(self) -> Float64:
+        """(M, 3) centres of the boxes, not those of their bottom faces."""
+        return self.bottom_m + self.size_m * (0.0, 0.0, 0.5)
+
 
 @dataclass(frozen=True)
 class BoxDeviations(ArrayTable):

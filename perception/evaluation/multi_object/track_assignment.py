@@ -81,8 +81,7 @@ def _is_watched(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) 
     is_near = config.area.contains_xy(boxes.bottom_m)
     if scene.view is None:
         return is_near
-    middle = boxes.bottom_m + boxes.size_m * (0, 0, 0.5)
-    return is_near & scene.view.contains(middle)
+    return is_near & scene.view.contains(boxes.centers_m)
 
 
 def is_labelled_region(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:

@@ -32,6 +32,12 @@ class TaskBoxes(ArrayTable):
     velocities_m_s: Annotated[Float64, 2]
     attributes: NDArray[np.str_]
 
+    @property
+    def boxes(self) -> Boxes3D:
+        """(M) boxes, which state the centres of their bottom faces."""
+        bottom_m = self.centers_m - self.size_m * (0.0, 0.0, 0.5)
+        return Boxes3D(bottom_m, self.size_m, self.yaw_rad)
+
 
 @dataclass(frozen=True)
 class TaskObjects(TaskBoxes):
@@ -103,11 +109,8 @@ class Surroundings:
         """Tell which of (M,) boxes are at least in part where objects are labelled."""
         if self.view is None:
             return np.ones(len(boxes), np.bool_)
-        bottoms_m = boxes.centers_m - boxes.size_m * (0.0, 0.0, 0.5)
         outlines_px = box_outlines_px(
-            self.view.calibration.image_P_velo,
-            Boxes3D(bottoms_m, boxes.size_m, boxes.yaw_rad),
-            self.view.image_size_px,
+            self.view.calibration.image_P_velo, boxes.boxes, self.view.image_size_px
         )
         return np.asarray(np.isfinite(outlines_px).all(axis=1))
 

@@ -80,7 +80,7 @@ def single_object_errors(
     return SingleObjectErrors(
         frames=truth.frames,
         states=predicted_track.states[track_rows],
-        center_m=_norm(_centers_m(boxes) - _centers_m(truth.boxes_velo)),
+        center_m=_norm(boxes.centers_m - truth.boxes_velo.centers_m),
         heading_rad=wrap(boxes.yaw_rad - truth.boxes_velo.yaw_rad),
         overlap=overlap if has_box.any() else np.full(len(truth), np.nan),
         velocity_m_s=np.where(has_box, _norm(velocity_error), np.nan),
@@ -97,10 +97,6 @@ def _outlines(boxes: Boxes3D, boxes_px: Float64, camera: Calibration | None) -> 
     projected = box_outlines_px(camera.image_P_velo, boxes, camera.image_size_px)
     has_box = np.isfinite(boxes.bottom_m).all(axis=1, keepdims=True)
     return np.where(has_box, projected, boxes_px)
-
-
-def _centers_m(boxes: Boxes3D) -> Float64:
-    return boxes.bottom_m + boxes.size_m * (0.0, 0.0, 0.5)
 
 
 def _centers_px(boxes_px: Float64) -> Float64:
