@@ -23,7 +23,7 @@ _GRIDS = {"/occupancy": True, "/occupancy/static": False}  # with what moves, an
 _GRID_KIND = "nav_msgs/msg/OccupancyGrid"
 _GRID_STEP_S, _STAMP_JITTER_S = 0.2, 0.02
 _SHARED = ("/tf", "/diagnostics")  # one topic each for all nodes
-_OF_BASE = ("/tf", "/ego/odometry")
+_ODOMETRY = "/ego/odometry"
 _KINDS = {
     "tf2_msgs/msg/TFMessage",
     "nav_msgs/msg/Odometry",
@@ -130,11 +130,13 @@ class RosPublisher:
         stamp_ns = self._origin_ns + round(1e9 * result.frame.stamp_s)
         of_base = self._frames.of_base(result)
         for topic, writer in self._writers:
-            is_stated = topic.name != "/tf" or self._frames.has_pose_transform
-            if not (writer.has_readers and is_stated):
+            if not writer.has_readers:
                 continue
-            about = of_base if topic.name in _OF_BASE else result
-            value = topic.message_of(about, self._last)
+            if topic.name == "/tf":
+                value = self._pose_transform(of_base)
+            else:
+                about = of_base if topic.name == _ODOMETRY else result
+                value = topic.message_of(about, self._last)
             if value is not None:
                 self.dropped += not writer.write(encoded(self._as_ros(topic, value, stamp_ns)))
         self._publish_grids(result, stamp_ns)
@@ -164,17 +166,20 @@ class RosPublisher:
     def _statuses(self) -> list[Any]:
         return part_statuses(self._health.health, self._health.topics)
 
+    def _pose_transform(self, of_base: Result) -> Any:  # noqa: ANN401 - a message
+        """Return the pose alone: where its sensors are the robot states itself."""
+        if not self._frames.has_pose_transform:
+            return None
+        pose = transform(0.0, WORLD, self._frames.base, of_base.world_SE3_velo)
+        return message("tf2_msgs/TFMessage", transforms=[pose])
+
     @property
     def _names(self) -> Mapping[str, str]:
         return {WORLD: self._frames.world, LIDAR: self._frames.lidar}
 
     def _as_ros(self, topic: Topic, value: Any, stamp_ns: int) -> Any:  # noqa: ANN401 - messages
         stamped = _readdressed(value, self._names, time_of(stamp_ns))
-        if topic.name == "/tf":
-            # The robot states where its cameras are.
-            stamped.transforms = stamped.transforms[:1]
-            stamped.transforms[0].child_frame_id = self._frames.base
-        if topic.name == "/ego/odometry":
+        if topic.name == _ODOMETRY:
             stamped.child_frame_id = self._frames.base
         if topic.name == "/diagnostics":
             age_s = (time.time_ns() - stamp_ns) / 1e9

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from math import isfinite
 from typing import Any, Self
 
 import numpy as np
@@ -167,7 +168,7 @@ def _detection(shared: Any, one: Object) -> Any:  # noqa: ANN401 - messages
     covariance = np.zeros((6, 6))
     if np.isfinite(one.covariance[:2, :2]).all():
         covariance[:2, :2] = one.covariance[:2, :2]
-        covariance[5, 5] = np.nan_to_num(one.yaw_std_rad) ** 2
+        covariance[5, 5] = one.yaw_std_rad**2 if isfinite(one.yaw_std_rad) else 0.0
     hypothesis = message("vision_msgs/ObjectHypothesis", class_id=one.name, score=one.score)
     with_covariance = message(
         "geometry_msgs/PoseWithCovariance", pose=one.pose, covariance=covariance.ravel()

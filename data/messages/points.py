@@ -17,10 +17,7 @@ _FIELDS = (
     ("id", "<i4", 16),
     ("class", "u1", 20),
 )
-_NAMES, _FORMATS, _OFFSETS = zip(*_FIELDS, strict=True)
-_POINT = np.dtype(
-    {"names": list(_NAMES), "formats": list(_FORMATS), "offsets": list(_OFFSETS), "itemsize": 24}
-)
+_WORDS = 6  # of 4 bytes in a point, the last of which is the class: the bytes behind it are padding
 # Numbers of the formats in `sensor_msgs/PointField`.
 _DATATYPES = {"u1": 2, "<i4": 5, "<f4": 7}
 
@@ -32,10 +29,12 @@ def point_cloud(result: Result) -> Any:  # noqa: ANN401 - a message
     that a point belongs to, else -1.
     """
     points = result.frame.points_velo
-    rows = np.zeros(len(points), _POINT)
-    for column, name in enumerate(("x", "y", "z", "intensity")):
-        rows[name] = points[:, column]
-    rows["id"], rows["class"] = _vehicle_ids(result), result.obstacles.point_states
+    # Columns of words are faster than a block of them, and than fields.
+    rows = np.empty((len(points), _WORDS), "<f4")
+    for column in range(4):
+        rows[:, column] = points[:, column]
+    words = rows.view("<i4")
+    words[:, 4], words[:, 5] = _vehicle_ids(result), result.obstacles.point_states
     fields = [
         message(
             "sensor_msgs/PointField",
@@ -52,9 +51,9 @@ def point_cloud(result: Result) -> Any:  # noqa: ANN401 - a message
         height=1,
         width=len(rows),
         fields=fields,
-        point_step=_POINT.itemsize,
+        point_step=rows.itemsize * _WORDS,
         row_step=rows.nbytes,
-        data=rows.view(np.uint8),
+        data=rows.view(np.uint8).ravel(),
         is_dense=True,
     )
 
