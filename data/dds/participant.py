@@ -39,7 +39,7 @@ class Publication:
     Attributes:
         name: Name in ROS 2, such as /velodyne_points.
         kind: Full name of its type, such as sensor_msgs/msg/PointCloud2.
-        is_reliable: Whether lost messages are sent again.
+        is_reliable: Whether all who publish it send lost messages again.
     """
 
     name: str
@@ -96,14 +96,17 @@ class DdsParticipant:
 
     def publications(self) -> tuple[Publication, ...]:
         """Return the topics of ROS 2 that others publish now, by name."""
-        found = dict.fromkeys(self._others())
-        return tuple(sorted(found, key=lambda one: (one.name, one.kind)))
+        # The least reliable one comes last: nobody who asks for more than that receives it.
+        found = sorted(self._others(), key=lambda one: (one.name, one.kind, not one.is_reliable))
+        return tuple({(one.name, one.kind): one for one in found}.values())
 
     def _others(self) -> Iterator[Publication]:
         from cyclonedds.qos import Policy
 
         own = self._participant.guid
         for one in self._publications.read(_MANY_TOPICS):
+            if one.topic_name is None:
+                continue  # says that a publisher has left
             prefix, _, name = one.topic_name.partition("/")
             kind = kind_of(one.type_name)
             if one.participant_key == own or prefix != _TOPIC_PREFIX or not kind:

@@ -40,6 +40,14 @@ class StampJump(NamedTuple):
     step_ns: int
 
 
+class _Reader(NamedTuple):
+    """A reader of a topic, and the condition that there is news."""
+
+    reader: Any
+    news: Any
+    is_reliable: bool
+
+
 class TopicReceiver:
     """Receives messages in a thread; a topic may be added and dropped at any time."""
 
@@ -48,7 +56,7 @@ class TopicReceiver:
         from cyclonedds.core import WaitSet
 
         self._participant = participant
-        self._readers: dict[str, tuple[Any, Any]] = {}
+        self._readers: dict[str, _Reader] = {}
         self._waiting = WaitSet(participant.native)
         self.kinds: dict[str, str] = {}
         self._kept: dict[str, deque[RawMessage]] = {}
@@ -61,10 +69,11 @@ class TopicReceiver:
         self._thread.start()
 
     def add(self, topic: Publication) -> None:
-        """Receive a topic, as reliably as it is sent."""
+        """Receive a topic as reliably as it is sent, which a driver that starts again may change; what came stays."""
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
 
-        if topic.name in self._readers:
+        before = self._readers.get(topic.name)
+        if before is not None and before.is_reliable == topic.is_reliable:
             return
         is_large = topic.kind in _LARGE
         profile: QosProfile = "default" if topic.is_reliable else "sensor_data"
@@ -74,16 +83,19 @@ class TopicReceiver:
         news = ReadCondition(reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
         with self.changed:
             self.kinds[topic.name] = topic.kind
-            self._kept[topic.name] = deque(maxlen=_KEPT_LARGE if is_large else _KEPT_SMALL)
-            self._readers[topic.name] = reader, news
+            kept = deque[RawMessage](maxlen=_KEPT_LARGE if is_large else _KEPT_SMALL)
+            self._kept.setdefault(topic.name, kept)
+            self._readers[topic.name] = _Reader(reader, news, topic.is_reliable)
         self._waiting.attach(news)
+        if before is not None:
+            self._waiting.detach(before.news)
 
     def keep(self, topics: Collection[str]) -> None:
         """Drop all topics but some."""
         with self.changed:
             dropped = [name for name in self._readers if name not in topics]
             for name in dropped:
-                self._waiting.detach(self._readers.pop(name)[1])
+                self._waiting.detach(self._readers.pop(name).news)
                 del self._kept[name]
 
     def messages(self) -> Mapping[str, list[RawMessage]]:
@@ -119,7 +131,7 @@ class TopicReceiver:
         while not self._is_closed:
             self._waiting.wait(_WAIT_NS)
             with self.changed:
-                came = [self._take(name, reader) for name, (reader, _) in self._readers.items()]
+                came = [self._take(name, one.reader) for name, one in self._readers.items()]
                 if any(came):
                     self.changed.notify_all()
 

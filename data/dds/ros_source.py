@@ -279,9 +279,7 @@ class RosSource(LiveSource):
         parts = self._parts
         if parts.are_complete and self.health.is_ok:
             return True
-        for topic in self._participant.publications():
-            if self._is_usable(topic.name, topic.kind, parts):
-                self._receiver.add(topic)
+        self._receive_usable()
         try:
             if self._known() == parts.known:
                 return True
@@ -293,6 +291,13 @@ class RosSource(LiveSource):
         self.on_frames(self.frames)
         return self._parts.follows(parts)
 
+    def _receive_usable(self) -> None:
+        """Receive what is new and may be used, and what is used where its driver has started again."""
+        for topic in self._participant.publications():
+            is_used = topic.name in self._parts.topics
+            if is_used or self._is_usable(topic.name, topic.kind, self._parts):
+                self._receiver.add(topic)
+
     def _frames(self, lap: int) -> Iterator[Frame]:
         while not self._receiver.is_closed and lap == self._lap:
             scan, last = self._next_scan(self._last), self._last
@@ -300,6 +305,7 @@ class RosSource(LiveSource):
                 self._check()
                 is_silent = self.health.health.level_of(self._lidar) is HealthLevel.ERROR
                 if is_silent and self._is_due("silence"):
+                    self._receive_usable()
                     self.on_silence()
                 continue
             self._await_others(scan)

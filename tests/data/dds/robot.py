@@ -7,7 +7,8 @@ lines of JSON. Without a file (`-`), it prints what comes. It ends with its inpu
 
 The file has the parts of each frame, and what is odd about them: `tf_from`, `infos_from` and `poses_from` are the frames
 before which transforms, calibrations and poses are not sent; `offsets_ns` are added to the stamps of the frames, and
-`camera_offset_ns` to those of all images; with `follows`, the first one is 0.1 s after what was sent before. `image_rows` are the rows that are sent of each image. `left` has the images
+`camera_offset_ns` to those of all images; `best_effort_from` is the frame before which the driver of the scans starts
+again, which was reliable until then; with `follows`, the first one is 0.1 s after what was sent before. `image_rows` are the rows that are sent of each image. `left` has the images
 of a second camera, which sends them compressed.
 """
 
@@ -414,7 +415,7 @@ class Drivers:
     def __init__(self, robot: Robot, path: str) -> None:
         self._drive = np.load(path)
         self._robot, self._shift_ns = robot, 0
-        self._clouds = robot.writer("/velodyne_points", PointCloud2, BEST_EFFORT)
+        self._start_lidar(RELIABLE if "best_effort_from" in self._drive else BEST_EFFORT)
         self._images = robot.writer("/camera/image_raw", Image, BEST_EFFORT)
         self._infos = robot.writer("/camera/camera_info", CameraInfo, RELIABLE)
         if "left" in self._drive:
@@ -422,6 +423,10 @@ class Drivers:
             self._left_infos = robot.writer("/left/camera_info", CameraInfo, RELIABLE)
         self._odometry: DataWriter | None = None
         self._static: DataWriter | None = None
+
+    def _start_lidar(self, qos: Qos) -> None:
+        self._clouds = None  # the one before leaves first
+        self._clouds = self._robot.writer("/velodyne_points", PointCloud2, qos)
 
     def __len__(self) -> int:
         return len(self._drive["stamps_ns"])
@@ -449,6 +454,8 @@ class Drivers:
         time_ns = int(drive["stamps_ns"][row]) + self._shift_ns if stamp_ns is None else stamp_ns
         time_ns += int(drive["offsets_ns"][row]) if "offsets_ns" in drive and index >= 0 else 0
         stamp = stamp_of(time_ns)
+        if "best_effort_from" in drive and index == int(drive["best_effort_from"]):
+            self._start_lidar(BEST_EFFORT)
         if self._static is None and self.has("tf", index):
             self._static = self._robot.writer("/tf_static", TFMessage, LATCHED)
             edges = zip(drive["tf_names"], drive["tf_poses"], strict=True)

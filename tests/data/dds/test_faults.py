@@ -197,6 +197,19 @@ def test_a_clock_that_is_off(domain: int, tmp_path: Path, monkeypatch):
             drive.send()
 
 
+def test_a_driver_that_starts_again_less_reliable(domain: int, tmp_path: Path, monkeypatch):
+    path = write_small_robot(tmp_path / "robot.npz", 4, best_effort_from=2)
+    with driving(domain, path, monkeypatch) as drive:
+        first = drive.next()
+        drive.send()
+        drive.next()
+        drive.send()
+        # Its first scan nobody receives; it is silent, and looked for, until the next one comes.
+        threading.Timer(1.0, drive.send).start()
+        assert drive.next().stamp_s == pytest.approx(first.stamp_s + 0.3, abs=1e-6)
+        assert drive.restarts == 0
+
+
 def test_an_error_of_the_pipeline_is_said_and_frames_go_on(
     domain: int, tmp_path: Path, monkeypatch
 ):
