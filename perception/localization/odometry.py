@@ -619,21 +619,20 @@ class LidarOdometry:
         for motion in motions:
             if all(_is_another(motion, one.target_SE3_source) for _, one in found):
                 close = align(target, points, motion, _REACH_M)
+                if not close.is_converged:  # far from its start, iterations run out
+                    close = align(target, points, close.target_SE3_source, _REACH_M)
                 found.append((_standing_share(points, target, close.target_SE3_source), close))
             if len(found) == _SEARCH_CANDIDATES:
                 break
         share, best = max(found, key=itemgetter(0))
-        others = [
-            other
-            for other, one in found
-            if _is_another(one.target_SE3_source, best.target_SE3_source)
-        ]
-        is_proven = (
-            best.is_converged
-            and best.inlier_ratio >= _MIN_SEARCHED_RATIO
-            and share >= _MIN_CONTRAST * max(others, default=0.0)
-        )
-        return best if is_proven else None
+        others, settled = list[float](), list[Alignment]()
+        for other, one in found:
+            if _is_another(one.target_SE3_source, best.target_SE3_source):
+                others.append(other)
+            elif one.is_converged and one.inlier_ratio >= _MIN_SEARCHED_RATIO:
+                settled.append(one)
+        is_proven = share >= _MIN_CONTRAST * max(others, default=0.0)
+        return min(settled, key=lambda one: one.cost, default=None) if is_proven else None
 
     def _static_alignment(self, points: PreprocessedPoints, guess: _Guess) -> Alignment | None:
         """Align what lies on static surfaces: what moved less than the reach of a match would pull the pose along."""

@@ -437,6 +437,23 @@ def test_real_scans_agree_to_centimetres_without_ins(kitti_root: Path) -> None:
     assert degrees < 0.06
 
 
+def test_a_real_first_motion_is_found_though_iterations_run_out(kitti_root: Path) -> None:
+    folder = kitti_root / "tracking/training/velodyne/0000"
+    scans = [
+        np.fromfile(folder / f"{index:06d}.bin", np.float32).reshape(-1, 4)
+        for index in range(55, 61)
+    ]
+    at_once, one_by_one = LidarOdometry(), LidarOdometry()
+    for index, scan in enumerate(scans):
+        expected = one_by_one.update(scan, index * STEP_S)
+    at_once.update(scans[0], 0.0)
+    found = at_once.update(scans[-1], 5 * STEP_S)
+    assert found.origin is PoseOrigin.REGISTERED
+    metres, degrees = apart(expected.world_SE3_velo, found.world_SE3_velo)
+    assert metres < 0.05
+    assert degrees < 0.1
+
+
 @pytest.mark.parametrize(
     "points",
     [np.zeros((0, 4)), np.array([[1e9, 0, 0, 0], [np.nan, 0, 0, 0]]), np.zeros((3, 4))],
