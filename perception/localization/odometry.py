@@ -98,7 +98,7 @@ _SURFACE_M = 0.1
 # Share of the matches that, with normals along a direction, tell as much about a motion in it as the INS step does; with
 # fewer, as along a fence, the INS tells more.
 _INS_PRIOR_SHARE = 0.006
-_MAX_GAP_S = 1.0  # between two scans that are matched
+_MAX_GAP_S = 1.1  # between two scans that are matched: one a second, with jitter
 
 # A keyframe is replaced after this way or turn, or where fewer points match. Over the shorter way, what is static is told
 # from vehicles that creep along.

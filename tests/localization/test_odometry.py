@@ -399,6 +399,14 @@ def test_a_few_missing_frames_are_bridged() -> None:
     assert apart(truth[7], found.world_SE3_velo)[0] < 0.02
 
 
+def test_scans_of_once_a_second_are_registered_though_their_stamps_jitter() -> None:
+    truth = path(31, speed_m_s=3.0)[::10]
+    odometry = LidarOdometry()
+    for index, stamp_s in enumerate([0.0, 1.03, 2.01, 3.06]):
+        found = odometry.update(observed_from(truth[index], index), stamp_s, truth[index])
+        assert found.origin is (PoseOrigin.REGISTERED if index else PoseOrigin.START)
+
+
 def test_a_repeated_stamp_repeats_the_pose_and_a_falling_one_is_refused() -> None:
     odometry = LidarOdometry()
     odometry.update(observed_from(np.eye(4), 0), 5.0)
@@ -526,6 +534,6 @@ def test_the_world_is_reset_where_a_pose_is_lost_for_long() -> None:
         points = observed_from(pose, index)
         found.append(odometry.update(points[:20] if index > 2 else points, index * STEP_S))
     resets = [index for index, one in enumerate(found) if one.is_reset]
-    # The keyframe is the first scan: a second later it is given up.
-    assert resets == [0, 11, *range(12, 16)][: len(resets)]
-    assert resets[1] == 11
+    # The keyframe is the first scan: after 1.1 s it is given up.
+    assert resets == [0, 12, *range(13, 16)][: len(resets)]
+    assert resets[1] == 12
