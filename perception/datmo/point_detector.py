@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.geometry.footprints import Footprints, footprints_of
+from perception.kernels.ground_cells import are_beside_cells, gather_cells
 from perception.kernels.neighbours import extents_of_clusters, linked_clusters
 from perception.sensor import LidarModel
 from perception.types import Bool, Float, Float32, Float64, GroundModel, Int, PointState, UInt8
@@ -49,25 +50,9 @@ class StaticCells:
     @classmethod
     def under(cls, points_velo: Float, cell_m: float) -> "StaticCells":
         """Gather (N, 3+) points, at least one."""
-        x_m, y_m, z_m = np.ascontiguousarray(points_velo[:, :3].T)
-        x, y = _cell_numbers(x_m, cell_m), _cell_numbers(y_m, cell_m)
-        # A margin of one empty cell on every side.
-        first = np.array([x.min() - 1, y.min() - 1], np.int64)
-        shape = int(x.max() - first[0] + 2), int(y.max() - first[1] + 2)
-        cell_of = (x - first[0]) * shape[1] + (y - first[1])
-        counts = np.bincount(cell_of, minlength=shape[0] * shape[1])
-        rows = np.flatnonzero(counts)
-        highest_m = np.full(len(counts), -np.inf, z_m.dtype)
-        np.maximum.at(highest_m, cell_of, z_m)
-        sums = [np.bincount(cell_of, along_m)[rows] / counts[rows] for along_m in (x_m, y_m)]
-        return cls(
-            occupancy=(counts > 0).astype(np.uint8).reshape(shape),
-            first=first,
-            cell_m=cell_m,
-            rows=rows,
-            places_m=np.column_stack([*sums, highest_m[rows]]),
-            points=counts[rows],
-        )
+        points = np.ascontiguousarray(points_velo, np.float32)
+        occupancy, first, rows, places_m, counts = gather_cells(points, cell_m)
+        return cls(occupancy, first, cell_m, rows, places_m, counts)
 
     def clusters(self, min_points: int, length_m: float) -> Footprints:
         """Return the footprints of clusters up to a length; cells with a common corner are one cluster."""
@@ -91,15 +76,8 @@ class StaticCells:
 
     def is_touching(self, points_velo: Float) -> Bool:
         """Return which of (P, 2+) points lie in a cell with a static point or next to one."""
-        grown = cv2.dilate(self.occupancy, np.ones((3, 3), np.uint8))
-        x = _cell_numbers(points_velo[:, 0], self.cell_m) - self.first[0]
-        y = _cell_numbers(points_velo[:, 1], self.cell_m) - self.first[1]
-        is_on = (x >= 0) & (y >= 0) & (x < grown.shape[0]) & (y < grown.shape[1])
-        return np.asarray(is_on & (grown[np.where(is_on, x, 0), np.where(is_on, y, 0)] > 0))
-
-
-def _cell_numbers(along_m: Float, cell_m: float) -> Int:
-    return np.floor(along_m * (1 / cell_m)).astype(np.int64)
+        points = np.ascontiguousarray(points_velo, np.float32)
+        return are_beside_cells(points, self.occupancy, self.first, self.cell_m)
 
 
 def cluster_moving_points(points_velo: Float, elevation_step_rad: float) -> Int:

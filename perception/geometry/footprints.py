@@ -7,10 +7,11 @@ the heading later can fit the box then.
 from dataclasses import dataclass
 from typing import Self
 
-import cv2
 import numpy as np
 
 from perception.errors import PerceptionError
+from perception.geometry.sorting import sorted_keys
+from perception.kernels.outlines import convex_outlines
 from perception.types import Bool, Float, Float64, Int
 
 
@@ -117,15 +118,15 @@ def footprints_of(points_m: Float, cluster_of: Int, clusters: int) -> Footprints
     """
     if clusters == 0:
         return Footprints.empty()
-    order = np.argsort(cluster_of, kind="stable")
-    points = np.asarray(points_m[order, :3], np.float64)
+    _, order = sorted_keys(cluster_of)
+    points = np.asarray(points_m.take(order, axis=0)[:, :3], np.float64)
     counts = np.bincount(cluster_of, minlength=clusters)
-    starts = _starts(counts)
-    outlines = [_outline(part) for part in np.split(points[:, :2], starts[1:])]
+    starts, places_m = _starts(counts), np.ascontiguousarray(points[:, :2])
+    rows, corners = convex_outlines(places_m, np.append(starts, len(points)))
     return Footprints(
-        vertices_m=np.concatenate(outlines),
-        corners=np.array([len(outline) for outline in outlines], np.int64),
-        centroids_m=np.add.reduceat(points[:, :2], starts) / counts[:, None],
+        vertices_m=places_m.take(rows, axis=0),
+        corners=corners,
+        centroids_m=np.add.reduceat(places_m, starts) / counts[:, None],
         low_m=np.minimum.reduceat(points[:, 2], starts),
         high_m=np.maximum.reduceat(points[:, 2], starts),
         points=counts,
@@ -135,9 +136,3 @@ def footprints_of(points_m: Float, cluster_of: Int, clusters: int) -> Footprints
 def _starts(counts: Int) -> Int:
     """Return the first row of each of some runs of rows, by the runs' lengths."""
     return np.asarray(np.cumsum(counts) - np.asarray(counts, np.int64), np.int64)
-
-
-def _outline(points_m: Float64) -> Float64:
-    """Return the corners of the convex hull of (P, 2) points."""
-    rows = cv2.convexHull(points_m.astype(np.float32), returnPoints=False)
-    return np.asarray(points_m[np.asarray(rows)[:, 0]])

@@ -8,6 +8,7 @@ from perception.geometry import se3
 from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import wrap
+from perception.kernels.neighbours import are_near
 from perception.tracking import motion_model
 from perception.tracking.association import assign_hungarian
 from perception.tracking.config import BoxTrackerConfig
@@ -140,11 +141,8 @@ class BoxTracker:
     def _is_newly_static(self, clusters: Footprints) -> Bool:
         """Return whether each static cluster is new since the last scan, and store them."""
         before, self._static_before_m = self._static_before_m, clusters.centroids_m
-        if len(before) == 0 or len(clusters) == 0:
-            return np.ones(len(clusters), bool)
-        reach_m = _STATIC_REACH_M
-        away_m = np.linalg.norm(clusters.centroids_m[:, None] - before[None], axis=2)
-        return np.asarray(away_m.min(axis=1) >= reach_m)
+        before = before.take(np.argsort(before[:, 0]), axis=0)
+        return ~are_near(np.ascontiguousarray(clusters.centroids_m), before, _STATIC_REACH_M)
 
     def _update_matched(
         self, rows: Int, clusters: Footprints, sensor: SensorPose, *, is_moving: bool
