@@ -81,3 +81,31 @@ def are_beside_cells(points: Float32, occupancy: UInt8, first: Int, cell_m: floa
             for j in range(max(y - 1, 0), min(y + 2, occupancy.shape[1])):
                 is_beside[row] |= occupancy[i, j] > 0
     return is_beside
+
+
+@compiled((array_of(np.int32, 2), _CELL, _CELL))
+def extents_of_parts(labels: Int, rows: Int, points: Int) -> tuple[Int, Int, Int]:
+    """Return the (C,) part of each cell, the (K,) longer side of each part in cells, and its number of points.
+
+    Args:
+        labels: (X, Y) number of the part that each cell is in, 0 outside of all.
+        rows: (C,) rows of the cells with points, in the flattened labels.
+        points: (C,) numbers of points.
+    """
+    width, count = labels.shape[1], 0
+    parts = np.empty(len(rows), np.int64)
+    for k in range(len(rows)):
+        parts[k] = labels[rows[k] // width, rows[k] % width]
+        count = max(count, parts[k] + 1)
+    low, high = np.full((count, 2), np.int64(2**62)), np.full((count, 2), np.int64(-1))
+    totals = np.zeros(count, np.int64)
+    for k in range(len(rows)):
+        part, x, y = parts[k], rows[k] // width, rows[k] % width
+        low[part, 0], high[part, 0] = min(low[part, 0], x), max(high[part, 0], x)
+        low[part, 1], high[part, 1] = min(low[part, 1], y), max(high[part, 1], y)
+        totals[part] += points[k]
+    sides = np.zeros(count, np.int64)
+    for part in range(count):
+        for axis in range(2):
+            sides[part] = max(sides[part], high[part, axis] - low[part, axis] + 1)
+    return parts, sides, totals

@@ -47,6 +47,49 @@ def cells_of(points: Float64, grid: GridNumbers) -> Int:
     return cells
 
 
+@compiled((_POINTS_64, _VALUES, _POINTS_64, _POINTS_64, _POINTS_64, NUMBER, _GRID))
+def moved_samples(
+    points: Float64,
+    weights: Float64,
+    dst_SE3_src: Float64,
+    world_R_dst: Float64,
+    covariance: Float64,
+    max_deviation_m: float,
+    grid: GridNumbers,
+) -> tuple[Float64, Float64]:
+    """Return those of (N, 3) heights that lie over a grid after a motion of which the poses tell their height.
+
+    Args:
+        points: (N, 3) heights.
+        weights: (N,) their weights.
+        dst_SE3_src: (4, 4) motion.
+        world_R_dst: (3, 3) axes of the world, in which the covariance is.
+        covariance: (3, 3) covariance of height, roll and pitch.
+        max_deviation_m: Largest standard deviation in metres of a height by it.
+        grid: Grid.
+    """
+    x0_m, y0_m, cell_m, nodes_x, nodes_y = grid
+    T, R, C = dst_SE3_src, world_R_dst, covariance
+    moved, kept = np.empty((len(points), 3)), np.empty(len(points))
+    found = 0
+    for row in range(len(points)):
+        x, y, z = points[row]
+        for axis in range(3):
+            moved[found, axis] = T[axis, 0] * x + T[axis, 1] * y + T[axis, 2] * z + T[axis, 3]
+        x, y, z = moved[found]
+        i, j = np.floor((x - x0_m) / cell_m), np.floor((y - y0_m) / cell_m)
+        if i < 0 or i >= nodes_x - 1 or j < 0 or j >= nodes_y - 1:
+            continue
+        roll = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
+        pitch = -(R[0, 0] * x + R[0, 1] * y + R[0, 2] * z)
+        variance_m2 = C[0, 0] + roll * (2 * C[0, 1] + roll * C[1, 1])
+        variance_m2 += pitch * (2 * C[0, 2] + 2 * roll * C[1, 2] + pitch * C[2, 2])
+        if variance_m2 <= max_deviation_m * max_deviation_m:
+            kept[found] = weights[row]
+            found += 1
+    return moved[:found], kept[:found]
+
+
 @compiled((array_of(np.int64, 2), _POINTS_64, _VALUES))
 def interpolated(nodes: Int, weights: Float64, heights_m: Float64) -> Float64:
     """Return (N,) sums of the heights of (4, N) nodes, weighted."""

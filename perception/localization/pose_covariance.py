@@ -76,13 +76,6 @@ def plane_deviations_m(covariance: Float64, ranges_m: Float) -> Float:
     return np.asarray(np.sqrt(variances))
 
 
-def height_deviations_m(covariance: Float64, away_m: Float) -> Float64:
-    """Return the (P,) standard deviations of height that a pose gives to (P, 2+) places, as of `plane_covariances_m2`."""
-    terms: Float64 = np.column_stack([np.ones(len(away_m)), away_m[:, 1], -away_m[:, 0]])
-    level = [2, 3, 4]
-    return np.asarray(np.sqrt(((terms @ covariance[np.ix_(level, level)]) * terms).sum(axis=1)))
-
-
 def carried_covariance(covariance: Float64, away_m: Float64) -> Float64:
     """Return what the (6, 6) covariance of a pose makes of one at a (3,) distance from it."""
     lever = np.block([[np.eye(3), -cross_matrix(away_m)], [np.zeros((3, 3)), np.eye(3)]])

@@ -22,11 +22,11 @@ from perception.geometry.se3 import inverse
 from perception.kernels.heights import (
     cells_of,
     lowest_of_cells,
+    moved_samples,
     points_over_cells,
     robust_plane,
     sums_of_cells,
 )
-from perception.localization.pose_covariance import height_deviations_m
 from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.config import GroundSurfaceConfig
 from perception.sensor import LidarModel
@@ -93,7 +93,8 @@ class GroundSurfaceEstimator:
         cell_centers_m = self._samples.nodes_xy_m + self._samples.cell_m / 2
         self._stiff_at_cells = self._stiff.bilinear(cell_centers_m)
         self._stiff_at_fine = self._stiff.bilinear(self._fine.nodes_xy_m)
-        self._footing = _footing(sensor.height_m)
+        footing = _footing(sensor.height_m)
+        self._footing = footing[self._cells_of(footing.points) >= 0]
         self._memories: deque[_Memory] = deque(maxlen=self._config.remembered_scans)
         self._updates = 0
 
@@ -175,19 +176,22 @@ class GroundSurfaceEstimator:
         Averages whose height the two poses do not tell are left out.
         """
         velo_SE3_world = inverse(scan.world_SE3_velo)
+        world_R_velo = np.ascontiguousarray(scan.world_SE3_velo[:3, :3])
         parts = [self._footing]
         for memory in self._memories:
-            velo_SE3_then = velo_SE3_world @ memory.world_SE3_velo
-            moved = memory.samples.points @ velo_SE3_then[:3, :3].T + velo_SE3_then[:3, 3]
-            deviations_m = height_deviations_m(
-                scan.covariance + memory.covariance, moved @ scan.world_SE3_velo[:3, :3].T
+            covariance = (scan.covariance + memory.covariance)[2:5, 2:5]
+            samples = moved_samples(
+                memory.samples.points,
+                memory.samples.weights,
+                velo_SE3_world @ memory.world_SE3_velo,
+                world_R_velo,
+                np.ascontiguousarray(covariance),
+                _MAX_DEVIATION_M,
+                self._fine.numbers,
             )
-            samples = HeightSamples(moved, memory.samples.weights)
-            parts.append(samples[deviations_m <= _MAX_DEVIATION_M])
+            parts.append(HeightSamples(*samples))
         recalled = HeightSamples.concatenate(parts)
-        inside = self._cells_of(recalled.points) >= 0
-        weights = _MEMORY_WEIGHT * recalled.weights
-        return HeightSamples(recalled.points[inside], weights[inside])
+        return HeightSamples(recalled.points, _MEMORY_WEIGHT * recalled.weights)
 
     def _gaps(self, memory: HeightSamples, newest: HeightSamples) -> HeightSamples:
         """Return the remembered averages of cells that the newest scan did not observe."""

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from perception.kernels.ground_cells import are_beside_cells, gather_cells
+from perception.kernels.ground_cells import are_beside_cells, extents_of_parts, gather_cells
 
 CELL_M = 0.2
 
@@ -45,3 +45,14 @@ def test_points_beside_cells_equal_the_reference():
     # Beyond the outermost row, which is empty, dilation has nothing to spread.
     np.testing.assert_array_equal(found, expected)
     assert 20 < found.sum() < 700
+
+
+def test_extents_of_parts():
+    labels = np.array(
+        [[0, 0, 0, 0, 0], [0, 1, 0, 2, 0], [0, 1, 1, 0, 2], [0, 0, 0, 0, 2]], np.int32
+    )
+    rows = np.flatnonzero(labels)
+    parts, sides, points = extents_of_parts(labels, rows, np.arange(1, 7))
+    assert parts.tolist() == [1, 2, 1, 1, 2, 2]
+    assert sides.tolist() == [0, 2, 3]
+    assert points.tolist() == [0, 1 + 3 + 4, 2 + 5 + 6]

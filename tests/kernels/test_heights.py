@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from perception.geometry.se3 import from_euler
 from perception.kernels.heights import (
     add_normal_equations,
     cells_of,
     lowest_of_cells,
+    moved_samples,
     points_over_cells,
     robust_plane,
     sums_of_cells,
@@ -37,6 +39,32 @@ def test_cells_equal_the_reference() -> None:
     i, j = np.floor((points[:, 0] + 2) / 0.5), np.floor((points[:, 1] + 1) / 0.5)
     inside = (i >= 0) & (i < 5) & (j >= 0) & (j < 4)
     np.testing.assert_array_equal(cells_of(points, GRID), np.where(inside, 5 * i + j, -1))
+
+
+def test_moved_samples_are_those_over_the_grid_whose_height_the_poses_tell() -> None:
+    random = np.random.default_rng(3)
+    points, weights = random.normal(0, 2, (3000, 3)), random.random(3000)
+    motion = from_euler(0.1, -0.2, 1.0, np.array([0.5, 0.3, -0.2]))
+    world_R_dst = from_euler(0.02, 0.01, -2.0, np.zeros(3))[:3, :3].copy()
+    half = random.normal(0, 0.01, (3, 3))
+    covariance = half @ half.T
+    found, kept = moved_samples(points, weights, motion, world_R_dst, covariance, 0.02, GRID)
+    moved = points @ motion[:3, :3].T + motion[:3, 3]
+    away_m = moved @ world_R_dst.T
+    terms = np.column_stack([np.ones(3000), away_m[:, 1], -away_m[:, 0]])
+    deviations_m = np.sqrt(((terms @ covariance) * terms).sum(axis=1))
+    is_inside, is_known = cells_of(moved, GRID) >= 0, deviations_m <= 0.02
+    assert 20 < (is_inside & is_known).sum() < is_inside.sum() - 20
+    np.testing.assert_allclose(found, moved[is_inside & is_known], atol=1e-12)
+    np.testing.assert_array_equal(kept, weights[is_inside & is_known])
+
+
+def test_a_pitch_lifts_what_is_ahead_and_a_roll_what_is_beside() -> None:
+    covariance = np.diag([0.03**2, 0.01**2, 0.02**2])
+    places = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
+    for limit_m, expected in ((0.049, 1), (0.051, 2), (0.203, 3)):
+        args = (np.eye(4), np.eye(3), covariance, limit_m, (-20.0, -20.0, 1.0, 41, 41))
+        assert len(moved_samples(places, np.ones(3), *args)[0]) == expected
 
 
 def test_points_may_be_read_only() -> None:

@@ -6,7 +6,6 @@ from scipy.stats import chi2
 from perception.geometry.se3 import from_euler, rotation_vector
 from perception.localization.odometry import LidarOdometry, PoseOrigin
 from perception.localization.pose_covariance import (
-    height_deviations_m,
     plane_covariances_m2,
     plane_deviations_m,
     registered_covariance,
@@ -56,12 +55,6 @@ def test_a_turn_moves_places_sideways_by_their_distance():
     of_place = plane_covariances_m2(covariance, np.array([[10.0, 0.0]]))
     deviations_m = plane_deviations_m(covariance, np.array([0.0, 10.0]))
     np.testing.assert_allclose(deviations_m**2, [0.05, np.trace(of_place[0])])
-
-
-def test_a_pitch_lifts_what_is_ahead_and_a_roll_what_is_beside():
-    covariance = np.diag([9.0, 9.0, 0.03**2, 0.01**2, 0.02**2, 9.0])
-    found = height_deviations_m(covariance, np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 4.0]]))
-    np.testing.assert_allclose(found, [0.03, np.hypot(0.03, 0.2), 0.05])
 
 
 def test_an_unknown_registration_leaves_a_pose_unknown():
