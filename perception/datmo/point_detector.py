@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.geometry.footprints import Footprints, footprints_of
+from perception.geometry.sorting import sorted_keys
 from perception.kernels.ground_cells import are_beside_cells, extents_of_parts, gather_cells
 from perception.kernels.neighbours import extents_of_clusters, linked_clusters
 from perception.sensor import LidarModel
@@ -95,9 +96,11 @@ def _cells(points_velo: Float) -> tuple[Int, Float64]:
     x_m, y_m = np.ascontiguousarray(points_velo[:, :2].T, np.float64)
     x, y = (np.floor(along_m / _CELL_M).astype(np.int64) for along_m in (x_m, y_m))
     keys = (x - x.min()) * (int(np.ptp(y)) + 1) + (y - y.min())
-    _, cell_of, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    sums = [np.bincount(cell_of, along_m) for along_m in (x_m, y_m)]
-    return np.asarray(cell_of, np.int64), np.column_stack(sums) / counts[:, None]
+    ordered, order = sorted_keys(keys)
+    cell_of = np.empty(len(keys), np.int64)
+    cell_of[order] = np.cumsum(np.diff(ordered, prepend=ordered[0]) > 0)
+    counts, *sums = (np.bincount(cell_of, weights) for weights in (None, x_m, y_m))
+    return cell_of, np.column_stack(sums) / counts[:, None]
 
 
 class PointDetector:

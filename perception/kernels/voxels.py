@@ -1,8 +1,9 @@
-"""Voxels by their keys: keys of moved points, centres, those that stay in a memory, and two sets of voxels as one."""
+"""Voxels by their keys: groups of moved points, centres, those that stay in a memory, and two sets of voxels as one."""
 
 import numpy as np
 
 from perception.kernels.compiled import NUMBER, WHOLE, array_of, compiled
+from perception.kernels.sorting import sorted_by_digits
 from perception.types import Bool, Float32, Float64, Int
 
 _POINTS, _KEYS = array_of(np.float32, 2), array_of(np.int64)
@@ -10,31 +11,54 @@ _RECTANGLE = (np.float32, np.float32, np.float32, np.float32)
 
 
 @compiled((_POINTS, array_of(np.float64, 2), array_of(np.float64), NUMBER, (WHOLE, WHOLE, WHOLE)))
-def keys_of_moved(
+def cells_of_moved(
     points: Float32,
     grid_SE3_points: Float64,
     corner_m: Float64,
     size_m: float,
     shape: tuple[int, int, int],
-) -> Int:
-    """Return the (N,) key of the cell that holds each of (N, 3+) points after a motion; those beyond go to the border.
+) -> tuple[Int, Int, Int, Int]:
+    """Group (N, 3+) points by the cell that holds them after a motion; those beyond go to the border.
 
     Args:
-        points: (N, 3+) points.
+        points: (N, 3+) points, at least one.
         grid_SE3_points: (4, 4) transform from the points to the frame of the grid.
         corner_m: (3,) corner of the grid.
         size_m: Edge of a cell in metres.
         shape: Number of cells along x, y and z.
+
+    Returns:
+        (K,) keys of the cells with points, rising; (K,) numbers of their points; (K,) the first point of each; (N,) the
+        cell of each point, 0 to K - 1.
     """
-    T, keys = grid_SE3_points, np.zeros(len(points), np.int64)
+    T, count = grid_SE3_points, len(points)
+    cells = np.empty((3, count), np.int64)
+    # Numbers of cells from the lowest of all: fewer digits than the keys, in the same order.
+    order_keys = np.zeros(count, np.int64)
     for axis in range(3):
         last = shape[axis] - 1
-        for row in range(len(points)):
+        low, high = np.int64(shape[axis]), np.int64(-1)
+        for row in range(count):
             x, y, z = points[row, 0], points[row, 1], points[row, 2]
             along_m = T[axis, 0] * x + T[axis, 1] * y + T[axis, 2] * z + T[axis, 3]
             cell = int(np.floor((along_m - corner_m[axis]) / size_m))
-            keys[row] = keys[row] * shape[axis] + min(max(cell, 0), last)
-    return keys
+            cell = min(max(cell, 0), last)
+            cells[axis, row] = cell
+            low, high = min(low, cell), max(high, cell)
+        for row in range(count):
+            order_keys[row] = order_keys[row] * (high - low + 1) + cells[axis, row] - low
+    ordered, order = sorted_by_digits(order_keys)
+    keys, counts = np.empty(count, np.int64), np.zeros(count, np.int64)
+    first, group_of, found = np.empty(count, np.int64), np.empty(count, np.int64), -1
+    for k in range(count):
+        row = order[k]
+        if k == 0 or ordered[k] != ordered[k - 1]:
+            found += 1
+            bar = cells[0, row] * shape[1] + cells[1, row]
+            keys[found], first[found] = bar * shape[2] + cells[2, row], row
+        counts[found] += 1
+        group_of[row] = found
+    return keys[: found + 1], counts[: found + 1], first[: found + 1], group_of
 
 
 @compiled((_KEYS, (WHOLE, WHOLE, WHOLE), array_of(np.float64), NUMBER, array_of(np.float64, 2)))
@@ -45,7 +69,7 @@ def moved_centers(
     size_m: float,
     dst_SE3_grid: Float64,
 ) -> Float32:
-    """Return the (K, 3) centres of cells after a motion; arguments as of `keys_of_moved`."""
+    """Return the (K, 3) centres of cells after a motion; arguments as of `cells_of_moved`."""
     T, centers = dst_SE3_grid, np.empty((len(keys), 3), np.float32)
     for row in range(len(keys)):
         bar, k = divmod(keys[row], shape[2])

@@ -23,7 +23,7 @@ from perception.obstacles.moving_clusters import (
     vote,
 )
 from perception.obstacles.rigid_bodies import OccupiedPlaces, moving_bodies
-from perception.obstacles.voxels import KeyCounts, KeyGroups, Keys, VoxelGrid, group_keys
+from perception.obstacles.voxels import KeyCounts, KeyGroups, Keys, VoxelGrid
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Bool, Float32, Float64, GroundModel, Int, Method, Obstacles, Voxels
 
@@ -140,7 +140,7 @@ class FreeSpaceSegmenter(MotionSegmenter[VoxelizedScan]):
         above_ground = split_by_ground(
             newest.points_velo, ground, self._area, self._config.free_space.min_ground_distance_m
         )
-        voxels = group_keys(grid.keys_of_moved(above_ground.points_velo, newest.world_SE3_velo))
+        voxels = grid.groups_of_moved(above_ground.points_velo, newest.world_SE3_velo)
         return VoxelizedScan(above_ground, voxels, newest.world_SE3_velo, static_map)
 
     def segment(self, voxelized: VoxelizedScan) -> Obstacles:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from perception.errors import UsageError
 from perception.geometry.sorting import sorted_keys
-from perception.kernels.voxels import keys_of_moved, moved_centers
+from perception.kernels.voxels import cells_of_moved, moved_centers
 from perception.types import Bool, Float, Float32, Float64, Voxels
 
 Keys = NDArray[np.signedinteger[Any]]
@@ -78,10 +78,16 @@ class VoxelGrid:
         # Half the bytes sort in half the time.
         return keys.astype(np.int32) if fits else keys
 
-    def keys_of_moved(self, points: Float32, grid_SE3_points: Float64) -> Keys:
-        """Return (N,) the key of the cell of each (N, 3+) point after a motion; points beyond go to the border."""
+    def groups_of_moved(self, points: Float32, grid_SE3_points: Float64) -> "KeyGroups":
+        """Group (N, 3+) points by the cell that holds them after a motion; points beyond go to the border."""
+        nothing: Keys = np.zeros(0, np.int64)
+        if len(points) == 0:
+            return KeyGroups(KeyCounts(nothing, nothing), nothing, nothing)
         pose = np.ascontiguousarray(grid_SE3_points, np.float64)
-        return keys_of_moved(points, pose, self.corner_m, self.size_m, self.shape)
+        keys, counts, first, group_of = cells_of_moved(
+            points, pose, self.corner_m, self.size_m, self.shape
+        )
+        return KeyGroups(KeyCounts(keys, counts), first, group_of)
 
     def moved_centers(self, keys: Keys, dst_SE3_grid: Float64) -> Float32:
         """Return (K, 3) the middle of each cell after a motion."""
@@ -106,10 +112,7 @@ class VoxelGrid:
 
 def count_keys(keys: Keys) -> KeyCounts:
     """Count how often each key occurs."""
-    return _count_ordered(sorted_keys(keys)[0])
-
-
-def _count_ordered(ordered: Keys) -> KeyCounts:
+    ordered = sorted_keys(keys)[0]
     if len(ordered) == 0:
         return KeyCounts(ordered, np.zeros(0, np.int64))
     starts = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
@@ -143,13 +146,3 @@ class KeyGroups:
     counted: KeyCounts
     first: Keys
     group_of: Keys
-
-
-def group_keys(keys: Keys) -> KeyGroups:
-    """Group equal keys, and keep the group of each key."""
-    ordered, order = sorted_keys(keys)
-    counted = _count_ordered(ordered)
-    starts = np.cumsum(counted.counts) - counted.counts
-    group_of = np.empty(len(keys), np.int64)
-    group_of[order] = np.repeat(np.arange(len(counted.keys)), counted.counts)
-    return KeyGroups(counted, order[starts], group_of)

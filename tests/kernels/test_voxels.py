@@ -8,12 +8,23 @@ from perception.kernels.voxels import keys_in_world, merge_voxels, moved_centers
 from perception.obstacles.voxels import VoxelGrid
 
 
-def test_keys_of_moved_points_equal_those_of_the_moved() -> None:
+def test_groups_of_moved_points_equal_those_of_the_moved() -> None:
     grid = VoxelGrid(np.array([-4.0, -6, -1]), (80, 120, 30), 0.1)
     motion = from_euler(0.1, -0.2, 1.0, np.array([0.5, 0.3, -0.2]))
     points = np.random.default_rng(0).normal(0, 3, (3000, 3)).astype(np.float32)
-    expected = grid.keys(transform_points(motion, points.astype(np.float64)))
-    np.testing.assert_array_equal(grid.keys_of_moved(points, motion), expected)
+    keys, first, group_of, counts = np.unique(
+        grid.keys(transform_points(motion, points.astype(np.float64))),
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    groups = grid.groups_of_moved(points, motion)
+    np.testing.assert_array_equal(groups.counted.keys, keys)
+    np.testing.assert_array_equal(groups.counted.counts, counts)
+    np.testing.assert_array_equal(groups.first, first)
+    np.testing.assert_array_equal(groups.group_of, group_of)
+    assert counts.max() > 1 and len(keys) > 1000
+    assert len(grid.groups_of_moved(points[:0], motion).group_of) == 0
 
 
 def drawn(seed: int, size: int) -> tuple[np.ndarray, ...]:
