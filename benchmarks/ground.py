@@ -147,6 +147,7 @@ class SegmentedGround:
 def compare_ground(prepared: PreparedDrive) -> Comparison:
     """Classify the points of the newest scan by both methods, one plane, and methods that classify points alone."""
     sensor, config = prepared.drive.sensor, prepared.config
+    area = config.area_of(sensor)
     default_m = config.motion.free_space.min_ground_distance_m
     thesis_m = config.motion.counters.min_ground_distance_m
 
@@ -155,15 +156,15 @@ def compare_ground(prepared: PreparedDrive) -> Comparison:
 
         def run(i: int) -> SegmentedGround:
             points_velo = prepared.frames[i].points_velo
-            surface = peer.estimate(points_velo[config.area.contains_xy(points_velo)])
-            return _segmented(points_velo, surface, config.area, default_m)
+            surface = peer.estimate(points_velo[area.contains_xy(points_velo)])
+            return _segmented(points_velo, surface, area, default_m)
 
         return Contender("one RANSAC plane (Open3D)", run)
 
     contenders = [
-        _contender("Trifuse", "default", prepared, config.area, default_m),
+        _contender("Trifuse", "default", prepared, area, default_m),
         _contender("Trifuse, 80 m x 80 m", "default", prepared, _JUNCTION, default_m),
-        _contender("thesis: piecewise planes", "thesis", prepared, config.area, thesis_m),
+        _contender("thesis: piecewise planes", "thesis", prepared, area, thesis_m),
     ]
     add_peer(contenders, plane)
     add_peer(
@@ -205,7 +206,7 @@ def _segmented(
 
 def _error_columns(prepared: PreparedDrive) -> list[Column[Measurement]]:
     """Return the errors that the drive's labels and truth allow."""
-    drive, area = prepared.drive, prepared.config.area
+    drive, area = prepared.drive, prepared.config.area_of(prepared.drive.sensor)
     truths = [drive.point_truth(frame.index) for frame in prepared.frames]
 
     def mde_mm(grounds: list[SegmentedGround]) -> float:

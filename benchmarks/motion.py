@@ -54,11 +54,11 @@ def dufomap(
 def compare_motion(prepared: PreparedDrive) -> Comparison:
     """Segment motion by free space, by the thesis' counters on the same ground, and by DUFOMap on whole scans."""
     sensor, config = prepared.drive.sensor, prepared.config
-    estimator = ground_estimator(config.ground, "default", sensor, config.area)
+    estimator = ground_estimator(config.ground, "default", sensor, config.area_of(sensor))
     grounds = [estimator.update(window) for window in prepared.windows]
 
     def contender(name: str, method: Method) -> Contender:
-        segmenter = motion_segmenter(config.motion, method, sensor, config.area)
+        segmenter = motion_segmenter(config.motion, method, sensor, config.area_of(sensor))
 
         def run(i: int) -> Bool:
             states = segmenter.update(prepared.windows[i], grounds[i]).point_states
@@ -88,7 +88,7 @@ def _dufomap(prepared: PreparedDrive) -> Contender:
 
 def _columns(prepared: PreparedDrive, grounds: list[GroundModel]) -> list[Column[Measurement]]:
     """Return the columns of moving points in the local area and below its height, where truth is exact."""
-    area = prepared.config.area
+    area = prepared.config.area_of(prepared.drive.sensor)
     truths = [prepared.drive.point_truth(frame.index) for frame in prepared.frames]
 
     def count(moving: list[Bool]) -> Confusion:

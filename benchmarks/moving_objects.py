@@ -35,7 +35,9 @@ def compare_moving_objects(prepared: PreparedDrive) -> Comparison:
     scans = [chain.segment(frame)[1] for frame in prepared.frames]
 
     def contender(name: str, method: DatmoMethod) -> Contender:
-        stage = datmo_stage(DatmoConfig(method=method), prepared.drive.sensor, config.area)
+        stage = datmo_stage(
+            DatmoConfig(method=method), prepared.drive.sensor, config.area_of(prepared.drive.sensor)
+        )
         return Contender(name, lambda i: stage.update(scans[i]) if stage else None)
 
     contenders = [contender(name, method) for name, method in _METHODS.items()]

@@ -30,7 +30,10 @@ _SHORT_DRIVE = 60  # frames of the drive that the long run plays back and forth
 _BEAMS = (16, 32, 128)  # beside the 64 of an HDL-64E
 _STEP_RATIOS = (4.0, 2.0, 0.5)  # azimuth steps relative to those of an HDL-64E
 # The default, and squares up to all that a detector from above sees.
-_AREAS = (PipelineConfig().area, *(LocalArea(half, half, half) for half in (20.0, 30.0, 50.0)))
+_AREAS = (
+    PipelineConfig().area_of(HDL_64E),
+    *(LocalArea(half, half, half) for half in (20.0, 30.0, 50.0)),
+)
 
 
 @dataclass(frozen=True)

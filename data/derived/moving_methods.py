@@ -57,7 +57,8 @@ def compare_methods(
     truth = moving_truth(drive, protocol.view, protocol.motion)
     measures = {method: DatmoMeasure(truth, protocol) for method in methods}
     configs = {method: replace(pipeline.datmo, method=method) for method in methods}
-    stages = {m: datmo_stage(config, drive.sensor, pipeline.area) for m, config in configs.items()}
+    area = pipeline.area_of(drive.sensor)
+    stages = {m: datmo_stage(config, drive.sensor, area) for m, config in configs.items()}
     poses = PoseIntervals(true_poses(drive))
     lidar_stages = LidarStages(drive.sensor, pipeline)
     frames = read_frames(drive, on_bad_frame=reader.on_bad_frame, limit=reader.frames)

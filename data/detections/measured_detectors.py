@@ -79,8 +79,8 @@ class SceneLocator:
         config, points_velo = self.config, frame.points_velo
         window = ScanWindow(previous_scans=0)
         window.push(PosedScan(points_velo[~config.ego_vehicle.contains_xy(points_velo)], np.eye(4)))
-        method = config.method_of(config.ground)
-        estimator = ground_estimator(config.ground, method, self.sensor, config.area, config.seed)
+        method, area = config.method_of(config.ground), config.area_of(self.sensor)
+        estimator = ground_estimator(config.ground, method, self.sensor, area, config.seed)
         return estimator.update(window)
 
 

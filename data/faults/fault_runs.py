@@ -76,7 +76,12 @@ class FaultRuns:
         kind, size = (CLEAN, 0.0) if fault is None else (fault.kind, fault.size or 0.0)
         part = "" if fault is None else fault.definition.part
         measure = FaultCostMeasure(
-            kind, size, first, part, pipeline.area, self.detection.display_score
+            kind,
+            size,
+            first,
+            part,
+            pipeline.area_of(self.drive.sensor),
+            self.detection.display_score,
         )
         faults = () if fault is None else (fault,)
         for result in self.reader.results(self.drive, pipeline, faults):

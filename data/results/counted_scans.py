@@ -176,7 +176,7 @@ class CountedScans:
 
     def _write(self, drive: Drive, reader: LabelledDrives) -> Iterator[CountedImage]:
         """Write the images of the random scans of a drive, and yield their rows."""
-        measure = obstacle_measure(drive, self.pipeline.area, self.protocol)
+        measure = obstacle_measure(drive, self.pipeline.area_of(drive.sensor), self.protocol)
         count = frame_count(drive, reader.frames)
         frames = {*choose_frames(drive.name, count, self.scans, self.seed).tolist()}
         until_last = replace(reader, frames=max(frames) + 1)

@@ -57,7 +57,7 @@ def run_drive(
     out = folder.prepare()
     period_s, pipeline = frame_period_s(drive), config.pipeline
     score = pipeline.detection.display_score
-    summary = RunSummary(drive.name, out, pipeline.area, score, period_s)
+    summary = RunSummary(drive.name, out, pipeline.area_of(drive.sensor), score, period_s)
     if checkpoint is not None:
         checkpoint.rewind(out)
         summary = replace(checkpoint.summary, out=out)

@@ -90,8 +90,9 @@ def run_writers(
         return
     pipeline = config.pipeline
     detection = chosen_detection(pipeline.detection, drive.sensor, pipeline.method)
+    area = pipeline.area_of(drive.sensor)
     composition = Composition(
-        area=config.pipeline.area,
+        area=area,
         reach_m=_BEV_REACH_M if "bev" in (detection.modalities or ()) else 0.0,
         period_s=frame_period_s(drive),
         display_score=config.pipeline.detection.display_score,
@@ -109,7 +110,7 @@ def run_writers(
     if drawing is not None:
         drawing.start(partial(RunVideo, out, composition, frames, is_sequence=drive.is_sequence))
         yield BackgroundWriter(drawing, "video")
-    yield RunFiles(out, drive, config.pipeline.area, config.min_vehicle_score)
+    yield RunFiles(out, drive, area, config.min_vehicle_score)
     if config.exports.mcap:
         from data.exports.mcap_writer import McapWriter
 

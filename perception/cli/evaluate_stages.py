@@ -45,19 +45,16 @@ def evaluate_ground(
         set: Set of sequences: table-3.1, the 8 of the thesis, as far as ROOT holds them; one drive by default.
         pipeline: Pipeline configuration.
     """
-    from perception.evaluation.ground import (
-        PROTOCOL,
-        GroundMeasure,
-        GroundSetReport,
-        thesis_slice_edges_m,
-    )
+    from perception.evaluation.ground import PROTOCOL, GroundMeasure, GroundSetReport
 
-    reader, area = drive.reader(), pipeline.area
+    reader = drive.reader()
     data, metrics = reader.evaluate_set(
         root,
         set,
         lambda labelled: reader.evaluate(
-            labelled, pipeline, GroundMeasure(area, thesis_slice_edges_m(labelled.sensor, area))
+            labelled,
+            pipeline,
+            GroundMeasure(labelled.sensor, pipeline.area_of(labelled.sensor)),
         ),
         lambda reports: GroundSetReport(reports, PRINTED_MDE_M),
     )
@@ -128,7 +125,9 @@ def evaluate_obstacles(
         root,
         set,
         lambda labelled: reader.evaluate(
-            labelled, pipeline, obstacle_measure(labelled, pipeline.area, protocol)
+            labelled,
+            pipeline,
+            obstacle_measure(labelled, pipeline.area_of(labelled.sensor), protocol),
         ),
         lambda reports: ObstacleSetReport(reports, table_3_1()),
     )

@@ -58,7 +58,8 @@ class StaticCells:
     def clusters(self, min_points: int, length_m: float) -> Footprints:
         """Return the footprints of clusters up to a length; cells with a common corner are one cluster."""
         _, labels = cv2.connectedComponents(self.occupancy, connectivity=8)
-        cluster_of, sides, points = extents_of_parts(labels, self.rows, self.points)
+        parts = np.asarray(labels, np.int32)
+        cluster_of, sides, points = extents_of_parts(parts, self.rows, self.points)
         kept = (sides * self.cell_m <= length_m) & (points >= min_points)
         kept[0] = False  # the space between
         number = np.cumsum(kept) - 1

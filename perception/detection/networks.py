@@ -12,7 +12,6 @@ from perception.sensor import LidarModel
 from perception.types import DETECTOR_MODALITIES, MODALITIES, DetectorModality, Method, Modality
 
 SHIPPED_BEV = "bev_centers"
-_DENSE_BEAMS = 64  # of the sensor whose scans the networks of dm and rm have learned from
 _SPARSE: tuple[DetectorModality, ...] = ("rgb", "bev")
 
 
@@ -32,7 +31,7 @@ def chosen_detection(
     is_thesis = (config.method or method) == "thesis"
     modalities, enabled = config.modalities, config.depthcn.enabled
     if modalities is None:
-        usual = MODALITIES if is_thesis or sensor.beams >= _DENSE_BEAMS else _SPARSE
+        usual = MODALITIES if is_thesis or sensor.is_dense else _SPARSE
         modalities = tuple(
             name for name in DETECTOR_MODALITIES if config.models[name] or name in usual
         )

@@ -263,14 +263,14 @@ class GroundSetReport(Report):
 class GroundMeasure:
     """Accumulates the errors of the estimated ground over the frames of a drive."""
 
-    def __init__(self, area: LocalArea, slice_edges_m: Sequence[float]) -> None:
+    def __init__(self, sensor: LidarModel, area: LocalArea) -> None:
         """Start without a frame.
 
         Args:
+            sensor: LiDAR model of the drive, of which the thesis' slices follow.
             area: Area over which objects and points count.
-            slice_edges_m: Rising edges in x of the slices that errors are grouped by.
         """
-        self._area, self._slice_edges_m = area, slice_edges_m
+        self._area, self._slice_edges_m = area, _thesis_slice_edges_m(sensor, area)
         self._errors: list[GroundErrors] = []
         self._points: dict[str, Confusion] = {}
 
@@ -301,7 +301,7 @@ class GroundMeasure:
         )
 
 
-def thesis_slice_edges_m(sensor: LidarModel, area: LocalArea) -> list[float]:
+def _thesis_slice_edges_m(sensor: LidarModel, area: LocalArea) -> list[float]:
     """Return the rising edges in x of the thesis' slices (5.2) for a sensor."""
     edges_m = slice_edges_m(
         sensor.height_m, sensor.elevation_step_rad, area.ahead_m, PiecewisePlanesConfig()

@@ -1,6 +1,6 @@
 """The local area around the vehicle, and the grids laid over it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,8 +23,8 @@ class CroppedScan:
 
 
 @dataclass(frozen=True)
-class LocalArea:
-    """Local area of the obstacle stages, a box in the LiDAR frame (thesis 7.1.1).
+class AreaOverrides:
+    """Reaches of a local area; None for what the sensor's area says.
 
     Attributes:
         ahead_m: Reach along +x in metres.
@@ -32,6 +32,21 @@ class LocalArea:
         side_m: Reach along +y and -y in metres.
         height_m: Reach above the ground in metres.
     """
+
+    ahead_m: float | None = None
+    behind_m: float | None = None
+    side_m: float | None = None
+    height_m: float | None = None
+
+    def over(self, area: "LocalArea") -> "LocalArea":
+        """Return an area with the reaches that are given."""
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return replace(area, **given)
+
+
+@dataclass(frozen=True)
+class LocalArea(AreaOverrides):
+    """Local area of the obstacle stages, a box in the LiDAR frame (thesis 7.1.1)."""
 
     ahead_m: float = 25.0
     behind_m: float = 5.0
@@ -74,6 +89,8 @@ class LocalArea:
 
 # Area of moving objects in the thesis (5.2.2). It contains the area of obstacles, `LocalArea()`.
 MOVING_OBJECT_AREA = LocalArea(ahead_m=30.0, behind_m=10.0)
+# What is seen from above (`perception.detection.bev`), all round.
+SURROUNDINGS = LocalArea(ahead_m=50.0, behind_m=50.0, side_m=50.0)
 
 
 @dataclass(frozen=True)

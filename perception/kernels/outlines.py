@@ -13,7 +13,7 @@ def _turns_left(places_m: Float64, first: int, second: int, third: int) -> bool:
     """Return whether the way from the first place over the second to the third turns left."""
     x, y = places_m[first, 0], places_m[first, 1]
     along_x, along_y = places_m[second, 0] - x, places_m[second, 1] - y
-    return along_x * (places_m[third, 1] - y) > along_y * (places_m[third, 0] - x)
+    return bool(along_x * (places_m[third, 1] - y) > along_y * (places_m[third, 0] - x))
 
 
 @compiled((_PLACES, WHOLE, written(WHOLE)))

@@ -37,7 +37,7 @@ def cells_of_moved(
     order_keys = np.zeros(count, np.int64)
     for axis in range(3):
         last = shape[axis] - 1
-        low, high = np.int64(shape[axis]), np.int64(-1)
+        low, high = shape[axis], -1
         for row in range(count):
             x, y, z = points[row, 0], points[row, 1], points[row, 2]
             along_m = T[axis, 0] * x + T[axis, 1] * y + T[axis, 2] * z + T[axis, 3]

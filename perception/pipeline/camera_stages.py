@@ -79,7 +79,9 @@ class CameraStages(Restorable):
         self._sensor, detection = sensor, chosen_detection(config.detection, sensor, config.method)
         self._detectors = _open_detectors(detection)
         bev = open_bev(detection, sensor)
-        self._bev = None if bev is None else BevStage(bev, config.area, detection.nms.min_score)
+        self._bev = (
+            None if bev is None else BevStage(bev, config.area_of(sensor), detection.nms.min_score)
+        )
         self._depthcn = open_depthcn(detection, sensor) if detection.depthcn.enabled else None
         self._vehicles = config.vehicles
         self._budget_s = None if config.budget_ms is None else config.budget_ms / 1e3

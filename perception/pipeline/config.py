@@ -7,10 +7,17 @@ from perception.datmo.config import DatmoConfig, DatmoMethod
 from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.detection.vehicles.config import VehicleConfig
 from perception.errors import UsageError
-from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
+from perception.geometry.grids import (
+    MOVING_OBJECT_AREA,
+    SURROUNDINGS,
+    AreaOverrides,
+    EgoVehicle,
+    LocalArea,
+)
 from perception.localization.config import RegistrationConfig
 from perception.obstacles.config import GroundConfig, MotionConfig
 from perception.pipeline.skipped_stages import BEV_DETECTOR, DEPTHCN, SkippableStage
+from perception.sensor import LidarModel
 from perception.types import Method
 
 
@@ -30,7 +37,8 @@ class PipelineConfig:
             be late skips some stages. None runs every stage.
         budget_skips: Stages that a late frame skips, in this order and as few as necessary; one of the detectors
             always runs.
-        area: Area around the vehicle in which ground, obstacles and moving objects are found.
+        area: Area around the vehicle in which ground, obstacles and moving objects are found; by default 50 m all round,
+            from 64 beams on and by the thesis' method 30 m ahead, 10 m behind and to each side.
         ego_vehicle: Outline of the vehicle itself; its returns are left out of every stage.
         seed: Seed of RANSAC.
         parallel: Whether independent stages run side by side, in two threads; the results are the same.
@@ -45,7 +53,7 @@ class PipelineConfig:
     vehicles: VehicleConfig = field(default_factory=VehicleConfig)
     budget_ms: float | None = None
     budget_skips: tuple[SkippableStage, ...] = (DEPTHCN, BEV_DETECTOR)
-    area: LocalArea = MOVING_OBJECT_AREA
+    area: AreaOverrides = field(default_factory=AreaOverrides)
     ego_vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     seed: int = 0
     parallel: bool = True
@@ -58,6 +66,11 @@ class PipelineConfig:
     def method_of(self, stage: RegistrationConfig | GroundConfig | MotionConfig) -> Method:
         """Return the method of a stage: its own, else that of the pipeline."""
         return stage.method or self.method
+
+    def area_of(self, sensor: LidarModel) -> LocalArea:
+        """Return the area for the scans of a sensor: of dense ones, all around would take too long."""
+        is_near = self.method == "thesis" or sensor.is_dense
+        return self.area.over(MOVING_OBJECT_AREA if is_near else SURROUNDINGS)
 
     @classmethod
     def for_obstacles(cls, method: Method = "default", previous_scans: int = 6) -> Self:

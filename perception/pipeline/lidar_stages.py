@@ -142,19 +142,15 @@ class LidarStages(Restorable):
             registration, config.method_of(registration), config.motion.previous_scans
         )
         self._ground, self._motion = self._make_segmentation()
-        self._datmo = datmo_stage(config.datmo, sensor, config.area)
+        self._datmo = datmo_stage(config.datmo, sensor, config.area_of(sensor))
 
     def _make_segmentation(self) -> tuple[GroundEstimator, MotionSegmenter[Any]]:
         """Return ground and motion segmentation without memory."""
-        sensor, config, ground, motion = (
-            self._sensor,
-            self._config,
-            self._config.ground,
-            self._config.motion,
-        )
+        sensor, config = self._sensor, self._config
+        ground, motion, area = config.ground, config.motion, config.area_of(sensor)
         return (
-            ground_estimator(ground, config.method_of(ground), sensor, config.area, config.seed),
-            motion_segmenter(motion, config.method_of(motion), sensor, config.area),
+            ground_estimator(ground, config.method_of(ground), sensor, area, config.seed),
+            motion_segmenter(motion, config.method_of(motion), sensor, area),
         )
 
     def check(self, frame: Frame, clock: StageClock) -> Health:

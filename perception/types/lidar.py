@@ -7,6 +7,8 @@ import numpy as np
 from perception.errors import UsageError
 from perception.types.table import Float64
 
+_DENSE_BEAMS = 64
+
 
 @dataclass(frozen=True)
 class LidarModel:
@@ -74,6 +76,11 @@ class LidarModel:
     def beams(self) -> int:
         """Number of beams, L."""
         return len(self.elevations_rad)
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether it has as many beams as the HDL-64E, by which the thesis and the networks of dm and rm were made."""
+        return self.beams >= _DENSE_BEAMS
 
     @property
     def elevation_step_rad(self) -> float:

@@ -19,7 +19,7 @@ from perception.cli.flags import ReportFlags
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
 from perception.evaluation.config import ObjectMatchConfig
-from perception.evaluation.ground import GroundMeasure, GroundReport, thesis_slice_edges_m
+from perception.evaluation.ground import GroundMeasure, GroundReport
 from perception.evaluation.obstacle_measure import ObstacleMeasure, ObstacleReport
 from perception.evaluation.report import Measure, Report
 from perception.geometry.boxes import points_inside
@@ -110,8 +110,7 @@ def measure(drive: Drive, results: Iterable[Result], measure: Measure[Any]) -> A
 
 
 def measure_ground(drive: Drive, results: Iterable[Result]) -> GroundReport:
-    edges_m = thesis_slice_edges_m(drive.sensor, AREA)
-    return measure(drive, results, GroundMeasure(AREA, edges_m))
+    return measure(drive, results, GroundMeasure(drive.sensor, AREA))
 
 
 def measure_obstacles(drive: Drive, results: Iterable[Result]) -> ObstacleReport:

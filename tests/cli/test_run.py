@@ -94,7 +94,9 @@ def test_the_written_configuration_is_the_effective_one(results, street):
     assert (config["drive"], config["frames"]) == (str(street), None)
     assert "out" not in config
     assert config["pipeline"]["motion"]["previous_scans"] == 6
-    assert config["pipeline"]["area"]["ahead_m"] == 30.0
+    assert config["pipeline"]["ego_vehicle"]["front_m"] == 3.0
+    # What is left to the sensor stays so: 30 m of dense scans.
+    assert config["pipeline"]["area"]["ahead_m"] is None
 
 
 def test_the_written_configuration_can_be_given_back(street, tmp_path):

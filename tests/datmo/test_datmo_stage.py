@@ -35,7 +35,9 @@ def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
 
 
 def track(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
-    stage = datmo_stage(DatmoConfig(method=method), drive.sensor, PipelineConfig().area)
+    stage = datmo_stage(
+        DatmoConfig(method=method), drive.sensor, PipelineConfig().area_of(drive.sensor)
+    )
     assert stage is not None
     results = [stage.update(scan) for scan in scans]
     for tracks in results:

@@ -42,12 +42,13 @@ def test_a_synthetic_street_calls_no_obstacle_free(street):
     from perception.pipeline import Pipeline, PipelineConfig
 
     drive, config = open_drive(street), PipelineConfig.for_motion()
+    area = config.area_of(drive.sensor)
     counts = FreeSpaceCounts()
     with Pipeline(drive.sensor, config) as pipeline:
         for index in range(len(drive)):
             result = pipeline.step(drive.scan(index))
             grid = occupancy_grid(result)
-            counts += count_free_space(result, grid, drive.point_truth(index), config.area)
+            counts += count_free_space(result, grid, drive.point_truth(index), area)
     assert counts.occupied > 1_000
     assert counts.false_free_share <= 1e-4
     assert counts.false_occupied_share < 0.01

@@ -11,9 +11,10 @@ import pytest
 
 from perception.cli.parser import call, flag_types
 from perception.errors import UsageError
+from perception.geometry.grids import MOVING_OBJECT_AREA, SURROUNDINGS, LocalArea
 from perception.obstacles.motion_segmentation import static_threshold
 from perception.pipeline import PipelineConfig
-from perception.sensor import HDL_64E
+from perception.sensor import HDL_64E, VLP_16
 from perception.tracking.single_object.config import SingleObjectTrackerConfig
 
 HEAVY = ("scipy", "cv2", "onnxruntime", "numba", "torch")
@@ -159,6 +160,19 @@ def test_one_flag_chooses_the_method_and_a_stage_may_have_its_own():
     stages = (config.registration, config.ground, config.motion)
     assert [config.method_of(stage) for stage in stages] == ["thesis", "thesis", "default"]
     assert parsed("--pipeline.datmo.method", "author").datmo.method == "author"
+
+
+def test_the_area_is_all_round_but_of_dense_scans_and_by_the_method_of_the_thesis():
+    assert PipelineConfig().area_of(VLP_16) == SURROUNDINGS == LocalArea(50.0, 50.0, 50.0)
+    assert PipelineConfig().area_of(HDL_64E) == MOVING_OBJECT_AREA
+    assert PipelineConfig("thesis").area_of(VLP_16) == MOVING_OBJECT_AREA
+    assert PipelineConfig.for_obstacles().area_of(VLP_16) == LocalArea()
+
+
+def test_reaches_that_are_given_replace_those_of_the_sensor():
+    config = parsed("--pipeline.area.side-m", "40", "--pipeline.area.height-m", "3")
+    assert config.area_of(HDL_64E) == LocalArea(30.0, 10.0, 40.0, 3.0)
+    assert config.area_of(VLP_16) == LocalArea(50.0, 50.0, 40.0, 3.0)
 
 
 def test_yaml_sets_what_flags_set(tmp_path):
