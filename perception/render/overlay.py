@@ -14,6 +14,8 @@ from perception.render.canvas import FIXED_POINT_BITS, fixed_point
 from perception.types import Bool, Float64, GroundModel, Int, Obstacles, UInt8, Voxels
 
 _NO_CUBE = -1
+# Largest cell of the ground mesh, and that along a wide area.
+_MESH_M, _WIDE_MESH_M, _WIDE_M = 1.0, 2.0, 60.0
 _NEAREST_M = 0.7
 # Brightness of the faces across x, y and z: the light comes from high in front of the vehicle.
 _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
@@ -79,7 +81,7 @@ class GroundMesh:
 
 
 def sample_surface(ground: GroundModel, area: LocalArea) -> GroundMesh:
-    """Sample the ground over the local area, its edges included, each metre or more often."""
+    """Sample the ground over the local area, its edges included, each metre or more often; 2 m along a wide area."""
     x_m, y_m = _ticks(-area.behind_m, area.ahead_m), _ticks(-area.side_m, area.side_m)
     x, y = np.meshgrid(x_m, y_m, indexing="ij")
     height_m = ground.height_m(np.column_stack([x.ravel(), y.ravel()]))
@@ -87,7 +89,9 @@ def sample_surface(ground: GroundModel, area: LocalArea) -> GroundMesh:
 
 
 def _ticks(start_m: float, stop_m: float) -> Float64:
-    return np.linspace(start_m, stop_m, int(np.ceil(stop_m - start_m - 1e-9)) + 1)
+    length_m = stop_m - start_m
+    step_m = _MESH_M if length_m < _WIDE_M else _WIDE_MESH_M
+    return np.linspace(start_m, stop_m, int(np.ceil(length_m / step_m - 1e-9)) + 1)
 
 
 @dataclass(frozen=True)

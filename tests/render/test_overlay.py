@@ -57,3 +57,9 @@ def test_drawing_is_deterministic(scene):
     np.testing.assert_array_equal(
         overlay(scene, voxels_at((10, -1, 0))), overlay(scene, voxels_at((10, -1, 0)))
     )
+
+
+def test_the_mesh_of_a_wide_area_has_cells_of_2_m(scene):
+    mesh = sample_surface(scene.ground, LocalArea(50.0, 50.0, 10.0))
+    assert np.diff(mesh.x_m).tolist() == [2.0] * 50
+    assert np.diff(mesh.y_m).tolist() == [1.0] * 20
