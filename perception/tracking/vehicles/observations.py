@@ -11,6 +11,7 @@ from perception.geometry import se3
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
+from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.tracking.vehicles.evidence import with_heights
 from perception.tracking.vehicles.image_heights import image_heights_m
 from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Int, Vehicles
@@ -18,6 +19,7 @@ from perception.types import ArrayTable, Bool, Boxes3D, Detections, Float64, Int
 _POSITION_NOISE_M = 0.2  # standard deviation of a located position, at any distance
 _POSITION_NOISE_PER_M = 0.01  # increase of that standard deviation with distance
 _SPARSE_NOISE_M = 1.2  # of a position by one point; divided by the root of the number of points
+_BODY_NOISE_M = 0.2  # both of people, whose returns lie around their middle
 ASSUMED_HEIGHT_M = 1.6  # of an object without returns, which places it by its height in the image
 _ASSUMED_DEPTH_SHARE = 0.3  # standard deviation of its depth, as a share of the depth
 _ASSUMED_SIDE_SHARE = 0.12  # deviation of its position across the line of sight, in its widths
@@ -86,6 +88,7 @@ class VehicleObservations(ArrayTable):
         boxes_world: (D) boxes in the world; of a detection without returns without extent but the assumed height.
         is_located: (D,) whether the box is that of the returns.
         noise: (D, 2, 2) covariances of the positions.
+        axis_rad: (D,) standard deviations of the axes of the boxes; NaN where they are not known.
         class_scores: (D, C) highest score of each class at the place of the detection.
         existence: (D,) probability that an object of any class is there.
     """
@@ -96,6 +99,7 @@ class VehicleObservations(ArrayTable):
     boxes_world: Boxes3D
     is_located: Bool
     noise: Annotated[Float64, 2, 2]
+    axis_rad: Float64
     class_scores: Annotated[Float64, ...]
     existence: Float64
 
@@ -143,7 +147,8 @@ class VehicleObservations(ArrayTable):
         is_located = np.isfinite(boxes.bottom_m[:, 0])
         assumed, assumed_noise = _assumed(detections.boxes_px, frame)
         located = transform_boxes(frame.world_SE3_velo, boxes)
-        noise = _located_noise(boxes, vehicles.point_counts[rows])
+        has_sides = SizePriors.of(detections.types).has_sides
+        noise = _located_noise(boxes, vehicles.point_counts[rows], has_sides)
         known = np.flatnonzero(is_located)
         return cls(
             rows,
@@ -152,6 +157,7 @@ class VehicleObservations(ArrayTable):
             assumed.replaced(known, located[known]),
             is_located,
             np.where(is_located[:, None, None], noise, assumed_noise),
+            vehicles.box_deviations.yaw_rad[rows],
             class_scores[kept],
             with_heights(likely[kept], heights_m, detections),
         )
@@ -175,12 +181,13 @@ def _image_heights_m(boxes: Boxes3D, boxes_px: Float64, frame: FrameGeometry) ->
     return np.where(boxes_px[:, 1] > 1, heights_m, np.nan)
 
 
-def _located_noise(boxes: Boxes3D, point_counts: Int) -> Float64:
+def _located_noise(boxes: Boxes3D, point_counts: Int, has_sides: Bool) -> Float64:
     points = np.maximum(point_counts, 1)
     away_m = np.nan_to_num(np.linalg.norm(boxes.bottom_m, axis=1))
-    variances = (
+    of_sides = (
         _POSITION_NOISE_M**2 + (_POSITION_NOISE_PER_M * away_m) ** 2 + _SPARSE_NOISE_M**2 / points
     )
+    variances = np.where(has_sides, of_sides, _BODY_NOISE_M**2 * (1 + 1 / points))
     return np.asarray(variances[:, None, None] * np.eye(2))
 
 

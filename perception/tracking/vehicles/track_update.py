@@ -7,7 +7,9 @@ import numpy as np
 from perception.geometry.camera import box_outlines_px
 from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
+from perception.tracking.kalman import Gaussians
 from perception.tracking.vehicles.evidence import added, log_odds
+from perception.tracking.vehicles.motion_modes import MotionModes
 from perception.tracking.vehicles.observations import (
     ASSUMED_HEIGHT_M,
     NEAREST_M,
@@ -24,6 +26,8 @@ _BOX_GAIN = 0.5  # gain of the correction of a box in the image
 # Time located elsewhere than predicted, by the frame before, after which a track moves there.
 RELOCATE_AFTER_S = 0.25
 _HEADING_MEMORY = 0.7  # share of the past observations of the heading that the next one leaves
+_SIDEWAYS_M_S = 1.0  # standard deviation of the velocity of a vehicle across its axis
+_SURE_AXIS_RAD = 0.05  # standard deviation of an observed axis, of which half the weight is left
 _COURSE_SPEED_M_S = 2.0  # minimum speed at which the course corrects the heading
 _FRONT_SPEED_M_S = 1.0  # minimum speed at which the course distinguishes front and rear
 MIN_TRAVELLED_M = 2.0  # from which on the course alone distinguishes them, and no more the traffic
@@ -64,12 +68,13 @@ def _outlines_px(tracks: VehicleTable, now_px: Float64, frame: FrameGeometry) ->
 def init_tracks(observations: VehicleObservations, frame: FrameGeometry) -> VehicleTable:
     """Return the new tracks of D detections."""
     count, boxes = len(observations), observations.boxes_world
-    states = motion_model.init(boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2])
+    states = _init_states(observations)
     tracks = VehicleTable(
         mean=states.mean,
         covariance=states.covariance,
         yaw_rad=boxes.yaw_rad,
         low_world_m=boxes.bottom_m[:, 2],
+        modes=MotionModes.init(states),
         ids=np.full(count, -1),
         class_evidence=observations.class_scores,
         scores=observations.detections.scores,
@@ -83,7 +88,7 @@ def init_tracks(observations: VehicleObservations, frame: FrameGeometry) -> Vehi
         last_located_s=np.full(count, frame.stamp_s),
         travelled_m=np.zeros(count),
         riding_votes=np.zeros(count, np.int64),
-        axis=_doubled(boxes.yaw_rad),
+        axis=_axes(observations),
         front_votes=np.zeros(count, np.int64),
         sizes_m=boxes.size_m,
         size_samples=np.ones(count, np.int64),
@@ -132,6 +137,23 @@ def update_tracks(
     return replace(tracks, anchors_px=tracks.anchors_px + along_px[:, None] * [1, 0, 0])
 
 
+def _init_states(observations: VehicleObservations) -> Gaussians:
+    """Return the states after one observation; vehicles move along their axes as far as these are known."""
+    boxes = observations.boxes_world
+    states = motion_model.init(boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2])
+    is_vehicle = boxes.size_m[:, 0] >= SMALL_LENGTH_M
+    turn_rad = np.where(is_vehicle, np.nan_to_num(observations.axis_rad, nan=np.pi), np.pi)
+    along = states.covariance[:, 2, 2]
+    across = np.minimum(
+        along * np.sin(np.minimum(turn_rad, np.pi / 2)) ** 2 + _SIDEWAYS_M_S**2, along
+    )
+    covariance = states.covariance.copy()
+    covariance[:, 2:, 2:] = motion_model.turned_variances(
+        np.column_stack([along, across]), boxes.yaw_rad
+    )
+    return Gaussians(states.mean, covariance)
+
+
 def _anchored(tracks: VehicleTable, frame: FrameGeometry) -> VehicleTable:
     anchors_px = np.nan_to_num(frame.project(tracks.middles_world), nan=NEAREST_M)
     return replace(tracks, anchors_px=anchors_px)
@@ -166,7 +188,7 @@ def _seen_on_ground(
 def _assumed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleTable:
     """Correct tracks that were never located by assumed positions."""
     bottom_m = observations.boxes_world.bottom_m
-    tracks = motion_model.correct(tracks, bottom_m[:, :2], observations.noise)
+    tracks = tracks.moved(tracks.modes.corrected(bottom_m[:, :2], observations.noise))
     return replace(tracks, low_world_m=bottom_m[:, 2])
 
 
@@ -182,13 +204,14 @@ def position_distances(tracks: VehicleTable, observations: VehicleObservations) 
 
 def _placed(tracks: VehicleTable, observations: VehicleObservations) -> VehicleTable:
     boxes = observations.boxes_world
-    states = motion_model.init(boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2])
+    states = _init_states(observations)
     return replace(
         tracks,
         is_located=np.ones(len(tracks), bool),
         mean=states.mean,
         covariance=states.covariance,
-        axis=_doubled(boxes.yaw_rad),
+        modes=MotionModes.init(states),
+        axis=_axes(observations),
         yaw_rad=np.where(
             tracks.is_located, _nearer_end(boxes.yaw_rad, tracks.yaw_rad), boxes.yaw_rad
         ),
@@ -208,12 +231,13 @@ def _corrected(
     size_samples = np.minimum(tracks.size_samples + 1, _MAX_SIZE_SAMPLES)
     share = 1.0 / size_samples
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
-    axis = _HEADING_MEMORY * tracks.axis + _doubled(boxes.yaw_rad)
+    axis = _HEADING_MEMORY * tracks.axis + _axes(observations)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
     away_m = from_world(boxes.bottom_m[:, :2] - frame.world_SE3_velo[:2, 3], boxes.yaw_rad)
     shift_m = shift_behind(away_m, boxes.size_m[:, :2], sizes_m[:, :2], boxes.yaw_rad)
+    modes = tracks.modes.corrected(boxes.bottom_m[:, :2] + shift_m, observations.noise)
     tracks = replace(
-        motion_model.correct(tracks, boxes.bottom_m[:, :2] + shift_m, observations.noise),
+        tracks.moved(modes),
         axis=axis,
         yaw_rad=yaw_rad,
         sizes_m=sizes_m,
@@ -251,7 +275,9 @@ def _turned_to_course(tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float6
     deviations = np.where(is_small, 1.0, 2.0)
     excess_m_s = tracks.speeds_m_s - deviations * tracks.speed_deviations_m_s
     is_fast = excess_m_s >= np.where(is_small, _SMALL_COURSE_SPEED_M_S, _COURSE_SPEED_M_S)
-    weights = is_fast * np.where(is_small, _SMALL_COURSE_WEIGHT, 1.0)
+    course_deviations_rad = tracks.speed_deviations_m_s / np.maximum(tracks.speeds_m_s, 0.1)
+    certainties = np.where(is_small, _SMALL_COURSE_WEIGHT, _axis_weights(course_deviations_rad))
+    weights = is_fast * certainties
     axis = tracks.axis + weights[:, None] * _doubled(course_rad)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
     yaw_rad = _nearer_end(yaw_rad, tracks.yaw_rad)
@@ -272,6 +298,17 @@ def _turned_to_course(tracks: VehicleTable, seen_rad: Float64, elapsed_s: Float6
         yaw_rad=wrap(np.where(votes < 0, yaw_rad + np.pi, yaw_rad)),
         front_votes=np.abs(votes),
     )
+
+
+def _axes(observations: VehicleObservations) -> Float64:
+    """Return (D, 2) axes, by their certainty the longer."""
+    weights = _axis_weights(np.nan_to_num(observations.axis_rad))
+    return weights[:, None] * _doubled(observations.boxes_world.yaw_rad)
+
+
+def _axis_weights(deviations_rad: Float64) -> Float64:
+    """Return the weights of axes with these standard deviations."""
+    return np.asarray(_SURE_AXIS_RAD**2 / (_SURE_AXIS_RAD**2 + deviations_rad**2))
 
 
 def _doubled(yaw_rad: Float64) -> Float64:

@@ -163,7 +163,8 @@ class VehicleTracker:
         goes_on = before_s - tracks.last_seen_s <= limit_s + ROUNDING_S
         goes_on &= (tracks.ids >= 0) | (tracks.evidence > 0)
         goes_on &= elapsed_s <= MAX_PAUSE_S
-        tracks = motion_model.predict(tracks[goes_on], elapsed_s)
+        tracks = tracks[goes_on]
+        tracks = tracks.moved(tracks.modes.predicted(elapsed_s))
         unlocated_s = frame_geometry.stamp_s - tracks.last_located_s
         self._tracks = replace(
             tracks,

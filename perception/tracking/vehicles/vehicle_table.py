@@ -1,11 +1,12 @@
 """Table of the tracks of detected vehicles."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Self
 
 import numpy as np
 
 from perception.tracking.tracker import GroundPlaneTracks
+from perception.tracking.vehicles.motion_modes import MotionModes
 from perception.types import Bool, Float64, Int
 
 _MIN_HIDING_HEIGHT = 0.5  # minimum share of the height at which a nearer box hides a side
@@ -44,6 +45,7 @@ class VehicleTable(GroundPlaneTracks):
     """T tracked vehicles.
 
     Attributes:
+        modes: (T) both motions, of which the state is the mean.
         ids: (T,) ids; -1 of unconfirmed tracks.
         class_evidence: (T, C) evidence for each class.
         scores: (T,) score of the last detection.
@@ -64,6 +66,7 @@ class VehicleTable(GroundPlaneTracks):
         size_samples: (T,) number of observations of the mean.
     """
 
+    modes: MotionModes
     ids: Int
     class_evidence: Annotated[Float64, ...]
     scores: Float64
@@ -81,6 +84,11 @@ class VehicleTable(GroundPlaneTracks):
     front_votes: Int
     sizes_m: Annotated[Float64, 3]
     size_samples: Int
+
+    def moved(self, modes: MotionModes) -> Self:
+        """Return the tracks with other motions."""
+        merged = modes.merged
+        return replace(self, modes=modes, mean=merged.mean, covariance=merged.covariance)
 
     @property
     def middles_world(self) -> Float64:
