@@ -12,7 +12,10 @@ from perception.tracking.vehicles.class_sizes import SizePriors
 from perception.types import Bool, BoxDeviations, Boxes3D, Float64, Int
 
 _SIDE_NOISE_M, _SIDE_NOISE_PER_M = 0.06, 0.005  # of a seen side, and its growth with distance
-_SPARSE_NOISE_M = 0.4  # of a side by one point; divided by the root of the number of points
+_SPARSE_NOISE_M, _SPARSE_BODY_NOISE_M = (
+    1.6,
+    0.15,
+)  # of a side and of a body by one point; divided by the root of their number
 _SIZE_NOISE_PER_M = 0.002  # standard deviation of length and width, divided by the distance
 _HIDDEN_SHARE = 0.7  # of a class's deviation of length and width that is left of a tracked object
 _SINGLE_SCAN_MISTAKES = 4.0  # probability of another class in a single scan, in that of a track
@@ -21,7 +24,8 @@ _HEIGHT_SHARE = 0.3  # of a class's deviation that is left of the height of an o
 _PERSON_HEIGHT_SHARE = 0.75  # the same of a person
 _HEIGHT_RANGE_M = 50.0  # where returns tell a height no better than the class; by the square
 _AXIS_NOISE_RAD = 0.03  # standard deviation of the axis of an outline of many points
-_SPARSE_AXIS_NOISE_RAD = 0.3  # of an outline of one point; divided by the same root
+# Of an outline of one point in a single scan, which takes the front for a side, and of a track's; divided by the same root.
+_SPARSE_AXIS_NOISE_RAD, _TRACKED_AXIS_NOISE_RAD = 1.4, 0.3
 _TRACK_SHARE = 0.25  # of the variance of the tracker's position, which holds the hidden ends, too
 _VELOCITY_SHARE = 0.5  # the same of the velocity: most vehicles keep theirs
 _TRAFFIC_REVERSAL = 0.1  # probability that a vehicle that has not moved faces against the traffic
@@ -43,7 +47,8 @@ def located_covariances(boxes: Boxes3D, point_counts: Int, sizes: SizePriors) ->
     noise = (
         _SIDE_NOISE_M**2
         + (_SIDE_NOISE_PER_M * away_m) ** 2
-        + _SPARSE_NOISE_M**2 / np.maximum(point_counts, 1)
+        + np.where(sizes.has_sides, _SPARSE_NOISE_M, _SPARSE_BODY_NOISE_M) ** 2
+        / np.maximum(point_counts, 1)
     )
     covariances = np.full((len(boxes), 4, 4), np.nan)
     outlines_m = _outline_deviations(boxes, sizes, np.zeros(len(boxes), bool))
@@ -95,11 +100,13 @@ def box_deviations(
             _height_deviations(boxes, sizes, is_confirmed),
         ]
     )
-    sparse_rad = _SPARSE_AXIS_NOISE_RAD / np.sqrt(np.maximum(point_counts, 1))
+    sparse_rad = np.where(is_confirmed, _TRACKED_AXIS_NOISE_RAD, _SPARSE_AXIS_NOISE_RAD)
+    sparse_rad = sparse_rad / np.sqrt(np.maximum(point_counts, 1))
+    axis_rad = np.minimum(np.hypot(_AXIS_NOISE_RAD, sparse_rad), _ANY_AXIS_RAD)
     standing = np.where(has_sides, _TRAFFIC_REVERSAL, _PERSON_REVERSAL)
     return BoxDeviations(
         size_m,
-        np.where(has_sides, np.hypot(_AXIS_NOISE_RAD, sparse_rad), _ANY_AXIS_RAD),
+        np.where(has_sides, axis_rad, _ANY_AXIS_RAD),
         np.where(has_moved, _COURSE_REVERSAL, standing),
     )
 

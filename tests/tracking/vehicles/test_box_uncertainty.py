@@ -29,7 +29,7 @@ def test_half_the_error_of_a_size_is_that_of_the_centre_along_the_box():
     outlines = boxes(0.0, np.pi / 2)
     found = located_covariances(outlines, np.array([100, 100]), sizes)
     stated = box_deviations(outlines, np.array([100, 100]), sizes, NONE)
-    ends, sides_m2 = stated.size_m[0, :2] / 2, 0.06**2 + 0.05**2 + 0.04**2
+    ends, sides_m2 = stated.size_m[0, :2] / 2, 0.06**2 + 0.05**2 + 0.16**2
     np.testing.assert_allclose(found[0, :2, :2], np.diag(ends**2 + sides_m2), atol=1e-12)
     np.testing.assert_allclose(found[1, :2, :2], np.diag(ends[::-1] ** 2 + sides_m2), atol=1e-12)
     assert np.isnan(found[:, 2:, 2:]).all()
@@ -43,7 +43,7 @@ def test_few_points_far_away_locate_a_side_worse():
     found = np.array([near[0, 1, 1], near[1, 1, 1], far[0, 1, 1]])
     ends = (of_class_m2 + np.array([0.02, 0.02, 0.1]) ** 2) / 4
     sides = np.array([0.06**2 + 0.05**2] * 2 + [0.06**2 + 0.25**2])
-    np.testing.assert_allclose(found, ends + sides + np.array([0.02, 0.2, 0.02]) ** 2, rtol=1e-3)
+    np.testing.assert_allclose(found, ends + sides + np.array([0.08, 0.8, 0.08]) ** 2, rtol=1e-3)
 
 
 def test_a_hidden_end_stays_uncertain_however_long_it_is_tracked():
@@ -75,6 +75,20 @@ def test_no_height_is_less_certain_than_that_of_the_class():
     np.testing.assert_allclose(found_m[1:], found_m[2])
 
 
+def test_few_points_tell_no_axis_of_a_single_scan_and_some_of_a_track():
+    sizes, counts = SizePriors.of(np.array(["Car", "Car"])), np.array([2, 100])
+    once = box_deviations(boxes(0.0, 0.0), counts, sizes, NONE).yaw_rad
+    tracked = box_deviations(boxes(0.0, 0.0), counts, sizes, NONE, ~NONE).yaw_rad
+    np.testing.assert_allclose(once, [np.pi / np.sqrt(12), np.hypot(0.03, 0.14)])
+    np.testing.assert_allclose(tracked, np.hypot(0.03, 0.3 / np.sqrt(counts)))
+
+
+def test_people_are_located_by_few_points():
+    sizes, counts = SizePriors.of(np.array(["Pedestrian", "Pedestrian"])), np.array([1, 100])
+    few, many = located_covariances(boxes(0.0, 0.0), counts, sizes)[:, 0, 0]
+    assert few - many == pytest.approx(0.15**2 * 0.99)
+
+
 def test_motion_shows_the_front_and_an_outline_the_axis_of_what_has_sides():
     sizes = SizePriors.of(np.array(["Car", "Car", "Pedestrian"]))
     found = box_deviations(
@@ -84,6 +98,6 @@ def test_motion_shows_the_front_and_an_outline_the_axis_of_what_has_sides():
         np.array([False, True, False]),
     )
     assert found.reversal.tolist() == [0.1, 0.02, 0.4]
-    assert found.yaw_rad[0] == pytest.approx(np.hypot(0.03, 0.03))
+    assert found.yaw_rad[0] == pytest.approx(np.hypot(0.03, 0.14))
     # Of an axis of any direction.
     assert found.yaw_rad[2] == pytest.approx(np.pi / np.sqrt(12))
