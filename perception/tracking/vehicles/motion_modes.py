@@ -17,9 +17,7 @@ from perception.types import ArrayTable, Float64
 _STANDS, _MOVES = 0, 1
 _STOPPING_S, _STARTING_S = 10.0, 30.0  # mean times for which an object moves, and stands
 _FIRST_STANDING = 0.5  # probability that an object stands which is observed for the first time
-_MEMORY_S = (
-    0.3  # time constant of the memory of a place, since a box that is seen from one side errs alike
-)
+_MEMORY_S = 0.3  # time constant of the memory of a place, as boxes seen from one side err alike
 
 
 @dataclass(frozen=True)
