@@ -90,18 +90,37 @@ def require_same_network(
     Raises:
         ModelError: it is missing, damaged, of another model, or differs.
     """
-    model = str(hyper_parameters["model"])
-    content = read_checkpoint(checkpoint, model)
+    content = read_checkpoint(checkpoint, str(hyper_parameters["model"]))
+    require_same(checkpoint, hyper_parameters, content["hyper_parameters"], identity)
+    return content
+
+
+def require_same(
+    file: Path,
+    hyper_parameters: Mapping[str, Any],
+    stated: Mapping[str, Any],
+    identity: Sequence[str],
+) -> None:
+    """Validate that a file states the same as a network.
+
+    Args:
+        file: Checkpoint or model file.
+        hyper_parameters: Hyperparameters of the network.
+        stated: Those that the file states.
+        identity: Names of those that must be equal.
+
+    Raises:
+        ModelError: one differs.
+    """
     for name in identity:
-        expected, found = str(hyper_parameters[name]), str(content["hyper_parameters"].get(name))
+        expected, found = str(hyper_parameters[name]), str(stated.get(name))
         if expected != found:
             raise ModelError(
-                checkpoint,
-                expected=f"a {model} whose {name} is {expected}",
+                file,
+                expected=f"a {hyper_parameters['model']} whose {name} is {expected}",
                 found=found,
-                advice="give the flags of the checkpoint's training",
+                advice="give the flags of its training",
             )
-    return content
 
 
 def _class_of(hyper_parameters: Mapping[str, Any]) -> object:

@@ -1,4 +1,4 @@
-"""The network of the bird's-eye view, with random weights or read from a checkpoint."""
+"""The network of the bird's-eye view, with random weights or read from a checkpoint or a model file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,8 @@ from typing import Any, Self
 from data.samples.bev.dataset import BevConfig
 from perception.detection.bev.bev_map import CHANNELS, EDGES_M, BevGrid
 from perception.detection.bev.boxes import STRIDE
-from train.checkpoint_writer import require_same_network
+from train.bev.exported_weights import load_exported
+from train.checkpoint_writer import require_same
 from train.checkpoints import Content, load_network
 from train.networks.bev_centers import BevCenters
 
@@ -45,42 +46,58 @@ def make_network(config: BevConfig) -> BevCenters:
     return BevCenters(config.class_names, CHANNELS)
 
 
-def initial_network(config: BevNetworkConfig, checkpoint: Path | None) -> BevCenters:
-    """Return the network with random weights, or those of a checkpoint; a class that it does not know has random ones.
+def initial_network(
+    config: BevNetworkConfig, weights: Path | None
+) -> tuple[BevCenters, Mapping[str, str]]:
+    """Return the network, and what the file of its weights states; a class that the file does not know has random ones.
+
+    Args:
+        config: Input and classes.
+        weights: Checkpoint or model file; None for random weights.
 
     Raises:
-        ModelError: the checkpoint is damaged, of another kind of network, or of other cells.
+        ModelError: the file is damaged, of another kind of network, or of other cells.
     """
     network = make_network(config)
-    if checkpoint is None:
-        return network
-    require_same_network(
-        checkpoint, {"model": MODEL, **config.metadata}, ("cell_m", "edges_m", "stride")
-    )
-    trained, _ = load_bev(checkpoint)
+    if weights is None:
+        return network, {}
+    trained, stated = load_bev(weights)
+    hyper_parameters = {"model": MODEL, **config.metadata}
+    require_same(weights, hyper_parameters, stated, ("cell_m", "edges_m", "stride"))
     shared = [name for name in network.class_names if name in trained.class_names]
     rows = [network.class_names.index(name) for name in shared]
     trained_rows = [trained.class_names.index(name) for name in shared]
-    weights, last = trained.state_dict(), len(network.score_head) - 1
+    state, last = trained.state_dict(), len(network.score_head) - 1
     for name in (f"score_head.{last}.weight", f"score_head.{last}.bias"):
         mixed = network.state_dict()[name].clone()
-        mixed.view(len(network.class_names), -1)[rows] = weights[name].view(
+        mixed.view(len(network.class_names), -1)[rows] = state[name].view(
             len(trained.class_names), -1
         )[trained_rows]
-        weights[name] = mixed
-    network.load_state_dict(weights)
-    return network
+        state[name] = mixed
+    network.load_state_dict(state)
+    return network.train(), stated
 
 
-def load_bev(checkpoint: Path) -> tuple[BevCenters, dict[str, str]]:
+def load_bev(file: Path) -> tuple[BevCenters, dict[str, str]]:
     """Return a trained network in evaluation mode, and the metadata of its model file.
 
+    Args:
+        file: Checkpoint, or model file, from which weights of 8 bits are read in full precision.
+
     Raises:
-        ModelError: the checkpoint is damaged, or of another kind of network.
+        ModelError: the file is damaged, or of another kind of network.
     """
 
-    def make(content: Content) -> tuple[BevCenters, dict[str, str]]:
-        config = BevNetworkConfig.from_metadata(content["hyper_parameters"])
-        return make_network(config), config.metadata
+    def of_stated(stated: Mapping[str, Any]) -> BevCenters:
+        return make_network(BevNetworkConfig.from_metadata(stated))
 
-    return load_network(checkpoint, MODEL, make)
+    def make(content: Content) -> tuple[BevCenters, dict[str, str]]:
+        stated = content["hyper_parameters"]
+        names = BevNetworkConfig.from_metadata(stated).metadata
+        return of_stated(stated), {
+            name: str(stated.get(name, text)) for name, text in names.items()
+        }
+
+    if file.suffix == ".onnx":
+        return load_exported(file, MODEL, of_stated)
+    return load_network(file, MODEL, make)

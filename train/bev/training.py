@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.optim import AdamW
 
 from data.samples.bev.dataset import BevDataset
+from data.splits.training_frames import ENTRY, UNKNOWN
 from perception.detection.bev.bev_map import BevGrid
 from perception.detection.bev.boxes import BevDetections, decode_boxes, suppress
 from perception.detection.bev.classes import GROUPS, SYNTHETIC_CLASSES
@@ -62,14 +63,14 @@ class BevTraining(LightningModule):
             classes: Classes to detect: Car, Van, Truck, Bus, Trailer, Pedestrian, Cyclist, Motorcycle, Bicycle.
             reach_m: Distance in metres from the sensor to each side of the map.
             cell_m: Edge of a cell of the map in metres; a side has a multiple of 32 cells.
-            weights: Checkpoint whose weights to start from, of any classes; random ones without.
+            weights: Checkpoint or model file whose weights to start from, of any classes; random ones without.
             loss: Weights of the terms of the loss.
             seed: Seed, which all trainings have.
             optimizer: Optimizer of the weights.
             lr_scheduler: Schedule of the learning rate.
 
         Raises:
-            ModelError: the checkpoint is damaged, or of another kind of network.
+            ModelError: the weights are damaged, or of another kind of network.
             UsageError: there is no such class, or the map has no whole number of cells.
         """
         super().__init__()
@@ -80,7 +81,10 @@ class BevTraining(LightningModule):
             | {"training_data": "unknown", "revision": program_revision()}
         )
         self.loss_config, self.optimizer, self.lr_scheduler = loss, optimizer, lr_scheduler
-        self.network = initial_network(self.bev, weights).to(memory_format=torch.channels_last)
+        made, stated = initial_network(self.bev, weights)
+        if weights is not None:  # the data module adds the frames of this training
+            self.hparams.update({ENTRY: stated.get(ENTRY, UNKNOWN)})
+        self.network = made.to(memory_format=torch.channels_last)
         self.metrics: dict[str, CenterPrecision] = {}
         """Precision of each class in the last validation or test."""
         self.found = FoundCenters()

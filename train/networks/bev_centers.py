@@ -13,10 +13,10 @@ Separable 3x3 units with ReLU, which 8-bit integers do well.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
@@ -132,6 +132,13 @@ class BevCenters(nn.Module):
             bias[BOX.offset] = 0.5
             bias[BOX.size] = torch.tensor(_FIRST_SIZE_M).log()[:, None]
 
+    def train(self, mode: bool = True) -> Self:
+        """Choose the mode; normalisation that an export has folded stays the identity."""
+        super().train(mode)
+        for norm in _norms(self):
+            norm.train(mode and not bool((norm.running_var == _folded_variance(norm)).all()))
+        return self
+
     def forward(self, maps: Tensor) -> CenterMaps:
         """Return raw predictions for (B, R / 4, R / 4, 16, C) maps of 8-bit numbers."""
         features = self.trunk(maps)
@@ -145,6 +152,22 @@ def of_whole_numbers(network: BevCenters) -> BevCenters:
     trunk.blocks.weight.data *= trunk.scale
     trunk.scale = 1.0
     return changed
+
+
+def fold(network: BevCenters) -> None:
+    """Make every normalisation the identity, for weights into which it is folded."""
+    for norm in _norms(network):
+        norm.reset_parameters()
+        norm.running_var = _folded_variance(norm)
+
+
+def _norms(network: nn.Module) -> Iterator[nn.BatchNorm2d]:
+    return (one for one in network.modules() if isinstance(one, nn.BatchNorm2d))
+
+
+def _folded_variance(norm: nn.BatchNorm2d) -> Tensor:
+    assert norm.running_mean is not None
+    return torch.full_like(norm.running_mean, 1 - norm.eps)
 
 
 def _bias(head: nn.Sequential) -> Tensor:
